@@ -1,0 +1,30 @@
+# Two commands: `make demo` and `make test`. Both set up what they need.
+PYTHON ?= python3
+VENV   := .venv
+BIN    := $(VENV)/bin
+STAMP  := $(VENV)/.installed
+
+.PHONY: demo test check bench proof docs clean help
+
+help:            ## this list
+	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
+
+$(STAMP): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: $(STAMP)   ## test, identify and diagnose the simulated HPV41; writes demo/report.html
+	$(BIN)/hil demo --out demo
+
+check: $(STAMP)  ## format, lint, types, import layers
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: $(STAMP) check  ## everything CI asks for
+	$(BIN)/pytest -n 2 --dist loadgroup
+
+clean:           ## remove the environment and everything generated
+	rm -rf $(VENV) demo proof .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

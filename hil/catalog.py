@@ -1,0 +1,105 @@
+"""Names to modules for drivers, devices, procedures, plants and effects.
+
+An entry point names a *package*; every public module in it is an entry under its file name. The project's
+own packages are found by the very mechanism that a stranger's package uses. Listing reads files as text
+and imports nothing heavy.
+"""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import importlib.util
+import pkgutil
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cache
+from importlib.metadata import entry_points
+from pathlib import Path
+from types import ModuleType
+from typing import Literal
+
+from hil.errors import FileError, UnknownNameError
+
+Kind = Literal["drivers", "devices", "procedures", "plants", "effects"]
+KINDS: tuple[Kind, ...] = ("drivers", "devices", "procedures", "plants", "effects")
+_GROUP = {"devices": "hil.sim_devices"}
+_SINGULAR = {"devices": "device", "drivers": "driver", "procedures": "procedure", "plants": "plant",
+             "effects": "effect"}  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One installed thing: its name, the module that holds it, and the file of that module."""
+
+    kind: Kind
+    name: str
+    module: str
+    path: Path
+
+    @property
+    def summary(self) -> str:
+        """The first line of the module's docstring, read without importing it."""
+        doc = ast.get_docstring(ast.parse(self.path.read_text(encoding="utf-8"))) or ""
+        return doc.split("\n", 1)[0]
+
+    def load(self) -> ModuleType:
+        """The imported module.
+
+        Raises:
+            FileError: the module needs a package that is not installed (its name is in the message).
+        """
+        try:
+            return importlib.import_module(self.module)
+        except ModuleNotFoundError as error:
+            if error.name and error.name.split(".")[0] == self.module.split(".")[0]:
+                raise
+            raise FileError(
+                f"{_SINGULAR[self.kind]} '{self.name}' needs the package '{error.name}', which is not installed"
+            ) from error
+
+
+@cache
+def entries(kind: Kind) -> tuple[Entry, ...]:
+    """Every installed entry of one kind, sorted by name."""
+    found: dict[str, Entry] = {}
+    group = _GROUP.get(kind, f"hil.{kind}")
+    for point in sorted(entry_points(group=group), key=lambda point: (point.name != "hil", point.name)):
+        for entry in _package_entries(kind, point.value):
+            if entry.name in found and found[entry.name].module != entry.module:
+                raise FileError(
+                    f"{_SINGULAR[kind]} '{entry.name}' is provided twice: "
+                    f"{found[entry.name].module} and {entry.module}; rename one of the files"
+                )
+            found[entry.name] = entry
+    return tuple(found[name] for name in sorted(found))
+
+
+def find(kind: Kind, name: str) -> Entry:
+    """The entry of that name; `-` and `_` are the same.
+
+    Raises:
+        UnknownNameError: nothing of that name is installed; the message lists what is.
+    """
+    wanted = _entry_name(kind, name)
+    for entry in entries(kind):
+        if entry.name == wanted:
+            return entry
+    raise UnknownNameError(_SINGULAR[kind], name, (entry.name for entry in entries(kind)))
+
+
+def _package_entries(kind: Kind, package: str) -> Iterator[Entry]:
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.submodule_search_locations is None:
+        raise FileError(f"entry point '{package}' for {kind} is not an importable package")
+    for folder in spec.submodule_search_locations:
+        for module in pkgutil.iter_modules([folder]):
+            if module.name.startswith("_") or module.ispkg:
+                continue
+            path = Path(folder) / f"{module.name}.py"
+            yield Entry(kind, _entry_name(kind, module.name), f"{package}.{module.name}", path)
+
+
+def _entry_name(kind: Kind, text: str) -> str:
+    # Valves are written with dashes, as their makers print them; everything else as Python does.
+    return text.replace("_", "-") if kind == "plants" else text.replace("-", "_")

@@ -1,0 +1,94 @@
+"""The error tree. Every message says what, where, which value, and what is allowed.
+
+HilError
+├── InputError            bad input or usage                         exit status 2
+│   ├── FileError         a file that cannot be read as what it should be
+│   ├── UnitError         "flow [kg]" where a volume flow is asked for
+│   ├── SettingError      a procedure setting out of its allowed range
+│   ├── RangeError        a waveform beyond the envelope, found before the first sample
+│   └── UnknownNameError  no driver, plant, effect … of that name
+└── HardwareError         the bench failed; outputs were made safe    exit status 3
+    ├── LinkError         no or garbled answer from a device
+    ├── DeviceLostError   the device is gone
+    ├── OutputUnderflowError the output ran out of samples
+    ├── OverrunError      input samples were overwritten before they were read
+    ├── StorageError      the recording could not be written (disk full)
+    ├── StoppedError      an interlock ended the run
+    └── TrippedError      an interlock tripped; latched until reset by name
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from difflib import get_close_matches
+
+
+class HilError(Exception):
+    """Anything this program can explain to its user in one line."""
+
+    exit_status = 2
+
+
+class InputError(HilError):
+    """Bad input or usage; nothing was driven and nothing was lost."""
+
+
+class FileError(InputError):
+    """A file that cannot be read as what it should be: truncated run folder, NaN in a column."""
+
+
+class UnitError(InputError):
+    """A unit that is unknown or does not convert to the one asked for."""
+
+
+class SettingError(InputError):
+    """A setting out of its allowed range: negative frequency, rate below 20 times the top frequency."""
+
+
+class RangeError(InputError):
+    """A waveform outside the envelope, refused before its first sample."""
+
+
+class UnknownNameError(InputError):
+    """A name that no installed package provides."""
+
+    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
+        known = sorted(known)
+        close = get_close_matches(name, known, n=1)
+        hint = f", did you mean '{close[0]}'?" if close else ""
+        super().__init__(f"no {kind} named '{name}'{hint or ';'} known: {', '.join(known) or 'none'}")
+        self.name = name
+
+
+class HardwareError(HilError):
+    """The bench failed; outputs were made safe before this was raised."""
+
+    exit_status = 3
+
+
+class LinkError(HardwareError):
+    """No answer, a late answer or a garbled answer from a device."""
+
+
+class DeviceLostError(HardwareError):
+    """The device is gone: unplugged, powered off, or its link is down. Its outputs cannot be made safe from here."""
+
+
+class OutputUnderflowError(HardwareError):
+    """The output buffer ran empty while the hardware still asked for samples."""
+
+
+class OverrunError(HardwareError):
+    """Input samples were overwritten before they were read."""
+
+
+class StorageError(HardwareError):
+    """The recording could not be written; what was flushed before is kept."""
+
+
+class StoppedError(HardwareError):
+    """An interlock ended the run; the next one may start."""
+
+
+class TrippedError(HardwareError):
+    """An interlock tripped. Latched: it needs a reset by name."""

@@ -1,0 +1,72 @@
+"""Units at the doors: parse what a column header says, convert to what a plant or plot asks for.
+
+Unit arithmetic is pint's; it is imported only when two spellings really differ, so that listing and
+reading files in their own units stay fast.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import UnitError
+
+if TYPE_CHECKING:
+    import pint
+
+# Spellings that benches use and pint does not know.
+_SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute", "GPM": "gallon/minute",
+              "lpm": "l/min", "m3/s": "m^3/s", "psig": "psi", "counts": "count"}  # fmt: skip
+
+
+@cache
+def _registry() -> pint.UnitRegistry[Any]:
+    import pint
+
+    return pint.UnitRegistry(cache_folder=":auto:")
+
+
+@cache
+def _unit(text: str) -> pint.Unit:
+    try:
+        return _registry().parse_units(_SPELLINGS.get(text.strip(), text.strip()))
+    except Exception as error:  # pint raises several unrelated types for bad text
+        raise UnitError(f"unknown unit '{text}'; examples: %, V, mA, l/min, bar, psi, mm, N, s, Hz, °C, 1") from error
+
+
+@cache
+def scale_and_offset(unit: str, to: str) -> tuple[float, float]:
+    """The pair (a, b) with value[to] = a · value[unit] + b.
+
+    Raises:
+        UnitError: a unit is unknown, or the two measure different things.
+    """
+    if unit == to:
+        return 1.0, 0.0
+    registry = _registry()
+    source, target = _unit(unit), _unit(to)
+    if source.dimensionality != target.dimensionality:
+        raise UnitError(f"unit '{unit}' cannot be read as '{to}': they measure different things")
+    zero = float(registry.Quantity(0.0, source).to(target).magnitude)
+    one = float(registry.Quantity(1.0, source).to(target).magnitude)
+    return one - zero, zero
+
+
+def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
+    """Values given in `unit`, expressed in `to`; the same array when nothing changes."""
+    a, b = scale_and_offset(unit, to)
+    if a == 1.0 and b == 0.0:
+        return values
+    return a * values + b
+
+
+def check_unit(text: str) -> None:
+    """Raise `UnitError` unless `text` is a unit this program understands."""
+    if text not in _COMMON:
+        _unit(text)
+
+
+_COMMON = frozenset({"%", "V", "A", "mA", "l/min", "bar", "psi", "mm", "m", "N", "s", "Hz", "1", "rpm"})
