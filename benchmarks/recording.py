@@ -1,0 +1,140 @@
+"""Recording 8 channels at 31.25 kS/s in blocks of 20 ms: the run folder against HDF5 (SWMR) and TDMS.
+
+    python benchmarks/recording.py [SECONDS]
+
+Each writer gets the same blocks as fast as it takes them and makes each one safe from the death of its process
+before the next (HDF5: `flush` each block or, as its users do, each tenth). One table, one run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+
+from hil.record.folder import RunWriter, read
+from hil.record.recording import Array
+
+CHANNELS, RATE_HZ, BLOCK_S = 8, 31_250.0, 0.02
+TURNS = 3
+ROWS = round(RATE_HZ * BLOCK_S)
+NAMES = [f"channel {i}" for i in range(CHANNELS)]
+
+Append = Callable[[Array, Array], None]
+Writer = Callable[[Path], contextlib.AbstractContextManager[Append]]
+
+
+@contextlib.contextmanager
+def run_folder(path: Path) -> Iterator[Append]:
+    with RunWriter.create(path, {}, [(name, "V") for name in NAMES]) as run:
+        yield lambda time_s, values: run.append(time_s, dict(zip(NAMES, values, strict=True)))
+
+
+def hdf5_swmr(blocks_per_flush: int) -> Writer:
+    @contextlib.contextmanager
+    def writer(path: Path) -> Iterator[Append]:
+        import h5py
+
+        with h5py.File(path, "w", libver="latest") as file:
+            table = file.create_dataset("samples", (0, CHANNELS + 1), maxshape=(None, CHANNELS + 1),
+                                        chunks=(ROWS * 10, CHANNELS + 1), dtype="<f8")  # fmt: skip
+            file.swmr_mode = True
+            number = 0
+
+            def append(time_s: Array, values: Array) -> None:
+                nonlocal number
+                rows = len(table)
+                table.resize(rows + len(time_s), axis=0)
+                table[rows:] = np.column_stack([time_s, *values])
+                number += 1
+                if number % blocks_per_flush == 0:
+                    table.flush()
+
+            yield append
+
+    return writer
+
+
+@contextlib.contextmanager
+def tdms(path: Path) -> Iterator[Append]:
+    from nptdms import ChannelObject, TdmsWriter
+
+    with path.open("wb") as file, TdmsWriter(file) as out:
+
+        def append(time_s: Array, values: Array) -> None:
+            columns = zip(("time", *NAMES), (time_s, *values), strict=True)
+            out.write_segment([ChannelObject("recording", name, column) for name, column in columns])
+            file.flush()
+
+        yield append
+
+
+WRITERS: dict[str, Writer] = {
+    "run folder": run_folder,
+    "HDF5 SWMR, flush each block": hdf5_swmr(1),
+    "HDF5 SWMR, flush each 10th": hdf5_swmr(10),
+    "TDMS": tdms,
+}
+
+
+def blocks(seconds: float) -> list[tuple[Array, Array]]:
+    """A second of blocks, reused; only the time goes on."""
+    values = np.random.default_rng(0).normal(size=(50, CHANNELS, ROWS))
+    return [((i * ROWS + np.arange(ROWS)) / RATE_HZ, values[i % 50]) for i in range(round(seconds / BLOCK_S))]
+
+
+def measure(writer: Writer, path: Path, made: list[tuple[Array, Array]]) -> tuple[float, float]:
+    """Seconds of wall time for all blocks (opening and closing included), and p99 of one block in ms."""
+    each_s = np.empty(len(made))
+    start_s = time.perf_counter()
+    with writer(path) as append:
+        for i, block in enumerate(made):
+            before_s = time.perf_counter()
+            append(*block)
+            each_s[i] = time.perf_counter() - before_s
+    return time.perf_counter() - start_s, float(np.percentile(each_s, 99)) * 1e3
+
+
+def writing(seconds: float, folder: Path) -> None:
+    """Every writer in turn, the whole turn several times; the best of each counts, so that neighbours do not."""
+    made = blocks(seconds)
+    best = dict.fromkeys(WRITERS, (float("inf"), float("inf")))
+    for turn in range(TURNS):
+        for name, writer in WRITERS.items():
+            wall_s, p99_ms = measure(writer, folder / f"{name} {turn}", made)
+            best[name] = (min(best[name][0], wall_s), min(best[name][1], p99_ms))
+    print(f"{seconds:g} s of {CHANNELS} channels x {RATE_HZ / 1e3:g} kS/s in blocks of {BLOCK_S * 1e3:g} ms")
+    print(f"{'writer':30}{'x real time':>12}{'of ours':>9}{'block p99 ms':>14}")
+    ours_s = best["run folder"][0]
+    for name, (wall_s, p99_ms) in best.items():
+        print(f"{name:30}{seconds / wall_s:12.0f}{ours_s / wall_s:9.2f}{p99_ms:14.3f}")
+
+
+def timed(call: Callable[[], object]) -> float:
+    start_s = time.perf_counter()
+    call()
+    return time.perf_counter() - start_s
+
+
+def reading(folder: Path) -> None:
+    path = folder / "run folder 0"
+    size_mb = (path / "samples.f8").stat().st_size / 1e6
+    checked_s = min(timed(lambda: read(path)) for _ in range(TURNS))
+    raw_s = min(timed(lambda: np.fromfile(path / "samples.f8", "<f8")) for _ in range(TURNS))
+    print(f"read and verified {size_mb:.0f} MB: {checked_s:.2f} s, {checked_s / raw_s:.1f} x a bare read of the file")
+
+
+def main() -> None:
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+    with tempfile.TemporaryDirectory() as folder:
+        writing(seconds, Path(folder))
+        reading(Path(folder))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""Recordings: the one thing that crosses from the bench to the analysis."""

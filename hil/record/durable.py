@@ -1,0 +1,82 @@
+"""Getting written bytes onto the disk itself, so that they outlive a power cut."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Sequence
+from io import FileIO
+from pathlib import Path
+
+SYNC_INTERVAL_S = 1.0
+
+
+def write_at(file: FileIO, position: int, data: bytes | memoryview) -> None:
+    """Write all of `data` at a place of the file; the operating system has it when this returns."""
+    file.seek(position)
+    rest = memoryview(data)
+    while rest:
+        rest = rest[file.write(rest) :]
+
+
+def sync_file(descriptor: int) -> None:
+    """Return when a file's bytes are on the disk."""
+    os.fsync(descriptor)
+
+
+def sync_folder(folder: Path) -> None:
+    """Return when a folder's entries (files made, renamed) are on the disk."""
+    if sys.platform == "win32":  # folders cannot be opened there; NTFS journals its entries
+        return
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+class Syncer:
+    """Brings files to the disk once a second, beside the thread that writes them.
+
+    A sync takes milliseconds, on a memory card a good part of a second: too long for the loop that feeds an
+    output. An error is kept and raised by the next `check` or `stop`.
+    """
+
+    def __init__(self, descriptors: Sequence[int], interval_s: float = SYNC_INTERVAL_S) -> None:
+        self._descriptors = tuple(descriptors)
+        self._interval_s = interval_s
+        self._written = threading.Event()
+        self._stop = threading.Event()
+        self._error: OSError | None = None
+        self._thread = threading.Thread(target=self._run, name="hil-sync", daemon=True)
+        self._thread.start()
+
+    def written(self) -> None:
+        """Say that there is something new to bring to the disk."""
+        self._written.set()
+
+    def check(self) -> None:
+        """Raise the `OSError` that a sync met, if one did."""
+        if self._error is not None:
+            raise self._error
+
+    def stop(self) -> None:
+        """Sync a last time and end; raises like `check`."""
+        self._stop.set()
+        self._thread.join()
+        self._sync()
+        self.check()
+
+    def _run(self) -> None:
+        while not self._stop.wait(self._interval_s):
+            if self._written.is_set():
+                self._written.clear()
+                self._sync()
+
+    def _sync(self) -> None:
+        try:
+            for descriptor in self._descriptors:
+                sync_file(descriptor)
+        except OSError as error:
+            self._error = self._error or error

@@ -1,0 +1,98 @@
+"""HDF5: one dataset per channel with its unit as an attribute; `time` in seconds.
+
+Also read: any file whose datasets are signals beside a time, in groups or compound tables, units in headings
+or in an attribute `unit` or `units`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.errors import FileError
+from hil.record.about import KEY, about, parse_about
+from hil.record.assemble import assemble
+from hil.record.columns import Column, Table, by_length, even_table, from_matrix
+from hil.record.extra import library
+from hil.record.recording import Recording
+
+SUFFIXES = (".h5", ".hdf5", ".hdf")
+_MATLAB_INSIDES = ("#refs#", "#subsystem#")
+_UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string")
+
+
+def read(path: Path) -> Recording:
+    """Read a recording.
+
+    Raises:
+        FileError: not HDF5, or without a time and a signal; names what is there.
+    """
+    h5py = library("h5py", path)
+    try:
+        with h5py.File(path, "r") as file:
+            meta, channels = parse_about(file[KEY][()] if KEY in file else None)
+            return assemble(str(path), list(tables(file, path.stem, channels)), meta)
+    except (OSError, RuntimeError) as error:
+        raise FileError(f"{path}: cannot be read as HDF5: {error}") from None
+
+
+def write(recording: Recording, path: Path) -> None:
+    """Write a recording."""
+    h5py = library("h5py", path)
+    with h5py.File(path, "w", track_order=True) as file:
+        file[KEY] = about(recording)
+        file.create_dataset("time", data=recording.time_s).attrs["unit"] = "s"
+        for channel in recording.channels.values():
+            safe = channel.name.replace("/", "\u2215").replace(".", "\u2024")  # HDF5 paths: no slash, no lone dot
+            name = safe if safe not in file else f"{safe} {len(file)}"
+            dataset = file.create_dataset(name, data=channel.values)
+            dataset.attrs["name"], dataset.attrs["unit"] = channel.name, channel.unit
+
+
+def tables(group: Any, name: str, channels: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
+    """The tables of a group and of all groups in it; `channels` says more about some of them (see `about`)."""
+    columns: list[Column] = []
+    numbers = {key: float(value) for key, value in group.attrs.items() if np.ndim(value) == 0 and _is_real(value)}
+    for key, item in _items(group):
+        if _is_text(item):
+            continue
+        if hasattr(item, "items"):
+            yield from () if key in _MATLAB_INSIDES else tables(item, key, channels)
+        elif item.dtype.names:
+            values = item[...]
+            yield even_table(key, [Column(field, values[field]) for field in item.dtype.names], numbers)
+        elif item.size == 1 and item.dtype.kind in "iuf":
+            numbers[key] = float(item[...].item())
+        else:
+            columns += _columns(key, item, channels)
+    yield from (even_table(name, found, numbers) for found in by_length(columns))
+
+
+def _items(group: Any) -> Iterator[tuple[str, Any]]:
+    # Whoever calls a dataset "flow [l/min]" gets a group "flow [l" with a dataset "min]" in it.
+    for key, item in group.items():
+        if hasattr(item, "items") and (key.count("[") > key.count("]") or key.count("(") > key.count(")")):
+            yield from ((f"{key}/{inner}", child) for inner, child in _items(item))
+        else:
+            yield key, item
+
+
+def _columns(key: str, dataset: Any, channels: Mapping[str, Mapping[str, Any]]) -> list[Column]:
+    name = _text(dataset.attrs.get("name")) or key
+    unit = next((_text(dataset.attrs[key]) for key in _UNIT_KEYS if key in dataset.attrs), "")
+    return from_matrix(name, dataset[...], unit, **channels.get(name, {}))
+
+
+def _is_text(item: Any) -> bool:
+    return _text(item.attrs.get("MATLAB_class")) in ("char", "cell", "function_handle")
+
+
+def _is_real(value: Any) -> bool:
+    return np.asarray(value).dtype.kind in "iuf"
+
+
+def _text(value: Any) -> str:
+    return value.decode() if isinstance(value, bytes) else str(value) if isinstance(value, str) else ""

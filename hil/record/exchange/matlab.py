@@ -1,0 +1,108 @@
+"""MATLAB `.mat`: `time` and one column vector per channel; `channels` says which has which name and unit.
+
+Also read: plain vectors beside `t` or a sampling interval (`Ts`, `fs`), structs, Simulink's structure with
+time, and version 7.3, which is HDF5 inside.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.errors import FileError
+from hil.record.about import about, parse_about
+from hil.record.assemble import assemble
+from hil.record.columns import Column, Table, by_length, even_table, from_matrix
+from hil.record.exchange import hdf5
+from hil.record.recording import Recording
+
+SUFFIXES = (".mat",)
+_INDEX, _ABOUT = "channels", "valve_hil"
+_FIELDS = ("variable", "name", "unit")
+_MOST_BYTES = 1 << 31
+_LONGEST_NAME = 63
+
+
+def read(path: Path) -> Recording:
+    """Read a recording.
+
+    Raises:
+        FileError: not a MAT file, or without a time and a signal; names what is there.
+    """
+    from scipy.io import loadmat
+    from scipy.io.matlab import MatReadError
+
+    try:
+        content = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        return hdf5.read(path)
+    except (MatReadError, OSError, ValueError, TypeError) as error:
+        raise FileError(f"{path}: cannot be read as MAT: {error}") from None
+    meta, channels = parse_about(content.pop(_ABOUT, None))
+    known = _index(content)
+    signals = {key: value for key, value in content.items() if not key.startswith("__") and key != _INDEX * bool(known)}
+    return assemble(str(path), list(_tables(path.stem, signals, known, channels)), meta)
+
+
+def write(recording: Recording, path: Path) -> None:
+    """Write a recording in version 5.
+
+    Raises:
+        FileError: too long for this version.
+    """
+    from scipy.io import savemat
+
+    if recording.time_s.nbytes >= _MOST_BYTES:
+        raise FileError(f"{path}: {len(recording)} samples; MATLAB 5 holds 2 GB per channel at most, write .h5 instead")
+    variables: dict[str, Any] = {"time": recording.time_s}
+    index = []
+    for channel in recording.channels.values():
+        name = _variable(channel.name, variables)
+        variables[name] = channel.values
+        index.append((name, channel.name, channel.unit))
+    structs = np.array(index, dtype=[(field, object) for field in _FIELDS])
+    savemat(path, {**variables, _INDEX: structs, _ABOUT: about(recording)}, long_field_names=True, oned_as="column")
+
+
+def _variable(name: str, taken: Mapping[str, Any]) -> str:
+    safe = re.sub(r"[^0-9A-Za-z]+", "_", name).strip("_")[:_LONGEST_NAME]
+    safe = safe if safe[:1].isalpha() else f"channel_{safe}"[:_LONGEST_NAME]
+    if safe in taken or safe in (_INDEX, _ABOUT):
+        safe = f"{safe[: _LONGEST_NAME - 4]}_{len(taken)}"
+    return safe
+
+
+def _index(content: Mapping[str, Any]) -> dict[str, tuple[str, str]]:
+    entries = content.get(_INDEX, [])
+    entries = [entries] if isinstance(entries, dict) else entries
+    if not all(isinstance(entry, dict) and set(entry) == set(_FIELDS) for entry in entries):
+        return {}
+    return {entry["variable"]: (str(entry["name"]), str(entry["unit"])) for entry in entries}
+
+
+def _tables(
+    name: str, struct: Mapping[str, Any], known: Mapping[str, tuple[str, str]], channels: Mapping[str, Any]
+) -> Iterator[Table]:
+    columns: list[Column] = []
+    numbers: dict[str, float] = {}
+    for key, value in struct.items():
+        if isinstance(value, dict):
+            yield from _tables(key, value, known, channels)
+        elif isinstance(value, list):
+            for i, item in enumerate(value, 1):
+                yield from _tables(f"{key} {i}", item if isinstance(item, dict) else {}, known, channels)
+        elif isinstance(value, int | float):
+            numbers[key] = float(value)
+        elif isinstance(value, np.ndarray) and value.size:
+            label, unit = known.get(key, (_label(struct) if key == "values" else "", ""))
+            columns += from_matrix(label or key, value, unit, **channels.get(label or key, {}))
+    yield from (even_table(name, found, numbers) for found in by_length(columns))
+
+
+def _label(struct: Mapping[str, Any]) -> str:
+    label = struct.get("label", "")  # Simulink's structure with time names its signals so
+    return label if isinstance(label, str) else ""

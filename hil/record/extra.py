@@ -1,0 +1,24 @@
+"""Libraries that not every installation has."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+from types import ModuleType
+
+from hil.errors import FileError
+
+
+def library(name: str, path: Path) -> ModuleType:
+    """The library that a file's format needs.
+
+    Raises:
+        FileError: it is not installed; says how to get it.
+    """
+    try:
+        return importlib.import_module(name)
+    except ModuleNotFoundError as error:
+        raise FileError(
+            f"{path}: '{path.suffix}' files need the package '{error.name}', which is not installed: "
+            "pip install 'valve-hil[formats]'"
+        ) from None

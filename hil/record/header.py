@@ -1,0 +1,168 @@
+"""What a run folder says about itself: at its start (`run.json`) and at its end (`end.json`)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Literal, TypeVar
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+
+from hil import __version__
+from hil.errors import FileError
+from hil.record.durable import sync_file, sync_folder
+from hil.record.plain import plain
+
+HEADER_FILE, END_FILE = "run.json", "end.json"
+_FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
+_KEPT_BYTES = 4096
+_NO_BRACKET = r"^[^\[\]\r\n]+$"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class Column(_Strict):
+    """One recorded quantity: values in `unit`, with the calibration that was already applied to them.
+
+    Neither name nor unit holds a bracket, so that `name [unit]` stays readable as a heading.
+    """
+
+    name: str = Field(pattern=_NO_BRACKET)
+    unit: str = Field(pattern=_NO_BRACKET)
+    source: str = ""
+    calibration: dict[str, Any] = {}
+
+
+class Table(_Strict):
+    """How the samples lie in their file: rows of little-endian float64, one value per column."""
+
+    file: Literal["samples.f8"] = "samples.f8"
+    type: Literal["<f8"] = "<f8"
+    columns: tuple[Column, ...] = Field(min_length=2)
+
+
+class Header(_Strict):
+    """What is known when a run starts. Written once, never touched again.
+
+    `meta` holds what the bench and the procedure say (JSON values): procedure, settings, conditions,
+    `sampling` (the promises of the device), instruments.
+    """
+
+    format: Literal["hil-run"] = "hil-run"
+    version: Literal[1] = 1
+    program: str = f"valve-hil {__version__}"
+    started_utc: AwareDatetime = Field(default_factory=lambda: datetime.now(UTC))
+    samples: Table
+    meta: dict[str, Any] = {}
+
+
+class End(_Strict):
+    """What is known when a run stops. Its presence means that the run was closed in order.
+
+    `rows` and `crc32` (over all rows) seal the samples, `sha256` the other files, by name.
+    """
+
+    format: Literal["hil-run-end"] = "hil-run-end"
+    version: Literal[1] = 1
+    outcome: str
+    stopped_utc: AwareDatetime = Field(default_factory=lambda: datetime.now(UTC))
+    rows: int = Field(ge=0)
+    crc32: str = Field(pattern="^[0-9a-f]{8}$")
+    sha256: dict[str, str]
+    meta: dict[str, Any] = {}
+
+
+def new_header(channels: Sequence[tuple[str, str] | Column], meta: Mapping[str, Any]) -> Header:
+    """The header of a run that starts now, with `time [s]` as the first column.
+
+    Raises:
+        ValueError: a channel name occurs twice, is `time` or holds a bracket, or there is no channel.
+    """
+    columns = [c if isinstance(c, Column) else Column(name=c[0], unit=c[1]) for c in channels]
+    names = ["time", *(column.name for column in columns)]
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise ValueError(f"channel names must differ from each other and from 'time': {', '.join(sorted(twice))}")
+    return Header(samples=Table(columns=(Column(name="time", unit="s"), *columns)), meta=plain(meta))
+
+
+def write_header(folder: Path, header: Header) -> None:
+    """Write `run.json`, and keep room on the disk so that `end.json` can be written when it is full."""
+    (folder / HEADER_FILE).write_text(header.model_dump_json(indent=1) + "\n", encoding="utf-8")
+    (folder / f"{END_FILE}.part").write_bytes(b" " * _KEPT_BYTES)
+
+
+def write_end(folder: Path, end: End) -> None:
+    """Write `end.json`, whole or not at all, in the room that was kept for it."""
+    part = folder / f"{END_FILE}.part"
+    with part.open("r+b") as file:
+        file.write(end.model_dump_json(indent=1).encode() + b"\n")
+        file.truncate()
+        file.flush()
+        sync_file(file.fileno())
+    part.replace(folder / END_FILE)
+    sync_folder(folder)
+
+
+def read_header(folder: Path) -> Header:
+    """The header of a run folder.
+
+    Raises:
+        FileError: there is none, or it is not what this program writes; names the field.
+    """
+    return _read(folder / HEADER_FILE, Header, _FORMAT)
+
+
+def read_end(folder: Path) -> End | None:
+    """How the run ended; None while it is being written, and when its program was killed."""
+    path = folder / END_FILE
+    return _read(path, End, _END_FORMAT) if path.exists() else None
+
+
+def check_sealed(folder: Path, end: End) -> None:
+    """Raise `FileError` when a file is no longer the one that was sealed at the end of the run."""
+    for name, expected in end.sha256.items():
+        found = sha256_of(folder / name)
+        if found != expected:
+            raise FileError(
+                f"{folder / name}: changed after the run was closed: SHA-256 {found[:12]}…, expected {expected[:12]}…"
+            )
+
+
+def sha256_of(path: Path) -> str:
+    """SHA-256 of a file.
+
+    Raises:
+        FileError: it cannot be read.
+    """
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
+
+
+_Model = TypeVar("_Model", bound=_Strict)
+
+
+def _read(path: Path, model: type[_Model], name: str) -> _Model:
+    try:
+        content = json.loads(path.read_bytes())
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
+    except ValueError as error:
+        raise FileError(f"{path}: JSON was expected: {error}") from None
+    if not isinstance(content, dict) or content.get("format") != name:
+        raise FileError(f"{path}: field 'format' must be '{name}'; this is not a run folder of this program")
+    if content.get("version") != _VERSION:
+        raise FileError(f"{path}: version {content.get('version')!r:.20}; this program reads version {_VERSION}")
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}") from None

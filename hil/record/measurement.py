@@ -1,0 +1,150 @@
+"""What a procedure promises to measure, what it found, and what that says about a limit.
+
+The rule of decision is the guard band of ISO 14253-1 (JCGM 106 calls it guarded acceptance, and guarded
+rejection on the other side): a value is known only within its expanded uncertainty U = 2·u, so it passes when
+value ± U lies wholly inside the limits, fails when value ± U lies wholly outside, and otherwise nobody can tell.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal
+
+from hil.record.plain import plain
+
+Verdict = Literal["pass", "fail", "cannot tell"]
+Relation = Literal["=", ">", "<"]
+COVERAGE_FACTOR = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """A quantity that a procedure declares beside its code: what it means, and where it must lie."""
+
+    name: str
+    unit: str
+    meaning: str
+    low: float | None = None
+    high: float | None = None
+
+    def at(self, place: str = "", unit: str = "") -> Measurement:
+        """The same quantity at one of several places (`+50 ± 5 %`), or in a unit that only the bench knows."""
+        return replace(self, name=f"{self.name}, {place}" if place else self.name, unit=unit or self.unit)
+
+    def of(self, value: float | None, std: float | None = None, *, relation: Relation = "=") -> Measured:
+        """What was found, judged by the declared limits.
+
+        Args:
+            value: in the declared unit; None when it could not be determined.
+            std: its standard uncertainty, 0 for a count, None when it is not known.
+            relation: `>` for a value that lies beyond what the test could reach ("−3 dB above 4.9 Hz").
+        """
+        verdict = judge(value, std, self.low, self.high, relation)
+        return Measured(self.name, value, self.unit, std, self.low, self.high, verdict, relation, self.meaning)
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """A declared quantity with its value, standard uncertainty and verdict; None where there is no limit."""
+
+    name: str
+    value: float | None
+    unit: str
+    std: float | None = None
+    low: float | None = None
+    high: float | None = None
+    verdict: Verdict | None = None
+    relation: Relation = "="
+    meaning: str = ""
+
+    @property
+    def quantity(self) -> str:
+        """The name under which it was declared, without the place."""
+        return self.name.partition(", ")[0]
+
+    def judged(self, limit: Limit) -> Measured:
+        """The same, judged by another limit."""
+        verdict = judge(self.value, self.std, limit.low, limit.high, self.relation)
+        return replace(self, low=limit.low, high=limit.high, verdict=verdict)
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        found: dict[str, Any] = plain(self)
+        return found
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """Where a measured value must lie; a limit belongs to what is allowed."""
+
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Findings:
+    """What the evaluation of a run returns.
+
+    Attributes:
+        measured: every declared quantity.
+        curves: results to draw, by name: frequency responses, flow curves, steps.
+        notes: sentences that the reader of the report should know.
+        deviations: where the test departed from its standard, a sentence each.
+    """
+
+    measured: tuple[Measured, ...] = ()
+    curves: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+    deviations: tuple[str, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """Of the whole run: the worst of its verdicts; None when nothing had a limit."""
+        given = {found.verdict for found in self.measured}
+        worst: tuple[Verdict, ...] = ("fail", "cannot tell", "pass")
+        return next((verdict for verdict in worst if verdict in given), None)
+
+    def judged(self, limits: Mapping[str, Limit]) -> Findings:
+        """The same, judged by limits for some quantities in place of the declared ones.
+
+        A limit named as a quantity holds at every place, one named `quantity, place` there only. What was not
+        measured at all cannot be told.
+        """
+        named = [next((name for name in (m.name, m.quantity) if name in limits), None) for m in self.measured]
+        judged = [m if name is None else m.judged(limits[name]) for m, name in zip(self.measured, named, strict=True)]
+        missing = [Measured(name, None, "").judged(limit) for name, limit in limits.items() if name not in named]
+        return replace(self, measured=(*judged, *missing))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything but the curves, as JSON values."""
+        return {
+            "verdict": self.verdict,
+            "measured": [found.as_dict() for found in self.measured],
+            "notes": list(self.notes),
+            "deviations": list(self.deviations),
+        }
+
+
+def judge(
+    value: float | None, std: float | None, low: float | None, high: float | None, relation: Relation = "="
+) -> Verdict | None:
+    """Pass, fail or cannot tell; None when there is no limit. A limit belongs to what is allowed."""
+    if low is None and high is None:
+        return None
+    least, most = _interval(value, std, relation)
+    lowest, highest = (-math.inf if low is None else low), (math.inf if high is None else high)
+    if least >= lowest and most <= highest:
+        return "pass"
+    return "fail" if most < lowest or least > highest else "cannot tell"
+
+
+def _interval(value: float | None, std: float | None, relation: Relation) -> tuple[float, float]:
+    if value is None or std is None or not math.isfinite(value) or not math.isfinite(std):
+        return -math.inf, math.inf
+    expanded = COVERAGE_FACTOR * std
+    return (
+        -math.inf if relation == "<" else value - expanded,
+        math.inf if relation == ">" else value + expanded,
+    )

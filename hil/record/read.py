@@ -1,0 +1,82 @@
+"""Open and write recordings whatever they are stored as: the name picks the format, none means a run folder."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+
+from hil.errors import FileError, StorageError
+from hil.record import exchange
+from hil.record.recording import Recording
+
+
+@cache
+def formats() -> dict[str, ModuleType]:
+    """File name endings and the module that reads them; formats import their library when used."""
+    modules = [
+        importlib.import_module(f"{exchange.__name__}.{found.name}")
+        for found in pkgutil.iter_modules(exchange.__path__)
+    ]
+    return {suffix: module for module in modules for suffix in module.SUFFIXES}
+
+
+def format_of(path: Path) -> ModuleType:
+    """The exchange module for a file name.
+
+    Raises:
+        FileError: the ending is none that is known.
+    """
+    endings = sorted(formats(), key=len, reverse=True)
+    for ending in endings:
+        if path.name.lower().endswith(ending):
+            return formats()[ending]
+    raise FileError(f"{path}: unknown kind of recording; known endings: {', '.join(sorted(endings))}")
+
+
+def read_recording(path: str | Path) -> Recording:
+    """Read a recording from a file or a run folder.
+
+    Raises:
+        FileError: it does not exist or is not what its name says; names file, line or channel.
+    """
+    path = Path(path)
+    if path.is_dir():
+        from hil.record.folder import read
+
+        return read(path)
+    if not path.exists():
+        raise FileError(f"{path}: no such file or folder")
+    form = format_of(path)
+    if not path.stat().st_size:
+        raise FileError(f"{path}: the file is empty")
+    found: Recording = form.read(path)
+    return found
+
+
+def write_recording(recording: Recording, path: str | Path) -> None:
+    """Write a recording in the format that the file's name says; a name without an ending is a run folder.
+
+    The file appears when it is complete; one of that name is replaced only then. A run folder is never replaced.
+
+    Raises:
+        FileError: unknown ending, or the run folder exists.
+        StorageError: it could not be written.
+    """
+    path = Path(path)
+    if not path.suffix:
+        from hil.record.folder import write
+
+        write(recording, path)
+        return
+    form = format_of(path)
+    part = path.with_name(f".part-{path.name}")
+    try:
+        form.write(recording, part)
+        part.replace(path)
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+    finally:
+        part.unlink(missing_ok=True)

@@ -1,0 +1,198 @@
+"""A recording: named channels with units on one time base."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import FileError, UnitError
+from hil.record.parts import cut
+from hil.units import check_unit, convert
+
+Array = NDArray[np.float64]
+
+_HEADING = re.compile(r"^\s*(?P<name>[^\[\]]+?)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
+
+
+def split_heading(text: str) -> tuple[str, str]:
+    """`"flow [l/min]"` → `("flow", "l/min")`; text without a unit raises `UnitError`."""
+    match = _HEADING.match(text)
+    if match is None:
+        raise UnitError(f"'{text.strip()}' is not 'name [unit]'; write the unit, [1] if there is none")
+    return match["name"], match["unit"].strip() or "1"
+
+
+@dataclass(frozen=True, slots=True)
+class Channel:
+    """Samples of one quantity, in the unit it was recorded in.
+
+    `source` names the instrument; `calibration` carries slope, offset, date and uncertainty as they stood
+    when the samples were taken (see `hil.daq.calibration`), already applied to `values`.
+    """
+
+    name: str
+    unit: str
+    values: Array
+    source: str = ""
+    calibration: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def heading(self) -> str:
+        """`name [unit]`, as in a column header."""
+        return f"{self.name} [{self.unit}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """Channels on one time base.
+
+    Attributes:
+        name: the file or run it came from; used in every message about it.
+        time_s: time stamps the samples really had, strictly increasing, not necessarily even. Shape (n,).
+        channels: by name, each of shape (n,).
+        meta: what else is known: procedure, settings, conditions, hold, device promises (JSON values).
+    """
+
+    name: str
+    time_s: Array
+    channels: Mapping[str, Channel]
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    @property
+    def duration_s(self) -> float:
+        """From the first stamp to the last."""
+        return float(self.time_s[-1] - self.time_s[0]) if len(self.time_s) else 0.0
+
+    @property
+    def interval_s(self) -> float:
+        """The median sample interval."""
+        return float(np.median(np.diff(self.time_s)))
+
+    def is_even(self, tolerance: float = 0.02) -> bool:
+        """Whether every interval is within `tolerance` (relative) of the median one."""
+        step = np.diff(self.time_s)
+        return bool(np.all(np.abs(step - np.median(step)) <= tolerance * np.median(step)))
+
+    def channel(self, name: str) -> Channel:
+        """A channel by its name; `name [unit]` is accepted too.
+
+        Raises:
+            FileError: no such channel; the message lists what there is.
+        """
+        wanted = split_heading(name)[0] if "[" in name else name
+        if wanted not in self.channels:
+            have = ", ".join(channel.heading for channel in self.channels.values()) or "none"
+            raise FileError(f"{self.name}: no channel '{wanted}'; it has: {have}")
+        return self.channels[wanted]
+
+    def values(self, name: str, unit: str | None = None) -> Array:
+        """Samples of a channel, converted to `unit` when one is given."""
+        channel = self.channel(name)
+        if unit is None:
+            return channel.values
+        try:
+            return convert(channel.values, channel.unit, unit)
+        except UnitError as error:
+            missing = channel.name in self.meta.get("units_missing", ())
+            remedy = f"; the file states no unit: hil convert SRC DST --unit '{channel.name}={unit}'" if missing else ""
+            raise UnitError(f"{self.name}: channel '{channel.heading}': {error}{remedy}") from None
+
+    def part(self, start_s: float, stop_s: float) -> Recording:
+        """The samples with start_s ≤ time < stop_s, stamps unchanged."""
+        first, end = np.searchsorted(self.time_s, [start_s, stop_s])
+        return self.rows(int(first), max(0, int(end - first)))
+
+    def rows(self, first: int, count: int) -> Recording:
+        """So many samples from `first` on, stamps unchanged; `meta` speaks of these samples only.
+
+        `recording.rows(part["first"], part["count"])` is what belongs to one of `meta["parts"]`.
+        """
+        keep = slice(first, first + count)
+        channels = {name: replace(c, values=c.values[keep]) for name, c in self.channels.items()}
+        time_s = self.time_s[keep]
+        return replace(self, time_s=time_s, channels=channels, meta=cut(self.meta, first, time_s))
+
+    def with_units(self, units: Mapping[str, str]) -> Recording:
+        """The same values with stated units for some channels, whatever the file said; nothing is converted.
+
+        Raises:
+            FileError: no such channel.
+            UnitError: a unit is unknown.
+        """
+        channels = dict(self.channels)
+        for name, unit in units.items():
+            check_unit(unit)
+            channels[self.channel(name).name] = replace(self.channel(name), unit=unit)
+        missing = [name for name in self.meta.get("units_missing", ()) if name not in units]
+        meta = {key: value for key, value in self.meta.items() if key != "units_missing"}
+        return replace(self, channels=channels, meta={**meta, "units_missing": missing} if missing else meta)
+
+
+def recording(
+    name: str, time_s: Array, columns: Mapping[str, Array], meta: Mapping[str, Any] | None = None
+) -> Recording:
+    """A recording from `{"flow [l/min]": values, …}`, checked.
+
+    Raises:
+        FileError: lengths differ, a value is not finite, or time does not increase; says where.
+        UnitError: a heading without a unit.
+    """
+    channels = {}
+    for heading, values in columns.items():
+        label, unit = split_heading(heading)
+        channels[label] = Channel(label, unit, np.ascontiguousarray(values, dtype=np.float64))
+    made = Recording(name, np.ascontiguousarray(time_s, dtype=np.float64), channels, dict(meta or {}))
+    check(made)
+    return made
+
+
+def _sample(index: int) -> str:
+    return f"sample {index}"
+
+
+def check(recording: Recording, *, place: Callable[[int], str] = _sample) -> None:
+    """Raise `FileError` unless the recording is finite, of one length, and its time increases.
+
+    `place` says where a sample stands, so that a reader can speak of lines of its file.
+    """
+    if "time" in recording.channels:
+        raise FileError(f"{recording.name}: a channel is named 'time' like the time base; give it another name")
+    _check_lengths(recording)
+    _check_finite(recording.name, "time", recording.time_s, place)
+    for channel in recording.channels.values():
+        _check_finite(recording.name, channel.heading, channel.values, place)
+    late = np.flatnonzero(np.diff(recording.time_s) <= 0)
+    if late.size:
+        i = int(late[0]) + 1
+        raise FileError(
+            f"{recording.name}: {place(i)}: time {recording.time_s[i]:.12g} s does not come after "
+            f"{recording.time_s[i - 1]:.12g} s; time must increase"
+        )
+
+
+def _check_lengths(recording: Recording) -> None:
+    if len(recording.time_s) < 2:
+        raise FileError(f"{recording.name}: {len(recording.time_s)} samples; at least 2 are needed")
+    for channel in recording.channels.values():
+        if channel.values.shape != recording.time_s.shape:
+            raise FileError(
+                f"{recording.name}: channel '{channel.heading}' has {channel.values.size} samples, "
+                f"time has {recording.time_s.size}"
+            )
+
+
+def _check_finite(name: str, heading: str, values: Array, place: Callable[[int], str]) -> None:
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        raise FileError(
+            f"{name}: {place(int(bad[0]))}, channel '{heading}': {values[bad[0]]} is not a number "
+            f"({bad.size} such sample{'s' if bad.size > 1 else ''}); mend or cut them out first"
+        )

@@ -1,0 +1,210 @@
+"""Writing a run folder: block by block, while the procedure runs."""
+
+from __future__ import annotations
+
+import errno
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+
+from hil.errors import StorageError
+from hil.record.durable import Syncer
+from hil.record.events import EVENTS_FILE, EventsWriter
+from hil.record.header import HEADER_FILE, Column, End, Header, new_header, sha256_of, write_end
+from hil.record.new_folder import make_folder
+from hil.record.parts import PLACE, STARTED, STOPPED
+from hil.record.plain import plain
+from hil.record.recording import Array
+from hil.record.samples import RowsWriter
+
+_ROWS_AT_ONCE = 1 << 16
+
+
+class RunWriter:
+    """Writes one run folder. When `append` or `event` returns, what it got survives the death of this process.
+
+    It survives a power cut once it is synced, a second later at most. To be used from one thread.
+
+    Attributes:
+        path: the run folder.
+        header: what was known at the start.
+    """
+
+    def __init__(self, path: Path, header: Header) -> None:
+        make_folder(path, header)
+        self.path = path
+        self.header = header
+        self._names = tuple(column.name for column in header.samples.columns)
+        self._rows = RowsWriter(path, len(self._names))
+        self._events = EventsWriter(path)
+        self._syncer = Syncer((*self._rows.descriptors, self._events.descriptor))
+        self._parts = 0
+        self._closed = False
+
+    @classmethod
+    def create(cls, path: str | Path, header: Mapping[str, Any], channels: Sequence[tuple[str, str] | Column]) -> Self:
+        """Start a run in a folder that does not exist yet; it appears at once with all its files.
+
+        Args:
+            path: the folder; missing parents are made.
+            header: what is known now, as JSON values (numpy, dataclasses and dates are converted).
+            channels: `(name, unit)`, or a `Column` with source and calibration; without the time.
+
+        Raises:
+            FileError: the folder exists.
+            StorageError: it cannot be made.
+        """
+        return cls(Path(path), new_header(channels, header))
+
+    @property
+    def rows(self) -> int:
+        """Samples recorded so far."""
+        return self._rows.mark.rows
+
+    @property
+    def last_s(self) -> float | None:
+        """Stamp of the last sample; None before the first."""
+        return self._rows.last_s
+
+    def append(self, time_s: Array, values: Mapping[str, Array]) -> None:
+        """Add a block: stamps of shape (n,) and, for every channel, n values.
+
+        Raises:
+            StorageError: it could not be written, or its time does not go on from the last sample. What was
+                recorded before is kept.
+            ValueError: other channels than declared, or of another length.
+        """
+        time_s = np.asarray(time_s, dtype=np.float64)
+        self._check_block(time_s, values)
+        columns = [time_s, *(values[name] for name in self._names[1:])]
+        for start in range(0, len(time_s), _ROWS_AT_ONCE):
+            table = np.stack([column[start : start + _ROWS_AT_ONCE] for column in columns], axis=1)
+            with self._storing():
+                self._syncer.check()
+                self._rows.append(np.ascontiguousarray(table, dtype="<f8"))
+        self._syncer.written()
+
+    def event(self, event: str, /, **details: Any) -> None:
+        """Write down that something happened now: a level reached, a trip, a decision."""
+        self._now(event, details)
+
+    @contextmanager
+    def part(self, details: Mapping[str, Any]) -> Iterator[None]:
+        """Samples appended inside belong to one part of the procedure, described by `details`.
+
+        `details` must not use the names under which its place is kept: first, count, start_s, stop_s,
+        unfinished. A part left by an exception is marked unfinished.
+        """
+        number = self._new_part(details)
+        self._now(STARTED, details, part=number)
+        try:
+            yield
+        except BaseException:
+            self._now(STOPPED, {"unfinished": True}, part=number)
+            raise
+        self._now(STOPPED, {}, part=number)
+
+    def mark(self, count: int, details: Mapping[str, Any]) -> None:
+        """The last `count` rows were a part of the procedure, described by `details` as in `part`.
+
+        Raises:
+            ValueError: there are not so many rows, or `details` uses a name of the place.
+        """
+        if not 0 < count <= self.rows:
+            raise ValueError(f"the last {count} of {self.rows} rows cannot be a part")
+        number = self._new_part(details)
+        self.record_event({"event": STARTED, "row": self.rows - count, "part": number, "details": plain(details)})
+        self._now(STOPPED, {}, part=number)
+
+    def record_event(self, event: Mapping[str, Any]) -> None:
+        """Add an event as it stands, with its own time: from another run."""
+        with self._storing():
+            self._events.append(event)
+        self._syncer.written()
+
+    def close(self, outcome: str = "completed", *, stopped_utc: datetime | None = None, **meta: Any) -> None:
+        """Seal the run; a second call does nothing.
+
+        Args:
+            outcome: how it ended, in a word or a sentence.
+            stopped_utc: when, if not now.
+            meta: whatever else is known only at the end, as JSON values.
+
+        Raises:
+            StorageError: the last samples or the end could not be brought to the disk.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        try:
+            with self._storing():
+                self._settle()
+                write_end(self.path, self._end(outcome, stopped_utc, meta))
+        finally:
+            self._rows.close()
+            self._events.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close("completed" if error is None else f"{type(error).__name__}: {error}")
+
+    def _check_block(self, time_s: Array, values: Mapping[str, Array]) -> None:
+        if set(values) != set(self._names[1:]):
+            raise ValueError(f"declared channels: {', '.join(self._names[1:])}; found: {', '.join(values) or 'none'}")
+        for name, column in values.items():
+            if np.shape(column) != (len(time_s),):
+                raise ValueError(f"channel '{name}' has shape {np.shape(column)}, time has {time_s.shape}")
+        before = -np.inf if self.last_s is None else self.last_s
+        late = np.flatnonzero(~(np.diff(time_s, prepend=before) > 0) | ~np.isfinite(time_s))
+        if late.size:
+            raise StorageError(
+                f"{self.path}: sample {self.rows + late[0]}: time {time_s[late[0]]:g} s does not come after the "
+                f"sample before it; this block is not recorded, {self._kept()}"
+            )
+
+    def _new_part(self, details: Mapping[str, Any]) -> int:
+        if taken := set(details) & set(PLACE):
+            raise ValueError(f"part details must not be named {', '.join(sorted(taken))}")
+        self._parts += 1
+        return self._parts - 1
+
+    def _now(self, event: str, details: Mapping[str, Any], **more: int) -> None:
+        when = {"row": self.rows, "time_s": self.last_s, "utc": datetime.now(UTC)}
+        self.record_event({"event": event, **when, **more, "details": details})
+
+    def _settle(self) -> None:
+        try:
+            self._rows.trim()
+            self._events.trim()
+        finally:
+            self._syncer.stop()
+
+    def _end(self, outcome: str, stopped_utc: datetime | None, meta: Mapping[str, Any]) -> End:
+        mark = self._rows.mark
+        return End(
+            outcome=outcome, stopped_utc=stopped_utc or datetime.now(UTC), rows=mark.rows, crc32=f"{mark.crc32:08x}",
+            sha256={HEADER_FILE: sha256_of(self.path / HEADER_FILE), EVENTS_FILE: self._events.sha256},
+            meta=plain(meta),
+        )  # fmt: skip
+
+    @contextmanager
+    def _storing(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            remedy = "; free some space" if error.errno in (errno.ENOSPC, errno.EDQUOT) else ""
+            raise StorageError(
+                f"{self.path}: cannot be written: {error.strerror or error}{remedy}; {self._kept()}"
+            ) from error
+
+    def _kept(self) -> str:
+        return f"{self.rows} samples up to {self.last_s or 0.0:g} s are kept"

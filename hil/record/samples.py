@@ -1,0 +1,115 @@
+"""Rows of samples on disk, and the journal that says how many of them are whole.
+
+`samples.f8` holds rows of little-endian float64. `samples.log` gets one line of 25 bytes for each block: how
+many rows there are now, and the CRC-32 of all of them. A line is written after its rows, so what the last
+whole line says is there; after a power cut, which may bring any part of either file to the disk, the checksum
+tells how far it really goes.
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from io import SEEK_END, FileIO
+from pathlib import Path
+
+from hil.record.durable import write_at
+from hil.record.recording import Array
+
+ROWS_FILE, JOURNAL_FILE = "samples.f8", "samples.log"
+LINE_BYTES = 25
+VALUE_BYTES = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Mark:
+    """A number of rows and the CRC-32 of all of them."""
+
+    rows: int = 0
+    crc32: int = 0
+
+    def line(self) -> bytes:
+        """As it stands in the journal."""
+        return b"%15d %08x\n" % (self.rows, self.crc32)
+
+    def after(self, block: memoryview, rows: int) -> Mark:
+        """The mark when a block of rows has been added."""
+        return Mark(self.rows + rows, zlib.crc32(block, self.crc32))
+
+
+class RowsWriter:
+    """Appends rows; every file position follows from what is known to be whole, never from the last write.
+
+    So a write that fails or is interrupted half way leaves nothing behind that a later one would not replace.
+
+    Attributes:
+        mark: the rows that are whole.
+        last_s: stamp of the last of them, None before the first.
+    """
+
+    def __init__(self, folder: Path, columns: int) -> None:
+        self._row_bytes = columns * VALUE_BYTES
+        self._file = FileIO(folder / ROWS_FILE, "r+")
+        self._journal = FileIO(folder / JOURNAL_FILE, "r+")
+        self._lines = 0
+        self.mark = Mark()
+        self.last_s: float | None = None
+
+    @property
+    def descriptors(self) -> tuple[int, int]:
+        """Of the rows and of the journal."""
+        return self._file.fileno(), self._journal.fileno()
+
+    def append(self, table: Array) -> None:
+        """Add rows, shape (n, columns), little-endian and row by row.
+
+        Raises:
+            OSError: they could not be written; the files end with the last whole row.
+        """
+        block = table.data.cast("B")
+        before = self.mark, self.last_s
+        try:
+            write_at(self._file, self.mark.rows * self._row_bytes, block)
+            self.mark, self.last_s = self.mark.after(block, len(table)), float(table[-1, 0])
+            write_at(self._journal, self._lines * LINE_BYTES, self.mark.line())
+            self._lines += 1
+        except OSError:
+            self.mark, self.last_s = before
+            self.trim()
+            raise
+
+    def trim(self) -> None:
+        """Cut off what does not belong to a whole row or line."""
+        self._file.truncate(self.mark.rows * self._row_bytes)
+        self._journal.truncate(self._lines * LINE_BYTES)
+
+    def close(self) -> None:
+        """Let go of the files."""
+        self._file.close()
+        self._journal.close()
+
+
+def marks(folder: Path) -> Iterator[Mark]:
+    """The lines of the journal, up to the first that is not whole."""
+    with (folder / JOURNAL_FILE).open("rb") as file:
+        while (mark := _parsed(file.read(LINE_BYTES))) is not None:
+            yield mark
+
+
+def last_mark(folder: Path) -> Mark:
+    """What the last whole line of the journal says; no rows when there is none."""
+    with (folder / JOURNAL_FILE).open("rb") as file:
+        for line in reversed(range(file.seek(0, SEEK_END) // LINE_BYTES)):
+            file.seek(line * LINE_BYTES)
+            if (mark := _parsed(file.read(LINE_BYTES))) is not None:
+                return mark
+    return Mark()
+
+
+def _parsed(line: bytes) -> Mark | None:
+    try:
+        mark = Mark(int(line[:15]), int(line[16:24], 16))
+    except ValueError:
+        return None
+    return mark if mark.line() == line else None

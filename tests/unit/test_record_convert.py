@@ -1,0 +1,83 @@
+"""`hil convert`."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.record.folder import RunWriter
+from hil.record.read import read_recording, write_recording
+from hil.record.recording import recording
+
+
+def hil(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "hil", "convert", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def csv(tmp_path: Path) -> Path:
+    time_s = np.arange(50) / 1000.0
+    write_recording(recording("made", time_s, {"u [1]": time_s, "flow [l/min]": -time_s}), tmp_path / "made.csv")
+    return tmp_path / "made.csv"
+
+
+def test_there_and_back_through_a_run_folder(csv: Path, tmp_path: Path) -> None:
+    there = hil(csv, tmp_path / "run")
+    assert there.returncode == 0, there.stderr
+    assert "50 samples, 0.049 s, u [1], flow [l/min]" in there.stdout
+    back = hil(tmp_path / "run", tmp_path / "back.csv")
+    assert back.returncode == 0, back.stderr
+    assert (tmp_path / "back.csv").read_text() == csv.read_text()
+
+
+def test_a_unit_can_be_stated(csv: Path, tmp_path: Path) -> None:
+    assert hil(csv, tmp_path / "x.h5", "--unit", "u=%").returncode == 0
+    found = read_recording(tmp_path / "x.h5")
+    assert found.channels["u"].unit == "%"
+    assert np.array_equal(found.values("u"), read_recording(csv).values("u"))
+
+
+def test_what_was_assumed_is_said(tmp_path: Path) -> None:
+    from scipy.io import savemat
+
+    savemat(tmp_path / "x.mat", {"Ts": 0.01, "y": np.arange(5.0)})
+    done = hil(tmp_path / "x.mat", tmp_path / "x.csv")
+    assert "note: even time base from Ts = 0.01" in done.stdout
+    assert "note: no unit is stated for 'y', taken as 1" in done.stdout
+    stated = hil(tmp_path / "x.mat", tmp_path / "y.csv", "--unit", "y=bar")
+    assert "taken as 1" not in stated.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("made.csv", "made.csv"), "made.csv: exists already; --overwrite replaces it"),
+        (("no.csv", "x.h5"), "no.csv: no such file or folder"),
+        (("made.csv", "x.docx"), "x.docx: unknown kind of recording"),
+        (("made.csv", "x.h5", "--unit", "flow"), "--unit flow: NAME=UNIT was expected"),
+        (("made.csv", "x.h5", "--unit", "p=bar"), "no channel 'p'; it has: u [1], flow [l/min]"),
+        (("made.csv", "x.h5", "--unit", "u=furlong per"), "unknown unit 'furlong per'"),
+    ],
+)
+def test_bad_input_is_one_line_and_status_2(
+    csv: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
+) -> None:
+    done = hil(*(tmp_path / part if "." in part else part for part in arguments))
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["made.csv"]
+
+
+def test_a_run_folder_is_never_replaced(csv: Path, tmp_path: Path) -> None:
+    with RunWriter.create(tmp_path / "run", {}, [("flow", "l/min")]) as run:
+        run.append(np.arange(3.0), {"flow": np.arange(3.0)})
+    done = hil(csv, tmp_path / "run", "--overwrite")
+    assert done.returncode == 2
+    assert "a run is never written over another" in done.stderr
+    assert len(read_recording(tmp_path / "run")) == 3

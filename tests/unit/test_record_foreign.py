@@ -1,0 +1,321 @@
+"""Files as other programs write them."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.errors import FileError, UnitError
+from hil.record.read import formats, read_recording, write_recording
+from hil.record.recording import Channel, Recording, recording
+
+TIME = np.array([0.0, 0.1, 0.25, 0.3, 0.4])
+RAMP = np.arange(5.0)
+
+
+def write_mdf(path: Path, *groups: list) -> Path:
+    from asammdf import MDF
+
+    with MDF(version="4.10") as file:
+        for group in groups:
+            file.append(group, common_timebase=True)
+        file.save(path)
+    return path
+
+
+def signal(name: str, values: np.ndarray, time_s: np.ndarray, unit: str = "", **more: object):
+    from asammdf import Signal
+
+    return Signal(samples=values, timestamps=time_s, name=name, unit=unit, **more)
+
+
+def write_tdms(path: Path, *channels: tuple[str, str, np.ndarray, dict]) -> Path:
+    from nptdms import ChannelObject, TdmsWriter
+
+    with TdmsWriter(path) as file:
+        file.write_segment([ChannelObject(*channel) for channel in channels])
+    return path
+
+
+def write_mat(path: Path, **variables: object) -> Path:
+    from scipy.io import savemat
+
+    savemat(path, variables, oned_as="column")
+    return path
+
+
+def write_hdf5(path: Path, fill) -> Path:
+    import h5py
+
+    with h5py.File(path, "w", track_order=True) as file:
+        fill(file)
+    return path
+
+
+def write_parquet(path: Path, **columns: object) -> Path:
+    import pyarrow as pa
+    from pyarrow import parquet
+
+    parquet.write_table(pa.table(columns), path)
+    return path
+
+
+class TestMdf4:
+    def test_groups_of_different_rates_are_joined_on_the_fastest(self, tmp_path: Path) -> None:
+        fast, slow = np.arange(100) / 100.0, np.arange(8) / 10.0 + 0.05
+        found = read_recording(write_mdf(
+            tmp_path / "bench.mf4",
+            [signal("flow", np.sin(fast), fast, "l/min"), signal("command", fast, fast, "%")],
+            [signal("oil", 40.0 + slow, slow, "°C")],
+            [signal("state", np.arange(8), slow)],
+        ))  # fmt: skip
+        assert found.time_s[0] == pytest.approx(0.05)
+        assert found.time_s[-1] == pytest.approx(0.75)
+        assert np.array_equal(found.values("flow"), np.sin(found.time_s))  # the fastest is as it was
+        assert found.values("oil") == pytest.approx(40.0 + found.time_s)  # along straight lines
+        assert set(found.values("state")) <= set(range(8))  # held
+        assert found.values("state")[found.time_s < 0.149].tolist() == [0.0] * 10
+        assert found.channels["oil"].unit == "°C"
+        assert any("oil: brought from 8 samples" in sentence for sentence in found.meta["assumed"])
+        assert found.meta["units_missing"] == ["state"]
+
+    def test_equal_names_in_two_groups_stay_apart(self, tmp_path: Path) -> None:
+        path = write_mdf(tmp_path / "x.mf4", [signal("p", RAMP, TIME, "bar")], [signal("p", -RAMP, TIME, "bar")])
+        found = read_recording(path)
+        assert [values.values[1] for values in found.channels.values()] == [1.0, -1.0]
+        assert next(iter(found.channels)) == "p"
+        assert "assumed" not in found.meta  # one time base: nothing was changed
+
+    def test_text_is_left_out(self, tmp_path: Path) -> None:
+        text = np.array([b"a", b"b", b"c", b"d", b"e"])
+        path = write_mdf(
+            tmp_path / "x.mf4", [signal("p", RAMP, TIME, "bar")], [signal("remark", text, TIME, encoding="utf-8")]
+        )
+        assert list(read_recording(path).channels) == ["p"]
+
+    def test_bases_without_common_time_are_refused(self, tmp_path: Path) -> None:
+        path = write_mdf(tmp_path / "x.mf4", [signal("p", RAMP, TIME, "bar")], [signal("q", RAMP, TIME + 9, "bar")])
+        with pytest.raises(FileError, match=r"x.mf4: its time bases have no time in common"):
+            read_recording(path)
+
+
+class TestTdms:
+    def test_waveform_properties_give_the_time(self, tmp_path: Path) -> None:
+        wave = {"wf_increment": 0.002, "wf_start_offset": 0.5, "unit_string": "V"}
+        found = read_recording(write_tdms(tmp_path / "x.tdms", ("daq", "ai0", RAMP, wave), ("daq", "ai1", -RAMP, wave)))
+        assert found.time_s == pytest.approx(0.5 + 0.002 * np.arange(5))
+        assert [channel.heading for channel in found.channels.values()] == ["ai0 [V]", "ai1 [V]"]
+
+    def test_units_may_stand_where_daq_assistants_put_them(self, tmp_path: Path) -> None:
+        path = write_tdms(tmp_path / "x.tdms", ("g", "Time", TIME, {}), ("g", "p", RAMP, {"NI_UnitDescription": "bar"}))
+        found = read_recording(path)
+        assert np.array_equal(found.time_s, TIME)
+        assert found.channels["p"].unit == "bar"
+        assert found.meta["assumed"] == ["no unit is stated for 'Time'; taken as seconds"]
+
+    def test_dates_are_counted_in_seconds(self, tmp_path: Path) -> None:
+        stamps = np.datetime64("2026-01-31T12:00:00") + (TIME * 1e6).astype("m8[us]")
+        path = write_tdms(tmp_path / "x.tdms", ("g", "stamp", stamps, {}), ("g", "p", RAMP, {"unit_string": "bar"}))
+        found = read_recording(path)
+        assert found.time_s == pytest.approx(TIME)
+        assert "2026-01-31T12:00:00" in found.meta["assumed"][0]
+
+    def test_channels_a_block_apart_are_cut(self, tmp_path: Path) -> None:
+        path = write_tdms(tmp_path / "x.tdms", ("g", "time", TIME, {"unit_string": "s"}), ("g", "p", RAMP[:4], {}))
+        found = read_recording(path)
+        assert found.values("p").tolist() == [0, 1, 2, 3]
+        assert "have 4 to 5 samples; cut to the shortest" in found.meta["assumed"][0]
+
+    def test_without_a_time_it_says_what_there_is(self, tmp_path: Path) -> None:
+        path = write_tdms(tmp_path / "x.tdms", ("g", "ai0", RAMP, {}))
+        with pytest.raises(
+            FileError, match=r"x.tdms: no signal with a time was found, but 'ai0'; call .* 'time \[s\]'"
+        ):
+            read_recording(path)
+
+
+class TestMatlab:
+    def test_plain_vectors(self, tmp_path: Path) -> None:
+        found = read_recording(write_mat(tmp_path / "x.mat", t=TIME, u=RAMP, y=-RAMP))
+        assert np.array_equal(found.time_s, TIME)
+        assert np.array_equal(found.values("y"), -RAMP)
+        assert found.meta["units_missing"] == ["u", "y"]
+        with pytest.raises(UnitError, match=r"channel 'u \[1\]': .* hil convert SRC DST --unit 'u=l/min'"):
+            found.values("u", "l/min")
+
+    @pytest.mark.parametrize(("name", "value"), [("Ts", 0.01), ("fs", 100.0), ("dt", 0.01)])
+    def test_an_interval_instead_of_a_time(self, tmp_path: Path, name: str, value: float) -> None:
+        found = read_recording(write_mat(tmp_path / "x.mat", **{name: value}, u=RAMP, y=RAMP))
+        assert found.time_s == pytest.approx(0.01 * np.arange(5))
+        assert found.meta["assumed"] == [f"even time base from {name} = {value:g}"]
+
+    def test_a_struct(self, tmp_path: Path) -> None:
+        found = read_recording(write_mat(tmp_path / "x.mat", run={"time": TIME, "flow": RAMP}, operator="me"))
+        assert list(found.channels) == ["flow"]
+
+    def test_structure_with_time_of_simulink(self, tmp_path: Path) -> None:
+        signals = {"values": RAMP, "label": "flow", "dimensions": 1}
+        found = read_recording(write_mat(tmp_path / "x.mat", out={"time": TIME, "signals": signals}))
+        assert list(found.channels) == ["flow"]
+        assert np.array_equal(found.time_s, TIME)
+
+    def test_a_matrix_becomes_numbered_channels(self, tmp_path: Path) -> None:
+        found = read_recording(write_mat(tmp_path / "x.mat", t=TIME, y=np.column_stack([RAMP, -RAMP])))
+        assert found.values("y 2").tolist() == (-RAMP).tolist()
+
+    def test_version_73_is_hdf5_inside(self, tmp_path: Path) -> None:
+        def fill(file) -> None:
+            file["t"], file["y"] = TIME[None, :], RAMP[None, :]
+            file["remark"] = np.frombuffer(b"hello", np.uint8).astype(np.uint16)
+            file["remark"].attrs["MATLAB_class"] = np.bytes_("char")
+
+        path = tmp_path / "x.mat"
+        header = b"MATLAB 7.3 MAT-file, Platform: GLNXA64".ljust(116) + bytes(8) + b"\x00\x02IM"
+        body = write_hdf5(tmp_path / "body.h5", lambda file: None).read_bytes()
+        assert body[:4] == b"\x89HDF"
+        import h5py
+
+        with h5py.File(path, "w", userblock_size=512) as file:
+            fill(file)
+        with path.open("r+b") as raw:
+            raw.write(header)
+        found = read_recording(path)
+        assert list(found.channels) == ["y"]
+        assert np.array_equal(found.values("y"), RAMP)
+
+    def test_what_matlab_could_not_read_is_not_written(self, tmp_path: Path) -> None:
+        long = np.broadcast_to(0.0, 300_000_000)  # takes no memory
+        with pytest.raises(FileError, match=r"x.mat: 300000000 samples; MATLAB 5 holds 2 GB per channel at most"):
+            write_recording(Recording("long", long, {"y": Channel("y", "V", long)}), tmp_path / "x.mat")
+        assert list(tmp_path.iterdir()) == []
+
+    def test_a_variable_of_a_name_of_ours(self, tmp_path: Path) -> None:
+        found = read_recording(write_mat(tmp_path / "x.mat", t=TIME, channels=RAMP))
+        assert np.array_equal(found.values("channels"), RAMP)
+
+
+class TestHdf5:
+    def test_units_in_headings_or_attributes(self, tmp_path: Path) -> None:
+        def fill(file) -> None:
+            file["time [ms]"] = TIME * 1000
+            file["flow (l/min)"] = RAMP
+            file["valve (left)"] = RAMP
+            file["p"] = RAMP
+            file["p"].attrs["units"] = "bar"
+
+        found = read_recording(write_hdf5(tmp_path / "x.h5", fill))
+        assert found.time_s == pytest.approx(TIME)
+        assert [channel.heading for channel in found.channels.values()] == [
+            "flow [l/min]",
+            "valve (left) [1]",
+            "p [bar]",
+        ]
+        assert found.meta["units_missing"] == ["valve (left)"]
+
+    def test_signals_in_a_group_beside_the_time(self, tmp_path: Path) -> None:
+        def fill(file) -> None:
+            file["time"] = TIME
+            file["time"].attrs["unit"] = "s"
+            file["inputs/flow [l/min]"] = RAMP
+
+        assert np.array_equal(read_recording(write_hdf5(tmp_path / "x.h5", fill)).time_s, TIME)
+
+    def test_a_compound_table(self, tmp_path: Path) -> None:
+        table = np.zeros(5, dtype=[("time [s]", "f8"), ("flow [l/min]", "f4"), ("name", "S3")])
+        table["time [s]"] = TIME
+
+        def fill(file) -> None:
+            file["table"] = table
+
+        found = read_recording(write_hdf5(tmp_path / "x.h5", fill))
+        assert list(found.channels) == ["flow"]
+        assert found.meta["assumed"] == ["left out, not one number per sample: name"]
+
+    def test_a_rate_as_attribute(self, tmp_path: Path) -> None:
+        def fill(file) -> None:
+            file.attrs["sample_rate"] = 50.0
+            file["flow [l/min]"] = RAMP
+
+        assert read_recording(write_hdf5(tmp_path / "x.h5", fill)).time_s == pytest.approx(0.02 * np.arange(5))
+
+
+class TestParquet:
+    def test_headings(self, tmp_path: Path) -> None:
+        path = write_parquet(
+            tmp_path / "x.parquet", **{"time [s]": TIME, "flow [l/min]": RAMP, "remark": list("abcde")}
+        )
+        found = read_recording(path)
+        assert found.channels["flow"].unit == "l/min"
+        assert found.meta["assumed"] == ["left out, not one number per sample: remark"]
+
+    def test_a_table_of_pandas_with_dates(self, tmp_path: Path) -> None:
+        import pandas as pd
+
+        index = pd.to_datetime("2026-01-31") + pd.to_timedelta(TIME, unit="s")
+        pd.DataFrame({"flow [l/min]": RAMP}, index=index).to_parquet(tmp_path / "x.parquet")
+        assert read_recording(tmp_path / "x.parquet").time_s == pytest.approx(TIME)
+
+    def test_a_missing_value_is_named(self, tmp_path: Path) -> None:
+        path = write_parquet(tmp_path / "x.parquet", **{"time [s]": TIME, "flow [l/min]": [1.0, None, 3.0, 4.0, 5.0]})
+        with pytest.raises(FileError, match=r"x.parquet: sample 1, channel 'flow \[l/min\]': nan is not a number"):
+            read_recording(path)
+
+    def test_a_time_in_another_quantity_is_refused(self, tmp_path: Path) -> None:
+        path = write_parquet(tmp_path / "x.parquet", **{"time [kg]": TIME, "flow [l/min]": RAMP})
+        with pytest.raises(FileError, match=r"x.parquet: time column 'time \[kg\]': unit 'kg' cannot be read as 's'"):
+            read_recording(path)
+
+
+BINARY = sorted(ending for ending in formats() if not ending.startswith(".csv"))
+
+
+@pytest.mark.parametrize("ending", sorted(formats()))
+def test_an_empty_file_is_named(tmp_path: Path, ending: str) -> None:
+    (tmp_path / f"x{ending}").touch()
+    with pytest.raises(FileError, match=rf"x{ending}: the file is empty"):
+        read_recording(tmp_path / f"x{ending}")
+
+
+@pytest.mark.parametrize("ending", BINARY)
+def test_garbage_is_named(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"x{ending}"
+    path.write_bytes(b"not what the name says" * 100)
+    with pytest.raises(FileError, match=rf"x{ending}: cannot be read as"):
+        read_recording(path)
+
+
+@pytest.mark.parametrize("ending", BINARY)
+def test_a_truncated_file_is_named(tmp_path: Path, ending: str) -> None:
+    path = tmp_path / f"x{ending}"
+    write_recording(recording("made", np.arange(5000.0), {"flow [l/min]": np.arange(5000.0)}), path)
+    content = path.read_bytes()
+    for share in (0.002, 0.05, 0.3):
+        path.write_bytes(content[: int(share * len(content))])
+        with pytest.raises(FileError, match=rf"x{ending}: "):
+            read_recording(path)
+
+
+@pytest.mark.parametrize(
+    ("ending", "package"), [(".h5", "h5py"), (".mf4", "asammdf"), (".tdms", "nptdms"), (".pq", "pyarrow")]
+)
+def test_a_missing_library_is_named(tmp_path: Path, ending: str, package: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, package, None)  # what python does for a package that is not there
+    made = recording("made", TIME, {"flow [l/min]": RAMP})
+    with pytest.raises(
+        FileError, match=rf"'{ending}' files need the package '{package}'.*pip install 'valve-hil\[formats\]'"
+    ):
+        write_recording(made, tmp_path / f"x{ending}")
+
+
+def test_an_unknown_ending_lists_the_known_ones(tmp_path: Path) -> None:
+    (tmp_path / "x.docx").touch()
+    with pytest.raises(FileError, match=r"x.docx: unknown kind of recording; known endings: .csv, .csv.gz, .h5"):
+        read_recording(tmp_path / "x.docx")
+
+
+def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"run.json: cannot be read: No such file or directory; a run folder needs it"):
+        read_recording(tmp_path)

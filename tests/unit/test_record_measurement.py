@@ -1,0 +1,74 @@
+"""Declared measurements and what may be said about a limit."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from hil.record.measurement import Findings, Measured, Measurement, judge
+
+BANDWIDTH = Measurement("bandwidth", "Hz", "frequency of −3 dB", low=3.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "low", "high", "verdict"),
+    [
+        (3.5, 0.1, 3.0, None, "pass"),
+        (3.2, 0.1, 3.0, None, "pass"),  # 3.2 − 2·0.1 just reaches the limit, which is allowed
+        (3.1, 0.1, 3.0, None, "cannot tell"),
+        (2.9, 0.1, 3.0, None, "cannot tell"),
+        (2.7, 0.1, 3.0, None, "fail"),
+        (5.0, 0.0, 0.0, 5.0, "pass"),
+        (5.1, 0.0, 0.0, 5.0, "fail"),
+        (2.5, 2.0, 0.0, 5.0, "cannot tell"),  # less certain than the limits are apart
+        (3.5, None, 3.0, None, "cannot tell"),  # nobody knows how well it is known
+        (None, None, 3.0, None, "cannot tell"),
+        (float("nan"), 0.1, 3.0, None, "cannot tell"),
+        (3.5, 0.1, None, None, None),
+    ],
+)
+def test_the_guard_band_decides(
+    value: float | None, std: float | None, low: float | None, high: float | None, verdict: str | None
+) -> None:
+    assert judge(value, std, low, high) == verdict
+
+
+def test_a_value_beyond_the_test_can_still_be_judged() -> None:
+    assert BANDWIDTH.of(4.9, 0.0, relation=">").verdict == "pass"
+    assert BANDWIDTH.of(2.0, 0.0, relation=">").verdict == "cannot tell"
+    assert BANDWIDTH.of(2.0, 0.1, relation="<").verdict == "fail"
+    assert Measurement("lag", "ms", "", high=10.0).of(4.9, 0.0, relation=">").verdict == "cannot tell"
+
+
+@given(st.floats(-10, 10), st.floats(0, 3), st.floats(-10, 0), st.floats(0, 10))
+def test_less_uncertainty_never_turns_a_verdict_around(value: float, std: float, low: float, high: float) -> None:
+    before, after = judge(value, std, low, high), judge(value, std / 2.0, low, high)
+    assert after == before or before == "cannot tell"
+
+
+def test_what_was_found_keeps_what_was_declared() -> None:
+    found = BANDWIDTH.of(4.0, 0.1)
+    assert found == Measured("bandwidth", 4.0, "Hz", 0.1, 3.0, None, "pass", "=", "frequency of −3 dB")
+
+
+@pytest.mark.parametrize(
+    ("verdicts", "whole"),
+    [((), None), ((None,), None), (("pass", None), "pass"), (("pass", "cannot tell"), "cannot tell"),
+     (("cannot tell", "fail", "pass"), "fail")],
+)  # fmt: skip
+def test_the_worst_verdict_is_that_of_the_run(verdicts: tuple, whole: str | None) -> None:
+    assert Findings(tuple(Measured("x", 1.0, "1", verdict=verdict) for verdict in verdicts)).verdict == whole
+
+
+def test_findings_are_json_without_the_curves() -> None:
+    findings = Findings((BANDWIDTH.of(np.float64(4.0), np.float64(np.nan)),), {"bode": object()}, ("note",), ("dev",))
+    written = json.loads(json.dumps(findings.as_dict(), allow_nan=False))
+    assert written["verdict"] == "cannot tell"
+    assert written["measured"][0]["value"] == 4.0
+    assert written["measured"][0]["std"] is None
+    assert written["notes"] == ["note"]
+    assert "curves" not in written
