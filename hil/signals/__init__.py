@@ -1,0 +1,1 @@
+"""Excitation, and the array tools that a procedure needs while it runs."""

@@ -1,0 +1,91 @@
+"""The stepped sine: one frequency after another, each held until steady, then measured over whole periods."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import SettingError
+
+Array = NDArray[np.float64]
+
+# Twenty samples per period keep the steps of a held output 26 dB below the sine and harmonic 5 well inside.
+SAMPLES_PER_PERIOD = 20
+
+
+@dataclass(frozen=True, slots=True)
+class SineLevel:
+    """One frequency of a plan at one amplitude about one bias, in the unit of the command."""
+
+    frequency_hz: float
+    amplitude: float
+    bias: float
+    settle_periods: int
+    measure_periods: int
+
+    @property
+    def duration_s(self) -> float:
+        """Settling and measuring, in seconds of bench time."""
+        return (self.settle_periods + self.measure_periods) / self.frequency_hz
+
+
+def sine(
+    frequency_hz: float, amplitude: float, rate_hz: float, periods: float, *, bias: float = 0.0, phase_rad: float = 0.0
+) -> Array:
+    """Samples of bias + amplitude·sin(2πf·t + phase) nearest to that many periods, from t = 0.
+
+    Whole periods need not be whole samples: the fit knows the frequency, and blocks that follow one another
+    join with a phase step below half a sample.
+    """
+    time_s = np.arange(max(1, round(periods * rate_hz / frequency_hz))) / rate_hz
+    wave: Array = bias + amplitude * np.sin(2.0 * math.pi * frequency_hz * time_s + phase_rad)
+    return wave
+
+
+def stepped_sine(
+    frequencies_hz: Sequence[float],
+    amplitude: float,
+    bias: float,
+    rate_hz: float,
+    *,
+    settle_periods: int = 3,
+    measure_periods: int = 5,
+    measure_s: float = 0.0,
+) -> tuple[SineLevel, ...]:
+    """A plan of levels; each measures `measure_periods`, and at least `measure_s` seconds in whole periods.
+
+    Raises:
+        SettingError: frequencies not rising or not above 0, or the rate below 20 times the top one.
+    """
+    check_frequencies(frequencies_hz, rate_hz)
+    return tuple(
+        SineLevel(f, amplitude, bias, settle_periods, max(measure_periods, math.ceil(measure_s * f)))
+        for f in frequencies_hz
+    )
+
+
+def check_frequencies(frequencies_hz: Sequence[float], rate_hz: float) -> None:
+    """Raise `SettingError` unless frequencies are above 0, rising, and the rate is 20 times the top one."""
+    if not len(frequencies_hz):
+        raise SettingError("frequencies: none given; at least one is needed")
+    before = 0.0
+    for f in frequencies_hz:
+        if not f > before:
+            reason = "must be above 0" if not f > 0.0 else f"must come before {before:g} Hz; sort them"
+            raise SettingError(f"frequencies: {f:g} Hz {reason}")
+        before = f
+    if rate_hz < SAMPLES_PER_PERIOD * before:
+        raise SettingError(
+            f"sample rate {rate_hz:g} Hz is below {SAMPLES_PER_PERIOD} × the top frequency {before:g} Hz; "
+            f"at least {SAMPLES_PER_PERIOD * before:g} Hz is needed"
+        )
+
+
+def even_frequencies(first_hz: float, last_hz: float, step_hz: float) -> tuple[float, ...]:
+    """Frequencies in equal steps, both ends included: 0.1…4.9 Hz by 0.2 Hz is the HPV41 paper's list of 25."""
+    count = round((last_hz - first_hz) / step_hz) + 1
+    return tuple(round(first_hz + i * step_hz, 12) for i in range(count))

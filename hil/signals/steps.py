@@ -1,0 +1,59 @@
+"""Step sequences, and pseudo-random binary ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import SettingError
+
+Array = NDArray[np.float64]
+
+# Input steps customary for four-port directional valves, in % of rated signal: (from, to) in sequence.
+# ISO 10770-1:1998 has them as table 4; the entries are those in general use, not read from the standard.
+CUSTOMARY_STEPS: dict[str, tuple[float, ...]] = {
+    "small": (0.0, 10.0, 0.0, -10.0, 0.0),
+    "half": (0.0, 50.0, 0.0, -50.0, 0.0),
+    "full": (0.0, 100.0, 0.0, -100.0, 0.0),
+    "reversal": (-90.0, 90.0, -90.0),
+    "inner": (10.0, 90.0, 10.0),
+    "quarter": (25.0, 75.0, 25.0),
+    "paper": (0.0, 80.0, 0.0),
+}
+
+
+def step_sequence(levels: Sequence[float], hold_s: float, rate_hz: float) -> Array:
+    """Each level held for the same time.
+
+    Raises:
+        SettingError: no levels, or less than one sample each.
+    """
+    samples = round(hold_s * rate_hz)
+    if not len(levels) or samples < 1:
+        raise SettingError(f"steps: {len(levels)} levels of {samples} samples; at least one of each is needed")
+    return np.repeat(np.asarray(levels, dtype=np.float64), samples)
+
+
+def binary_sequence(
+    low: float, high: float, clock_s: float, rate_hz: float, *, bits: int = 9, periods: int = 1, phase: int = 1
+) -> Array:
+    """A maximum-length pseudo-random binary sequence (PRBS) of 2^bits − 1 clocks per period.
+
+    Its spectrum is flat up to about 0.44/clock. `phase` (1…2^bits − 1) is where in the sequence it starts.
+
+    Raises:
+        SettingError: bits outside 2…16, a phase outside its range, or a clock shorter than one sample.
+    """
+    from scipy.signal import max_len_seq
+
+    samples = round(clock_s * rate_hz)
+    if not (2 <= bits <= 16 and 1 <= phase < 2**bits and samples >= 1):
+        raise SettingError(
+            f"PRBS: {bits} bits, phase {phase}, {samples} samples per clock; "
+            "allowed are 2…16 bits, a phase of 1…2^bits − 1 and at least one sample"
+        )
+    register = [(phase >> i) & 1 for i in range(bits)]
+    sequence = np.asarray(max_len_seq(bits, state=register)[0], dtype=np.float64)
+    return np.tile(np.repeat(low + (high - low) * sequence, samples), periods)

@@ -1,0 +1,163 @@
+import math
+
+import numpy as np
+import pytest
+
+from hil.errors import SettingError
+from hil.signals.colour import colour_factor, colour_factors
+from hil.signals.frequency_fit import frequency_fit
+from hil.signals.sine_fit import sine_fit
+
+
+def stamps(rate_hz=1000.0, seconds=3.0):
+    return np.arange(round(rate_hz * seconds)) / rate_hz
+
+
+def distorted(t, f=1.3):
+    """Fundamental 4 at 0.7 rad, harmonics 3 and 5, on a creeping level."""
+    w = 2 * np.pi * f
+    return (
+        50 + 4 * np.sin(w * t + 0.7) + 0.3 * np.sin(3 * w * t - 1.1) + 0.05 * np.cos(5 * w * t) + 0.2 * (t - t.mean())
+    )
+
+
+def uneven(rng, n=2500, seconds=4.0):
+    return np.sort(rng.uniform(0.0, seconds, n))
+
+
+@pytest.mark.parametrize("t", [stamps(), stamps(seconds=2.7183), uneven(np.random.default_rng(3))])
+def test_recovers_a_distorted_drifting_sine_exactly(t):
+    fit = sine_fit(t, distorted(t), 1.3, drift_order=1)
+    assert fit.amplitude == pytest.approx(4.0, rel=1e-10)
+    assert fit.phase_rad == pytest.approx(0.7, abs=1e-10)
+    assert abs(fit.phasors[2]) == pytest.approx(0.3, rel=1e-9)
+    assert np.angle(fit.phasors[2]) == pytest.approx(-1.1, abs=1e-9)
+    assert abs(fit.phasors[4]) == pytest.approx(0.05, rel=1e-8)
+    assert fit.distortion == pytest.approx(math.hypot(0.3, 0.05) / 4.0, rel=1e-9)
+    assert fit.drift[0] == pytest.approx(0.2 * (t[-1] - t[0]) / 2, rel=1e-9)
+
+
+@pytest.mark.parametrize("t", [stamps(60, 2.31), uneven(np.random.default_rng(5), 130, 2.31)])
+def test_is_the_best_linear_unbiased_estimator(t):
+    # Unit impulses give the estimator's matrix row by row; its variance must be the Cramér–Rao bound itself.
+    def parameters(values):
+        fit = sine_fit(t, values, 1.1, harmonics=2, drift_order=1)
+        pairs = np.column_stack((fit.phasors.real, fit.phasors.imag)).ravel()
+        return np.concatenate(([fit.offset], pairs, fit.drift))
+
+    matrix = np.array([parameters(impulse) for impulse in np.eye(len(t))]).T
+    fit = sine_fit(t, np.random.default_rng(1).normal(size=len(t)), 1.1, harmonics=2, drift_order=1)
+    assert np.allclose(matrix @ matrix.T, fit.bound / fit.residual_std**2, rtol=1e-8, atol=1e-14)
+
+
+def test_stated_intervals_cover_white_noise():
+    rng = np.random.default_rng(7)
+    t = stamps(200, 3.0)
+    clean = 10 * np.sin(2 * np.pi * 1.7 * t + 0.3)
+    inside = 0
+    for _ in range(400):
+        fit = sine_fit(t, clean + rng.normal(size=len(t)), 1.7)
+        inside += abs(fit.amplitude - 10) < 1.96 * fit.amplitude_std
+        inside += abs(fit.phase_rad - 0.3) < 1.96 * fit.phase_std_rad
+    assert 0.93 <= inside / 800 <= 0.99
+
+
+def test_intervals_widen_with_the_colour_of_the_noise():
+    rng = np.random.default_rng(11)
+    t = stamps(1000, 8.0)
+    inside = optimistic = 0
+    for _ in range(150):
+        white = rng.normal(size=len(t))
+        red = np.empty_like(white)
+        level = 0.0
+        for i, w in enumerate(white):
+            level = 0.95 * level + w
+            red[i] = level
+        fit = sine_fit(t, 20 * np.sin(2 * np.pi * 0.7 * t) + red, 0.7, harmonics=3)
+        error = abs(fit.amplitude - 20)
+        inside += error < 1.96 * fit.amplitude_std
+        optimistic += error < 1.96 * math.sqrt(fit.bound[1, 1])
+    assert inside / 150 >= 0.90
+    assert optimistic / 150 < 0.6
+
+
+def test_colour_factor_is_one_for_white_and_the_known_ratio_for_first_order_noise():
+    rng = np.random.default_rng(2)
+    white = rng.normal(size=40_000)
+    red = np.empty_like(white)
+    level = 0.0
+    for i, w in enumerate(white):
+        level = 0.8 * level + w
+        red[i] = level
+    assert colour_factor(white) < 1.15
+    assert colour_factor(red) == pytest.approx(1.8 / 0.2, rel=0.2)  # (1 + a)/(1 − a)
+    assert colour_factors(red, np.array([0.5]))[0] == 1.0
+
+
+def test_colour_of_a_perfect_fit_is_one():
+    assert colour_factor(np.zeros(1000)) == 1.0
+    assert colour_factor(np.arange(5.0)) == 1.0
+
+
+def test_free_frequency_is_found_with_its_bound():
+    rng = np.random.default_rng(4)
+    t = 100.0 + stamps(1000, 5.0)  # the recording does not start at zero
+    errors = []
+    for _ in range(60):
+        y = 50 + 10 * np.sin(2 * np.pi * 1.7 * t + 0.4) + rng.normal(size=len(t))
+        fit = frequency_fit(t, y)
+        errors.append([fit.frequency_hz - 1.7, fit.amplitude - 10])
+    spread = np.std(errors, axis=0)
+    assert spread[0] == pytest.approx(fit.frequency_std_hz, rel=0.3)
+    assert spread[1] == pytest.approx(fit.amplitude_std, rel=0.3)
+    # phase at zero is bound to the frequency over the 100 s between: its uncertainty must say so
+    assert fit.phase_std_rad == pytest.approx(2 * np.pi * 102.5 * fit.frequency_std_hz, rel=0.05)
+
+
+def test_freeing_the_frequency_costs_what_the_bound_says():
+    t = stamps(2000, 5.0)
+    y = 50 + 10 * np.sin(2 * np.pi * 0.1 * t) + np.random.default_rng(1).normal(size=len(t))
+    known = sine_fit(t, y, 0.1, harmonics=1)
+    free = frequency_fit(t, y)
+    assert math.sqrt(free.bound[0, 0]) > 4 * math.sqrt(known.bound[0, 0])
+
+
+def test_free_frequency_with_harmonics_on_uneven_stamps():
+    t = uneven(np.random.default_rng(8), 3000, 6.0)
+    fit = frequency_fit(t, distorted(t, 1.31) - 0.2 * (t - t.mean()), 1.25, harmonics=5)
+    assert fit.frequency_hz == pytest.approx(1.31, rel=1e-9)
+    assert abs(fit.phasors[2]) == pytest.approx(0.3, rel=1e-7)
+
+
+def test_describes_itself_in_one_line():
+    text = sine_fit(stamps(), distorted(stamps()), 1.3, drift_order=1).describe("l/min")
+    assert text.startswith("1.3 Hz: amplitude 4 ±") and "THD 7.6 %" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"frequency_hz": 0.0}, "must be above 0"),
+        ({"frequency_hz": 120.0}, "beyond half the sample rate"),
+        ({"frequency_hz": 0.1}, "periods of 0.1 Hz"),
+        ({"frequency_hz": 1.0, "harmonics": 0}, "at least 1"),
+    ],
+)
+def test_refuses_what_cannot_be_fitted(arguments, said):
+    t = stamps()
+    with pytest.raises(SettingError, match=said):
+        sine_fit(t, np.sin(t), **arguments)
+
+
+def test_refuses_too_few_samples_and_columns_that_look_alike():
+    t = stamps(10, 1.0)
+    with pytest.raises(SettingError, match="for 11 unknowns"):
+        sine_fit(t, np.sin(t), 0.5)
+    t = stamps(1000, 0.02)
+    with pytest.raises(SettingError, match="cannot tell"):
+        sine_fit(t, np.sin(t), 0.05, harmonics=1, drift_order=3)
+
+
+def test_free_frequency_beyond_the_sample_rate_is_refused():
+    with pytest.raises(SettingError, match="half the sample rate"):
+        frequency_fit(stamps(10, 3.0), np.ones(30), 40.0)
