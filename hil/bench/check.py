@@ -1,0 +1,85 @@
+"""What makes sense together in a bench file: each rule is a small function that yields its faults."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+from hil.bench.check_channels import channel_faults, terminals_used_once
+from hil.bench.check_interlocks import interlock_faults, known_channel
+from hil.bench.device import DeviceInUse, model_path
+from hil.bench.draft import Draft
+from hil.bench.fault import Fault
+from hil.catalog import find
+from hil.errors import HilError
+
+
+def faults_of(draft: Draft, devices: Mapping[str, DeviceInUse], folder: Path) -> Iterator[Fault]:
+    """Everything that does not make sense together. Nothing is said about entries that have faults already."""
+    yield from _plant(draft, folder)
+    yield from _valve_limits(draft)
+    yield from _one_device(draft)
+    yield from _roles(draft)
+    yield from terminals_used_once(draft)
+    for name, channel in draft.channels.items():
+        yield from channel_faults(name, channel, draft, devices)
+    for name, interlock in draft.interlocks.items():
+        yield from interlock_faults(name, interlock, draft, devices)
+    for i, instrument in enumerate(draft.instruments):
+        if instrument.channel:
+            yield from known_channel(("instruments", i, "channel"), instrument.channel, draft)
+    yield from _procedures_of_limits(draft)
+    for name in draft.simulation.get("instruments", {}):
+        yield from known_channel(("simulation", "instruments", name), name, draft)
+
+
+def _plant(draft: Draft, folder: Path) -> Iterator[Fault]:
+    if draft.valve is None:
+        return
+    plant = model_path(draft.valve.plant, folder)
+    try:
+        if plant.endswith(".json"):
+            if not Path(plant).is_file():
+                yield Fault(("valve", "plant"), f"no model file {plant}; it is looked for beside the bench file")
+        else:
+            find("plants", plant)
+    except HilError as error:
+        yield Fault(("valve", "plant"), str(error))
+
+
+def _valve_limits(draft: Draft) -> Iterator[Fault]:
+    limits = draft.valve.limits if draft.valve else None
+    for name, channel in draft.channels.items():
+        safe = channel.safe
+        if limits is None or safe is None or channel.role != "command":
+            continue
+        if not limits.low <= safe <= limits.high:
+            text = f"{limits.low:g} … {limits.high:g} leaves out the safe value {safe:g} of '{name}'"
+            yield Fault(("valve", "limits"), text)
+
+
+def _procedures_of_limits(draft: Draft) -> Iterator[Fault]:
+    for name in draft.acceptance:
+        try:
+            find("procedures", name)
+        except HilError as error:
+            yield Fault(("acceptance", name), str(error))
+
+
+def _one_device(draft: Draft) -> Iterator[Fault]:
+    if len(draft.devices) > 1:
+        names = list(draft.devices)
+        yield Fault(("devices", names[1]), f"one device drives a bench for now; '{names[0]}' is there already")
+
+
+def _roles(draft: Draft) -> Iterator[Fault]:
+    for role, wants_output in (("command", True), ("response", False)):
+        having = [name for name, channel in draft.channels.items() if channel.role == role]
+        if not having and not any(place[0] == "channels" for place in draft.faulty):
+            yield Fault(("channels",), f'no channel has role = "{role}"; exactly one needs it')
+        for name in having[1:]:
+            yield Fault(("channels", name, "role"), f"'{having[0]}' is the {role} already; exactly one is")
+        for name in having:
+            if draft.channels[name].is_output != wants_output:
+                text = "an output, with a safe value" if wants_output else "an input, without a safe value"
+                yield Fault(("channels", name, "role"), f"the {role} is {text}")

@@ -1,0 +1,109 @@
+"""The devices of a bench: their modules, their settings, and what can be connected to them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from pydantic import BaseModel
+
+from hil.bench.draft import Draft, sound_part
+from hil.bench.fault import Fault
+from hil.bench.file import Bench, ChannelEntry
+from hil.bench.lines import Place
+from hil.catalog import Kind, find
+from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
+from hil.daq.contract import Daq
+from hil.errors import HilError
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceInUse:
+    """A device of a bench, not yet opened."""
+
+    name: str
+    module: ModuleType
+    settings: BaseModel
+    terminals: Mapping[str, Terminal]
+
+    def open(self, channels: Mapping[str, ChannelEntry]) -> Daq:
+        """Open it with these channels, the outputs where they were found."""
+        daq: Daq = self.module.open_daq(self.settings, self.wiring(channels))
+        return daq
+
+    def wiring(self, channels: Mapping[str, ChannelEntry]) -> Wiring:
+        """The channels that are connected to this device, in raw units."""
+        mine = {name: channel for name, channel in channels.items() if channel.device == self.name}
+        return Wiring(
+            {name: self._output(name, channel) for name, channel in mine.items() if channel.is_output},
+            {name: self._input(name, channel) for name, channel in mine.items() if not channel.is_output},
+        )
+
+    def _output(self, name: str, channel: ChannelEntry) -> OutputChannel:
+        terminal = self.terminals[channel.terminal]
+        low, high = channel.range or (terminal.low, terminal.high)
+        safe = channel.line.raw_at(channel.safe or 0.0)
+        pwm = channel.pwm.drive() if channel.pwm else None
+        return OutputChannel(name, channel.terminal, terminal.kind, terminal.unit, low, high, safe, pwm)
+
+    def _input(self, name: str, channel: ChannelEntry) -> InputChannel:
+        terminal = self.terminals[channel.terminal]
+        low, high = channel.range or (terminal.low, terminal.high)
+        return InputChannel(name, channel.terminal, terminal.kind, terminal.unit, low, high)
+
+
+def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[DeviceInUse | None, list[Fault]]:
+    """A device with its settings checked by its own module, or the faults that keep it from being used.
+
+    Model files named in the bench file are looked for beside it, in `folder`.
+    """
+    device = draft.devices[name]
+    key = "driver" if device.driver else "simulated"
+    kind: Kind = "drivers" if device.driver else "devices"
+    place: Place = ("devices", name)
+    try:
+        module = find(kind, device.driver or device.simulated).load()
+    except HilError as error:
+        return None, [Fault((*place, key), str(error))]
+    given = device.settings | ({"simulation": simulation_of(name, draft, folder)} if device.simulated else {})
+    settings, faults = sound_part(module.Settings, given, place)
+    if settings is None:
+        return None, [_at_home(fault, place) for fault in faults]
+    faults += [Fault((*place, *below), text) for below, text in module.faults(settings)]
+    found = DeviceInUse(name, module, settings, module.terminals(settings))
+    return found, [_at_home(fault, place) for fault in faults]
+
+
+def simulation_of(device: str, draft: Draft | Bench, folder: Path) -> dict[str, Any]:
+    """What a simulated device is told about the world behind it.
+
+    The plant is the valve's own if nothing else is said, and the instrument on each channel is just what the
+    channel's calibration says, unless `[simulation.instruments.NAME]` says otherwise.
+    """
+    told = dict(draft.simulation)
+    plant = told.get("plant") or (draft.valve.plant if draft.valve else "")
+    own = told.get("instruments", {})
+    instruments = {name: _instrument(name, channel, own.get(name, {}) if isinstance(own, dict) else {})
+                   for name, channel in draft.channels.items() if channel.device == device}  # fmt: skip
+    return told | {"plant": model_path(plant, folder), "instruments": instruments}
+
+
+def model_path(plant: str, folder: Path) -> str:
+    """A model file beside the bench file as a path; the name of an installed plant as it is."""
+    return str(folder / plant) if isinstance(plant, str) and plant.endswith(".json") else plant
+
+
+def _instrument(name: str, channel: ChannelEntry, own: Mapping[str, Any]) -> dict[str, Any]:
+    line = channel.line
+    signal = {} if "value" in own else {"signal": name}
+    return {"direction": "out" if channel.is_output else "in", **signal,
+            "unit": line.unit, "slope": line.slope, "offset": line.offset, **own}  # fmt: skip
+
+
+def _at_home(fault: Fault, device: Place) -> Fault:
+    """What a device found in its simulation stands in `[simulation]`."""
+    below = fault.place[len(device) :]
+    return Fault(below, fault.text) if below[:1] == ("simulation",) else fault

@@ -1,0 +1,248 @@
+"""What a bench file may say (docs/reference/bench-file.md)."""
+
+from __future__ import annotations
+
+import datetime as dt
+from typing import Any, Literal, Self
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, model_validator
+
+from hil.daq.calibration import Calibration
+from hil.daq.channel import Pwm
+from hil.safety.interlock import Action
+
+Role = Literal["command", "response", "other"]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class DwellLimit(_Strict):
+    """Beyond ±`level` for `longest_s` at most."""
+
+    level: float = Field(ge=0.0)
+    longest_s: PositiveFloat
+
+
+class OutputLimits(_Strict):
+    """Where an output may go, how fast, and how long it may stay there, in the channel's unit."""
+
+    low: FiniteFloat
+    high: FiniteFloat
+    slew_per_s: PositiveFloat | None = None
+    dwell: tuple[DwellLimit, ...] = ()
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.low >= self.high:
+            raise ValueError(f"low {self.low:g} must be below high {self.high:g}")
+        return self
+
+
+class Valve(_Strict):
+    """The valve under test.
+
+    Attributes:
+        plant: the installed plant, or the model file, that is its nominal model.
+        settling_s: after a change of the command, its answer has died away in so long.
+        limits: of its command, in that channel's unit; they tighten those of the channel.
+        amplifier: settings of its electronics: dither, ramps, dead-band compensation.
+    """
+
+    name: str
+    plant: str
+    serial: str = ""
+    settling_s: PositiveFloat = 1.0
+    limits: OutputLimits | None = None
+    amplifier: str = ""
+
+
+class Device(BaseModel):
+    """A device: a real one by its `driver`, or a `simulated` one. What else is said are its own settings."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    driver: str = ""
+    simulated: str = ""
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if bool(self.driver) == bool(self.simulated):
+            raise ValueError('a device has either driver = "…" or simulated = "…"')
+        return self
+
+    @property
+    def settings(self) -> dict[str, Any]:
+        """What is left for the driver or simulated device itself."""
+        return dict(self.model_extra or {})
+
+
+class CalibrationLine(_Strict):
+    """value = slope · raw + offset, with `uncertainty` (k = 2) in the channel's unit."""
+
+    slope: FiniteFloat
+    offset: FiniteFloat = 0.0
+    uncertainty: float | None = Field(None, ge=0.0)
+    date: dt.date | None = None
+    due: dt.date | None = None
+    source: str = ""
+    lag_s: float | None = Field(None, ge=0.0)
+
+    @model_validator(mode="after")
+    def _usable(self) -> Self:
+        if self.slope == 0.0:
+            raise ValueError("slope 0 makes every reading the same; give the unit per V (or A)")
+        return self
+
+
+class PwmDrive(_Strict):
+    """Carrier and dither of a PWM current output; the amplitude is the peak about the mean, in A."""
+
+    carrier_hz: PositiveFloat
+    dither_hz: PositiveFloat | None = None
+    dither_amplitude: float = Field(0.0, ge=0.0)
+
+    def drive(self) -> Pwm:
+        """As the device takes it."""
+        return Pwm(self.carrier_hz, self.dither_hz, self.dither_amplitude)
+
+
+class ChannelEntry(_Strict):
+    """A signal of the bench. An output is what has a `safe` value.
+
+    Attributes:
+        device, terminal: where it is connected.
+        role: `command` is what procedures drive, `response` what they look at; one of each.
+        unit: of everything said about it. Other than the terminal's own it needs a `calibration`.
+        range: narrower than the terminal's, in the terminal's unit: a smaller input range resolves more.
+        safe: where an output goes on every exit.
+        on: where it stands while the bench is open: an enable relay, a pressure set point.
+        ramp_to_safe_per_s: how fast it goes there; without, it jumps.
+        source: the instrument, in words.
+    """
+
+    device: str
+    terminal: str
+    role: Role = "other"
+    unit: str = "V"
+    calibration: CalibrationLine | None = None
+    range: tuple[FiniteFloat, FiniteFloat] | None = None
+    source: str = ""
+    safe: FiniteFloat | None = None
+    on: FiniteFloat | None = None
+    limits: OutputLimits | None = None
+    ramp_to_safe_per_s: PositiveFloat | None = None
+    pwm: PwmDrive | None = None
+
+    @property
+    def is_output(self) -> bool:
+        """Whether it is driven."""
+        return self.safe is not None
+
+    @property
+    def line(self) -> Calibration:
+        """From raw to the channel's unit and back."""
+        given = self.calibration
+        if given is None:
+            return Calibration(self.unit)
+        day, due = (str(day) if day else "" for day in (given.date, given.due))
+        return Calibration(self.unit, given.slope, given.offset, given.uncertainty, day, due, given.source, given.lag_s)
+
+
+class While(_Strict):
+    """A channel within a range."""
+
+    channel: str
+    low: float = -float("inf")
+    high: float = float("inf")
+
+
+class InterlockEntry(_Strict):
+    """What must hold, and what happens when it does not (see `hil.safety.interlock.Interlock`).
+
+    `low` and `high` are in the channel's unit, `raw_low` and `raw_high` in the terminal's (live zero).
+    """
+
+    channel: str
+    action: Action
+    low: FiniteFloat | None = None
+    high: FiniteFloat | None = None
+    raw_low: FiniteFloat | None = None
+    raw_high: FiniteFloat | None = None
+    minus: str = ""
+    for_s: float = Field(0.0, ge=0.0)
+    only_while: While | None = None
+    stale_s: PositiveFloat | None = None
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if all(given is None for given in (self.low, self.high, self.raw_low, self.raw_high, self.stale_s)):
+            raise ValueError("nothing is asked for; give low, high, raw_low, raw_high or stale_s")
+        return self
+
+
+class ProtectionEntry(_Strict):
+    """How often inputs are judged and recorded (`block_s`), and how long a `hold` is waited for."""
+
+    block_s: PositiveFloat = 0.1
+    patience_s: PositiveFloat = 600.0
+
+
+class Conditions(_Strict):
+    """Conditions of the test, as a report on ISO 10770-1 states them."""
+
+    fluid: str = ""
+    viscosity_class: str = ""
+    cleanliness: str = ""
+    fluid_temperature_c: float | None = None
+    ambient_temperature_c: float | None = None
+    supply_pressure_bar: float | None = None
+    return_pressure_bar: float | None = None
+    pressure_drop_bar: float | None = None
+    notes: str = ""
+
+
+class InstrumentEntry(_Strict):
+    """An instrument for the report: what it is, which channel it feeds, and when it was calibrated."""
+
+    name: str
+    channel: str = ""
+    serial: str = ""
+    calibrated: dt.date | None = None
+    due: dt.date | None = None
+    uncertainty: str = ""
+
+
+class AcceptanceLimit(_Strict):
+    """Where a measured quantity must lie, in its own unit."""
+
+    low: FiniteFloat | None = None
+    high: FiniteFloat | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.low is None and self.high is None:
+            raise ValueError("nothing is asked for; give low, high or both")
+        if self.low is not None and self.high is not None and self.low > self.high:
+            raise ValueError(f"low {self.low:g} must not be above high {self.high:g}")
+        return self
+
+
+class Bench(_Strict):
+    """A bench, whole and without faults.
+
+    `acceptance` has, by procedure and measured quantity, the limits of this valve.
+    """
+
+    name: str = Field(min_length=1)
+    sample_rate_hz: PositiveFloat
+    valve: Valve
+    devices: dict[str, Device]
+    channels: dict[str, ChannelEntry]
+    interlocks: dict[str, InterlockEntry] = {}
+    protection: ProtectionEntry = ProtectionEntry()
+    conditions: Conditions = Conditions()
+    instruments: tuple[InstrumentEntry, ...] = ()
+    acceptance: dict[str, dict[str, AcceptanceLimit]] = {}
+    simulation: dict[str, Any] = {}

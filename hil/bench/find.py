@@ -1,0 +1,42 @@
+"""Bench files by path, or by the bare name of one that an installed package brings along."""
+
+from __future__ import annotations
+
+import importlib.util
+from importlib.metadata import entry_points
+from pathlib import Path
+
+from hil.errors import FileError, UnknownNameError
+
+_GROUPS = ("hil.sim_devices", "hil.drivers")
+
+
+def find_bench(name: str) -> Path:
+    """The bench file of that path or bare name (`brevini-hpv41`).
+
+    Packages of drivers and simulated devices may bring benches in a folder `benches`.
+
+    Raises:
+        FileError: a path where nothing is.
+        UnknownNameError: a bare name that no package has.
+    """
+    path = Path(name)
+    if path.is_file():
+        return path
+    if path.suffix == ".toml" or len(path.parts) > 1:
+        raise FileError(f"{path}: no such bench file")
+    known = benches()
+    if name not in known:
+        raise UnknownNameError("bench", name, known)
+    return known[name]
+
+
+def benches() -> dict[str, Path]:
+    """Every bench that installed packages bring along, by name."""
+    found: dict[str, Path] = {}
+    for group in _GROUPS:
+        for point in entry_points(group=group):
+            spec = importlib.util.find_spec(point.value)
+            for folder in (spec.submodule_search_locations or ()) if spec else ():
+                found |= {file.stem: file for file in sorted(Path(folder, "benches").glob("*.toml"))}
+    return found

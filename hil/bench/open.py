@@ -1,0 +1,98 @@
+"""Open a bench: device, calibrations, guard, run folder, rig. Safe before, after, and on any error."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from hil.bench.file import Bench
+from hil.bench.protection import protection_of
+from hil.bench.read import BenchFile
+from hil.bench.recorder import Recorder
+from hil.bench.rig import BenchRig, Progress, conditions_of
+from hil.clock import Clock, clock
+from hil.daq.contract import Daq
+from hil.daq.scaled import Scaled
+from hil.record.folder import RunWriter
+from hil.record.header import Column
+from hil.safety.guard import Guard
+from hil.safety.latch import Latch, latch_path
+from hil.safety.ramp import way_to
+
+
+@contextmanager
+def open_rig(
+    file: BenchFile, out: Path, about: Mapping[str, Any], progress: Progress, resets: Iterable[str] = ()
+) -> Iterator[BenchRig]:
+    """The rig of a bench, recording into a new run folder; outputs are safe before and after.
+
+    Outputs that stand somewhere while the bench is open (`on`) go there first.
+
+    Args:
+        file: the bench.
+        out: the run folder to make.
+        about: what the run is: procedure and settings, as JSON values, for the header.
+        progress: told how far the procedure is.
+        resets: names of interlocks whose trips are forgotten first.
+
+    Raises:
+        FileError: the folder exists.
+        HardwareError: the device cannot be opened, or does not answer.
+        TrippedError: an interlock is tripped and not reset.
+        UnknownNameError: a reset of an interlock that has not tripped.
+    """
+    bench = file.bench
+    daq = Scaled(file.device.open(bench.channels), {name: entry.line for name, entry in bench.channels.items()})
+    try:
+        latch = _latch(file, resets)
+        columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
+        rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
+        header = {**about, **conditions_of(bench), "bench_file": file.text,
+                  "sampling": daq.promises.sampling(daq.inputs, rate_hz)}  # fmt: skip
+        with RunWriter.create(out, header, columns) as writer:
+            recorder = Recorder(writer)
+            guard = Guard(daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note)
+            try:
+                _switch_on(bench, guard, rate_hz)
+                yield BenchRig(bench, guard, recorder, columns, progress)
+            finally:
+                guard.close()
+    finally:
+        daq.close()
+
+
+def _switch_on(bench: Bench, guard: Guard, rate_hz: float) -> None:
+    """Bring outputs to where they stand while the bench is open, once every interlock has been judged."""
+    targets = {name: entry.on for name, entry in bench.channels.items() if entry.on is not None}
+    slews = {name: min(limits.slew_per_s, bench.channels[name].ramp_to_safe_per_s or math.inf)
+             for name, limits in guard.limits.items()}  # fmt: skip
+    way = way_to(targets, guard.levels, slews, rate_hz)
+    if way is not None:
+        for _ in guard.play(way):
+            pass
+
+
+def _clock(daq: Daq) -> Clock:
+    return clock("virtual" if daq.promises.timing == "virtual" else "real")
+
+
+def _latch(file: BenchFile, resets: Iterable[str]) -> Latch:
+    """The trips of this bench. Those of a simulated one end with it: the next run finds a new bench."""
+    simulated = file.bench.devices[file.device.name].simulated
+    latch = Latch(None if simulated else latch_path(file.bench.name))
+    for name in resets:
+        latch.reset(name)
+    latch.check()
+    return latch
+
+
+def _column(name: str, file: BenchFile) -> Column:
+    entry = file.bench.channels[name]
+    raw_unit = file.device.terminals[entry.terminal].unit
+    calibration = {} if entry.calibration is None else {**asdict(entry.line), "raw_unit": raw_unit}
+    source = entry.source or f"{entry.device} {entry.terminal}"
+    return Column(name=name, unit=entry.unit, source=source, calibration=calibration)

@@ -1,0 +1,54 @@
+"""What a bench file says about limits and interlocks, as the guard takes it."""
+
+from __future__ import annotations
+
+import math
+
+from hil.bench.file import Bench, InterlockEntry, OutputLimits
+from hil.safety.envelope import Dwell, Envelope
+from hil.safety.interlock import Band, Interlock
+from hil.safety.protection import Protection
+
+
+def protection_of(bench: Bench, rate_hz: float) -> Protection:
+    """Limits, ramps and interlocks of a bench, in engineering units; the guard itself plays at `rate_hz`."""
+    ramps = {name: channel.ramp_to_safe_per_s for name, channel in bench.channels.items()}
+    return Protection(
+        rate_hz=rate_hz,
+        envelopes=envelopes_of(bench),
+        ramps_per_s={name: ramp for name, ramp in ramps.items() if ramp is not None},
+        interlocks=[interlock_of(name, entry, bench) for name, entry in bench.interlocks.items()],
+        block_s=bench.protection.block_s,
+        patience_s=bench.protection.patience_s,
+    )
+
+
+def envelopes_of(bench: Bench) -> dict[str, Envelope]:
+    """The limits of every output that has some; those of the command are tightened by the valve's own."""
+    found = {name: envelope_of(c.limits) for name, c in bench.channels.items() if c.limits is not None}
+    if bench.valve.limits is not None:
+        valve = envelope_of(bench.valve.limits)
+        (command,) = (name for name, channel in bench.channels.items() if channel.role == "command")
+        found[command] = found[command].tightened(valve) if command in found else valve
+    return found
+
+
+def envelope_of(limits: OutputLimits) -> Envelope:
+    """Limits as the guard takes them."""
+    dwells = tuple(Dwell(dwell.level, dwell.longest_s) for dwell in limits.dwell)
+    return Envelope(limits.low, limits.high, limits.slew_per_s or math.inf, dwells)
+
+
+def interlock_of(name: str, entry: InterlockEntry, bench: Bench) -> Interlock:
+    """An interlock, its raw limits (live zero) brought to the channel's unit."""
+    line = bench.channels[entry.channel].line
+    raw = line.range_of(
+        -math.inf if entry.raw_low is None else entry.raw_low, math.inf if entry.raw_high is None else entry.raw_high
+    )
+    low = max(raw[0], -math.inf if entry.low is None else entry.low)
+    high = min(raw[1], math.inf if entry.high is None else entry.high)
+    condition = entry.only_while
+    only_while = None if condition is None else Band(condition.channel, condition.low, condition.high)
+    return Interlock(
+        name, entry.action, Band(entry.channel, low, high, entry.minus), entry.for_s, only_while, entry.stale_s
+    )

@@ -1,0 +1,88 @@
+"""Read a bench file, or say everything that is wrong with it."""
+
+from __future__ import annotations
+
+import datetime as dt
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.bench.check import faults_of
+from hil.bench.device import DeviceInUse, device_in_use
+from hil.bench.draft import draft_of
+from hil.bench.fault import BenchError, Fault
+from hil.bench.file import Bench
+from hil.bench.lines import line_at, lines_of
+from hil.errors import FileError
+
+
+@dataclass(frozen=True, slots=True)
+class BenchFile:
+    """A bench file without faults.
+
+    Attributes:
+        path: where it was read.
+        text: as it stood there; it goes into the header of every run.
+        bench: what it says.
+        device: the device that drives the bench, its settings checked, not yet opened.
+        remarks: what is allowed but deserves a look: a calibration that is overdue, an output without limits.
+    """
+
+    path: Path
+    text: str
+    bench: Bench
+    device: DeviceInUse
+    remarks: tuple[str, ...]
+
+
+def read_bench(path: Path, today: dt.date | None = None) -> BenchFile:
+    """Read a bench file.
+
+    Args:
+        path: the file.
+        today: the day by which calibrations are due; the present one if not given.
+
+    Raises:
+        FileError: it cannot be read, or is not TOML (the message names the line).
+        BenchError: it has faults, each with its line and what to do about it.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+        content = tomllib.loads(text)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise FileError(f"{path}: not a bench file: {error}") from None
+    draft, faults = draft_of(content)
+    devices: dict[str, DeviceInUse] = {}
+    for name in draft.devices:
+        device, found = device_in_use(name, draft, path.parent)
+        faults += found
+        if device is not None:
+            devices[name] = device
+    faults += faults_of(draft, devices, path.parent)
+    if faults:
+        raise _error(path, text, faults)
+    bench = Bench.model_validate(content)
+    return BenchFile(path, text, bench, next(iter(devices.values())), tuple(_remarks(bench, today)))
+
+
+def _error(path: Path, text: str, faults: list[Fault]) -> BenchError:
+    lines = lines_of(text)
+    in_order = sorted(faults, key=lambda fault: line_at(lines, fault.place) or 0)
+    return BenchError(list(dict.fromkeys(fault.described(path, lines) for fault in in_order)))
+
+
+def _remarks(bench: Bench, today: dt.date | None) -> Iterator[str]:
+    day = today or dt.datetime.now(tz=dt.UTC).date()
+    for name, channel in bench.channels.items():
+        if channel.calibration is not None and channel.calibration.date is None:
+            yield f"channel '{name}': the calibration has no date; reports will say so"
+        if channel.calibration is not None and channel.calibration.due and channel.calibration.due < day:
+            yield f"channel '{name}': the calibration was due on {channel.calibration.due}"
+        if channel.is_output and channel.limits is None:
+            yield f"channel '{name}': an output without limits may use the whole range of its terminal"
+    for instrument in bench.instruments:
+        if instrument.due and instrument.due < day:
+            yield f"instrument '{instrument.name}': its calibration was due on {instrument.due}"
+    if not bench.interlocks:
+        yield "no interlocks: nothing watches the bench but its limits"

@@ -1,0 +1,47 @@
+"""What the bench does, into the run folder: every block, every event, every part."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import AbstractContextManager, nullcontext
+from typing import Any
+
+from hil.daq.contract import Block
+from hil.record.folder import RunWriter
+
+
+class Recorder:
+    """Keeps blocks in a run folder, their time counted from the first sample of the run."""
+
+    def __init__(self, writer: RunWriter) -> None:
+        self._writer = writer
+        self._zero_s: float | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the run folder."""
+        return str(self._writer.path)
+
+    def time_of(self, block: Block) -> Any:
+        """The stamps of a block on the time of the run, shape (n,)."""
+        return block.time_s - (self._zero_s or 0.0)
+
+    def keep(self, block: Block) -> None:
+        """Write a block. Raises `StorageError`."""
+        if self._zero_s is None:
+            self._zero_s = float(block.time_s[0])
+        self._writer.append(self.time_of(block), {**block.outputs, **block.inputs})
+        if block.late:
+            self.note("late samples", count=block.late)
+
+    def note(self, event: str, **details: Any) -> None:
+        """Write an event."""
+        self._writer.event(event, **details)
+
+    def mark(self, samples: int, details: Mapping[str, Any]) -> None:
+        """The last so many samples kept were a part of the procedure."""
+        self._writer.mark(samples, details)
+
+    def part(self, details: Mapping[str, Any] | None) -> AbstractContextManager[None]:
+        """Samples kept inside belong to a part of the procedure, if it is described."""
+        return nullcontext() if details is None else self._writer.part(details)

@@ -1,0 +1,197 @@
+"""The rig of a bench: what procedures drive (see `hil.rig`), through the guard and into the run folder."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from hil.bench.file import Bench
+from hil.bench.recorder import Recorder
+from hil.daq.contract import Block, Waveform, joined
+from hil.record.header import Column
+from hil.record.recording import Array, Channel, Recording
+from hil.rig import RoleChannel
+from hil.safety.envelope import Envelope
+from hil.safety.guard import Guard
+from hil.safety.ramp import way_to
+
+Progress = Callable[[float, str], None]
+"""Called with the share done, 0 … 1, and what is going on."""
+
+
+class BenchRig:
+    """A bench as a procedure sees it: roles in engineering units, no device, no volts.
+
+    Args:
+        bench: the bench file.
+        guard: the device behind its limits and interlocks.
+        recorder: the run folder; the guard keeps every block in it.
+        columns: the channels as they are recorded, with source and calibration.
+        progress: told how far the procedure is.
+    """
+
+    def __init__(
+        self, bench: Bench, guard: Guard, recorder: Recorder, columns: Iterable[Column], progress: Progress
+    ) -> None:
+        self._bench = bench
+        self._guard = guard
+        self._recorder = recorder
+        self._columns = {column.name: column for column in columns}
+        self._progress = progress
+        self._roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
+
+    @property
+    def command(self) -> RoleChannel:
+        """The valve's command, with the limits in force."""
+        name = self._roles["command"]
+        limits, channel = self._guard.limits[name], self._guard.outputs[name]
+        slew = None if np.isinf(limits.slew_per_s) else limits.slew_per_s
+        return RoleChannel(name, channel.unit, limits.low, limits.high, channel.safe, slew)
+
+    @property
+    def response(self) -> RoleChannel:
+        """The measured answer, with the range that its instrument covers."""
+        channel = self._guard.inputs[self._roles["response"]]
+        return RoleChannel(channel.name, channel.unit, channel.low, channel.high)
+
+    @property
+    def rate_hz(self) -> float:
+        """The sample rate that the bench file asks for, as the device really makes it."""
+        return self._guard.actual_rate_hz(self._bench.sample_rate_hz)
+
+    @property
+    def settling_s(self) -> float:
+        """In this time the valve's answer to a change has died away."""
+        return self._bench.valve.settling_s
+
+    @property
+    def conditions(self) -> Mapping[str, Any]:
+        """Valve, conditions of the test and instruments."""
+        return conditions_of(self._bench)
+
+    @property
+    def promises(self) -> Mapping[str, Any]:
+        """What the backend keeps at the bench's own rate, as written into recordings."""
+        return self._sampling(self.rate_hz)
+
+    def actual_rate_hz(self, asked_hz: float) -> float:
+        """The sample rate that will really be used when one is asked for. Raises `RangeError`."""
+        return self._guard.actual_rate_hz(asked_hz)
+
+    def tighten(self, low: float, high: float, slew_per_s: float | None = None) -> None:
+        """Narrow the limits of the command for the rest of the run; they never become wider."""
+        self._guard.tighten(self.command.name, Envelope(low, high, slew_per_s or np.inf))
+        self.note("limits tightened", low=low, high=high, slew_per_s=slew_per_s)
+
+    def check(self, command: Array, rate_hz: float | None = None) -> None:
+        """Raise `RangeError` if any sample would leave the envelope; drives nothing."""
+        self._guard.check(self._waveform(command, rate_hz))
+
+    def play(self, command: Array, rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None) -> Recording:
+        """Drive the command and return every channel for just these samples, already on disk."""
+        waveform = self._waveform(command, rate_hz)
+        self._guard.ready()
+        with self._recorder.part(part):
+            blocks = list(self._guard.play(waveform))
+        return self._recording(joined(blocks), waveform.rate_hz, part)
+
+    def stream(
+        self, commands: Iterable[Array], rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None
+    ) -> Iterator[Recording]:
+        """Like `play` for a long run without a gap: a recording for each array of commands."""
+        rate_hz = self._rate(rate_hz)
+        asked: deque[int] = deque()
+        self._guard.ready()
+        with self._recorder.part(part):
+            for block in whole(self._guard.stream(self._counted(commands, rate_hz, asked)), asked):
+                yield self._recording(block, rate_hz, part)
+
+    def hold(
+        self, duration_s: float, rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None
+    ) -> Recording:
+        """Keep the command where it stands and record."""
+        rate_hz = self._rate(rate_hz)
+        samples = max(1, round(duration_s * rate_hz))
+        return self.play(np.full(samples, self._level), rate_hz, part=part)
+
+    def ramp_to(self, value: float, rate_hz: float | None = None) -> Recording:
+        """Go to a value at the allowed slew and stay there until the valve has settled."""
+        rate_hz = self._rate(rate_hz)
+        name = self.command.name
+        entry = self._bench.channels[name]
+        slew_per_s = self.command.slew_per_s or entry.ramp_to_safe_per_s or np.inf
+        way = way_to({name: value}, {name: self._level}, {name: slew_per_s}, rate_hz)
+        still = np.full(max(1, round(self.settling_s * rate_hz)), value)
+        command = still if way is None else np.concatenate((way.outputs[name], still))
+        return self.play(command, rate_hz, part={"kind": "ramp", "to": value})
+
+    def mark(self, samples: int, part: Mapping[str, Any]) -> None:
+        """Say afterwards what the last so many recorded samples are."""
+        self._recorder.mark(samples, part)
+
+    def note(self, event: str, **details: Any) -> None:
+        """Write an event into the run."""
+        self._recorder.note(event, **details)
+
+    def progress(self, done: float, text: str) -> None:
+        """Tell the operator how far the procedure is: 0 … 1."""
+        self._progress(done, text)
+
+    @property
+    def _level(self) -> float:
+        return self._guard.levels[self.command.name]
+
+    def _rate(self, asked_hz: float | None) -> float:
+        return self._guard.actual_rate_hz(self._bench.sample_rate_hz if asked_hz is None else asked_hz)
+
+    def _waveform(self, command: Array, rate_hz: float | None) -> Waveform:
+        return Waveform(self._rate(rate_hz), {self.command.name: np.asarray(command, dtype=np.float64)})
+
+    def _counted(self, commands: Iterable[Array], rate_hz: float, asked: deque[int]) -> Iterator[Waveform]:
+        for command in commands:
+            waveform = self._waveform(command, rate_hz)
+            asked.append(len(waveform))
+            yield waveform
+
+    def _sampling(self, rate_hz: float) -> dict[str, Any]:
+        return self._guard.promises.sampling(self._guard.inputs, rate_hz)
+
+    def _recording(self, block: Block, rate_hz: float, part: Mapping[str, Any] | None) -> Recording:
+        self._note_beyond_range(block)
+        time_s = self._recorder.time_of(block)
+        place = {"first": 0, "count": len(block), "start_s": float(time_s[0]), "stop_s": float(time_s[-1])}
+        meta = {"sampling": self._sampling(rate_hz), "parts": [] if part is None else [{**part, **place}]}
+        channels = {
+            name: Channel(name, column.unit, block.values(name), column.source, column.calibration)
+            for name, column in self._columns.items()
+        }
+        return Recording(self._recorder.name, time_s, channels, meta)
+
+    def _note_beyond_range(self, block: Block) -> None:
+        """A reading at the end of a converter's range may be anything beyond it."""
+        for name, channel in self._guard.inputs.items():
+            edge = 1e-4 * (channel.high - channel.low)
+            values = block.inputs[name]
+            if channel.kind != "digital" and (values.min() < channel.low + edge or values.max() > channel.high - edge):
+                self.note("reading at the end of its range", channel=name, low=channel.low, high=channel.high)
+
+
+def whole(blocks: Iterable[Block], asked: deque[int]) -> Iterator[Block]:
+    """Blocks put together to the lengths that were asked for, which are taken from the queue one by one."""
+    parts: list[Block] = []
+    for block in blocks:
+        parts.append(block)
+        if sum(map(len, parts)) == asked[0]:
+            asked.popleft()
+            yield joined(parts)
+            parts = []
+
+
+def conditions_of(bench: Bench) -> dict[str, Any]:
+    """Valve, roles of channels, conditions of the test and instruments, as JSON values."""
+    told = bench.model_dump(mode="json", include={"valve", "conditions", "instruments"})
+    roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
+    return {"bench": bench.name, "roles": roles, **told}

@@ -1,0 +1,1 @@
+"""The DAQ abstraction: what every backend promises, real or simulated."""

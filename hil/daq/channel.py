@@ -1,0 +1,75 @@
+"""What a device has to connect to, and what a bench has connected."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+Direction = Literal["out", "in"]
+Kind = Literal["voltage", "current", "pwm_current", "digital", "value"]
+
+
+@dataclass(frozen=True, slots=True)
+class Terminal:
+    """A place where a signal goes out of a device or into it, with the widest range that it offers.
+
+    `kind` says what it is: `voltage` [V], `current` [A], `pwm_current` (a current kept up by pulse width
+    modulation, [A]), `digital` (0 or 1), or `value` (a device that speaks engineering units by itself).
+    """
+
+    direction: Direction
+    kind: Kind
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Pwm:
+    """How a PWM current output is made: the carrier, and the dither that keeps the valve from sticking.
+
+    `dither_amplitude` is the peak of a sine about the mean current, in the unit of the output.
+    """
+
+    carrier_hz: float
+    dither_hz: float | None = None
+    dither_amplitude: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class OutputChannel:
+    """An output in use: its name on the bench, where it is connected, its range, and where it is safe.
+
+    0 V is not neutral for every valve, so `safe` is always said. Values are in `unit`: raw as the device
+    drives it, or engineering units once a calibration stands in front (see `hil.daq.scaled`).
+    """
+
+    name: str
+    terminal: str
+    kind: Kind
+    unit: str
+    low: float
+    high: float
+    safe: float = 0.0
+    pwm: Pwm | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class InputChannel:
+    """An input in use: its name on the bench, where it is connected, and its range."""
+
+    name: str
+    terminal: str
+    kind: Kind
+    unit: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class Wiring:
+    """Every channel that a bench uses of one device; inputs in the order in which they are scanned."""
+
+    outputs: Mapping[str, OutputChannel]
+    inputs: Mapping[str, InputChannel]

@@ -1,0 +1,199 @@
+"""What a DAQ backend is: promises, waveforms, blocks.
+
+The contract is in blocks, because the hardware, not the host, times samples wherever it can. What a backend
+cannot promise it says in its `Promises`, which are written into recordings and read by estimators; nobody
+guesses.
+
+A driver (`drivers/NAME.py`) or simulated device (`sim_devices/NAME.py`) provides four names:
+
+    Settings                                  what its table in the bench file may say (pydantic)
+    faults(settings) -> [(place, text)]       what is wrong with them beyond their types: keys, and a remedy
+    terminals(settings) -> {name: Terminal}   what it has to connect to; opens nothing
+    open_daq(settings, wiring) -> Daq         the device, open, every output where it was found
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+
+from hil.daq.channel import InputChannel, OutputChannel
+from hil.errors import RangeError
+from hil.record.recording import Array
+
+
+@dataclass(frozen=True, slots=True)
+class Promises:
+    """What a backend keeps. Data, so that nobody guesses.
+
+    Attributes:
+        timing: who times the samples: the device's own clock (`hardware`), a simulated device's clock that
+            does not wait (`virtual`), or the host that asks for each one (`polled`).
+        simultaneous: inputs are sampled at one instant; otherwise `skew_s` lies between neighbours, in the
+            order of the wiring.
+        read_at: share of a sample between the update of the outputs and the reading of the first input.
+        holds_on_stop: outputs keep their last value when a task stops (so they must be driven safe).
+        lowest_rate_hz, highest_rate_hz: what can be asked for; the actual rate is coerced.
+        clock_hz: rates are whole divisions of it; None when any rate can be had.
+        watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
+        latency_s: measured delay of the link, where one is known.
+    """
+
+    timing: Literal["hardware", "virtual", "polled"]
+    simultaneous: bool
+    skew_s: float
+    read_at: float
+    holds_on_stop: bool
+    lowest_rate_hz: float
+    highest_rate_hz: float
+    clock_hz: float | None = None
+    watchdog_s: float | None = None
+    latency_s: float | None = None
+
+    def sampling(self, inputs: Iterable[str], rate_hz: float) -> dict[str, Any]:
+        """These promises as a recording keeps them: also when each input was read.
+
+        `delay_s` is, by input name, the time from the update of the outputs to the reading of that input.
+        """
+        delays = {name: self.read_at / rate_hz + i * self.skew_s for i, name in enumerate(inputs)}
+        return {**asdict(self), "rate_hz": rate_hz, "delay_s": delays}
+
+
+@dataclass(frozen=True, slots=True)
+class Waveform:
+    """Samples for one or more outputs, started together on one clock; outputs not named hold their level.
+
+    `outputs` has one array of shape (n,) for each name, n ≥ 1.
+
+    Raises:
+        RangeError: no output, no sample, or arrays of different lengths.
+    """
+
+    rate_hz: float
+    outputs: Mapping[str, Array]
+
+    def __post_init__(self) -> None:
+        lengths = {name: len(values) for name, values in self.outputs.items()}
+        if len(set(lengths.values())) != 1 or 0 in lengths.values():
+            raise RangeError(f"outputs of one waveform need the same number of samples, at least one: {lengths}")
+
+    def __len__(self) -> int:
+        return len(next(iter(self.outputs.values())))
+
+    def slices(self, samples: int) -> Iterator[Waveform]:
+        """The waveform in pieces of at most `samples`."""
+        for first in range(0, len(self), samples):
+            piece = {name: values[first : first + samples] for name, values in self.outputs.items()}
+            yield Waveform(self.rate_hz, piece)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """Samples that came back: when they were taken, what was read, and what was driven.
+
+    Attributes:
+        time_s: stamps the samples really had, on the device's clock since it was opened; they go on
+            increasing from task to task. Shape (n,).
+        inputs, outputs: every channel by name, shape (n,).
+        late: samples that a polled backend missed.
+    """
+
+    time_s: Array
+    inputs: Mapping[str, Array]
+    outputs: Mapping[str, Array]
+    late: int = 0
+
+    def __len__(self) -> int:
+        return len(self.time_s)
+
+    def values(self, name: str) -> Array:
+        """Samples of an input or an output."""
+        return self.inputs[name] if name in self.inputs else self.outputs[name]
+
+
+def joined(blocks: Sequence[Block]) -> Block:
+    """Blocks of one task as one."""
+    if len(blocks) == 1:
+        return blocks[0]
+    return Block(
+        np.concatenate([block.time_s for block in blocks]),
+        {name: np.concatenate([block.inputs[name] for block in blocks]) for name in blocks[0].inputs},
+        {name: np.concatenate([block.outputs[name] for block in blocks]) for name in blocks[0].outputs},
+        sum(block.late for block in blocks),
+    )
+
+
+@contextmanager
+def closing_blocks(blocks: Iterator[Block]) -> Iterator[Iterator[Block]]:
+    """Blocks of a task whose reader may leave early: the task then ends at once, not when memory is tidied."""
+    try:
+        yield blocks
+    finally:
+        if isinstance(blocks, Generator):
+            blocks.close()
+
+
+class Daq(Protocol):
+    """A backend: NI, Modbus, serial, CAN, or a simulated plant.
+
+    Errors (all from `hil.errors`): `RangeError` before the first sample; afterwards `LinkError`,
+    `DeviceLostError`, `OutputUnderflowError`, `OverrunError`. Blocks read before an error are handed over
+    before it is raised.
+    """
+
+    @property
+    def promises(self) -> Promises:
+        """What this backend keeps."""
+        ...
+
+    @property
+    def outputs(self) -> Mapping[str, OutputChannel]:
+        """The outputs in use, by name, with the range that the device really gives them."""
+        ...
+
+    @property
+    def inputs(self) -> Mapping[str, InputChannel]:
+        """The inputs in use, by name, in the order in which they are scanned."""
+        ...
+
+    @property
+    def levels(self) -> Mapping[str, float]:
+        """Where each output stands now, as far as the device tells. Never raises."""
+        ...
+
+    def actual_rate_hz(self, asked_hz: float) -> float:
+        """The rate that the device will really use when asked for one.
+
+        Raises:
+            RangeError: outside what the device can do.
+        """
+        ...
+
+    def play(self, waveform: Waveform, block_samples: int | None = None) -> Iterator[Block]:
+        """Finite acquisition: outputs and inputs start together, one input sample for each output sample.
+
+        The whole waveform is the device's before the first sample, so it cannot run dry. Blocks come back as
+        they are read, of `block_samples` at most. Outputs hold their last value afterwards. `waveform.rate_hz`
+        must be an actual rate.
+        """
+        ...
+
+    def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
+        """Continuous acquisition: one uninterrupted task, a block back for each waveform.
+
+        The next waveform is asked for while the current one plays; memory stays bounded. All have one rate
+        and name the same outputs.
+        """
+        ...
+
+    def make_safe(self) -> None:
+        """Stop what plays and put every output at its safe value now. May be called at any time, again too."""
+        ...
+
+    def close(self) -> None:
+        """Make safe and let go of the device. May be called twice."""
+        ...

@@ -1,0 +1,121 @@
+"""The rig: what a bench promises to a procedure, and nothing below it.
+
+A procedure is a plain function `run(rig, *, setting=default, …)`. It sees roles (the command, the response)
+in engineering units, never device names, volts or registers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from hil.record.recording import Array, Recording
+
+
+@dataclass(frozen=True, slots=True)
+class RoleChannel:
+    """A channel of the rig in engineering units: its name, unit and allowed range."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    safe: float = 0.0
+    slew_per_s: float | None = None
+
+
+class Rig(Protocol):
+    """What a procedure may ask of a bench."""
+
+    @property
+    def command(self) -> RoleChannel:
+        """The valve's command (spool command in %, coil current in A, position request in mm)."""
+        ...
+
+    @property
+    def response(self) -> RoleChannel:
+        """The measured answer (flow, pressure, position)."""
+        ...
+
+    @property
+    def rate_hz(self) -> float:
+        """The sample rate that the bench is set to, as the device really makes it; used when none is asked for."""
+        ...
+
+    @property
+    def settling_s(self) -> float:
+        """In this time the valve's answer to a change of its command has died away."""
+        ...
+
+    @property
+    def conditions(self) -> Mapping[str, Any]:
+        """Bench, valve, conditions of the test and instruments: from the bench file."""
+        ...
+
+    @property
+    def promises(self) -> Mapping[str, Any]:
+        """What the backend keeps (timing, read_at, skew, delay of each input), as written into recordings."""
+        ...
+
+    def actual_rate_hz(self, asked_hz: float) -> float:
+        """The sample rate that will really be used. Raises `RangeError` when it cannot be had."""
+        ...
+
+    def tighten(self, low: float, high: float, slew_per_s: float | None = None) -> None:
+        """Narrow the limits of the command for the rest of the run; they never become wider.
+
+        Raises:
+            RangeError: nothing would be left, or not the safe value or the present level.
+        """
+        ...
+
+    def check(self, command: Array, rate_hz: float | None = None) -> None:
+        """Raise `RangeError` if any sample would leave the envelope (range, slew, dwell); drives nothing."""
+        ...
+
+    def play(self, command: Array, rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None) -> Recording:
+        """Drive the command, in its unit, and return every channel for just these samples.
+
+        The samples are on disk before this returns. Time goes on from one call to the next; the command
+        holds its last value in between. `part` says what these samples are (`{"kind": "sine",
+        "frequency_hz": 0.3, "bias": 50, …}`); it is kept with their place in `Recording.meta["parts"]`, where
+        the evaluation finds them.
+        """
+        ...
+
+    def stream(
+        self, commands: Iterable[Array], rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None
+    ) -> Iterator[Recording]:
+        """Like `play` for a long run, without a gap between the arrays; one recording for each.
+
+        The next array is asked for while the current one plays, so what an array brings can decide about the
+        next but one. Memory does not grow with the run.
+        """
+        ...
+
+    def hold(
+        self, duration_s: float, rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None
+    ) -> Recording:
+        """Keep the command where it stands, and record."""
+        ...
+
+    def ramp_to(self, value: float, rate_hz: float | None = None) -> Recording:
+        """Go to a value at the allowed slew and stay there for one settling time of the valve."""
+        ...
+
+    def mark(self, samples: int, part: Mapping[str, Any]) -> None:
+        """Say afterwards what the last so many recorded samples are, as `part` of `play` says it beforehand.
+
+        For what shows only in the samples themselves: from when on a response is steady. While a stream is
+        read, the last samples are those that it has given back.
+        """
+        ...
+
+    def note(self, event: str, **details: Any) -> None:
+        """Write an event into the run: a level reached, a decision taken."""
+        ...
+
+    def progress(self, done: float, text: str) -> None:
+        """Tell the operator how far the procedure is: 0 … 1."""
+        ...

@@ -1,0 +1,1 @@
+"""Limits, interlocks, and the guard that nothing walks around."""

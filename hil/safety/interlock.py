@@ -1,0 +1,167 @@
+"""Interlocks: what must hold while a bench is driven, and what happens when it does not."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.daq.contract import Block
+from hil.safety.lasting import lasting_s
+
+Action = Literal["indicate", "hold", "stop", "trip"]
+
+
+@dataclass(frozen=True, slots=True)
+class Band:
+    """A channel within a range, ends included; `minus` names a channel that is subtracted first."""
+
+    channel: str
+    low: float = -np.inf
+    high: float = np.inf
+    minus: str = ""
+
+    def values(self, block: Block) -> NDArray[np.float64]:
+        """What is compared with the range."""
+        values = block.values(self.channel)
+        return values - block.values(self.minus) if self.minus else values
+
+    def outside(self, block: Block) -> NDArray[np.bool_]:
+        """Where the channel is not within the range; what is not a number is outside."""
+        values = self.values(block)
+        inside = values <= self.high
+        if self.low > -np.inf:
+            inside &= values >= self.low
+        return np.logical_not(inside, out=inside)
+
+    def __str__(self) -> str:
+        quantity = f"{self.channel} − {self.minus}" if self.minus else self.channel
+        if self.low == -np.inf:
+            return f"{quantity} ≤ {self.high:g}"
+        return f"{quantity} ≥ {self.low:g}" if self.high == np.inf else f"{quantity} in {self.low:g} … {self.high:g}"
+
+
+@dataclass(frozen=True, slots=True)
+class Interlock:
+    """A condition on the bench, and the action when it is broken for `for_s` without a break.
+
+    Attributes:
+        name: by which a trip is reset.
+        action: `indicate` writes an event; `hold` waits before the next part until the condition is met
+            again; `stop` ends the run, outputs going safe as on any exit; `trip` makes outputs safe at once and
+            latches until it is reset by name.
+        allowed: what must hold. (Over-pressure, over-temperature, live zero, end of stroke.)
+        for_s: how long it may be broken.
+        only_while: the condition is asked for only while this holds. (Flow without command: the flow is near
+            zero while the command is.)
+        stale_s: the reading must also change at least once in so long; a wire that is off, a device that
+            hangs and repeats itself, read as a constant.
+    """
+
+    name: str
+    action: Action
+    allowed: Band
+    for_s: float = 0.0
+    only_while: Band | None = None
+    stale_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """An interlock that was broken: when, and a sentence for the operator."""
+
+    interlock: Interlock
+    time_s: float
+    text: str
+
+
+@dataclass(slots=True)
+class Watch:
+    """Follows one interlock from block to block; `broken` says how the last block ended."""
+
+    interlock: Interlock
+    broken: bool = False
+    _outside_since_s: float | None = field(default=None, init=False)
+    _same_since_s: float | None = field(default=None, init=False)
+    _last: float = field(default=np.nan, init=False)
+
+    def judge(self, block: Block) -> Violation | None:
+        """The first violation that begins in this block."""
+        outside, stale = self._outside(block), self._stale(block)
+        conditions = [condition for condition in (outside, stale) if condition is not None]
+        if not conditions:
+            self.broken = False
+            return None
+        bad = np.logical_or.reduce(conditions)
+        went_on = self.broken and bool(bad[0])
+        self.broken = bool(bad[-1])
+        if went_on or not bad.any():
+            return None
+        at = int(np.argmax(bad))
+        time_s = float(block.time_s[at])
+        is_stale = outside is None or not outside[at]
+        reason = self._stale_text(block, at) if is_stale else self._outside_text(block, at)
+        return Violation(self.interlock, time_s, f"interlock '{self.interlock.name}': {reason} at {time_s:.3f} s")
+
+    def _outside(self, block: Block) -> NDArray[np.bool_] | None:
+        """Where the range has been left for long enough; None when it is kept all the time."""
+        lock = self.interlock
+        outside = lock.allowed.outside(block)
+        if lock.only_while is not None and np.count_nonzero(outside):
+            outside &= ~lock.only_while.outside(block)
+        if not np.count_nonzero(outside):
+            self._outside_since_s = None
+            return None
+        held_s, self._outside_since_s = lasting_s(outside, block.time_s, self._outside_since_s)
+        return outside & (held_s >= lock.for_s)
+
+    def _stale(self, block: Block) -> NDArray[np.bool_] | None:
+        """Where the reading has not changed for too long; None when it changes all the time."""
+        lock = self.interlock
+        if lock.stale_s is None:
+            return None
+        values = block.values(lock.allowed.channel)
+        same = np.empty(len(values), dtype=np.bool_)
+        same[0] = values[0] == self._last
+        np.equal(values[1:], values[:-1], out=same[1:])
+        self._last = float(values[-1])
+        if not np.count_nonzero(same):
+            self._same_since_s = None
+            return None
+        held_s, self._same_since_s = lasting_s(same, block.time_s, self._same_since_s)
+        return np.logical_and(same, held_s >= lock.stale_s)
+
+    def _outside_text(self, block: Block, at: int) -> str:
+        lock = self.interlock
+        lasted = f" for {lock.for_s:g} s" if lock.for_s else ""
+        condition = f" while {lock.only_while}" if lock.only_while else ""
+        return f"{lock.allowed.values(block)[at]:.6g}{lasted}{condition}; allowed: {lock.allowed}"
+
+    def _stale_text(self, block: Block, at: int) -> str:
+        lock = self.interlock
+        value = block.values(lock.allowed.channel)[at]
+        return (
+            f"{lock.allowed.channel} has stood at {value:.6g} for {lock.stale_s:g} s: dead sensor, broken wire or "
+            f"hanging device"
+        )
+
+
+class Watches:
+    """Follows every interlock of a bench."""
+
+    def __init__(self, interlocks: Iterable[Interlock]) -> None:
+        self._watches = [Watch(interlock) for interlock in interlocks]
+
+    def judge(self, block: Block) -> list[Violation]:
+        """The violations that begin in this block, in the order of time."""
+        found = [violation for watch in self._watches if (violation := watch.judge(block)) is not None]
+        return sorted(found, key=lambda violation: violation.time_s)
+
+    @property
+    def holding(self) -> Interlock | None:
+        """An interlock with the action `hold` that was broken at the end of the last block."""
+        broken = (watch.interlock for watch in self._watches if watch.broken)
+        return next((interlock for interlock in broken if interlock.action == "hold"), None)

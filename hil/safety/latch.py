@@ -1,0 +1,81 @@
+"""The latch: an interlock that tripped stays tripped until somebody resets it by its name."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+
+import platformdirs
+
+from hil.errors import StorageError, TrippedError, UnknownNameError
+
+
+class Latch:
+    """Trips by the name of their interlock. With a path they outlive the program.
+
+    A file that cannot be read counts as a trip: what it held is not known.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self._path = path
+        self._trips: dict[str, str] = _read(path) if path else {}
+
+    @property
+    def trips(self) -> dict[str, str]:
+        """What tripped, and why."""
+        return dict(self._trips)
+
+    def trip(self, name: str, why: str) -> None:
+        """Latch a trip.
+
+        Raises:
+            StorageError: it could not be kept for the next program; this one stays tripped all the same.
+        """
+        self._trips[name] = why
+        self._keep()
+
+    def reset(self, name: str) -> None:
+        """Forget a trip.
+
+        Raises:
+            UnknownNameError: nothing of that name has tripped.
+        """
+        if name not in self._trips:
+            raise UnknownNameError("tripped interlock", name, self._trips)
+        del self._trips[name]
+        self._keep()
+
+    def check(self) -> None:
+        """Raise `TrippedError` while anything is tripped."""
+        if self._trips:
+            name, why = next(iter(self._trips.items()))
+            raise TrippedError(f"{why}; find the cause, then reset it with --reset '{name}'")
+
+    def _keep(self) -> None:
+        if self._path is None:
+            return
+        try:
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            part = self._path.with_suffix(".part")
+            part.write_text(json.dumps(self._trips, indent=1, ensure_ascii=False), encoding="utf-8")
+            part.replace(self._path)
+        except OSError as error:
+            raise StorageError(f"{self._path}: the trips cannot be kept: {error.strerror}") from error
+
+
+def latch_path(bench: str) -> Path:
+    """Where the trips of a bench are kept: in the user's state folder, or in `HIL_STATE_DIR`."""
+    folder = Path(os.environ.get("HIL_STATE_DIR") or platformdirs.user_state_dir("valve-hil"))
+    name = "".join(letter if letter.isalnum() else "-" for letter in bench.lower()).strip("-")
+    return folder / "trips" / f"{name}.json"
+
+
+def _read(path: Path) -> dict[str, str]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        return {str(name): str(why) for name, why in content.items()}
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, AttributeError) as error:
+        return {"unreadable": f"{path}: the kept trips cannot be read: {error}"}

@@ -1,0 +1,40 @@
+"""An hour of streaming needs no more memory than a minute."""
+
+from __future__ import annotations
+
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.record.folder import read
+
+PIECES, PIECE_S, RATE_HZ = 1200, 3, 1000
+
+
+def test_memory_does_not_grow_with_an_hour_of_streaming(tmp_path: Path) -> None:
+    time_s = np.arange(PIECE_S * RATE_HZ) / RATE_HZ
+    piece = 50.0 + 20.0 * np.sin(2.0 * np.pi * time_s)
+    heights: list[int] = []
+    bench = tmp_path / "bench.toml"
+    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+    bench.write_text(text.replace("block_s = 1.0", f"block_s = {PIECE_S}"), encoding="utf-8")
+    with open_rig(read_bench(bench), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+        rig.ramp_to(50.0)
+        tracemalloc.start()
+        try:
+            for i, found in enumerate(rig.stream((piece for _ in range(PIECES)), RATE_HZ, part={"kind": "endurance"})):
+                assert len(found) == len(piece)
+                if i in (20, PIECES - 1):
+                    heights.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+    minute, hour = heights
+    assert hour < minute + 200_000
+    assert hour < 5_000_000
+    run = read(tmp_path / "run")
+    assert run.meta["parts"][-1]["count"] == PIECES * len(piece)
+    assert run.duration_s > 3600.0

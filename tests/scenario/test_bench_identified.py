@@ -1,0 +1,32 @@
+"""The loop: a simulated bench is driven, recorded, and its parameters are found again in the recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.identify.experiment import experiment
+from hil.identify.grey_box import fit_plant, starting_model
+from hil.record.read import read_recording
+
+TRUTH = {"dead_time": 0.03, "pilot_rate": 9.0, "dead_band": 17.0, "full_flow": 64.0}
+
+
+def test_parameters_of_the_simulated_valve_are_found_again(tmp_path: Path) -> None:
+    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+    changed = ", ".join(f"{name} = {value}" for name, value in TRUTH.items())
+    path = tmp_path / "bench.toml"
+    path.write_text(text.replace("seed = 1", f"seed = 1\nparameters = {{ {changed} }}"), encoding="utf-8")
+    with open_rig(read_bench(path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+        for level in (40.0, 70.0, 30.0, -50.0, -80.0, -40.0, 60.0, 100.0, 55.0):
+            rig.play(np.full(round(rig.rate_hz), level), part={"kind": "level", "level": level})
+    start = starting_model("brevini-hpv41", ())
+    model = fit_plant(start, [experiment(read_recording(tmp_path / "run"), start.definition)], ()).model
+    for name, true in TRUTH.items():
+        found = model.parameters[name]
+        assert found.std is not None and found.std < 0.05 * true, name
+        assert abs(found.value - true) < 4.0 * found.std, name

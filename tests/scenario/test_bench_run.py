@@ -1,0 +1,162 @@
+"""`hil run` and `hil check` as an operator meets them: every way in which a run can end."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.errors import FileError
+from hil.record.read import read_recording
+
+HPV41 = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+REAL_TIME = {'simulated = "in_process"': 'simulated = "in_process"\ntime = "real"', "block_s = 1.0": "block_s = 0.05"}
+STRANGER = Path(__file__).parents[1] / "stranger"
+
+
+def bench(tmp_path: Path, changes: dict[str, str]) -> Path:
+    text = HPV41
+    for old, new in changes.items():
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def start(
+    *arguments: str | Path, prepare: Callable[[], None] | None = None, cwd: Path | None = None
+) -> subprocess.Popen[str]:
+    environment = {**os.environ, "PYTHONPATH": str(STRANGER)}
+    command = [sys.executable, "-m", "hil", *map(str, arguments)]
+    return subprocess.Popen(
+        command, env=environment, cwd=cwd, preexec_fn=prepare, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+    )
+
+
+def run(*arguments: str | Path, prepare: Callable[[], None] | None = None, cwd: Path | None = None):
+    process = start(*arguments, prepare=prepare, cwd=cwd)
+    out, err = process.communicate(timeout=60)
+    return process.returncode, out, err
+
+
+def test_a_run_that_passes(tmp_path: Path) -> None:
+    status, out, err = run("run", "tiny_step", "--bench", "brevini-hpv41", "--set", "levels=50", cwd=tmp_path)
+    assert (status, err) == (0, "100%  round 1\n")
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert folder.name.startswith("tiny_step-2") and f"recording into runs/{folder.name}" in out
+    assert "rise " in out and "± " in out and "verdict: pass" in out
+    assert json.loads((folder / "findings.json").read_text(encoding="utf-8"))["verdict"] == "pass"
+
+
+@pytest.mark.parametrize(
+    ("changes", "settings", "status", "says"),
+    [
+        ({}, ["levels=5"], 1, ""),
+        ({}, ["levels=500"], 2, "500 % is outside -100 … 100 %"),
+        ({}, ["level=5"], 2, "no setting 'level'. Settings: levels: float, … = 40,60"),
+        ({"high = 140.0": "high = 90.0"}, [], 3, "interlock 'over-pressure'"),
+        ({"seed = 1": "seed = 1\nplant = 3"}, [], 2, "simulation.plant: input should be a valid string"),
+        ({"noise_v = 0.3e-3": 'fault = { kind = "lost", after = 3000 }'}, [], 3, "use the emergency stop"),
+        ({"noise_v = 0.3e-3": 'fault = { kind = "overrun", after = 3000 }'}, [], 3, "overwritten before it was read"),
+    ],
+)
+def test_each_end_has_its_exit_status_and_one_line(
+    tmp_path: Path, changes: dict[str, str], settings: list[str], status: int, says: str
+) -> None:
+    options = [option for setting in settings for option in ("--set", setting)]
+    file = bench(tmp_path, changes)
+    found, _, err = run("run", "tiny_step", "--bench", file, "--out", tmp_path / "run", *options)
+    assert found == status
+    lines = [line for line in err.splitlines() if line.startswith("hil: ")]
+    assert (len(lines) == 1 and says in lines[0]) if says else not lines
+
+
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_stopped_by_a_signal_while_driving(tmp_path: Path, number: signal.Signals, status: int) -> None:
+    folder = tmp_path / "run"
+    file = bench(tmp_path, REAL_TIME)
+    with start("run", "tiny_step", "--bench", file, "--out", folder, "--set", "hold_s=60") as process:
+        try:
+            _wait_for(folder, "command", 40.0)
+            process.send_signal(number)
+            process.send_signal(number)  # an impatient operator does not disturb the way down
+            _, err = process.communicate(timeout=20)
+        finally:
+            process.kill()
+    assert process.returncode == status
+    assert f"hil: stopped; outputs are safe, what was recorded is kept in {folder}" in err
+    recording = read_recording(folder)
+    command = recording.values("command")
+    assert command[-1] == 0.0
+    assert np.abs(np.diff(command[command.argmax() :])).max() <= 0.2 + 1e-9  # down the ramp of 200 %/s
+    assert recording.meta["parts"][-1]["unfinished"]
+    assert "Interrupt" in recording.meta["outcome"] or "Terminated" in recording.meta["outcome"]
+
+
+def test_full_disk_ends_safe_and_keeps_what_was_written(tmp_path: Path) -> None:
+    def small_disk() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, 1_000_000))
+
+    folder = tmp_path / "run"
+    status, _, err = run(
+        "run", "tiny_step", "--bench", "brevini-hpv41", "--out", folder, "--set", "hold_s=60", prepare=small_disk
+    )
+    assert status == 3
+    assert "cannot be written" in err and "are kept" in err
+    recording = read_recording(folder)
+    assert 15_000 < len(recording) < 21_000
+
+
+def test_check_lists_every_fault(tmp_path: Path) -> None:
+    file = bench(tmp_path, {"skew_s = 14e-6": "skw = 1", '"ai0"': '"ai99"'})
+    status, out, err = run("check", file)
+    assert status == 2
+    assert [line.split(": ")[1] for line in out.splitlines()] == ["devices.daq.skw", "channels.flow.terminal"]
+    assert err == f"hil: {file}: 2 faults\n"
+
+
+def test_check_of_a_good_bench_shows_it() -> None:
+    status, out, err = run("check", "cummins-efc")
+    assert (status, err) == (0, "")
+    assert "pwm0  current (command): 0 … 3 A, limits 0 … 2.2, safe at 0" in out
+
+
+def test_describe_needs_no_bench() -> None:
+    status, out, _ = run("run", "tiny_step", "--describe")
+    assert status == 0
+    assert "--set kind: step | ramp = step" in out and "rise [l/min]: response to the step" in out
+
+
+def test_usage_without_a_bench() -> None:
+    status, _, err = run("run", "tiny_step")
+    assert status == 2 and "--bench" in err
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = (
+        "import sys, hil.cli.run, hil.cli.check; print([m for m in ('numpy', 'pydantic', 'rich') if m in sys.modules])"
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert found.stdout.strip() == "[]"
+
+
+def _wait_for(folder: Path, channel: str, value: float) -> None:
+    deadline = time.monotonic() + 40.0
+    while time.monotonic() < deadline:
+        with suppress(FileError):  # not made yet, or without samples
+            if read_recording(folder).values(channel)[-1] == value:
+                return
+        time.sleep(0.05)
+    pytest.fail(f"{channel} never became {value:g}")

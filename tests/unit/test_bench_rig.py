@@ -1,0 +1,298 @@
+"""The rig of a bench: engineering units, the run folder, parts, limits."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.bench.recorder import Recorder
+from hil.bench.rig import BenchRig
+from hil.daq.contract import Block
+from hil.errors import FileError, HardwareError, RangeError, StoppedError, TrippedError
+from hil.identify.experiment import declared_read_at
+from hil.physics.model import Value, save_model, typical_model
+from hil.record.folder import RunWriter
+from hil.record.read import read_recording
+from hil.record.recording import Recording
+from hil.rig import Rig
+
+GOOD_PLANT = 'plant = "brevini-hpv41"'
+HPV41 = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+
+
+@contextmanager
+def rig_of(tmp_path: Path, *changes: tuple[str, str], name: str = "run") -> Iterator[BenchRig]:
+    text = HPV41
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / f"{name}.toml"
+    path.write_text(text, encoding="utf-8")
+    with open_rig(read_bench(path), tmp_path / name, {"procedure": "test"}, lambda _done, _text: None) as rig:
+        yield rig
+
+
+def test_what_is_played_comes_back_in_engineering_units_and_is_on_disk(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        assert isinstance(rig.rate_hz, float)
+        rig.ramp_to(50.0)
+        part = {"kind": "sine", "frequency_hz": 2.0, "bias": 50.0}
+        command = 50.0 + 10.0 * np.sin(2 * np.pi * 2.0 * np.arange(1500) / 1000.0)
+        played = rig.play(command, part=part)
+        stored = read_recording(tmp_path / "run")  # while the run goes on
+    assert played.values("command") == pytest.approx(command)
+    assert played.channel("flow").unit == "l/min"
+    assert played.channel("flow").calibration["slope"] == 10.0
+    assert np.array_equal(stored.values("flow")[-1500:], played.values("flow"))
+    assert stored.time_s[-1] == played.time_s[-1]
+    found = stored.meta["parts"][-1]
+    assert {key: found[key] for key in part} == part
+    assert (found["first"], found["count"]) == (len(stored) - 1500, 1500)
+    own = played.meta["parts"][0]
+    assert (own["first"], own["count"], own["kind"]) == (0, 1500, "sine")
+    assert declared_read_at(played) == declared_read_at(stored) == 0.0
+
+
+def test_run_folder_says_what_was_promised_and_how_it_ended(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        rig.hold(0.2)
+        rig.note("thought", depth=3)
+    run = read_recording(tmp_path / "run")
+    assert run.meta["outcome"] == "completed"
+    assert run.meta["procedure"] == "test"
+    assert run.meta["valve"]["plant"] == "brevini-hpv41"
+    assert run.meta["bench_file"].startswith("# The bench of")
+    assert run.meta["sampling"]["timing"] == "virtual"
+    assert run.meta["sampling"]["delay_s"]["supply pressure"] == pytest.approx(28e-6)
+    (event,) = [event for event in run.meta["events"] if event["event"] == "thought"]
+    assert event["details"] == {"depth": 3}
+    assert run.channel("flow").source == "dynamic flow meter, ±100 l/min"
+
+
+def test_outputs_end_at_their_safe_values_down_the_ramp(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        rig.play(np.full(100, 60.0))
+    command = read_recording(tmp_path / "run").values("command")
+    assert command[-1] == 0.0
+    down = command[-301:]
+    assert down[0] == pytest.approx(60.0)
+    assert np.diff(down) == pytest.approx(-0.2)
+
+
+def test_time_goes_on_from_part_to_part(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        first, second = rig.hold(0.5), rig.hold(0.5)
+        slow = rig.play(np.zeros(5), 100.0)
+    assert second.time_s[0] == pytest.approx(first.time_s[-1] + 0.001)
+    assert np.diff(slow.time_s) == pytest.approx(0.01)
+    assert read_recording(tmp_path / "run").time_s[0] == 0.0
+
+
+def test_time_of_the_run_begins_with_its_first_sample(tmp_path: Path) -> None:
+    """Whatever the clock of the device shows by then."""
+    path = tmp_path / "run"
+    with RunWriter.create(path, {}, [("a", "V"), ("b", "V")]) as writer:
+        recorder = Recorder(writer)
+        for start_s in (7.25, 7.5):
+            recorder.keep(Block(start_s + np.array([0.0, 0.125]), {"a": np.zeros(2)}, {"b": np.zeros(2)}, late=1))
+    run = read_recording(path)
+    assert run.time_s.tolist() == [0.0, 0.125, 0.25, 0.375]
+    assert [event["details"] for event in run.meta["events"]] == [{"count": 1}, {"count": 1}]
+
+
+def test_ramp_takes_its_time_and_the_valve_settles(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        ramp = rig.ramp_to(60.0)
+        assert ramp.duration_s == pytest.approx(60.0 / 200.0 + rig.settling_s, abs=0.002)
+        assert abs(np.diff(ramp.values("command"))).max() <= 0.2 + 1e-9
+        assert ramp.values("flow")[-200:].mean() == pytest.approx(70.0 * 0.5**1.2, abs=0.1)
+
+
+def test_stream_brings_a_recording_for_each_array_in_one_part(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        pieces = list(rig.stream((np.full(50, level) for level in (1.0, 2.0, 3.0)), part={"kind": "steps"}))
+    assert [piece.values("command")[0] for piece in pieces] == pytest.approx([1.0, 2.0, 3.0])
+    (part,) = read_recording(tmp_path / "run").meta["parts"]
+    assert (part["kind"], part["count"]) == ("steps", 150)
+
+
+def test_long_pieces_of_a_stream_are_judged_as_often_as_all_others(tmp_path: Path) -> None:
+    quick = ("block_s = 1.0", "block_s = 0.1")
+    low = ("high = 140.0\nfor_s = 0.02", 'high = 140.0\nfor_s = 0.5\nminus = "command"')
+    seen: list[Recording] = []
+    with pytest.raises(TrippedError, match="over-pressure"), rig_of(tmp_path, quick, low) as rig:
+        seen.extend(rig.stream(np.full(3000, -50.0 * i) for i in (0, 1, 2)))
+    assert [len(piece) for piece in seen] == [3000]
+    assert read_recording(tmp_path / "run").duration_s < 0.1 + 3.0 + 0.5 + 0.2
+
+
+def test_roles_have_the_limits_in_force(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        assert (rig.command.name, rig.command.unit, rig.command.low, rig.command.high) == ("command", "%", -100, 100)
+        assert (rig.response.name, rig.response.unit, rig.response.high) == ("flow", "l/min", 100.0)
+        rig.tighten(-30.0, 30.0, slew_per_s=500.0)
+        assert (rig.command.low, rig.command.high, rig.command.slew_per_s) == (-30.0, 30.0, 500.0)
+        with pytest.raises(RangeError, match="31 % is outside -30 … 30"):
+            rig.check(np.full(10, 31.0))
+
+
+def test_valve_tightens_the_limits_of_the_bench(tmp_path: Path) -> None:
+    valve = ("settling_s = 2.0", "settling_s = 2.0\nlimits = { low = -60.0, high = 150.0, slew_per_s = 400.0 }")
+    with rig_of(tmp_path, valve) as rig:
+        assert (rig.command.low, rig.command.high, rig.command.slew_per_s) == (-60.0, 100.0, 400.0)
+        with pytest.raises(RangeError, match="is 40000 %/s; allowed 400 %/s"):
+            rig.check(np.full(10, 40.0))
+
+
+ENABLE = (
+    "[interlocks.over-pressure]",
+    """[channels.enable]
+device = "daq"
+terminal = "do0"
+unit = "1"
+safe = 0
+on = 1
+
+[channels.door]
+device = "daq"
+terminal = "di0"
+unit = "1"
+
+[interlocks.door-open]
+channel = "door"
+low = 0.5
+action = "trip"
+
+[interlocks.over-pressure]""",
+)
+
+
+def door(closed: float) -> tuple[str, str]:
+    return (
+        "[simulation.instruments]",
+        f'[simulation.instruments]\nenable = {{ signal = "" }}\ndoor = {{ value = {closed} }}',
+    )
+
+
+def test_enable_line_is_on_while_the_bench_is_open(tmp_path: Path) -> None:
+    with rig_of(tmp_path, ENABLE, door(1.0)) as rig:
+        played = rig.play(np.full(100, 30.0))
+    assert (played.values("enable") == 1.0).all() and (played.values("door") == 1.0).all()
+    run = read_recording(tmp_path / "run")
+    assert (run.values("enable")[:100] == 0.0).all()
+    assert run.values("enable")[-1] == 0.0
+
+
+def test_enable_line_stays_off_while_a_door_is_open(tmp_path: Path) -> None:
+    with pytest.raises(TrippedError, match="door-open"), rig_of(tmp_path, ENABLE, door(0.0)):
+        pytest.fail("the bench was opened")
+    assert (read_recording(tmp_path / "run").values("enable") == 0.0).all()
+
+
+def test_identified_transfer_function_stands_in_for_the_valve(tmp_path: Path) -> None:
+    """Its signals have the names and units of the channels that it was identified from."""
+    model = typical_model("transfer-function")
+    values = {**model.parameters, "gain": Value(0.001, "[m^3/s]/[%]"), "lag_time": Value(0.1, "s")}
+    path = tmp_path / "valve.json"
+    save_model(replace(model, parameters=values, input="command [%]", output="flow [m^3/s]"), path)
+    plain = [(GOOD_PLANT, 'plant = "valve.json"'), ('"spool position" = {', '"spool position" = { value = 0.0,'),
+             ('"supply pressure" = {', '"supply pressure" = { value = 100.0,')]  # fmt: skip
+    with rig_of(tmp_path, *plain, ("slope = 10.0, uncertainty = 1.0", "slope = 1e5, uncertainty = 1.0")) as rig:
+        rig.ramp_to(10.0)
+        assert rig.hold(1.0).values("flow", "m^3/s").mean() == pytest.approx(0.01, rel=0.01)  # 16 bits of a wide range
+
+
+def test_refused_waveform_drives_nothing_and_ends_safe(tmp_path: Path) -> None:
+    with pytest.raises(RangeError, match="sample 3: 101 %"), rig_of(tmp_path) as rig:
+        rig.play(np.array([0.0, 90.0, 90.0, 101.0]))
+    run = read_recording(tmp_path / "run")
+    assert (run.values("command") == 0.0).all()
+    assert run.meta["outcome"].startswith("RangeError: output 'command'")
+
+
+def test_rate_is_coerced_to_what_the_device_has(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        assert rig.actual_rate_hz(300.0) == pytest.approx(1000.0 / 3.0)
+        assert rig.play(np.zeros(10), 300.0).meta["sampling"]["rate_hz"] == pytest.approx(1000.0 / 3.0)
+        with pytest.raises(RangeError, match="the device offers"):
+            rig.play(np.zeros(10), 5000.0)
+
+
+def test_over_pressure_trips(tmp_path: Path) -> None:
+    pressure = ("seed = 1", "seed = 1\nparameters = { supply_pressure = 150.0 }")
+    with (
+        pytest.raises(TrippedError, match=r"over-pressure': 1.* supply pressure ≤ 140"),
+        rig_of(tmp_path, pressure) as rig,
+    ):
+        rig.play(np.full(100, 50.0))
+    run = read_recording(tmp_path / "run")
+    assert (run.values("command") == 0.0).all()  # found before anything moved
+    assert run.meta["events"][-1]["event"] == "trip"
+
+
+def test_trip_while_driving_is_over_within_a_block(tmp_path: Path) -> None:
+    """The flow meter is stuck from the start, and the command is not at rest: only then it is noticed."""
+    flow = ("flow = { noise = 0.3 }", "flow = { value = 30.0, noise = 0.3 }")
+    block = ("block_s = 1.0", "block_s = 0.1")
+    with pytest.raises(TrippedError, match="flow-without-command"), rig_of(tmp_path, flow, block) as rig:
+        rig.play(np.concatenate((np.full(1000, 50.0), np.zeros(5000))))
+    run = read_recording(tmp_path / "run")
+    assert run.duration_s < 0.1 + 1.0 + 2.0 + 0.2
+    assert run.values("command")[-1] == 0.0
+
+
+def test_dead_sensor_stops(tmp_path: Path) -> None:
+    quiet = [("flow = { noise = 0.3 }", "flow = { value = 0.0 }"), ("noise_v = 0.3e-3", "noise_v = 0.0")]
+    with pytest.raises(StoppedError, match="dead-flow-meter"), rig_of(tmp_path, *quiet) as rig:
+        rig.play(np.full(3000, 30.0))
+
+
+@pytest.mark.parametrize("kind", ["lost", "underflow", "overrun"])
+def test_fault_of_the_device_keeps_what_was_read(tmp_path: Path, kind: str) -> None:
+    fault = ("noise_v = 0.3e-3", f'fault = {{ kind = "{kind}", after = 3333 }}')
+    with pytest.raises(HardwareError), rig_of(tmp_path, fault) as rig:
+        rig.play(np.full(9000, 40.0), part={"kind": "level"})
+    run = read_recording(tmp_path / "run")
+    assert run.meta["parts"][0]["unfinished"]
+    assert len(run) == 3333 if kind == "lost" else len(run) > 3333
+    assert kind == "lost" or run.values("command")[-1] == 0.0
+
+
+def test_reading_at_the_end_of_its_range_is_noted(tmp_path: Path) -> None:
+    narrow = ('terminal = "ai1"', 'terminal = "ai1"\nrange = [-2.0, 2.0]')
+    with rig_of(tmp_path, narrow) as rig:
+        rig.ramp_to(50.0)
+    events = read_recording(tmp_path / "run").meta["events"]
+    assert events[0]["event"] == "reading at the end of its range"
+    assert events[0]["details"]["channel"] == "spool position"
+
+
+def test_existing_folder_is_not_touched(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    with pytest.raises(FileError, match="exists already"), rig_of(tmp_path):
+        pytest.fail("it was opened")
+
+
+def test_samples_do_not_depend_on_how_often_the_bench_is_judged(tmp_path: Path) -> None:
+    flows = []
+    for name, block_s in (("one", "block_s = 1.0"), ("two", "block_s = 0.13")):
+        with rig_of(tmp_path, ("block_s = 1.0", block_s), name=name) as rig:
+            flows.append(np.concatenate([rig.ramp_to(40.0).values("flow"), rig.hold(1.0).values("flow")]))
+    assert np.array_equal(*flows)
+
+
+def test_rig_is_what_procedures_were_promised(tmp_path: Path) -> None:
+    promised = {name for name in vars(Rig) if not name.startswith("_")}
+    with rig_of(tmp_path) as rig:
+        offered: Rig = rig
+        assert promised <= {name for name in dir(offered) if not name.startswith("_")}
+        assert rig.conditions["conditions"]["fluid"] == "mineral oil"
+        assert rig.promises["delay_s"]["flow"] == 0.0

@@ -1,0 +1,263 @@
+"""The guard: every way out of a task leads over the safe values."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from wire import Wire
+
+from hil.clock import VirtualClock
+from hil.daq.contract import Block, Waveform
+from hil.errors import HardwareError, RangeError, StoppedError, StorageError, TrippedError
+from hil.safety.envelope import Dwell, Envelope
+from hil.safety.guard import Guard
+from hil.safety.interlock import Action, Band, Interlock
+from hil.safety.latch import Latch
+from hil.safety.protection import Protection
+
+RATE_HZ = 100.0
+LIMITS = {"a": Envelope(-8.0, 8.0)}
+
+
+def high(action: Action, limit: float = 6.0) -> Interlock:
+    return Interlock("high", action, Band("a read", high=limit))
+
+
+def wave(*levels: float, samples: int = 10) -> Waveform:
+    return Waveform(RATE_HZ, {"a": np.repeat(levels, samples)})
+
+
+def protection(*interlocks: Interlock, ramps: dict[str, float] | None = None, **more: Any) -> Protection:
+    return Protection(RATE_HZ, LIMITS, ramps or {}, interlocks, **{"block_s": 0.1, **more})
+
+
+def driven(wire: Wire) -> list[float]:
+    return [value for value, _ in wire.log["a"]]
+
+
+def test_waveform_is_checked_whole_before_its_first_sample() -> None:
+    wire = Wire()
+    guard = Guard(wire, protection())
+    with pytest.raises(RangeError, match="sample 20"):
+        list(guard.play(wave(5.0, 5.0, 9.0)))
+    assert 5.0 not in driven(wire)
+
+
+def test_outputs_are_made_safe_when_the_guard_is_put_in_front() -> None:
+    wire = Wire(levels={"a": 4.0}, safe={"a": 1.0})
+    Guard(wire, protection())
+    assert wire.levels["a"] == 1.0
+
+
+def test_interlocks_are_judged_before_anything_moves() -> None:
+    wire = Wire()
+    wire.offset = 7.0
+    with pytest.raises(TrippedError, match="high"):
+        list(Guard(wire, protection(high("trip"))).play(wave(1.0)))
+    assert set(driven(wire)) == {0.0}
+
+
+def test_trip_makes_safe_within_the_block_and_latches() -> None:
+    wire = Wire()
+    guard = Guard(wire, protection(high("trip"), ramps={"a": 10.0}))
+    with pytest.raises(
+        TrippedError, match=r"'high': 7; allowed: a read ≤ 6 at 0\.250 s; find the cause.*--reset 'high'"
+    ):
+        list(guard.play(wave(1.0, 7.0, 7.0, 7.0, samples=15)))
+    assert driven(wire)[-1] == 0.0 and driven(wire)[-2] == 7.0  # a jump, whatever the ramp
+    assert driven(wire).count(7.0) == 5  # the rest of its block
+    with pytest.raises(TrippedError):
+        list(guard.play(wave(0.5)))
+    guard.latch.reset("high")
+    with pytest.raises(StoppedError, match="this run is over"):
+        list(guard.play(wave(0.5)))
+
+
+def test_stop_goes_down_the_ramp() -> None:
+    wire = Wire()
+    guard = Guard(wire, protection(high("stop"), ramps={"a": 100.0}))
+    with pytest.raises(StoppedError, match="the run was stopped"):
+        list(guard.play(wave(7.0)))
+    assert driven(wire)[-7:] == pytest.approx([6.0, 5.0, 4.0, 3.0, 2.0, 1.0, 0.0])
+    assert not guard.latch.trips
+
+
+def test_trip_on_the_way_down_jumps() -> None:
+    wire = Wire()
+    low = Interlock("low", "trip", Band("a read", low=3.0), only_while=Band("a", high=2.5))
+    guard = Guard(wire, protection(low, ramps={"a": 10.0}))
+    wire.offset = 5.0
+    list(guard.play(wave(7.0)))
+    wire.offset = 0.0
+    with pytest.raises(TrippedError, match="low"):
+        guard.close()
+    steps = np.diff(driven(wire)[-3:])
+    assert steps[-1] < -1.5 and wire.levels["a"] == 0.0
+    assert wire.closed == 1
+
+
+def test_indicate_only_writes_an_event_once() -> None:
+    events: list[tuple[str, dict[str, Any]]] = []
+    guard = Guard(Wire(), protection(high("indicate")), note=lambda event, **details: events.append((event, details)))
+    list(guard.play(wave(7.0, samples=50)))
+    assert [event for event, _ in events] == ["indicate"]
+    assert events[0][1]["interlock"] == "high"
+
+
+def test_hold_waits_before_the_next_part_until_the_condition_is_met() -> None:
+    wire = Wire()
+    kept: list[Block] = []
+
+    def keep(block: Block) -> None:
+        kept.append(block)
+        wire.offset = -3.0 if len(kept) > 4 else 0.0  # it cools down while the guard waits
+
+    guard = Guard(wire, protection(high("hold"), patience_s=10.0), keep=keep)
+    list(guard.play(wave(7.0)))
+    list(guard.play(wave(7.5)))
+    assert driven(wire) == [0.0] * 10 + [7.0] * (10 + 40) + [7.5] * 10
+
+
+def test_hold_does_not_wait_longer_than_an_output_may_dwell() -> None:
+    wire = Wire()
+    limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
+    guard = Guard(wire, Protection(RATE_HZ, limits, {}, (high("hold"),), block_s=0.1))
+    list(guard.play(wave(7.0)))
+    with pytest.raises(RangeError, match="beyond ±5"):
+        list(guard.play(wave(0.0)))
+    assert driven(wire).count(7.0) == 100
+    assert wire.levels["a"] == 0.0
+
+
+def test_hold_gives_up_when_patience_ends() -> None:
+    wire = Wire()
+    guard = Guard(wire, protection(high("hold"), patience_s=0.5))
+    list(guard.play(wave(7.0)))
+    with pytest.raises(StoppedError, match=r"held the run for 0\.5 s"):
+        list(guard.play(wave(7.0)))
+    assert wire.levels["a"] == 0.0
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, RuntimeError, MemoryError])
+def test_any_error_of_the_reader_makes_safe(error: type[BaseException]) -> None:
+    wire = Wire()
+
+    def read() -> None:
+        for _ in Guard(wire, protection(ramps={"a": 100.0})).play(wave(5.0, samples=30)):
+            raise error
+
+    with pytest.raises(error):
+        read()
+    assert driven(wire)[-5:] == pytest.approx([4.0, 3.0, 2.0, 1.0, 0.0])
+
+
+def test_reader_who_leaves_early_makes_safe() -> None:
+    wire = Wire()
+    blocks = Guard(wire, protection()).stream(wave(5.0) for _ in range(100))
+    next(blocks)
+    blocks.close()
+    assert wire.levels["a"] == 0.0
+
+
+def test_every_block_is_kept_before_it_is_judged() -> None:
+    kept: list[Block] = []
+    guard = Guard(Wire(), protection(high("trip")), keep=kept.append)
+    with pytest.raises(TrippedError):
+        list(guard.play(wave(7.0)))
+    assert kept[-1].inputs["a read"].max() == 7.0
+
+
+def test_full_disk_does_not_keep_outputs_from_going_safe() -> None:
+    wire = Wire()
+
+    def full(block: Block) -> None:
+        if block.outputs["a"].any():
+            raise StorageError("disk full")
+
+    with pytest.raises(StorageError):
+        list(Guard(wire, protection(ramps={"a": 10.0}), keep=full).play(wave(3.0)))
+    assert driven(wire)[-30:] == pytest.approx(np.linspace(2.9, 0.0, 30))
+
+
+def test_ramp_that_fails_becomes_a_jump() -> None:
+    class Broken(Wire):
+        broken = False
+
+        def play(self, waveform: Waveform, block_samples: int | None = None):
+            if self.broken:
+                raise HardwareError("no answer")
+            return super().play(waveform, block_samples)
+
+    wire, events = Broken(), []
+    guard = Guard(wire, protection(ramps={"a": 100.0}), note=lambda event, **_: events.append(event))
+    list(guard.play(wave(3.0)))
+    wire.broken = True
+    guard.make_safe()
+    assert wire.levels["a"] == 0.0
+    assert events == ["ramp to safe failed"]
+
+
+def test_limits_can_be_tightened_and_never_widened() -> None:
+    guard = Guard(Wire(), protection())
+    guard.tighten("a", Envelope(-2.0, 20.0))
+    assert (guard.limits["a"].low, guard.limits["a"].high) == (-2.0, 8.0)
+    with pytest.raises(RangeError, match="outside -2 … 8"):
+        list(guard.play(wave(-3.0)))
+
+
+@pytest.mark.parametrize(("limits", "what"), [(Envelope(1.0, 8.0), "safe value"), (Envelope(-1.0, 2.0), "present")])
+def test_tightening_never_leaves_out_where_an_output_is_or_must_go(limits: Envelope, what: str) -> None:
+    guard = Guard(Wire(), protection())
+    list(guard.play(wave(3.0)))
+    with pytest.raises(RangeError, match=what):
+        guard.tighten("a", limits)
+
+
+def test_dwell_goes_on_while_nothing_plays() -> None:
+    clock = VirtualClock()
+    limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
+    guard = Guard(Wire(), Protection(RATE_HZ, limits, block_s=0.1), clock=clock)
+    list(guard.play(wave(6.0, samples=50)))
+    guard.check(wave(6.0, samples=50))
+    clock.sleep_until(0.2)
+    with pytest.raises(RangeError, match="beyond ±5"):
+        guard.check(wave(6.0, samples=50))
+    with pytest.raises(RangeError, match="beyond ±5"):
+        list(guard.play(wave(6.0, samples=50)))
+
+
+def test_time_in_which_samples_are_driven_does_not_count_twice() -> None:
+    clock = VirtualClock()
+    limits = {"a": Envelope(-8.0, 8.0, dwells=(Dwell(5.0, 1.0),))}
+    protected = Protection(RATE_HZ, limits, block_s=0.1)
+    guard = Guard(Wire(), protected, clock=clock, keep=lambda _block: clock.sleep_until(clock.now_s + 0.1))
+    list(guard.play(wave(6.0, samples=50)))
+    guard.check(wave(6.0, samples=50))
+    with pytest.raises(RangeError, match="beyond ±5"):
+        guard.check(wave(6.0, samples=51))
+
+
+def test_slew_counts_from_where_an_output_really_stands() -> None:
+    limits = {"a": Envelope(-8.0, 8.0, slew_per_s=100.0)}
+    guard = Guard(Wire(), Protection(RATE_HZ, limits, block_s=0.1))
+    up = np.linspace(0.0, 5.0, 51)
+    blocks = guard.play(Waveform(RATE_HZ, {"a": up}))
+    next(blocks)
+    blocks.close()  # cut short: the output is safe, whatever was to come
+    guard.check(Waveform(RATE_HZ, {"a": up}))
+    with pytest.raises(RangeError, match="from 0 to 5 V"):
+        guard.check(wave(5.0))
+
+
+def test_trip_outlives_the_program(tmp_path: Path) -> None:
+    path = tmp_path / "trips.json"
+    with pytest.raises(TrippedError):
+        list(Guard(Wire(), protection(high("trip")), Latch(path)).play(wave(7.0)))
+    guard = Guard(Wire(), protection(high("trip")), Latch(path))
+    with pytest.raises(TrippedError, match="high"):
+        list(guard.play(wave(0.0)))
+    guard.latch.reset("high")
+    assert len(list(Guard(Wire(), protection(high("trip")), Latch(path)).play(wave(0.0)))) == 1

@@ -1,0 +1,50 @@
+"""Trips stay until somebody resets them by name, also from one program to the next."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.errors import StorageError, TrippedError, UnknownNameError
+from hil.safety.latch import Latch, latch_path
+
+
+def test_reset_needs_the_name_of_what_tripped(tmp_path: Path) -> None:
+    latch = Latch(tmp_path / "bench.json")
+    latch.trip("over-pressure", "150 bar")
+    with pytest.raises(UnknownNameError, match="no tripped interlock named 'pump'; known: over-pressure"):
+        latch.reset("pump")
+    with pytest.raises(TrippedError, match="150 bar"):
+        latch.check()
+    latch.reset("over-pressure")
+    latch.check()
+
+
+def test_another_program_finds_the_trip(tmp_path: Path) -> None:
+    path = tmp_path / "state" / "bench.json"
+    Latch(path).trip("over-pressure", "150 bar")
+    assert Latch(path).trips == {"over-pressure": "150 bar"}
+    Latch(path).reset("over-pressure")
+    Latch(path).check()
+
+
+def test_unreadable_file_counts_as_a_trip(tmp_path: Path) -> None:
+    path = tmp_path / "bench.json"
+    path.write_text("{", encoding="utf-8")
+    with pytest.raises(TrippedError, match=r"bench\.json.*cannot be read"):
+        Latch(path).check()
+
+
+def test_trip_that_cannot_be_kept_is_told_and_holds(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    latch = Latch(tmp_path / "file" / "bench.json")
+    with pytest.raises(StorageError, match="cannot be kept"):
+        latch.trip("over-pressure", "150 bar")
+    with pytest.raises(TrippedError):
+        latch.check()
+
+
+def test_each_bench_has_its_own_file(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path))
+    assert latch_path("Bench 1: HPV41") == tmp_path / "trips" / "bench-1--hpv41.json"
