@@ -1,0 +1,1 @@
+"""Simulated devices, one file each; a plant of `hil.physics` behind the interface of a real instrument."""

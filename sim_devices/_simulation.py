@@ -1,0 +1,162 @@
+"""The world behind simulated devices, as a bench file describes it."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+
+from hil.errors import HilError, UnitError
+from hil.physics.compose import effects as installed_effects
+from hil.physics.effect import Effect
+from hil.physics.model import Model, ModelEffect, Value, load_model, typical_model
+from hil.physics.plant import Hook, Plant
+from hil.units import scale_and_offset
+from sim_devices._lines import Line, lines_of
+
+Place = tuple[str | int, ...]
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class SimulatedEffect(_Strict):
+    """An effect that is switched on; parameters not given are typical, `hook` may be left out if one fits."""
+
+    name: str
+    hook: str = ""
+    parameters: dict[str, FiniteFloat] = {}
+
+
+class Instrument(_Strict):
+    """What really hangs on a terminal: raw = (signal − offset) / slope, whatever the bench believes.
+
+    Attributes:
+        direction: `out` drives the plant, `in` reads it.
+        signal: the plant's signal that it carries. An input may have a `value` instead, which just stands still;
+            an output without a signal goes nowhere.
+        unit: in which `slope`, `offset` and `noise` are given.
+        noise: standard deviation of its white noise.
+    """
+
+    direction: Literal["out", "in"] = "in"
+    signal: str = ""
+    value: FiniteFloat | None = None
+    unit: str = "1"
+    slope: FiniteFloat = 1.0
+    offset: FiniteFloat = 0.0
+    noise: FiniteFloat = Field(0.0, ge=0.0)
+
+
+class Simulation(_Strict):
+    """A plant, its effects, and the instruments on it, by the name of their channel.
+
+    `plant` is the name of an installed plant or a model file; `parameters` are changed from its values, and
+    `effects` added to its own. The same `seed` gives the same noise, sample by sample.
+    """
+
+    plant: str
+    parameters: dict[str, FiniteFloat] = {}
+    effects: tuple[SimulatedEffect, ...] = ()
+    seed: int = Field(0, ge=0)
+    instruments: dict[str, Instrument] = {}
+
+
+def faults(simulation: Simulation) -> Iterator[tuple[Place, str]]:
+    """What cannot be simulated: unknown plants, parameters, effects and signals, each with its place."""
+    try:
+        base = _base(simulation)
+    except HilError as error:
+        yield ("plant",), str(error)
+        return
+    plant, lines = base.definition, lines_of(base)
+    yield from _unknown(("parameters",), "parameter", simulation.parameters, base.parameters)
+    for i, effect in enumerate(simulation.effects):
+        yield from _effect_faults(("effects", i), plant, effect)
+    for name, instrument in simulation.instruments.items():
+        yield from _instrument_faults(("instruments", name), plant, lines, instrument)
+    yield from _driven_faults(plant, lines, simulation.instruments)
+
+
+def model_of(simulation: Simulation) -> Model:
+    """The plant with its values and every effect that is switched on, for a simulation without faults."""
+    base = _base(simulation)
+    changed = {name: replace(base.parameters[name], value=value) for name, value in simulation.parameters.items()}
+    added = tuple(_switched_on(base.definition, effect) for effect in simulation.effects)
+    return replace(base, parameters={**base.parameters, **changed}, effects=(*base.effects, *added))
+
+
+def _base(simulation: Simulation) -> Model:
+    name = simulation.plant
+    return load_model(Path(name)) if name.endswith(".json") else typical_model(name)
+
+
+def _sites(plant: Plant, asked: SimulatedEffect) -> list[tuple[Effect, Hook]]:
+    """Where an effect can sit: one place, or the choice is not clear."""
+    return [(effect, hook) for hook in plant.hooks for effect in installed_effects()
+            if effect.name == asked.name and hook.name in effect.hooks and asked.hook in ("", hook.name)]  # fmt: skip
+
+
+def _switched_on(plant: Plant, asked: SimulatedEffect) -> ModelEffect:
+    ((effect, hook),) = _sites(plant, asked)
+    values = {parameter.name: Value(parameter.typical, parameter.unit) for parameter in effect.parameters_at(hook)}
+    values |= {name: replace(values[name], value=value) for name, value in asked.parameters.items()}
+    return ModelEffect(asked.name, hook.name, values)
+
+
+def _effect_faults(place: Place, plant: Plant, asked: SimulatedEffect) -> Iterator[tuple[Place, str]]:
+    sites = _sites(plant, asked)
+    if not sites:
+        known = ", ".join(f"{effect.name} at {hook.name}" for hook in plant.hooks for effect in installed_effects()
+                          if hook.name in effect.hooks)  # fmt: skip
+        where = f" at '{asked.hook}'" if asked.hook else ""
+        yield (*place, "name"), f"plant {plant.name} takes no '{asked.name}'{where}; it takes: {known}"
+    elif len(sites) > 1:
+        hooks = ", ".join(hook.name for _, hook in sites)
+        yield place, f"'{asked.name}' fits more than one place; say hook = one of {hooks}"
+    else:
+        known_parameters = [parameter.name for parameter in sites[0][0].parameters]
+        yield from _unknown((*place, "parameters"), "parameter", asked.parameters, known_parameters)
+
+
+def _instrument_faults(
+    place: Place, plant: Plant, lines: Mapping[str, Line], instrument: Instrument
+) -> Iterator[tuple[Place, str]]:
+    is_out = instrument.direction == "out"
+    known = {name: line for name, line in lines.items() if line.driven or not is_out}
+    if instrument.signal in known:
+        yield from _unit_faults(place, instrument.unit, known[instrument.signal].unit)
+    elif instrument.signal:
+        otherwise = 'signal = "" goes nowhere' if is_out else "value = … stands still"
+        text = f"there is no signal '{instrument.signal}' of plant {plant.name} here, only {', '.join(known)}"
+        yield place, f"{text}; in [simulation.{'.'.join(map(str, place))}] say which one it carries, or {otherwise}"
+    if not is_out and bool(instrument.signal) == (instrument.value is not None):
+        yield place, "an input reads either a signal of the plant or a value that stands still"
+
+
+def _unit_faults(place: Place, unit: str, of_plant: str) -> Iterator[tuple[Place, str]]:
+    try:
+        if of_plant != "any":
+            scale_and_offset(unit, of_plant)
+    except UnitError as error:
+        yield place, f"{error}; correct the channel's unit, or say which signal it carries"
+
+
+def _driven_faults(
+    plant: Plant, lines: Mapping[str, Line], instruments: Mapping[str, Instrument]
+) -> Iterator[tuple[Place, str]]:
+    driven = [lines[i.signal].signal for i in instruments.values() if i.direction == "out" and i.signal in lines]
+    for signal in plant.inputs:
+        if (count := driven.count(signal.name)) != 1:
+            text = f"{count} outputs drive the input '{signal.name}' of plant {plant.name}, it needs one"
+            yield ("instruments",), f'{text}: name a channel so, or say signal = "{signal.name}" in its instrument'
+
+
+def _unknown(place: Place, what: str, given: Iterable[str], known: Collection[str]) -> Iterator[tuple[Place, str]]:
+    for name in given:
+        if name not in known:
+            yield (*place, name), f"no {what} '{name}'; there are: {', '.join(known)}"

@@ -1,0 +1,1 @@
+"""Bench files that come with the simulated devices, usable by their bare name: `--bench brevini-hpv41`."""

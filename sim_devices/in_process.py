@@ -1,0 +1,195 @@
+"""A 16-bit multi-function DAQ in this process, with a simulated plant behind its terminals."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping
+
+import numpy as np
+
+from hil.clock import Clock, clock
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.check import check_waveform, checked_task, coerced_rate
+from hil.daq.contract import Block, Promises, Waveform
+from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError, OverrunError
+from hil.record.recording import Array
+from sim_devices._chain import InputStages, OutputStage
+from sim_devices._lines import lines_of
+from sim_devices._settings import Fault, Settings, faults, terminals
+from sim_devices._simulation import model_of
+from sim_devices._world import World
+
+__all__ = ["Settings", "faults", "open_daq", "terminals"]
+
+_TICKS_AT_ONCE = 1 << 16
+
+
+def open_daq(settings: Settings, wiring: Wiring, by: Clock | None = None) -> SimulatedDaq:
+    """The device, switched on; the plant has settled under its power-on outputs.
+
+    Args:
+        settings: of the device and its world.
+        wiring: the channels in use; the simulation has an instrument for each.
+        by: the clock that paces it, if not the one that `settings.time` asks for.
+    """
+    return SimulatedDaq(settings, wiring, by or clock(settings.time))
+
+
+class SimulatedDaq:
+    """A plant behind converters, a multiplexer and noise (see `hil.daq.contract.Daq`).
+
+    Outputs change and the first input is read on one clock edge: that reading still shows what was driven
+    before.
+    """
+
+    def __init__(self, settings: Settings, wiring: Wiring, by: Clock) -> None:
+        self.outputs: Mapping[str, OutputChannel] = wiring.outputs
+        self.inputs: Mapping[str, InputChannel] = wiring.inputs
+        self.promises = _promises(settings, len(wiring.inputs))
+        self.levels = {
+            name: min(max(settings.power_on, channel.low), channel.high) for name, channel in wiring.outputs.items()
+        }
+        self._settings, self._clock = settings, by
+        model = model_of(settings.simulation)
+        lines, instruments = lines_of(model), settings.simulation.instruments
+        fitted = {name: (instrument, lines.get(instrument.signal)) for name, instrument in instruments.items()}
+        self._output_stages = {name: OutputStage(c, *fitted[name], settings.bits) for name, c in wiring.outputs.items()}
+        self._input_stages = InputStages(wiring.inputs, fitted, settings)
+        rest = self._driven({name: np.array([level]) for name, level in self.levels.items()}, 1, 0)
+        self._world = World(model, 1.0 / settings.clock_hz, {signal: values[0] for signal, values in rest.items()})
+        self._zero_s = by.now_s - self._now_s
+        self._samples = 0
+        self._fault = settings.fault
+        self._lost = False
+
+    def actual_rate_hz(self, asked_hz: float) -> float:
+        """The nearest whole division of the device's clock."""
+        return coerced_rate(self.promises, asked_hz)
+
+    def play(self, waveform: Waveform, block_samples: int | None = None) -> Iterator[Block]:
+        """Finite acquisition; a reader who falls behind by more than the buffer meets an `OverrunError`."""
+        check_waveform(waveform, self.outputs, self.promises)
+        return self._task(waveform.slices(block_samples or len(waveform)), OverrunError)
+
+    def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
+        """Continuous acquisition; a writer who falls behind by more than the buffer meets an `OutputUnderflowError`."""
+        return self._task(checked_task(waveforms, self.outputs, self.promises), OutputUnderflowError)
+
+    def make_safe(self) -> None:
+        """Put every output at its safe value.
+
+        Raises:
+            DeviceLostError: the device is gone; its outputs stand where they stood.
+        """
+        self._refuse_if_lost()
+        self._catch_up()
+        self.levels = {name: channel.safe for name, channel in self.outputs.items()}
+
+    def close(self) -> None:
+        """Make safe; a device that is gone is let go of as it is."""
+        if not self._lost:
+            self.make_safe()
+
+    @property
+    def _now_s(self) -> float:
+        """The device's own time."""
+        return self._world.ticks / self._settings.clock_hz
+
+    def _task(self, waveforms: Iterator[Waveform], too_late: type[HardwareError]) -> Iterator[Block]:
+        self._refuse_if_lost()
+        self._catch_up()
+        waveform, failure = _next(waveforms)
+        while waveform is not None:
+            block = self._run(waveform)
+            fault = self._fault_in(len(waveform) - len(block))
+            waveform, failure = _next(waveforms)  # asked for while this one plays
+            self._clock.sleep_until(self._zero_s + self._now_s)
+            if len(block):
+                yield block
+            if fault is not None:
+                raise fault
+            if waveform is not None:
+                self._check_punctual(too_late)
+        if failure is not None:
+            raise failure
+
+    def _run(self, waveform: Waveform) -> Block:
+        """Drive a waveform, or as much of it as the fault on demand lets through."""
+        fault = self._fault
+        samples = len(waveform) if fault is None else min(len(waveform), fault.after - self._samples)
+        if not samples:
+            return Block(np.empty(0), {}, {})
+        outputs = {name: np.full(samples, level) for name, level in self.levels.items() if name not in waveform.outputs}
+        outputs |= {name: values[:samples] for name, values in waveform.outputs.items()}
+        every = round(self._settings.clock_hz / waveform.rate_hz)
+        first = self._world.ticks
+        signals = self._world.advance(self._driven(outputs, every, first))
+        inputs = self._input_stages.read(signals, self.promises.read_at * every, every, samples)
+        self.levels = {name: float(outputs[name][-1]) for name in self.outputs}
+        self._samples += samples
+        return Block((first + every * np.arange(samples)) / self._settings.clock_hz, inputs, outputs)
+
+    def _fault_in(self, missing: int) -> HardwareError | None:
+        """The fault on demand, when it has cut off samples. It happens once; only a lost device stays lost."""
+        if not missing or self._fault is None:
+            return None
+        fault, self._fault = self._fault, None
+        self._lost = fault.kind == "lost"
+        return _error(fault, self._samples, self.levels)
+
+    def _driven(self, outputs: Mapping[str, Array], every: int, first_tick: int) -> dict[str, Array]:
+        tick_s = 1.0 / self._settings.clock_hz
+        return {stage.signal: stage.drive(outputs[name], every, first_tick, tick_s)
+                for name, stage in self._output_stages.items() if stage.signal}  # fmt: skip
+
+    def _catch_up(self) -> None:
+        """Let the time pass for which outputs have stood since the last task."""
+        behind_s = self._clock.now_s - self._zero_s - self._now_s
+        ticks = math.floor(behind_s * self._settings.clock_hz + 1e-6)
+        while ticks > 0:
+            some = min(ticks, _TICKS_AT_ONCE)
+            still = {name: np.full(some, level) for name, level in self.levels.items()}
+            self._world.advance(self._driven(still, 1, self._world.ticks))
+            ticks -= some
+
+    def _check_punctual(self, too_late: type[HardwareError]) -> None:
+        late_s = self._clock.now_s - self._zero_s - self._now_s
+        if late_s > self._settings.buffer_s:
+            raise too_late(
+                f"simulated device: the program is {late_s:.3g} s behind the sample clock; the buffer holds "
+                f"{self._settings.buffer_s:g} s; outputs stand at their last values"
+            )
+
+    def _refuse_if_lost(self) -> None:
+        if self._lost:
+            raise _error(Fault(kind="lost", after=0), self._samples, self.levels)
+
+
+def _promises(settings: Settings, inputs: int) -> Promises:
+    scan_hz = 1.0 / (inputs * settings.skew_s) if settings.skew_s and inputs else math.inf
+    return Promises(
+        timing="virtual" if settings.time == "virtual" else "hardware",
+        simultaneous=settings.skew_s == 0.0, skew_s=settings.skew_s, read_at=0.0, holds_on_stop=True,
+        lowest_rate_hz=settings.clock_hz / 1e6, highest_rate_hz=min(settings.clock_hz, scan_hz),
+        clock_hz=settings.clock_hz,
+    )  # fmt: skip
+
+
+def _next(waveforms: Iterator[Waveform]) -> tuple[Waveform | None, Exception | None]:
+    """The next waveform, or why there is none; raised only after what has been read was handed over."""
+    try:
+        return next(waveforms, None), None
+    except Exception as error:
+        return None, error
+
+
+def _error(fault: Fault, samples: int, levels: Mapping[str, float]) -> HardwareError:
+    if fault.kind == "underflow":
+        return OutputUnderflowError(f"simulated device: no sample to drive after {samples} samples")
+    if fault.kind == "overrun":
+        return OverrunError(f"simulated device: sample {samples} was overwritten before it was read")
+    standing = ", ".join(f"{name} at {level:g}" for name, level in levels.items())
+    return DeviceLostError(
+        f"simulated device: gone after {samples} samples; its outputs cannot be reached and stand where they stood "
+        f"({standing}): use the emergency stop"
+    )
