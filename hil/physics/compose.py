@@ -1,0 +1,313 @@
+"""Turn a plant's page of equations, with every effect that fits its hooks, into one compiled kernel.
+
+The page is read as a syntax tree. `x.NAME` becomes a state, `c.NAME` a coefficient, and each
+`value = hook.NAME(value)` becomes the chain of that hook's effects, each behind its own switch. The result
+is one flat function, so the optimiser sees through every call: an effect that is off costs a branch, and
+screening the whole library needs no recompilation. The text is kept in a cache folder under a name that
+holds a hash of everything it was made from, because numba alone would not notice an edited effect file.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import importlib.util
+import inspect
+import math
+import os
+import platform
+import sys
+import tempfile
+import textwrap
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numba
+import platformdirs
+
+from hil.catalog import entries, find
+from hil.physics.effect import Effect, hold_first
+from hil.physics.plant import Hook, Plant
+
+_GIVEN = ("value", "state", "time_s", "step_s", "full_scale")
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """An effect at a hook of a plant: one candidate, one switch in the kernel."""
+
+    effect: Effect
+    hook: Hook
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """(effect name, hook name)."""
+        return self.effect.name, self.hook.name
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        """Names of the coefficients that the transform takes, in its order."""
+        given = (*_GIVEN, self.hook.extra)
+        return tuple(name for name in _argument_names(self.effect.transform) if name not in given)
+
+
+@dataclass(frozen=True, slots=True)
+class Kernel:
+    """A compiled plant: `run` advances it; the rest says how its arrays are laid out."""
+
+    plant: Plant
+    sites: tuple[Site, ...]
+    states: tuple[str, ...]
+    coefficients: tuple[str, ...]
+    run: Callable[..., None]
+
+    def site(self, effect: str, hook: str) -> int:
+        """Index of an effect at a hook; `KeyError` if the plant has no such pair."""
+        return {site.key: i for i, site in enumerate(self.sites)}[effect, hook]
+
+
+@cache
+def plant(name: str) -> Plant:
+    """An installed plant by name."""
+    found: Plant = find("plants", name).load().PLANT
+    return found
+
+
+@cache
+def effects() -> tuple[Effect, ...]:
+    """Every installed effect."""
+    return tuple(entry.load().EFFECT for entry in entries("effects"))
+
+
+@cache
+def kernel(name: str) -> Kernel:
+    """The compiled kernel of a plant with every effect that fits it (compiled once per set of sources)."""
+    chosen = plant(name)
+    sites = tuple(Site(effect, hook) for hook in chosen.hooks for effect in effects() if hook.name in effect.hooks)
+    page = _Page(chosen, sites)
+    module = _load(page.source(), _stamp(chosen, sites))
+    return Kernel(chosen, sites, tuple(chosen.states), page.coefficients, module.kernel)
+
+
+@cache
+def _argument_names(function: Callable[..., Any]) -> tuple[str, ...]:
+    return tuple(inspect.signature(getattr(function, "py_func", function)).parameters)
+
+
+class _Page(ast.NodeTransformer):
+    """Rewrites a plant's page into the body of the kernel's inner loop."""
+
+    def __init__(self, plant: Plant, sites: tuple[Site, ...]) -> None:
+        self.plant = plant
+        self.sites = sites
+        self.tree = ast.parse(textwrap.dedent(inspect.getsource(plant.equations))).body[0]
+        probe = plant.coefficients(plant.typical, math.inf)
+        self.coefficients = tuple(probe)
+        self.widths = {name: getattr(value, "size", 0) for name, value in probe.items()}
+
+    # -- rewriting -----------------------------------------------------------------------------------------
+
+    def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if isinstance(node.value, ast.Name) and node.value.id in ("x", "c"):
+            return ast.copy_location(ast.Name(f"{node.value.id}_{node.attr}", node.ctx), node)
+        return self.generic_visit(node)
+
+    def visit_Assign(self, node: ast.Assign) -> ast.AST | list[ast.stmt]:
+        call = node.value
+        if not (isinstance(call, ast.Call) and _is_hook(call.func)):
+            return self.generic_visit(node)
+        assert isinstance(call.func, ast.Attribute)
+        target = ast.unparse(self.visit(node.targets[0]))
+        value, *extra = [ast.unparse(self.visit(argument)) for argument in call.args]
+        return ast.parse("\n".join(self._hook_lines(call.func.attr, target, value, extra))).body
+
+    def _hook_lines(self, hook: str, target: str, value: str, extra: list[str]) -> Iterator[str]:
+        index = [h.name for h in self.plant.hooks].index(hook)
+        force = self.plant.hooks[index].is_force
+        yield f"_value = {value}"
+        yield f"if inject == {index}: _value += disturbance[_sample]"
+        yield f"if tracing: trace[{index}, _sample] = _value"
+        if force:
+            yield "_force = 0.0"
+        here = [k for k, site in enumerate(self.sites) if site.hook.name == hook]
+        if here:
+            yield f"if any_{hook}:"
+            for k in here:
+                yield from ("    " + line for line in self._site_lines(k, extra))
+        yield f"{target} = _force" if force else f"{target} = _value"
+
+    def _site_lines(self, k: int, extra: list[str]) -> Iterator[str]:
+        effect, hook = self.sites[k].effect, self.sites[k].hook
+        passed = {
+            "value": "_value",
+            "time_s": "_time_s",
+            "step_s": "step_s",
+            "state": f"S{k}",
+            "full_scale": repr(hook.full_scale),
+        }
+        passed |= {hook.extra: extra[0]} if extra else {}
+        passed |= {name: f"P{k}_{name}" for name in self.sites[k].arguments}
+        call = f"transform{k}({', '.join(passed[name] for name in _argument_names(effect.transform))})"
+        result = "_own_force" if hook.is_force else "_value"
+        yield f"if on{k}:"
+        settle = _settle(effect)
+        if settle is None:
+            yield f"    {result} = {call}"
+        else:
+            arguments = ", ".join(passed[name] for name in _argument_names(settle))
+            yield "    if settling:"
+            yield f"        {result} = settle{k}({arguments})"
+            yield "    else:"
+            yield f"        {result} = {call}"
+        if hook.is_force:  # a force: it slows the free velocity and adds up
+            yield "    _force += _own_force"
+            yield f"    _value -= {extra[0]} * _own_force"
+
+    # -- the kernel's text ---------------------------------------------------------------------------------
+
+    def source(self) -> str:
+        """The whole generated module."""
+        body = [self.visit(statement) for statement in self._statements()]
+        flat = [s for part in body for s in (part if isinstance(part, list) else [part])]
+        *page, result = flat
+        assert isinstance(result, ast.Return) and result.value is not None
+        values = result.value.elts if isinstance(result.value, ast.Tuple) else [result.value]
+        lines = [ast.unparse(ast.fix_missing_locations(statement)) for statement in page]
+        lines += [f"y{i} = {ast.unparse(value)}" for i, value in enumerate(values)]
+        return "\n".join(self._module(lines, len(values)))
+
+    def _statements(self) -> list[ast.stmt]:
+        assert isinstance(self.tree, ast.FunctionDef)
+        statements = self.tree.body
+        has_doc = isinstance(statements[0], ast.Expr) and isinstance(statements[0].value, ast.Constant)
+        return statements[1:] if has_doc else statements
+
+    def _module(self, page: list[str], outputs: int) -> Iterator[str]:
+        yield f'"""The equations of {self.plant.name} with the effects that fit it. Generated; do not edit."""'
+        yield "import math"
+        yield "from numba import njit"
+        yield f"from {self.plant.equations.__module__} import {', '.join(self._helpers()) or '__name__'}"
+        for k, site in enumerate(self.sites):
+            module = _home(site.effect)
+            yield f"from {module} import EFFECT as effect{k}"
+            yield f"transform{k} = effect{k}.transform"
+            if (settle := _settle(site.effect)) is not None:
+                source = "effect.settle" if settle is site.effect.settle else None
+                yield (
+                    f"settle{k} = effect{k}.settle"
+                    if source
+                    else f"from hil.physics.effect import hold_first as settle{k}"
+                )
+        yield "@njit(cache=True, nogil=True, error_model='numpy')"
+        yield (
+            "def kernel(inputs, step_s, sub_steps, read_at, start, settle_first, steady, coefficients, states,"
+            " on, effect_coefficients, memory, offsets, inject, disturbance, tracing, trace, out):"
+        )
+        yield from ("    " + line for line in self._prologue(outputs))
+        yield "    for _i in range(-1 if settle_first else 0, inputs.shape[1]):"
+        yield "        settling = _i < 0"
+        yield "        if _i == 0:"
+        yield from ("            " + line for line in self._load_coefficients("coefficients"))
+        yield "        _sample = max(_i, 0)"
+        yield "        if not settling and read_at == 0:"
+        yield from (f"            out[{k}, _i] = y{k}" for k in range(outputs))
+        for k, name in enumerate(self._input_names()):
+            yield f"        held_{name} = inputs[{k}, _sample]"
+        yield "        for _j in range(1 if settling else sub_steps):"
+        for name in self._input_names():
+            yield f"            {name} = held_{name}"
+        yield "            _time_s = (start + _sample * sub_steps + _j) * step_s"
+        yield from ("            " + line for text in page for line in text.splitlines())
+        yield "            if _j + 1 == read_at and not settling:"
+        yield from (f"                out[{k}, _i] = y{k}" for k in range(outputs))
+        yield from ("    " + line for line in self._epilogue(outputs))
+
+    def _helpers(self) -> list[str]:
+        """Compiled functions of the plant's module that the page calls."""
+        home = vars(sys.modules[self.plant.equations.__module__])
+        called = {node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name)}
+        return sorted(name for name in called if hasattr(home.get(name), "py_func"))
+
+    def _input_names(self) -> tuple[str, ...]:
+        return _argument_names(self.plant.equations)[:-3]
+
+    def _prologue(self, outputs: int) -> Iterator[str]:
+        at = 0
+        for name, width in self.plant.states.items():
+            yield f"x_{name} = states[{at}]" if width == 1 else f"x_{name} = states[{at}:{at + width}]"
+            at += width
+        for k in range(outputs):
+            yield f"y{k} = states[{at + k}]"
+        for k, name in enumerate(self.plant.lines_s, start=len(self.sites)):
+            yield f"x_{name} = memory[offsets[{k}]:offsets[{k + 1}]]"
+        at = 0
+        for k, site in enumerate(self.sites):
+            yield f"on{k} = on[{k}]"
+            yield f"S{k} = memory[offsets[{k}]:offsets[{k + 1}]]"
+            for name in site.arguments:
+                yield f"P{k}_{name} = effect_coefficients[{at}]"
+                at += 1
+        for hook in self.plant.hooks:
+            here = [f"on{k}" for k, site in enumerate(self.sites) if site.hook.name == hook.name]
+            yield f"any_{hook.name} = {' or '.join(here) or 'False'}"
+        yield from self._load_coefficients("steady")
+
+    def _load_coefficients(self, array: str) -> Iterator[str]:
+        at = 0
+        for name in self.coefficients:
+            width = self.widths[name]
+            yield f"c_{name} = {array}[{at}]" if not width else f"c_{name} = {array}[{at}:{at + width}]"
+            at += width or 1
+
+    def _epilogue(self, outputs: int) -> Iterator[str]:
+        at = 0
+        for name, width in self.plant.states.items():
+            if width == 1:
+                yield f"states[{at}] = x_{name}"
+            at += width
+        for k in range(outputs):
+            yield f"states[{at + k}] = y{k}"
+
+
+def _is_hook(node: ast.expr) -> bool:
+    return isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "hook"
+
+
+def _settle(effect: Effect) -> Callable[..., Any] | None:
+    if effect.settle is not None:
+        return effect.settle
+    return hold_first if "state" in _argument_names(effect.transform) else None
+
+
+def _home(effect: Effect) -> str:
+    return str(getattr(effect.transform, "py_func", effect.transform).__module__)
+
+
+def _stamp(plant: Plant, sites: tuple[Site, ...]) -> str:
+    """A hash of everything the kernel is made from: the sources of the packages involved, and the tools."""
+    homes = {plant.equations.__module__, __name__, *(_home(site.effect) for site in sites)}
+    folders = {Path(str(sys.modules[home].__file__)).parent for home in homes}
+    digest = hashlib.sha256(f"{platform.python_version()} {numba.__version__}".encode())
+    for file in sorted(file for folder in folders for file in folder.glob("*.py")):
+        digest.update(file.read_bytes())
+    return f"{plant.name.replace('-', '_')}_{digest.hexdigest()[:16]}"
+
+
+def _load(source: str, name: str) -> ModuleType:
+    folder = Path(os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil")) / "kernels"
+    path = folder / f"{name}.py"
+    if not path.exists():
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False) as file:
+            file.write(source)
+        Path(file.name).replace(path)  # two processes may race here; both write the same text
+    spec = importlib.util.spec_from_file_location(f"hil_kernel_{name}", path)
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[spec.name] = module  # numba looks its functions up by module name
+    spec.loader.exec_module(module)
+    return module

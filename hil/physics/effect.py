@@ -1,0 +1,136 @@
+"""What a physical effect is: one small file that says what it adds, where, and how it shows.
+
+An effect's `transform` is compiled into every plant that has one of its hooks. It names what it needs and
+nothing else; the composer passes by name:
+
+    value       what passes the hook
+    mobility    (force hooks) velocity gained per unit of force over one sub-step
+    flow        (supply hook) flow demand as a share of full flow
+    time_s      time since the start of the recording
+    step_s      the sub-step
+    opening     (flow hook) opening as a share of full opening
+    full_scale  of the hook
+    state       the effect's own memory, an array of `memory` words
+    …           its own parameters, or the names that its `coefficients` returns
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeVar, cast
+
+from numba import njit
+
+from hil.physics.plant import Hook, Parameter
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+def compiled(function: F) -> F:
+    """Mark a function as part of the compiled core (numba, numpy's rules for division by zero)."""
+    return cast(F, njit(error_model="numpy")(function))
+
+
+@compiled
+def hold_first(value: float, state: Any) -> float:
+    """The usual way to settle: the memory is filled with the first value, which passes unchanged."""
+    state[:] = value
+    return value
+
+
+@dataclass(frozen=True, slots=True)
+class EffectParameter:
+    """A parameter of an effect. Where `unit` contains `{value}`, size and bounds are shares of full scale.
+
+    `null` is the value at which the effect does nothing (infinity for a limit); None for shape parameters,
+    which may have any value while the effect is null (a Stribeck velocity, a frequency).
+    """
+
+    name: str
+    unit: str
+    null: float | None
+    typical: float
+    low: float
+    high: float
+    meaning: str
+
+    def at(self, hook: Hook) -> Parameter:
+        """The parameter in the units of a hook of a plant."""
+        scale = hook.full_scale if "{value}" in self.unit else 1.0
+        unit = self.unit.replace("{value}", hook.unit)
+        return Parameter(self.name, unit, self.typical * scale, self.low * scale, self.high * scale, self.meaning)
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What passes a hook in the model's own simulation, from which fits of an effect start.
+
+    Attributes:
+        low, high: extremes of the value. `swing`: half its typical peak-to-peak, at least a little.
+        speeds: quantiles (50, 90, 99 %) of its rate of change, per second.
+        tones: (frequency in Hz, amplitude at the output, phase) of lines in what the model leaves unexplained.
+        duration_s, interval_s: of the recordings.
+    """
+
+    low: float
+    high: float
+    swing: float
+    speeds: tuple[float, float, float]
+    tones: tuple[tuple[float, float, float], ...]
+    duration_s: float
+    interval_s: float
+
+    @property
+    def size(self) -> float:
+        """The largest magnitude."""
+        return max(abs(self.low), abs(self.high))
+
+
+Start = Mapping[str, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Effect:
+    """A physical effect and everything that the tool says about it.
+
+    Attributes:
+        name: one of the contract's names, or a new one.
+        title: as a fitter would say it.
+        hooks: where it can sit; a plant has it wherever it has a hook of that name.
+        parameters: the first is the one whose size says how strong the effect is.
+        transform: compiled; returns what leaves the hook.
+        memory: words of state, given (parameter bounds at the hook, sub-step).
+        settle: compiled; like transform, for the steady state before the first sample.
+        starts: where fits start, given what the model shows at the hook: a limit that nothing reaches has no
+            slope to follow. Parameters that are left out start at their typical value.
+        coefficients: (parameters, step_s) → what `transform` takes, when that is not the parameters.
+        equation: for the engineer; `signature`: what it looks like in data; `source`: literature.
+        sentence: for the operator, with {parameter} places.
+    """
+
+    name: str
+    title: str
+    hooks: tuple[str, ...]
+    parameters: tuple[EffectParameter, ...]
+    transform: Callable[..., Any]
+    equation: str
+    signature: str
+    source: str
+    sentence: str
+    starts: Callable[[Seen], Sequence[Start]]
+    memory: Callable[[Mapping[str, Parameter], float], int] = lambda _parameters, _step_s: 0
+    settle: Callable[..., Any] | None = None
+    coefficients: Callable[[Mapping[str, float], float], Mapping[str, float]] | None = None
+
+    def parameters_at(self, hook: Hook) -> tuple[Parameter, ...]:
+        """The parameters in the units of a hook."""
+        return tuple(parameter.at(hook) for parameter in self.parameters)
+
+    def null_at(self, hook: Hook) -> dict[str, float]:
+        """Values at which the effect does nothing, in the units of a hook."""
+        nulls = {}
+        for own, there in zip(self.parameters, self.parameters_at(hook), strict=True):
+            scale = hook.full_scale if "{value}" in own.unit else 1.0
+            nulls[own.name] = there.typical if own.null is None else own.null * scale
+        return nulls

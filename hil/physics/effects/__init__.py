@@ -1,0 +1,1 @@
+"""Physical effects, one file each: parameters, null, equation, stage, signature, source."""

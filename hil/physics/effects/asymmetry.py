@@ -1,0 +1,35 @@
+"""Asymmetry: one direction has another gain than the other."""
+
+from __future__ import annotations
+
+from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+
+
+@compiled
+def transform(value: float, ratio: float, gain: float) -> float:
+    """Both sides times `gain`, the negative one times `ratio` too."""
+    if value < 0.0:
+        return value * ratio * gain
+    return value * gain
+
+
+def starts(_seen: Seen) -> list[dict[str, float]]:
+    """Either side weaker."""
+    return [{"ratio": ratio} for ratio in (0.7, 0.9, 1.1, 1.4)]
+
+
+EFFECT = Effect(
+    name="asymmetry",
+    title="direction-dependent gain",
+    hooks=("command", "opening", "flow"),
+    parameters=(
+        EffectParameter("ratio", "1", 1.0, 1.1, 0.3, 3.0, "gain of the negative side over the positive"),
+        EffectParameter("gain", "1", 1.0, 1.0, 0.3, 3.0, "gain of the positive side over what it should be"),
+    ),
+    transform=transform,
+    starts=starts,
+    equation="y = g·u for u ≥ 0, g·r·u for u < 0",
+    signature="even harmonics and a shift of the mean when the sign changes; another gain on either side",
+    source="Merritt: Hydraulic Control Systems, 1967, ch. 6",
+    sentence="One direction gives {ratio} of what the other does.",
+)

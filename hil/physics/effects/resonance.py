@@ -1,0 +1,80 @@
+"""Resonance: an oil spring, a line or the structure swings after each change."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.linear import second_order
+
+
+@compiled
+def transform(
+    value: float,
+    state: Any,
+    xx: float,
+    xv: float,
+    x0: float,
+    x1: float,
+    vx: float,
+    vv: float,
+    v0: float,
+    v1: float,
+    share: float,
+) -> float:
+    """A second-order stage of unit gain beside a direct path; state: position, velocity, last input."""
+    place = xx * state[0] + xv * state[1] + x0 * state[2] + x1 * value
+    speed = vx * state[0] + vv * state[1] + v0 * state[2] + v1 * value
+    state[0] = place
+    state[1] = speed
+    state[2] = value
+    return value + share * (place - value)
+
+
+@compiled
+def settle(value: float, state: Any) -> float:
+    """At rest at the first value."""
+    state[0] = value
+    state[1] = 0.0
+    state[2] = value
+    return value
+
+
+def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
+    """The exact step of the stage."""
+    names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
+    period = parameters["period"]
+    stage: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0)
+    if period > 1e-6:
+        stage = second_order(2.0 * math.pi / period, parameters["damping"], step_s)
+    return dict(zip(names, stage, strict=True)) | {"share": parameters["share"]}
+
+
+def starts(seen: Seen) -> list[dict[str, float]]:
+    """Periods from a few samples to a second, as a side path and as a stage."""
+    shortest = 4.0 * seen.interval_s
+    periods = [period for period in (0.02, 0.04, 0.08, 0.12, 0.17, 0.25, 0.4, 0.8, 1.5) if period >= shortest]
+    return [{"period": period, "damping": 0.1, "share": share} for period in periods for share in (0.3, 1.0)]
+
+
+EFFECT = Effect(
+    name="resonance",
+    title="resonance",
+    hooks=("flow", "sensor", "recorder"),
+    parameters=(
+        EffectParameter("period", "s", 0.0, 0.1, 0.0, 2.0, "period of the swing"),
+        EffectParameter("damping", "1", None, 0.15, 0.005, 0.6, "damping ratio: well under one, or it would not ring"),
+        EffectParameter("share", "1", None, 1.0, 0.02, 1.0, "share of the signal that goes through the swinging part"),
+    ),
+    transform=transform,
+    starts=starts,
+    memory=lambda _parameters, _step_s: 3,
+    settle=settle,
+    coefficients=coefficients,
+    equation="ÿ/ω² + 2ζ·ẏ/ω + y = u",
+    signature="ringing of one period after steps, a peak in the frequency response, no distortion",
+    source="Jelali, Kroll: Hydraulic Servo-systems, 2003, ch. 4",
+    sentence="Something swings with a period of {period} after each change.",
+)

@@ -1,0 +1,30 @@
+"""Sensor offset: the instrument reads a constant beside the truth."""
+
+from __future__ import annotations
+
+from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+
+
+@compiled
+def transform(value: float, offset: float) -> float:
+    """Add a constant."""
+    return value + offset
+
+
+def starts(seen: Seen) -> list[dict[str, float]]:
+    """Small, of either sign."""
+    return [{"offset": share * seen.size} for share in (0.01, -0.01)]
+
+
+EFFECT = Effect(
+    name="sensor_offset",
+    title="offset of the sensor",
+    hooks=("sensor", "recorder"),
+    parameters=(EffectParameter("offset", "{value}", 0.0, 0.01, -0.5, 0.5, "what it reads beside the truth"),),
+    transform=transform,
+    starts=starts,
+    equation="y = u + o",
+    signature="the same shift at any command and any speed",
+    source="JCGM 100:2008 (GUM)",
+    sentence="The instrument reads {offset} beside the truth.",
+)

@@ -1,0 +1,56 @@
+"""Supply droop: supply pressure falls when much flow is drawn, and recovers through an accumulator."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+
+
+@compiled
+def transform(value: float, flow: float, state: Any, droop: float, power: float, gain: float) -> float:
+    """Supply pressure less the state, which follows the loss at the flow demand with one time constant."""
+    state[0] += (droop * abs(flow) ** power - state[0]) * gain
+    return value * max(1.0 - state[0], 0.0)
+
+
+@compiled
+def settle(value: float, flow: float, state: Any, droop: float, power: float) -> float:
+    """In balance with the first flow."""
+    state[0] = droop * abs(flow) ** power
+    return value * max(1.0 - state[0], 0.0)
+
+
+def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
+    """Loss at full flow, its exponent, and the share of the way that the pressure goes in one sub-step."""
+    recovery = parameters["recovery"]
+    gain = -math.expm1(-step_s / recovery) if recovery > 1e-6 else 1.0
+    return {"droop": parameters["droop"], "power": parameters["power"], "gain": gain}
+
+
+def starts(_seen: Seen) -> list[dict[str, float]]:
+    """Weak and strong, quick and slow recovery."""
+    return [{"droop": droop, "recovery": recovery} for droop in (0.05, 0.2, 0.5) for recovery in (0.03, 0.3, 2.0)]
+
+
+EFFECT = Effect(
+    name="supply_droop",
+    title="drooping supply pressure",
+    hooks=("supply",),
+    parameters=(
+        EffectParameter("droop", "1", 0.0, 0.1, 0.0, 0.9, "share of supply pressure lost at full flow"),
+        EffectParameter("recovery", "s", None, 0.2, 0.002, 10.0, "time constant of pump and accumulator"),
+        EffectParameter("power", "1", None, 2.0, 0.8, 2.5, "1: internal leakage of the pump, 2: losses of the line"),
+    ),
+    transform=transform,
+    starts=starts,
+    memory=lambda _parameters, _step_s: 1,
+    settle=settle,
+    coefficients=coefficients,
+    equation="T·dΔ/dt + Δ = d·|q/q_N|^m;  p_s = p_0·(1 − Δ);  q ∝ √p_s",
+    signature="gain falls at high flow on both sides; after a large step the flow sags and recovers",
+    source="Merritt: Hydraulic Control Systems, 1967, ch. 11",
+    sentence="The supply gives way: at full flow its pressure falls by {droop}.",
+)

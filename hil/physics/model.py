@@ -1,0 +1,171 @@
+"""A model: a plant with the values of its parameters, the effects switched on, and where it all came from.
+
+Model files are JSON, versioned, and checked when read.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from hil.errors import FileError
+from hil.physics.compose import effects as installed_effects
+from hil.physics.compose import kernel, plant
+from hil.physics.plant import Plant
+from hil.physics.simulate import ActiveEffect
+
+FORMAT = "hil-model"
+VERSION = 1
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A number with its standard uncertainty (None: not estimated) and unit."""
+
+    value: float
+    unit: str
+    std: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ModelEffect:
+    """An effect of the library at a hook of the plant."""
+
+    name: str
+    hook: str
+    parameters: Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Noise:
+    """What the best model cannot explain: e_k = −Σ a_i·e_{k−i} + w_k, with w white.
+
+    Attributes:
+        std: of e, in the output's unit.
+        colour: a_1 … a_p at `interval_s`; empty for white noise.
+    """
+
+    std: float
+    colour: tuple[float, ...] = ()
+    interval_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Covariance:
+    """How the uncertainties of estimated parameters hang together: matrix[i][j] belongs to names[i], names[j]."""
+
+    names: tuple[str, ...]
+    matrix: tuple[tuple[float, ...], ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A plant with values.
+
+    Attributes:
+        plant: name of an installed plant.
+        parameters: every parameter of the plant.
+        effects: switched on, in the order of the chain.
+        input, output: channel headings that the values refer to.
+        read_at: share of a sample between a command's update and the reading of the output (see `Drive`).
+        noise: of the output, as it was when the model was identified.
+        covariance: of the parameters that were estimated.
+        origin: recordings, tool version, fit; for the reader.
+    """
+
+    plant: str
+    parameters: Mapping[str, Value]
+    effects: tuple[ModelEffect, ...] = ()
+    input: str = ""
+    output: str = ""
+    read_at: float = 0.0
+    noise: Noise | None = None
+    covariance: Covariance | None = None
+    origin: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def definition(self) -> Plant:
+        """The installed plant."""
+        return plant(self.plant)
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Parameter values by name."""
+        return {name: found.value for name, found in self.parameters.items()}
+
+    @property
+    def active_effects(self) -> tuple[ActiveEffect, ...]:
+        """The effects as the simulation takes them."""
+        return tuple(
+            ActiveEffect(e.name, e.hook, {name: found.value for name, found in e.parameters.items()})
+            for e in self.effects
+        )
+
+
+def typical_model(name: str) -> Model:
+    """A plant at its typical values."""
+    found = plant(name)
+    units = found.units(found.inputs[0].heading, found.output.heading)
+    values = {p.name: Value(p.typical, units[p.name]) for p in found.parameters}
+    return Model(found.name, values, input=found.inputs[0].heading, output=found.output.heading)
+
+
+def save_model(model: Model, path: Path) -> None:
+    """Write a model file."""
+    content = {"format": FORMAT, "version": VERSION, **asdict(model)}
+    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+
+
+def load_model(path: Path) -> Model:
+    """Read a model file.
+
+    Raises:
+        FileError: not a model file, of another version, or of a plant, parameter or effect that is not
+            installed; names the field and what was expected.
+        UnknownNameError: the plant is not installed.
+    """
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise FileError(f"{path}: not a model file: {error}") from error
+    if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
+        raise FileError(f"{path}: not a model file: field 'format' must be '{FORMAT}'")
+    version = content.pop("version", None)
+    if version != VERSION:
+        raise FileError(f"{path}: model file of version {version}; this program reads version {VERSION}")
+    try:
+        model = TypeAdapter(Model).validate_python(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}") from None
+    return _checked(model, path)
+
+
+def _checked(model: Model, path: Path) -> Model:
+    definition = model.definition
+    known = {p.name: p for p in definition.parameters}
+    for name in model.parameters:
+        if name not in known:
+            raise FileError(f"{path}: plant {model.plant} has no parameter '{name}'; known: {', '.join(known)}")
+    sites = {site.key: site for site in kernel(model.plant).sites}
+    for effect in model.effects:
+        if (effect.name, effect.hook) not in sites:
+            have = ", ".join(sorted({e.name for e in installed_effects()}))
+            raise FileError(
+                f"{path}: plant {model.plant} has no effect '{effect.name}' at '{effect.hook}'; effects: {have}"
+            )
+        wanted = {p.name for p in sites[effect.name, effect.hook].effect.parameters}
+        if wanted != set(effect.parameters):
+            raise FileError(
+                f"{path}: effect '{effect.name}' has the parameters {', '.join(sorted(wanted))}; "
+                f"found {', '.join(sorted(effect.parameters)) or 'none'}"
+            )
+    units = definition.units(model.input or "any [any]", model.output or "any [any]")
+    missing = {name: Value(p.typical, units[name]) for name, p in known.items() if name not in model.parameters}
+    return replace(model, parameters={**model.parameters, **missing}) if missing else model

@@ -1,0 +1,154 @@
+"""What a plant is: a chain of stages with named signals, written as one page of equations.
+
+The page is a plain Python function `equations(<inputs>, x, c, hook)` that advances the state `x` by one
+sub-step with the coefficients `c`, and asks `hook.NAME(value)` wherever an effect may act. The same page is
+run as Python by the reference tests and compiled, effects included, by `hil.physics.compose`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from hil.record.recording import Array, split_heading
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """A number of the physics, with its unit, where it usually lies and how far it may go.
+
+    Where the plant takes any channel, `unit` may contain `{input}` and `{output}` (see `Plant.units`).
+    `fixed` parameters are held at their value unless freed by name. `growth` names the effect that a larger
+    value is known as (more dead time than the healthy unit had *is* `dead_time`), `change` what any other value
+    is known as.
+    """
+
+    name: str
+    unit: str
+    typical: float
+    low: float
+    high: float
+    meaning: str
+    fixed: bool = False
+    growth: str = ""
+    change: str = ""
+
+    @property
+    def scale(self) -> float:
+        """A natural size for steps in this parameter."""
+        return abs(self.typical) or (self.high - self.low) / 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Signal:
+    """A named quantity of the plant with the unit that its equations use."""
+
+    name: str
+    unit: str
+    full_scale: float = 1.0
+
+    @property
+    def heading(self) -> str:
+        """`name [unit]`, as in a column header."""
+        return f"{self.name} [{self.unit}]"
+
+
+@dataclass(frozen=True, slots=True)
+class Hook:
+    """A named place in the chain where effects may act.
+
+    Attributes:
+        name: as in `hook.NAME(...)` on the page; effects list the names where they belong.
+        stage: the stage of the chain, in the words of a fitter.
+        unit, full_scale: of the value that passes; effects scale their bounds and typical values by it.
+        extra: what else the page hands over at this hook. `mobility` marks a force hook: effects return a
+            force, each takes its share of the free velocity, and the hook returns their sum.
+    """
+
+    name: str
+    stage: str
+    unit: str
+    full_scale: float
+    extra: str = ""
+
+    @property
+    def is_force(self) -> bool:
+        """Whether effects here return a force (see `extra`)."""
+        return self.extra == "mobility"
+
+
+@dataclass(frozen=True, slots=True)
+class Structure:
+    """One of the shapes that a plant can take: which parameters it has, the others being off.
+
+    A plant that lists structures asks identification to choose among them by evidence.
+
+    Attributes:
+        name: as a report would say it.
+        free: parameters in it; every other stays at its typical value, which must mean "not there".
+        after: structure whose estimate this one starts from; empty for the first.
+        starts: where to start what is new, each tried: times as a multiple of the slowest time in the structure
+            before (of trial times between sample and record where it has none), other numbers as they are.
+    """
+
+    name: str
+    free: tuple[str, ...]
+    after: str = ""
+    starts: tuple[Mapping[str, float], ...] = ({},)
+
+
+@dataclass(frozen=True, slots=True)
+class Plant:
+    """A plant: signals, parameters, hooks, and its page of equations.
+
+    Attributes:
+        equations: the page; returns the output followed by the `observed` signals.
+        coefficients: (parameters, step_s) → coefficients of one sub-step. A step of infinity asks for the
+            steady state: linear stages then pass their input through.
+        initial: (parameters, first inputs, first output) → states that the steady state does not tell
+            (the position of an integrating cylinder).
+        states: scalars and their number of words; `lines_s`: delay lines and the time that they must hold.
+        sub_step_s: the longest sub-step at which the page is accurate.
+        inputs: the first is the command; further ones are measured disturbances.
+        observed: inner signals that a bench may record (spool position, supply pressure).
+        structures: shapes to choose from by evidence, each after the one that it grows from; empty when the
+            plant has one shape. `switches`: parameters that are 0 or 1, tried both ways beside them.
+    """
+
+    name: str
+    title: str
+    inputs: tuple[Signal, ...]
+    output: Signal
+    observed: tuple[Signal, ...]
+    parameters: tuple[Parameter, ...]
+    hooks: tuple[Hook, ...]
+    states: Mapping[str, int]
+    lines_s: Mapping[str, float]
+    equations: Callable[..., Any]
+    coefficients: Callable[[Mapping[str, float], float], Mapping[str, float | Array]]
+    sub_step_s: float
+    initial: Callable[[Mapping[str, float], tuple[float, ...], float], Mapping[str, float]] = field(
+        default=lambda _parameters, _inputs, _output: {}
+    )
+    source: str = ""
+    structures: tuple[Structure, ...] = ()
+    switches: tuple[str, ...] = ()
+
+    @property
+    def typical(self) -> dict[str, float]:
+        """Every parameter at its typical value."""
+        return {parameter.name: parameter.typical for parameter in self.parameters}
+
+    def parameter(self, name: str) -> Parameter:
+        """A parameter by its name; `KeyError` if there is none."""
+        return {parameter.name: parameter for parameter in self.parameters}[name]
+
+    def units(self, input_heading: str, output_heading: str) -> dict[str, str]:
+        """Units of all parameters by name when the plant drives these channels (`name [unit]`)."""
+        found = {"input": split_heading(input_heading)[1], "output": split_heading(output_heading)[1]}
+        return {parameter.name: parameter.unit.format(**found) for parameter in self.parameters}
+
+    def hook(self, name: str) -> Hook:
+        """A hook by its name; `KeyError` if there is none."""
+        return {hook.name: hook for hook in self.hooks}[name]

@@ -1,0 +1,1 @@
+"""Plants, one file each: one page of equations with named hooks."""

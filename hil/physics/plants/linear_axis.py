@@ -1,0 +1,75 @@
+"""Linear axis: a mass on a guide, driven by a force, its position measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from hil.physics.linear import delay_steps, delayed
+from hil.physics.plant import Hook, Parameter, Plant, Signal
+
+
+def equations(force: Any, x: Any, c: Any, hook: Any) -> Any:
+    """One sub-step of m·ẍ + b·ẋ = F, exact for a held force."""
+    force = hook.command(force)
+    force = delayed(x.line, force, c.dead_steps)
+    force = hook.coil(force)
+    free_speed = c.keep * x.speed + c.mobility * force
+    opposing = hook.force(free_speed, c.mobility)
+    net = force - opposing
+    x.place += c.travel * x.speed + c.compliance * net
+    x.speed = free_speed - c.mobility * opposing
+    x.place = hook.load(x.place)
+    reading = hook.sensor(x.place)
+    return reading, x.speed
+
+
+def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
+    """Coefficients of one sub-step; at rest before the first sample."""
+    dead_steps = delay_steps(p["dead_time"], step_s)
+    if math.isinf(step_s):
+        return {"dead_steps": dead_steps, "keep": 0.0, "mobility": 0.0, "travel": 0.0, "compliance": 0.0}
+    rate = max(p["viscous"], 1e-9) / p["mass"]
+    keep = math.exp(-rate * step_s)
+    faded = -math.expm1(-rate * step_s)
+    return {
+        "dead_steps": dead_steps,
+        "keep": keep,
+        "mobility": faded / (rate * p["mass"]),
+        "travel": faded / rate,
+        "compliance": (step_s - faded / rate) / (rate * p["mass"]),
+    }
+
+
+def initial(_p: Mapping[str, float], _inputs: tuple[float, ...], output: float) -> dict[str, float]:
+    """The carriage stands where the first reading says."""
+    return {"place": 0.0 if math.isnan(output) else output}
+
+
+PLANT = Plant(
+    name="linear-axis",
+    title="linear axis",
+    inputs=(Signal("force", "N", 500.0),),
+    output=Signal("position", "m", 0.25),
+    observed=(Signal("velocity", "m/s", 0.2),),
+    parameters=(
+        Parameter("mass", "kg", 100.0, 0.1, 1e5, "moved mass"),
+        Parameter("viscous", "N*s/m", 200.0, 0.0, 1e6, "viscous friction of the guide"),
+        Parameter("dead_time", "s", 0.001, 0.0, 0.1, "drive and transport", fixed=True, growth="dead_time"),
+    ),
+    hooks=(
+        Hook("command", "command", "N", 500.0),
+        Hook("coil", "drive", "N", 500.0),
+        Hook("force", "guide", "N", 500.0, extra="mobility"),
+        Hook("load", "carriage", "m", 0.25),
+        Hook("sensor", "sensor", "m", 0.25),
+    ),
+    states={"speed": 1, "place": 1},
+    lines_s={"line": 0.1},
+    equations=equations,
+    coefficients=coefficients,
+    sub_step_s=0.001,
+    initial=initial,
+    source="Janot, Gautier, Brunot: Data Set and Reference Models of EMPS, nonlinearbenchmark.org 2019",
+)

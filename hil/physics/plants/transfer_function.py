@@ -1,0 +1,187 @@
+"""Linear transfer function of up to five poles and four zeros with dead time; orders are chosen by evidence."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from hil.physics.linear import delay_steps, delayed
+from hil.physics.plant import Hook, Parameter, Plant, Signal, Structure
+from hil.record.recording import Array
+
+_INSTANT_S = 1e-9
+
+_ORDER = 5
+
+
+def equations(value: Any, x: Any, c: Any, hook: Any) -> Any:
+    """One sub-step of offset + gain·e^(−sT)·1/(1 + s·T₁)·Π (1 + s·z + s²·w)/(1 + 2ζ·s·τ + s²·τ²).
+
+    All poles step together by the exact matrix of a held input; `c.a` is that matrix, row by row. Before the
+    first sample the system rests, either at its input or (`c.at_input` = 0) at the first output.
+    """
+    value = hook.command(value)
+    value = delayed(x.line, value, c.dead_steps)
+    value = c.at_input * value + (1.0 - c.at_input) * x.before
+    for row in range(5):
+        total = c.b[row] * value
+        for column in range(5):
+            total += c.a[5 * row + column] * x.z[column]
+        x.next[row] = total
+    shaped = c.through * value
+    for row in range(5):
+        x.z[row] = x.next[row]
+        shaped += c.out[row] * x.z[row]
+    shaped = hook.position(shaped)
+    output = c.offset + c.gain * shaped
+    output = hook.flow(output, 0.0)
+    reading = hook.sensor(output)
+    return reading  # noqa: RET504  (a hook's value needs a name)
+
+
+def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Array]:
+    """Coefficients of one sub-step from gain, dead time and time constants."""
+    a, b, out, through = state_space(p)
+    step, push = _held_step(a, b, step_s)
+    return {
+        "offset": p["offset"],
+        "gain": p["gain"],
+        "dead_steps": delay_steps(p["dead_time"], step_s),
+        "at_input": 1.0 - p["start_at_output"] if math.isinf(step_s) else 1.0,
+        "a": step.ravel(),
+        "b": push,
+        "out": out,
+        "through": through,
+    }
+
+
+def state_space(p: Mapping[str, float]) -> tuple[Array, Array, Array, float]:
+    """(A, B, C, D) of unit gain without dead time, padded to five states; sections with no time pass through."""
+    a, b = np.zeros((_ORDER, _ORDER)), np.zeros(_ORDER)
+    out, through, at = np.zeros(_ORDER), 1.0, 0
+    if p["lag_time"] > _INSTANT_S:
+        a[0, 0], b[0] = -1.0 / p["lag_time"], 1.0 / p["lag_time"]
+        out[0], through, at = 1.0, 0.0, 1
+    for i in ("1", "2"):
+        time_s = p[f"pair{i}_time"]
+        if time_s <= _INSTANT_S:
+            continue
+        drive = 1.0 / time_s**2
+        a[at, at + 1] = 1.0
+        a[at + 1, at], a[at + 1, at + 1] = -drive, -2.0 * p[f"pair{i}_damping"] / time_s
+        a[at + 1, :at] = drive * out[:at]
+        b[at + 1] = drive * through
+        square = p[f"pair{i}_zero_square"] * drive  # what the second derivative passes straight through
+        out, through = square * out, square * through
+        out[at], out[at + 1] = 1.0 - square, p[f"pair{i}_zero"] - 2.0 * p[f"pair{i}_damping"] * square * time_s
+        at += 2
+    return a, b, out, through
+
+
+def _held_step(a: Array, b: Array, step_s: float) -> tuple[Array, Array]:
+    used = np.flatnonzero(np.abs(a).sum(axis=1))
+    step, push = np.zeros_like(a), np.zeros_like(b)
+    if not used.size:
+        return step, push
+    n = int(used.max()) + 1
+    if math.isinf(step_s):
+        push[:n] = -np.linalg.solve(a[:n, :n], b[:n])
+        return step, push
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n], whole[:n, n] = a[:n, :n], b[:n]
+    found = expm(whole * step_s)
+    step[:n, :n], push[:n] = found[:n, :n], found[:n, n]
+    return step, push
+
+
+def initial(p: Mapping[str, float], inputs: tuple[float, ...], output: float) -> dict[str, float]:
+    """The input at which the first output would have been at rest."""
+    if math.isnan(output) or p["gain"] == 0.0:
+        return {"before": inputs[0]}
+    return {"before": (output - p["offset"]) / p["gain"]}
+
+
+_GAIN = ("gain", "offset")
+_PAIR1 = ("pair1_time", "pair1_damping")
+_PAIR2 = ("pair2_time", "pair2_damping")
+_ZERO1, _ZERO2 = ("pair1_zero",), ("pair2_zero",)
+
+
+def _with_dead_time(name: str, free: tuple[str, ...], after: str, *starts: Mapping[str, float]) -> list[Structure]:
+    """A structure and the same with a dead time."""
+    late = Structure(f"{name}, dead time", (*free, "dead_time"), name, ({"dead_time": 0.05}, {"dead_time": 0.4}))
+    return [Structure(name, free, after, starts or ({},)), late]
+
+
+STRUCTURES = (
+    Structure("gain", _GAIN),
+    *_with_dead_time("1 pole", (*_GAIN, "lag_time"), "gain", {"lag_time": 1.0}),
+    *_with_dead_time(
+        "2 poles", (*_GAIN, *_PAIR1), "1 pole",
+        {"pair1_time": 0.5, "pair1_damping": 1.1}, {"pair1_time": 0.7, "pair1_damping": 0.3},
+        {"pair1_time": 0.15, "pair1_damping": 0.1},
+    ),
+    *_with_dead_time(
+        "2 poles, 1 zero", (*_GAIN, *_PAIR1, *_ZERO1), "2 poles", {"pair1_zero": 0.5}, {"pair1_zero": -0.2}
+    ),
+    *_with_dead_time("3 poles", (*_GAIN, "lag_time", *_PAIR1), "2 poles", {"lag_time": 0.3}, {"lag_time": 3.0}),
+    *_with_dead_time(
+        "3 poles, 1 zero", (*_GAIN, "lag_time", *_PAIR1, *_ZERO1), "3 poles", {"pair1_zero": 0.3}, {"pair1_zero": -0.1}
+    ),
+    *_with_dead_time(
+        "3 poles, 2 zeros", (*_GAIN, "lag_time", *_PAIR1, *_ZERO1, "pair1_zero_square"), "3 poles, 1 zero",
+        {"pair1_zero_square": 0.05},
+    ),
+    *_with_dead_time(
+        "4 poles, 1 zero", (*_GAIN, *_PAIR1, *_PAIR2, *_ZERO1), "2 poles, 1 zero",
+        {"pair2_time": 0.2, "pair2_damping": 0.7}, {"pair2_time": 1.0, "pair2_damping": 0.2},
+    ),
+    *_with_dead_time(
+        "4 poles, 2 zeros", (*_GAIN, *_PAIR1, *_PAIR2, *_ZERO1, *_ZERO2), "4 poles, 1 zero", {"pair2_zero": 0.1}
+    ),
+    *_with_dead_time(
+        "5 poles, 2 zeros", (*_GAIN, "lag_time", *_PAIR1, *_PAIR2, *_ZERO1, *_ZERO2), "4 poles, 2 zeros",
+        {"lag_time": 0.1}, {"lag_time": 2.0},
+    ),
+)  # fmt: skip
+
+PLANT = Plant(
+    name="transfer-function",
+    title="linear transfer function",
+    inputs=(Signal("input", "any"),),
+    output=Signal("output", "any"),
+    observed=(),
+    parameters=(
+        Parameter("gain", "[{output}]/[{input}]", 1.0, -1e6, 1e6, "output over input at rest"),
+        Parameter("offset", "{output}", 0.0, -1e6, 1e6, "output at zero input"),
+        Parameter("dead_time", "s", 0.0, 0.0, 10.0, "pure delay", growth="dead_time"),
+        Parameter("lag_time", "s", 0.0, 0.0, 1e4, "time constant of the real pole"),
+        Parameter("pair1_time", "s", 0.0, 0.0, 1e4, "1/ω of the first pair of poles"),
+        Parameter("pair1_damping", "1", 0.7, 0.001, 50.0, "damping ratio of the first pair"),
+        Parameter("pair1_zero", "s", 0.0, -1e4, 1e4, "first zero: 1 + s·z + s²·w; negative z: right half plane"),
+        Parameter("pair1_zero_square", "s^2", 0.0, -1e8, 1e8, "w of the first zero"),
+        Parameter("pair2_time", "s", 0.0, 0.0, 1e4, "1/ω of the second pair of poles"),
+        Parameter("pair2_damping", "1", 0.7, 0.001, 50.0, "damping ratio of the second pair"),
+        Parameter("pair2_zero", "s", 0.0, -1e4, 1e4, "second zero: 1 + s·z + s²·w"),
+        Parameter("pair2_zero_square", "s^2", 0.0, -1e8, 1e8, "w of the second zero"),
+        Parameter("start_at_output", "1", 0.0, 0.0, 1.0, "rest before the start: 0 at input, 1 at output", fixed=True),
+    ),
+    hooks=(
+        Hook("command", "command", "any", 1.0),
+        Hook("position", "dynamics", "any", 1.0),
+        Hook("flow", "output", "any", 1.0, extra="opening"),
+        Hook("sensor", "sensor", "any", 1.0),
+    ),
+    states={"before": 1, "z": _ORDER, "next": _ORDER},
+    lines_s={"line": 10.0},
+    equations=equations,
+    coefficients=coefficients,
+    sub_step_s=1.0,
+    initial=initial,
+    structures=STRUCTURES,
+    switches=("start_at_output",),
+)

@@ -1,0 +1,1 @@
+"""Numbers that papers print about valves, one file per paper, with the equation or table they stand in."""

@@ -1,0 +1,198 @@
+"""Run a plant: recordings in, model output out; or block by block as a live twin."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.physics.compose import Kernel, kernel
+from hil.physics.plant import Plant
+from hil.record.recording import Array
+
+_NOTHING = np.zeros(1)
+_NO_TRACE = np.zeros((1, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class ActiveEffect:
+    """An effect switched on at a hook, with its parameters in the hook's units."""
+
+    name: str
+    hook: str
+    parameters: Mapping[str, float]
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """(effect name, hook name)."""
+        return self.name, self.hook
+
+
+@dataclass(frozen=True, slots=True)
+class Drive:
+    """What drives a simulation, on an even grid.
+
+    Attributes:
+        inputs: shape (inputs, n), each value held until the next.
+        first_output: sets states that the steady state cannot tell.
+        interval_s: of the grid. `read_at` says after which share of it (0…1) the output is sampled:
+            0 when command and reading share one clock edge, 1 when the reading follows the update by a sample.
+    """
+
+    inputs: Array
+    first_output: float
+    interval_s: float
+    read_at: float = 0.0
+
+
+@dataclass(slots=True)
+class _Arrays:
+    """Arguments of the kernel for one set of values."""
+
+    step_s: float
+    sub_steps: int
+    steady: Array
+    coefficients: Array
+    states: Array
+    on: NDArray[np.bool_]
+    effect_coefficients: Array
+    memory: Array
+    offsets: NDArray[np.int64]
+
+
+def sub_steps(plant: Plant, interval_s: float, factor: float = 1.0) -> int:
+    """Sub-steps per sample at which the plant's page is accurate, times a factor."""
+    accurate = max(1, math.ceil(interval_s / plant.sub_step_s - 1e-9))
+    return max(1, round(factor * accurate))
+
+
+def simulate(
+    plant: Plant,
+    parameters: Mapping[str, float],
+    drive: Drive,
+    effects: Sequence[ActiveEffect] = (),
+    *,
+    factor: float = 1.0,
+    inject: tuple[str, Array] | None = None,
+    trace: Array | None = None,
+) -> Array:
+    """The plant's output and observed signals, shape (1 + observed, n), from its steady state.
+
+    Args:
+        plant: an installed plant.
+        parameters: every base parameter by name.
+        drive: the inputs.
+        effects: those that are switched on.
+        factor: finer sub-steps than the plant asks for, to measure the solver's own error, or coarser ones.
+        inject: (hook, values) adds a free disturbance of shape (n,) to what passes a hook.
+        trace: shape (hooks, n), filled with what arrives at each hook.
+    """
+    compiled = kernel(plant.name)
+    arrays = _arrays(compiled, parameters, drive, effects, sub_steps(plant, drive.interval_s, factor))
+    out = np.empty((1 + len(plant.observed), drive.inputs.shape[1]))
+    hook_names = [hook.name for hook in plant.hooks]
+    compiled.run(
+        drive.inputs, arrays.step_s, arrays.sub_steps, round(drive.read_at * arrays.sub_steps), 0, True,
+        arrays.steady, arrays.coefficients, arrays.states, arrays.on, arrays.effect_coefficients,
+        arrays.memory, arrays.offsets,
+        hook_names.index(inject[0]) if inject else -1, inject[1] if inject else _NOTHING,
+        trace is not None, _NO_TRACE if trace is None else trace, out,
+    )  # fmt: skip
+    return out
+
+
+@dataclass(slots=True)
+class Twin:
+    """A plant that runs block by block and keeps its state between blocks: the live twin.
+
+    Time is the caller's: `advance` runs exactly as many samples as it is given.
+    """
+
+    plant: Plant
+    parameters: Mapping[str, float]
+    interval_s: float
+    effects: tuple[ActiveEffect, ...] = ()
+    read_at: float = 0.0
+    _arrays: _Arrays | None = field(default=None, init=False)
+    _done: int = field(default=0, init=False)
+
+    def advance(self, inputs: Array) -> Array:
+        """Outputs, shape (1 + observed, n), for inputs of shape (inputs, n); the first call settles first."""
+        compiled = kernel(self.plant.name)
+        settle = self._arrays is None
+        if self._arrays is None:
+            steps = sub_steps(self.plant, self.interval_s)
+            drive = Drive(inputs, math.nan, self.interval_s)
+            self._arrays = _arrays(compiled, self.parameters, drive, self.effects, steps)
+        a = self._arrays
+        out = np.empty((1 + len(self.plant.observed), inputs.shape[1]))
+        compiled.run(
+            inputs, a.step_s, a.sub_steps, round(self.read_at * a.sub_steps), self._done, settle,
+            a.steady, a.coefficients, a.states, a.on, a.effect_coefficients, a.memory, a.offsets,
+            -1, _NOTHING, False, _NO_TRACE, out,
+        )  # fmt: skip
+        self._done += inputs.shape[1] * a.sub_steps
+        return out
+
+
+def _arrays(
+    compiled: Kernel,
+    parameters: Mapping[str, float],
+    drive: Drive,
+    effects: Iterable[ActiveEffect],
+    steps: int,
+) -> _Arrays:
+    plant = compiled.plant
+    step_s = drive.interval_s / steps
+    active = {effect.key: effect for effect in effects}
+    unknown = set(active) - {site.key for site in compiled.sites}
+    if unknown:
+        raise KeyError(f"{plant.name} has no place for {sorted(unknown)}")
+    on = np.array([site.key in active for site in compiled.sites], dtype=np.bool_)
+    values: list[float] = []
+    sizes: list[int] = []
+    for site in compiled.sites:
+        effect = active.get(site.key)
+        if effect is None:
+            values += [0.0] * len(site.arguments)
+            sizes.append(0)
+            continue
+        given = effect.parameters
+        if site.effect.coefficients is not None:
+            given = site.effect.coefficients(given, step_s)
+        values += [given[name] for name in site.arguments]
+        scaled = {parameter.name: parameter for parameter in site.effect.parameters_at(site.hook)}
+        sizes.append(site.effect.memory(scaled, step_s))
+    sizes += [math.ceil(length / step_s) + 4 for length in plant.lines_s.values()]
+    offsets = np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
+    return _Arrays(
+        step_s,
+        steps,
+        _flat(plant.coefficients(parameters, math.inf)),
+        _flat(plant.coefficients(parameters, step_s)),
+        _initial_states(plant, parameters, drive),
+        on,
+        np.array([*values, 0.0]),
+        np.zeros(int(offsets[-1]) + 1),
+        offsets,
+    )
+
+
+def _flat(coefficients: Mapping[str, float | Array]) -> Array:
+    return np.concatenate(
+        [np.atleast_1d(np.asarray(value, dtype=np.float64)).ravel() for value in coefficients.values()]
+    )
+
+
+def _initial_states(plant: Plant, parameters: Mapping[str, float], drive: Drive) -> Array:
+    first = tuple(float(value) for value in drive.inputs[:, 0])
+    given = plant.initial(parameters, first, drive.first_output)
+    states = np.zeros(sum(plant.states.values()) + 1 + len(plant.observed))
+    at = 0
+    for name, width in plant.states.items():
+        states[at : at + width] = given.get(name, 0.0)
+        at += width
+    return states
