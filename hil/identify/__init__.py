@@ -1,0 +1,1 @@
+"""Numbers from recordings, each with its uncertainty and unit."""

@@ -1,0 +1,174 @@
+"""Weighted least squares on simulations: the one optimiser that identification and diagnosis share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from hil.record.recording import Array
+from hil.signals.colour import colour_factor
+
+_RELATIVE_STEP = 1e-3
+_FIRST_DAMPING = 1e-3
+_STILL = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Unknown:
+    """A number to be estimated: where it starts, how far it may go, its natural size and unit."""
+
+    name: str
+    unit: str
+    start: float
+    low: float
+    high: float
+    scale: float
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The outcome of a fit.
+
+    Attributes:
+        unknowns: what was estimated.
+        values: shape (k,). `std`: standard uncertainties, infinite where the data cannot tell.
+        covariance: shape (k, k), scaled by the residual's variance and its colour.
+        residuals: weighted, shape (n,). `jacobian`: of the residuals, shape (n, k).
+        chi2: sum of squared residuals.
+        converged: whether the optimiser met its tolerance. `sentence`: what it said.
+    """
+
+    unknowns: tuple[Unknown, ...]
+    values: Array
+    covariance: Array
+    residuals: Array
+    jacobian: Array
+    converged: bool
+    sentence: str
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared weighted residuals."""
+        return float(self.residuals @ self.residuals)
+
+    @property
+    def std(self) -> Array:
+        """Standard uncertainties."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def on_bound(self) -> tuple[str, ...]:
+        """Names of the unknowns that ended on a bound of theirs."""
+        return tuple(
+            u.name
+            for u, value in zip(self.unknowns, self.values, strict=True)
+            if min(value - u.low, u.high - value) < 1e-3 * u.scale
+        )
+
+    def value(self, name: str) -> float:
+        """An estimated value by name."""
+        return float(self.values[[u.name for u in self.unknowns].index(name)])
+
+
+@cache
+def workers() -> ThreadPoolExecutor:
+    """Threads for simulations; the compiled kernels release the interpreter's lock."""
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="simulate")
+
+
+def estimate(
+    residuals: Callable[[Array], Array],
+    unknowns: Sequence[Unknown],
+    *,
+    max_evaluations: int = 60,
+    tolerance: float = 1e-7,
+) -> Estimate:
+    """Minimise the sum of squared residuals within the bounds, from the unknowns' start values.
+
+    `residuals` maps values of shape (k,) to weighted residuals of shape (n,); it is called from threads.
+    """
+    low = np.array([u.low for u in unknowns])
+    high = np.array([u.high for u in unknowns])
+    scale = np.array([u.scale for u in unknowns])
+    values = np.clip([u.start for u in unknowns], low, high)
+    r = residuals(values)
+    if not len(unknowns):
+        return Estimate((), values, np.zeros((0, 0)), r, np.zeros((len(r), 0)), True, "nothing to estimate")
+    slopes = jacobian(residuals, values, high, scale, r)
+    damping, evaluations, sentence = _FIRST_DAMPING, 1, ""
+    while not sentence:
+        step = _damped_step(slopes, r, values, low, high, scale, damping)
+        moved = np.clip(values + step, low, high)
+        if np.all(np.abs(moved - values) <= _STILL * scale):
+            sentence = "no step improves any further"
+            break
+        new = residuals(moved)
+        evaluations += 1
+        gain = float(r @ r - new @ new)
+        if gain > 0.0:  # also False when the new residuals are not finite
+            if gain < tolerance * float(r @ r):
+                sentence = "the misfit no longer falls"
+            values, r = moved, new
+            slopes = jacobian(residuals, values, high, scale, r)
+            damping = max(damping / 5.0, 1e-9)
+        else:
+            damping *= 4.0
+        if evaluations >= max_evaluations and not sentence:
+            sentence = f"stopped after {evaluations} evaluations"
+    converged = not sentence.startswith("stopped")
+    return Estimate(tuple(unknowns), values, _covariance(slopes, r, scale), r, slopes, converged, sentence)
+
+
+def _damped_step(
+    slopes: Array, r: Array, values: Array, low: Array, high: Array, scale: Array, damping: float
+) -> Array:
+    """A Levenberg–Marquardt step; unknowns that press against a bound stay there.
+
+    On the normal equations: unknowns are few and scaled, samples are many, and a decomposition of the slopes
+    would cost more than the simulations.
+    """
+    gradient = scale * (slopes.T @ r)
+    pressed = ((values <= low) & (gradient > 0.0)) | ((values >= high) & (gradient < 0.0))
+    free = np.flatnonzero(~pressed)
+    information = (slopes.T @ slopes * np.outer(scale, scale))[np.ix_(free, free)]
+    weights = np.maximum(np.diag(information), 1e-12 * max(float(np.trace(information)), 1e-300))
+    step = np.zeros_like(values)
+    step[free] = -np.linalg.solve(information + damping * np.diag(weights), gradient[free])
+    return step * scale
+
+
+def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, scale: Array, base: Array) -> Array:
+    """Forward differences in all unknowns at once (in threads), stepping away from a near bound."""
+
+    def column(k: int) -> Array:
+        step = _RELATIVE_STEP * scale[k]
+        if values[k] + step > high[k]:
+            step = -step
+        moved = values.copy()
+        moved[k] += step
+        slope: Array = (residuals(moved) - base) / step
+        return slope
+
+    columns: list[Array] = list(workers().map(column, range(len(values))))
+    return np.column_stack(columns)
+
+
+def _covariance(jac: Array, residuals: Array, scale: Array) -> Array:
+    """Inverse information, times residual variance and the loss of independent samples by colour."""
+    scaled = jac * scale
+    information = scaled.T @ scaled
+    values, vectors = np.linalg.eigh(information)
+    blind = values <= 1e-12 * values.max()
+    inverse = vectors @ np.diag(np.where(blind, 0.0, 1.0 / np.where(blind, 1.0, values))) @ vectors.T
+    dof = max(len(residuals) - len(scale), 1)
+    covariance = inverse * (residuals @ residuals) / dof * colour_factor(residuals)
+    if blind.any():  # what no sample can tell has no finite uncertainty
+        seen = np.sqrt((vectors[:, blind] ** 2).sum(axis=1)) > 1e-3
+        covariance[seen, seen] = np.inf
+    result: Array = covariance * np.outer(scale, scale)
+    return result

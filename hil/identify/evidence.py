@@ -1,0 +1,34 @@
+"""Which of several models to believe: the simplest that predicts what it has not seen as well as the best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from hil.record.recording import Array
+
+VERY_STRONG = 10.0  # difference of BIC from which the evidence against a model is called very strong
+_NEGLIGIBLE = 0.01
+
+
+def simplest_good(errors: Sequence[Array], complexity: Sequence[tuple[float, ...]]) -> int:
+    """Index of the least complex model whose held-out error is as good as the best one's.
+
+    As good is an excess within one standard error, or below one per cent of the error. Errors are compared
+    place by place, which takes out what every model finds hard.
+
+    Args:
+        errors: per model, squared errors at the same held-out places, shape (n,).
+        complexity: per model, what to prefer less of, first things first.
+    """
+    best = min(errors, key=lambda error: float(np.mean(error)))
+    good = [i for i, error in enumerate(errors) if _as_good(error, best)]
+    return min(good, key=lambda i: complexity[i])
+
+
+def _as_good(error: Array, best: Array) -> bool:
+    excess = error - best
+    doubt = float(excess.std(ddof=1)) / math.sqrt(len(excess)) if len(excess) > 1 else math.inf
+    return float(excess.mean()) <= max(doubt, _NEGLIGIBLE * float(best.mean()))

@@ -1,0 +1,154 @@
+"""A recording made ready for a plant: what drives it, and what it is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import FileError
+from hil.physics.model import Model
+from hil.physics.plant import Plant
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import Array, Channel, Recording, split_heading
+
+_GRID_PER_UNEVEN_SAMPLE = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One recording as a plant sees it.
+
+    Attributes:
+        name: of the recording.
+        input, output_heading: the bound channels, as `name [unit]` in the units used.
+        time_s: stamps of the samples.
+        drive: the inputs on an even grid.
+        grid_s: the grid's stamps when the recording's are uneven, else None.
+        output: the measured output, shape (n,), in the plant's unit.
+        observed: measured inner signals, by name, where the recording has them.
+        ignored: samples of the output that say nothing (clipped, held), shape (n,), or None.
+        reading_known: whether the recording (or a model) declared when in a sample the output is read.
+    """
+
+    name: str
+    input: str
+    output_heading: str
+    time_s: Array
+    drive: Drive
+    grid_s: Array | None
+    output: Array
+    observed: Mapping[str, Array]
+    reading_known: bool = False
+    ignored: NDArray[np.bool_] | None = None
+
+    def respond(
+        self,
+        plant: Plant,
+        parameters: Mapping[str, float],
+        effects: Sequence[ActiveEffect] = (),
+        *,
+        factor: float = 1.0,
+        inject: tuple[str, Array] | None = None,
+    ) -> Array:
+        """Simulated output and observed signals at the recording's own stamps, shape (1 + observed, n).
+
+        `factor` and `inject` as in `hil.physics.simulate.simulate`.
+        """
+        return self.at_stamps(simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject))
+
+    def at_stamps(self, rows: Array) -> Array:
+        """Rows on the grid, read at the recording's stamps."""
+        if self.grid_s is None:
+            return rows
+        read: Array = np.array([np.interp(self.time_s, self.grid_s, row) for row in rows])
+        return read
+
+    def on_grid_input(self) -> Array:
+        """The command at the recording's stamps, shape (n,)."""
+        command: Array = self.at_stamps(self.drive.inputs)[0]
+        return command
+
+    def reading_at(self, read_at: float) -> Experiment:
+        """The same with another reading instant."""
+        return replace(self, drive=replace(self.drive, read_at=read_at))
+
+
+def experiment(
+    recording: Recording,
+    plant: Plant,
+    input_name: str | None = None,
+    output_name: str | None = None,
+    read_at: float | None = None,
+) -> Experiment:
+    """Bind a recording to a plant by channel names.
+
+    Raises:
+        FileError: a channel is missing, or the input never changes.
+        UnitError: a channel's unit does not convert to the plant's.
+    """
+    names = [input_name or plant.inputs[0].name, *(signal.name for signal in plant.inputs[1:])]
+    units = _input_units(plant, recording, names[0])
+    inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
+    measured = recording.channel(output_name or plant.output.name)
+    output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
+    output = recording.values(measured.name, output_unit)
+    observed = {
+        signal.name: recording.values(signal.name, signal.unit)
+        for signal in plant.observed
+        if signal.name in recording.channels
+    }
+    at = declared_read_at(recording) if read_at is None else read_at
+    grid_s, on_grid, interval_s = _even(recording, inputs)
+    drive = Drive(on_grid, float(output[0]), interval_s, at or 0.0)
+    return Experiment(
+        recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
+        recording.time_s, drive, grid_s, output, observed, at is not None,
+    )  # fmt: skip
+
+
+def for_model(model: Model, recording: Recording, input_name: str = "", output_name: str = "") -> Experiment:
+    """Bind a recording to a model: its channels (other names may be given) and its reading instant.
+
+    A recording without the output channel is bound too; only its first sample would have been used.
+    """
+    plant = model.definition
+    output_name = output_name or split_heading(model.output)[0]
+    if output_name not in recording.channels:
+        nothing = Channel(output_name, plant.output.unit, np.full(len(recording), np.nan))
+        recording = replace(recording, channels={**recording.channels, output_name: nothing})
+    input_name = input_name or split_heading(model.input)[0]
+    return experiment(recording, plant, input_name, output_name, model.read_at)
+
+
+def declared_read_at(recording: Recording) -> float | None:
+    """The reading instant that the bench promised for this recording, None when it says nothing."""
+    promised = recording.meta.get("sampling", {})
+    value = promised.get("read_at") if isinstance(promised, Mapping) else None
+    return None if value is None else float(value)
+
+
+def _input_units(plant: Plant, recording: Recording, first: str) -> list[str]:
+    if plant.inputs[0].unit == "any":
+        return [recording.channel(first).unit, *(signal.unit for signal in plant.inputs[1:])]
+    return [signal.unit for signal in plant.inputs]
+
+
+def _even(recording: Recording, inputs: Array) -> tuple[Array | None, Array, float]:
+    if recording.is_even():
+        return None, np.ascontiguousarray(inputs), recording.interval_s
+    # Uneven stamps: inputs are held on a finer even grid, outputs are read at the stamps they really had.
+    interval_s = recording.interval_s / _GRID_PER_UNEVEN_SAMPLE
+    start, stop = recording.time_s[0], recording.time_s[-1]
+    grid_s = start + interval_s * np.arange(int(np.ceil((stop - start) / interval_s)) + 1)
+    held = np.clip(np.searchsorted(recording.time_s, grid_s, side="right") - 1, 0, len(recording) - 1)
+    return grid_s, np.ascontiguousarray(inputs[:, held]), interval_s
+
+
+def require_excitation(experiments: Sequence[Experiment]) -> None:
+    """Raise `FileError` when no input moves at all."""
+    if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in experiments):
+        names = ", ".join(e.name for e in experiments)
+        raise FileError(f"{names}: the input never changes; nothing can be identified from a constant input")

@@ -1,0 +1,226 @@
+"""The frequency response: complex output over input per frequency, with covariance, harmonics and noise."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import InputError
+from hil.record.recording import Array
+from hil.signals.sine_fit import SineFit
+
+Complex = NDArray[np.complex128]
+
+DISTORTION_FLAG = 0.05  # customary limit of THD above which a response counts as distorted (5…10 %)
+
+
+@dataclass(frozen=True, slots=True)
+class FrequencyResponse:
+    """Output over input at n frequencies, one amplitude about one bias.
+
+    Attributes:
+        name: recording or table it comes from.
+        frequency_hz: rising, shape (n,).
+        response: raw output over input, in output unit per input unit, shape (n,).
+        covariance: of (Re, Im) of the response, shape (n, 2, 2); NaN where nothing is known (a table).
+        input_unit, output_unit: of the two channels.
+        amplitude, bias: of the input, in its unit; NaN for a table.
+        input_amplitude, output_amplitude, output_offset, noise_std: per frequency, shape (n,).
+        harmonics: output harmonics 2… over its fundamental, shape (n, harmonics − 1).
+        corrections: what has been taken out of the raw response.
+    """
+
+    name: str
+    frequency_hz: Array
+    response: Complex
+    covariance: Array
+    input_unit: str
+    output_unit: str
+    amplitude: float
+    bias: float
+    input_amplitude: Array
+    output_amplitude: Array
+    output_offset: Array
+    noise_std: Array
+    harmonics: Complex
+    corrections: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        return len(self.frequency_hz)
+
+    @property
+    def magnitude_db(self) -> Array:
+        """20·lg of the raw ratio."""
+        made: Array = 20.0 * np.log10(np.abs(self.response))
+        return made
+
+    @property
+    def phase_deg(self) -> Array:
+        """Phase, unwrapped from the lowest frequency on, beyond −360° where it goes there."""
+        made: Array = np.degrees(np.unwrap(np.angle(self.response)))
+        return made
+
+    @property
+    def magnitude_std_db(self) -> Array:
+        """Standard uncertainty of the magnitude."""
+        return 20.0 / math.log(10.0) * self._std_along(self.response)
+
+    @property
+    def phase_std_deg(self) -> Array:
+        """Standard uncertainty of the phase."""
+        made: Array = np.degrees(self._std_along(1j * self.response))
+        return made
+
+    @property
+    def distortion(self) -> Array:
+        """THD of the output: rms of harmonics 2… over the fundamental."""
+        made: Array = np.linalg.norm(self.harmonics, axis=1)
+        return made
+
+    @property
+    def coherence(self) -> Array:
+        """Share of the output's power that the fundamental carries; the rest is harmonics and noise."""
+        sine = self.output_amplitude**2 / 2.0
+        made: Array = sine / (sine * (1.0 + self.distortion**2) + self.noise_std**2)
+        return made
+
+    def distorted(self, limit: float = DISTORTION_FLAG) -> Array:
+        """Frequencies at which THD is above a limit."""
+        return self.frequency_hz[self.distortion > limit]
+
+    def normalised(self, reference_hz: float | None = None) -> FrequencyResponse:
+        """Magnitude over that at a reference frequency (the lowest when None): eq. 1 of the HPV41 paper.
+
+        This deletes the static gain, which friction and dead band make depend on amplitude; keep the raw one
+        too. The uncertainty of the reference is added to every other line.
+        """
+        at = 0 if reference_hz is None else int(np.argmin(np.abs(self.frequency_hz - reference_hz)))
+        size = abs(self.response[at])
+        radial = np.full(len(self), self._std_along(self.response)[at] ** 2)
+        across = self._std_along(1j * self.response) ** 2
+        along = self._std_along(self.response) ** 2 + radial
+        along[at] = 0.0
+        response = self.response / size
+        note = f"magnitude over that at {self.frequency_hz[at]:g} Hz"
+        return replace(
+            self, response=response, covariance=_rotated(response, along, across), output_unit="1", input_unit="1",
+            corrections=(*self.corrections, note),
+        )  # fmt: skip
+
+    def divided_by(self, other: Complex, note: str) -> FrequencyResponse:
+        """The response with a known factor taken out, covariance included."""
+        turn = 1.0 / np.asarray(other, dtype=np.complex128)
+        return replace(
+            self, response=self.response * turn, covariance=_turned(turn, self.covariance),
+            corrections=(*self.corrections, note),
+        )  # fmt: skip
+
+    def select(self, keep: NDArray[np.bool_] | NDArray[np.int64]) -> FrequencyResponse:
+        """Some of the frequencies."""
+        rows = (
+            "frequency_hz", "response", "covariance", "input_amplitude", "output_amplitude", "output_offset",
+            "noise_std", "harmonics",
+        )  # fmt: skip
+        return replace(self, **{name: getattr(self, name)[keep] for name in rows})
+
+    def _std_along(self, direction: Complex) -> Array:
+        """Standard deviation along a direction, over the size of the response."""
+        unit = direction / np.abs(direction)
+        pairs = np.stack((unit.real, unit.imag), axis=-1)
+        variance = np.einsum("ni,nij,nj->n", pairs, self.covariance, pairs)
+        made: Array = np.sqrt(np.maximum(variance, 0.0)) / np.abs(self.response)
+        return made
+
+
+def from_fits(
+    name: str,
+    fits: Sequence[tuple[SineFit, SineFit]],
+    units: tuple[str, str],
+    amplitude: float | None = None,
+    bias: float | None = None,
+) -> FrequencyResponse:
+    """A frequency response from sine fits of (input, output), one pair per frequency.
+
+    Noise of input and output is taken as independent.
+
+    Raises:
+        InputError: no fits, or an input without amplitude.
+    """
+    if not fits:
+        raise InputError(f"{name}: no sine to make a frequency response of")
+    fits = sorted(fits, key=lambda pair: pair[0].frequency_hz)
+    inputs, outputs = [pair[0] for pair in fits], [pair[1] for pair in fits]
+    given = np.array([fit.phasor for fit in inputs])
+    if np.any(np.abs(given) == 0.0):
+        raise InputError(
+            f"{name}: the input does not move at {inputs[int(np.argmin(np.abs(given)))].frequency_hz:g} Hz"
+        )
+    response = np.array([fit.phasor for fit in outputs]) / given
+    covariance = _turned(np.reciprocal(given), np.array([fit.phasor_covariance() for fit in outputs]))
+    covariance += _turned(response / given, np.array([fit.phasor_covariance() for fit in inputs]))
+    sizes = np.abs(given)
+    return FrequencyResponse(
+        name, np.array([fit.frequency_hz for fit in inputs]), response, covariance, *units,
+        float(np.median(sizes)) if amplitude is None else amplitude,
+        float(np.median([fit.offset for fit in inputs])) if bias is None else bias,
+        sizes,
+        np.array([fit.amplitude for fit in outputs]),
+        np.array([fit.offset for fit in outputs]),
+        np.array([fit.residual_std for fit in outputs]),
+        np.array([fit.phasors[1:] / fit.phasor for fit in outputs]),
+    )  # fmt: skip
+
+
+def from_table(
+    name: str, frequency_hz: Array, magnitude_db: Array, phase_deg: Array, units: tuple[str, str] = ("1", "1")
+) -> FrequencyResponse:
+    """A frequency response from a published Bode table; nothing is known of its noise."""
+    order = np.argsort(frequency_hz)
+    response = np.asarray(10.0 ** (magnitude_db / 20.0) * np.exp(1j * np.radians(phase_deg)), dtype=np.complex128)
+    n = len(order)
+    unknown = np.full(n, math.nan)
+    return FrequencyResponse(
+        name, np.asarray(frequency_hz, dtype=np.float64)[order], response[order], np.full((n, 2, 2), math.nan), *units,
+        math.nan, math.nan, unknown, unknown, unknown, unknown, np.zeros((n, 0), dtype=np.complex128),
+    )  # fmt: skip
+
+
+def average(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
+    """The mean of responses on the same frequencies: of their dB and of their unwrapped phases.
+
+    What the paper calls a mean model is fitted to this. It describes none of the runs; use it to speak about
+    all of them at once.
+
+    Raises:
+        InputError: no responses, or on different frequencies.
+    """
+    if not responses or any(not np.array_equal(r.frequency_hz, responses[0].frequency_hz) for r in responses):
+        raise InputError("a mean needs at least one response, and all of them on the same frequencies")
+    first = responses[0]
+    return from_table(
+        f"mean of {len(responses)} responses",
+        first.frequency_hz,
+        np.mean([r.magnitude_db for r in responses], axis=0),
+        np.mean([r.phase_deg for r in responses], axis=0),
+        (first.input_unit, first.output_unit),
+    )
+
+
+def _turned(turn: Complex, covariance: Array) -> Array:
+    """Covariances of complex numbers multiplied by `turn`; shapes (n,) and (n, 2, 2)."""
+    matrix = np.empty((len(turn), 2, 2))
+    matrix[:, 0, 0] = matrix[:, 1, 1] = turn.real
+    matrix[:, 1, 0], matrix[:, 0, 1] = turn.imag, -turn.imag
+    made: Array = np.einsum("nij,njk,nlk->nil", matrix, covariance, matrix)
+    return made
+
+
+def _rotated(response: Complex, along: Array, across: Array) -> Array:
+    """Covariances from relative variances along and across each phasor."""
+    diagonal = np.zeros((len(response), 2, 2))
+    diagonal[:, 0, 0], diagonal[:, 1, 1] = along, across
+    return _turned(response, diagonal)

@@ -1,0 +1,242 @@
+"""Grey-box identification: the physical parameters of a plant, from several recordings together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from hil.errors import SettingError
+from hil.identify.estimate import Estimate, Unknown, estimate
+from hil.identify.experiment import Experiment, require_excitation
+from hil.identify.noise import channel_floor, measured_noise
+from hil.identify.structure import choose_structure
+from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
+from hil.physics.plant import Parameter, Plant, Structure
+from hil.record.recording import Array
+
+# Start values tried beside the given ones when the first fit stays far above the noise.
+_RESTARTS = (0.4, 2.5)
+_WELL_ABOVE_FLOOR = 1.5
+_TELLING_CHI2 = 25.0
+
+
+@dataclass(frozen=True, slots=True)
+class GreyBoxFit:
+    """A model fitted to experiments: the estimate, the model, and fit % per recording."""
+
+    model: Model
+    estimate: Estimate
+    fits: dict[str, float]
+    notes: tuple[str, ...]
+
+    def summary(self) -> str:
+        """A table of parameters with their uncertainty, fits and notes, for a terminal."""
+        rows = [f"{self.model.plant}"]
+        for name, found in self.model.parameters.items():
+            error = "held" if found.std is None else f"± {1.96 * found.std:.2g}"
+            rows.append(f"  {name:18} {found.value:12.6g} {error:12} {found.unit}")
+        rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
+        return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+
+def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
+    """The start of an identification: a plant at its typical values, or the values of a model file.
+
+    Raises:
+        FileError, UnknownNameError: no such plant or file. SettingError: a parameter to free is unknown.
+    """
+    path = Path(plant_or_file)
+    model = load_model(path) if path.suffix == ".json" else typical_model(plant_or_file)
+    known = {p.name for p in model.definition.parameters}
+    for name in free:
+        if name not in known:
+            raise SettingError(f"plant {model.plant} has no parameter '{name}'; known: {', '.join(sorted(known))}")
+    return model
+
+
+def fit_percent(measured: Array, simulated: Array) -> float:
+    """100·(1 − ‖y − ŷ‖/‖y − mean(y)‖) %, as the papers use it."""
+    spread = float(np.linalg.norm(measured - measured.mean()))
+    if spread == 0.0:
+        return float("nan")
+    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
+
+
+def fit_ceiling(measured: Array, noise_std: float) -> float:
+    """The fit that the true model would reach, given the noise."""
+    return 100.0 * (1.0 - noise_std / float(np.std(measured))) if np.std(measured) else float("nan")
+
+
+def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = ()) -> GreyBoxFit:
+    """Estimate the plant's parameters from all experiments together, effects of the model included as they are.
+
+    Args:
+        model: start values; parameters that are not free stay at them.
+        experiments: what to fit.
+        also_free: parameters to estimate beside those that the plant does not hold fixed.
+
+    Raises:
+        FileError: no input moves.
+    """
+    require_excitation(experiments)
+    weights = [1.0 / max(channel_floor(e.output), _resolution(e.output)) for e in experiments]
+    model, note = _with_structure(model, experiments, weights)
+    plant = model.definition
+    names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
+    found, used = _best_reading(model, plant, names, experiments, weights)
+    return _result(model, plant, found, used, note)
+
+
+def _with_structure(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float]
+) -> tuple[Model, tuple[str, ...]]:
+    """The model with a structure chosen, if its plant has several and none was chosen before."""
+    plant = model.definition
+    if not plant.structures or _structure(model) is not None:
+        return model, ()
+    choice = choose_structure(plant, experiments, weights)
+    chosen = choice.chosen
+    values = {name: Value(value, model.parameters[name].unit) for name, value in chosen.values.items()}
+    origin = {**model.origin, "structure": chosen.structure.name}
+    return replace(model, parameters=values, origin=origin), (choice.sentence,)
+
+
+def _structure(model: Model) -> Structure | None:
+    """The structure that was chosen when the model was identified."""
+    name = model.origin.get("structure")
+    return next((s for s in model.definition.structures if s.name == name), None)
+
+
+def _is_free(model: Model, parameter: Parameter) -> bool:
+    structure = _structure(model)
+    return not parameter.fixed if structure is None else parameter.name in structure.free
+
+
+def _kept(model: Model) -> dict[str, str]:
+    structure = _structure(model)
+    return {"structure": structure.name} if structure else {}
+
+
+def _resolution(values: Array) -> float:
+    """The least noise to assume: a ten-thousandth of the channel's span."""
+    return 1e-4 * float(np.ptp(values)) or 1.0
+
+
+def _best_reading(
+    model: Model,
+    plant: Plant,
+    names: Sequence[str],
+    experiments: Sequence[Experiment],
+    weights: Sequence[float],
+) -> tuple[Estimate, list[Experiment]]:
+    """Fit with both conventions of when a sample is read, unless the recordings declare it; keep the better."""
+    best: tuple[Estimate, list[Experiment]] | None = None
+    declared = {e.drive.read_at for e in experiments if e.reading_known}
+    for read_at in sorted(declared) or (0.0, 1.0):
+        moved = [e.reading_at(read_at) for e in experiments]
+        start = _unknowns(plant, names, model.values if best is None else _merged(model, best[0]))
+        found = _fit_from(model, moved, weights, start)
+        if best is None:
+            found = _restarted(model, moved, weights, found)
+        # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one.
+        if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2:
+            best = found, moved
+    assert best is not None  # noqa: S101
+    return best
+
+
+def _merged(model: Model, found: Estimate) -> dict[str, float]:
+    return model.values | {u.name: float(v) for u, v in zip(found.unknowns, found.values, strict=True)}
+
+
+def _restarted(model: Model, experiments: Sequence[Experiment], weights: Sequence[float], first: Estimate) -> Estimate:
+    """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
+    best = first
+    for factor in _RESTARTS:
+        if best.chi2 < _WELL_ABOVE_FLOOR * len(best.residuals):
+            break
+        moved = [
+            Unknown(u.name, u.unit, float(np.clip(u.start * factor, u.low, u.high)), u.low, u.high, u.scale)
+            if u.unit in ("s", "rad/s")
+            else u
+            for u in first.unknowns
+        ]
+        other = _fit_from(model, experiments, weights, moved)
+        best = min(best, other, key=lambda found: found.chi2)
+    return best
+
+
+def _unknowns(plant: Plant, names: Sequence[str], values: dict[str, float]) -> list[Unknown]:
+    return [unknown(plant.parameter(name), values[name]) for name in names]
+
+
+def unknown(parameter: Parameter, start: float) -> Unknown:
+    """A parameter as something to be estimated."""
+    scale = parameter.scale if parameter.typical else abs(start) or parameter.scale
+    return Unknown(parameter.name, parameter.unit, start, parameter.low, parameter.high, scale)
+
+
+def _fit_from(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], start: Sequence[Unknown]
+) -> Estimate:
+    plant = model.definition
+    names = [u.name for u in start]
+    base, active = model.values, model.active_effects
+
+    inner = [{name: 1.0 / channel_floor(values) for name, values in e.observed.items()} for e in experiments]
+
+    def residuals(values: Array) -> Array:
+        parameters = base | dict(zip(names, values.tolist(), strict=True))
+        parts = []
+        for e, weight, inside in zip(experiments, weights, inner, strict=True):
+            rows = e.respond(plant, parameters, active)
+            parts.append((rows[0] - e.output) * weight)
+            parts += [
+                (rows[k] - e.observed[signal.name]) * inside[signal.name]
+                for k, signal in enumerate(plant.observed, start=1)
+                if signal.name in inside
+            ]
+        return np.concatenate(parts)
+
+    return estimate(residuals, start)
+
+
+def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
+    inputs = [e.on_grid_input() for e in experiments]
+    interval_s = float(np.median(np.diff(experiments[0].time_s)))
+    return measured_noise(inputs, [e.output for e in experiments], errors, interval_s)
+
+
+def _covariance(found: Estimate) -> Covariance:
+    """The covariance for the model file; what no sample can tell is as uncertain as its bounds are wide."""
+    widths = np.array([u.high - u.low for u in found.unknowns])
+    finite = np.where(np.isfinite(found.covariance), found.covariance, 0.0)
+    blind = ~np.isfinite(np.diag(found.covariance))
+    finite[blind, blind] = widths[blind] ** 2
+    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in finite.tolist()))
+
+
+def _result(
+    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], said: tuple[str, ...]
+) -> GreyBoxFit:
+    stds = dict(zip((u.name for u in found.unknowns), found.std.tolist(), strict=True))
+    values = _merged(model, found)
+    units = plant.units(experiments[0].input, experiments[0].output_heading)
+    parameters = {p.name: Value(values[p.name], units[p.name], stds.get(p.name)) for p in plant.parameters}
+    fits, errors = {}, []
+    for e in experiments:
+        simulated = e.respond(plant, values, model.active_effects)[0]
+        fits[e.name] = fit_percent(e.output, simulated)
+        errors.append(e.output - simulated)
+    made = Model(
+        model.plant, parameters, model.effects, experiments[0].input, experiments[0].output_heading,
+        experiments[0].drive.read_at,
+        _noise(experiments, errors),
+        _covariance(found),
+        {"recordings": [e.name for e in experiments], "fit_percent": fits, **_kept(model)},
+    )  # fmt: skip
+    notes = tuple(f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound)
+    return GreyBoxFit(made, found, fits, (*said, *notes))

@@ -1,0 +1,131 @@
+"""The noise of a channel: its floor before any model is believed, its colour from what a model leaves."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import solve_toeplitz
+from scipy.signal import lfilter
+
+from hil.physics.model import Noise
+from hil.record.recording import Array
+
+_LONGEST_MEMORY = 8
+# Noise is called coloured only when a longer memory makes this much of its variance predictable.
+_TELLING_SHARE = 0.01
+_AGREEING = 1.15
+
+
+def white_floor(values: Array) -> float:
+    """Standard deviation of white noise on a smooth signal, from its fourth differences.
+
+    Robust to steps (a median); blind to coloured noise, which needs repeated periods or a model.
+    """
+    if len(values) < 16:
+        return 0.0
+    fourth = np.diff(values, 4)
+    return float(np.median(np.abs(fourth)) / 0.6745 / np.sqrt(70.0))
+
+
+def channel_floor(values: Array) -> float:
+    """The least noise a channel has: by its fourth differences, and by the resolution of its converter."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0.0]
+    resolution = float(steps.min()) / np.sqrt(12.0) if steps.size else 0.0
+    return max(white_floor(values), resolution, 1e-6 * float(np.ptp(values)), 1e-12)
+
+
+def noise_of(residuals: Sequence[Array], interval_s: float) -> Noise:
+    """Level and colour of residuals, one array per recording, by Yule–Walker.
+
+    The order is the lowest from which a longer memory no longer makes the noise more predictable.
+    """
+    correlation = _autocorrelation(residuals, _LONGEST_MEMORY)
+    std = float(np.sqrt(correlation[0]))
+    best: tuple[float, ...] = ()
+    left = correlation[0]
+    for order in range(1, _LONGEST_MEMORY + 1):
+        weights = solve_toeplitz(correlation[:order], correlation[1 : order + 1])
+        unexplained = correlation[0] - float(weights @ correlation[1 : order + 1])
+        if unexplained < (1.0 - _TELLING_SHARE) * left:
+            best, left = tuple(-weights), unexplained
+    return Noise(std, best, interval_s)
+
+
+def repeat_difference(inputs: Array, output: Array) -> Array | None:
+    """What differs between two periods of a periodic recording, scaled to one: noise and nothing else.
+
+    A misfit repeats with the input, noise does not. None when the input does not repeat itself.
+    """
+    n = len(output)
+    power = float(np.var(inputs))
+    shortest, longest = n // 20, n - n // 5
+    if power == 0.0 or longest <= shortest:
+        return None
+    lags = np.arange(shortest, longest)
+    mismatch = _mean_square_difference(inputs)[lags]
+    good = lags[mismatch < 1e-8 * power]
+    if not good.size:
+        return None
+    lag = int(good[0])
+    difference: Array = (output[lag:] - output[:-lag])[n // 20 :] / np.sqrt(2.0)
+    return difference
+
+
+def _mean_square_difference(values: Array) -> Array:
+    """Mean of (v(t + lag) − v(t))² for every lag."""
+    centred = values - values.mean()
+    n = len(centred)
+    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
+    product = np.fft.irfft(spectrum, 2 * n)[:n]
+    squares = np.concatenate(([0.0], np.cumsum(centred**2)))
+    counts = np.arange(n, 0, -1)
+    both = squares[counts] + squares[n] - squares[n - counts]
+    result: Array = np.maximum(both - 2.0 * product, 0.0) / counts
+    return result
+
+
+def measured_noise(
+    inputs: Sequence[Array], outputs: Sequence[Array], residuals: Sequence[Array], step_s: float
+) -> Noise:
+    """The noise of recordings, given what the best model left of them.
+
+    Where an input repeats itself, the periods tell noise from misfit; elsewhere the fourth differences do. The
+    residuals' own level and colour are taken only when they agree with that: a misfit must not pass for noise.
+    """
+    differences = [d for u, y in zip(inputs, outputs, strict=True) if (d := repeat_difference(u, y)) is not None]
+    left = noise_of(residuals, step_s)
+    if differences:
+        repeats = noise_of(differences, step_s)
+        return left if left.std < _AGREEING * repeats.std else repeats
+    floor = float(np.sqrt(np.mean([white_floor(y) ** 2 for y in outputs])))
+    return left if left.std < _AGREEING * floor or floor == 0.0 else Noise(floor)
+
+
+def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:
+    """Residuals as white noise of unit variance, if they are this noise.
+
+    The colour is used only at the sampling interval that it was found at.
+    """
+    same_rate = noise.interval_s is not None and abs(noise.interval_s / interval_s - 1.0) < 0.02
+    if not noise.colour or not same_rate:
+        return residuals / noise.std
+    filtered: Array = lfilter((1.0, *noise.colour), (1.0,), residuals, axis=0)
+    white: Array = filtered / (noise.std * np.sqrt(_innovation_share(noise.colour)))
+    return white
+
+
+def _innovation_share(colour: tuple[float, ...]) -> float:
+    """Variance of the white source over that of the coloured noise."""
+    response = lfilter((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(4095)])
+    return 1.0 / float(response @ response)
+
+
+def _autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
+    total, count = np.zeros(lags + 1), 0
+    for r in residuals:
+        centred = r - r.mean()
+        total += [float(centred[: len(r) - k] @ centred[k:]) for k in range(lags + 1)]
+        count += len(r)
+    return total / count

@@ -1,0 +1,222 @@
+"""Least squares of a rational transfer function on complex data: the numerics, without any judgement.
+
+The model is written in factors, gain·Π(1 + n₁s + n₂s²)/Π(1 + d₁s + d₂s²)·e^(−sT), because in them a stable
+pole, a zero outside the right half plane and a gain at rest are plain bounds, every derivative is the model
+over a factor, and real and complex pairs turn into each other without a seam. The start comes from the
+linear problem of Levy, iterated as Sanathanan and Koerner (IEEE Trans. Autom. Control 8(1), 1963) do.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.record.recording import Array
+
+Complex = NDArray[np.complex128]
+
+_SK_STEPS = 8
+_DELAY_STARTS = 10
+_REFINED_STARTS = 3
+_NO_LESS = 1e-6  # smallest d of a pole that must be stable, in units of 1/mean frequency
+
+
+@dataclass(frozen=True, slots=True)
+class Form:
+    """How many poles and zeros, whether there is a dead time, and what is not allowed or fixed.
+
+    Attributes:
+        dead_time: whether it is estimated; else it is `dead_time_s`.
+        stable: poles only in the left half plane. `minimum_phase`: zeros too.
+        dc_gain: gain at rest, if it is known.
+    """
+
+    poles: int
+    zeros: int
+    dead_time: bool = False
+    dead_time_s: float = 0.0
+    stable: bool = True
+    minimum_phase: bool = False
+    dc_gain: float | None = None
+
+    @property
+    def lags(self) -> tuple[int, ...]:
+        """Orders of the denominator's factors: pairs, and a single one when the count is odd."""
+        return (2,) * (self.poles // 2) + (1,) * (self.poles % 2)
+
+    @property
+    def leads(self) -> tuple[int, ...]:
+        """Orders of the numerator's factors."""
+        return (2,) * (self.zeros // 2) + (1,) * (self.zeros % 2)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of parameters to estimate."""
+        return self.poles + self.zeros + int(self.dead_time) + int(self.dc_gain is None)
+
+
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """Parameters of a form that fit best.
+
+    Attributes:
+        parameters: [gain (if free), d₁ d₂ of each lag, n₁ n₂ of each lead, dead time (if free)].
+        residuals: whitened, real and imaginary parts in turn, shape (2n,). `jacobian`: of them, shape (2n, p).
+        converged: whether the optimiser met its tolerance.
+    """
+
+    form: Form
+    parameters: Array
+    residuals: Array
+    jacobian: Array
+    converged: bool
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residuals @ self.residuals)
+
+
+@dataclass(frozen=True, slots=True)
+class Data:
+    """Complex data on s = jω with the matrices that make their errors white.
+
+    Attributes:
+        s: shape (n,), in units of `scale` rad/s. `response`: shape (n,).
+        whitening: shape (n, 2, 2); maps (Re, Im) of an error to two numbers of unit variance.
+    """
+
+    s: Complex
+    response: Complex
+    whitening: Array
+    scale: float
+
+    def white(self, values: Complex) -> Array:
+        """Whitened real and imaginary parts of (n,) or (n, p) complex values, shape (2n,) or (2n, p)."""
+        pairs = np.stack((values.real, values.imag), axis=1)
+        made: Array = np.einsum("nij,nj...->ni...", self.whitening, pairs)
+        return made.reshape(2 * len(values), *values.shape[1:])
+
+
+def data(frequency_hz: Array, response: Complex, whitening: Array) -> Data:
+    """Data with frequency scaled to the geometric middle of its band, for the conditioning of the powers of s."""
+    omega = 2.0 * math.pi * frequency_hz
+    scale = math.sqrt(omega[0] * omega[-1])
+    return Data(np.asarray(1j * omega / scale, dtype=np.complex128), response, whitening, scale)
+
+
+def solve(form: Form, given: Data, start: Array | None = None) -> Solution:
+    """The best parameters of a form, from a start or, when none is given, from the linear problem's solutions."""
+    starts = _starts(form, given) if start is None else [start]
+    found = [_refine(form, given, begin) for begin in starts]
+    return min(found, key=lambda solution: solution.chi2)
+
+
+def evaluate(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]:
+    """Model values (n,) and their derivatives (n, p) with respect to the parameters."""
+    at = int(form.dc_gain is None)
+    powers = np.stack((s, s * s), axis=1)
+    shape = np.ones(len(s), dtype=np.complex128)
+    slopes: list[Complex] = []
+    for order, sign in [*((o, -1) for o in form.lags), *((o, 1) for o in form.leads)]:
+        factor = 1.0 + powers[:, :order] @ parameters[at : at + order]
+        shape = shape * factor if sign > 0 else shape / factor
+        slopes += [sign * powers[:, k] / factor for k in range(order)]
+        at += order
+    dead_time = parameters[at] if form.dead_time else form.dead_time_s
+    shape = shape * np.exp(-s * dead_time)
+    gain = parameters[0] if form.dc_gain is None else form.dc_gain
+    value = gain * shape
+    columns = [shape] if form.dc_gain is None else []
+    columns += [value * slope for slope in slopes]
+    columns += [-s * value] if form.dead_time else []
+    return value, np.stack(columns, axis=1)
+
+
+def bounds(form: Form) -> tuple[Array, Array]:
+    """Lower and upper bounds of the parameters."""
+    low = [-math.inf] * int(form.dc_gain is None)
+    low += [_NO_LESS if form.stable else -math.inf] * form.poles
+    low += [0.0 if form.minimum_phase else -math.inf] * form.zeros
+    low += [0.0] * int(form.dead_time)
+    return np.array(low), np.full(len(low), math.inf)
+
+
+def _refine(form: Form, given: Data, start: Array) -> Solution:
+    """Levenberg–Marquardt with the analytic Jacobian; within bounds only where the free optimum leaves them."""
+    from scipy.optimize import least_squares
+
+    low, high = bounds(form)
+
+    def residuals(parameters: Array) -> Array:
+        return given.white(evaluate(form, parameters, given.s)[0] - given.response)
+
+    def slopes(parameters: Array) -> Array:
+        return given.white(evaluate(form, parameters, given.s)[1])
+
+    found = least_squares(residuals, start, slopes, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12)
+    if np.any(found.x < low) or not np.all(np.isfinite(found.fun)):
+        inside = np.maximum(np.where(np.isfinite(found.x), found.x, start), np.where(low > 0.0, 2.0 * low, low))
+        found = least_squares(residuals, inside, slopes, bounds=(low, high), x_scale="jac", xtol=1e-9, ftol=1e-9)
+    return Solution(form, found.x, found.fun, np.asarray(found.jac, dtype=np.float64), found.status > 0)
+
+
+def _starts(form: Form, given: Data) -> list[Array]:
+    if not form.dead_time:
+        return [_linear_start(form, given, form.dead_time_s)]
+    top = float(given.s[-1].imag)
+    lag = max(-float(np.unwrap(np.angle(given.response))[-1]), 1.0)
+    tried = []
+    for dead_time in np.linspace(0.0, lag / top, _DELAY_STARTS):
+        start = _linear_start(form, given, float(dead_time))
+        error = given.white(evaluate(form, start, given.s)[0] - given.response)
+        tried.append((float(error @ error), start))
+    tried.sort(key=lambda pair: pair[0])
+    return [start for _, start in tried[:_REFINED_STARTS]]
+
+
+def _linear_start(form: Form, given: Data, dead_time: float) -> Array:
+    """Levy's linear problem, reweighted by the last denominator; factors within the bounds."""
+    n, m = form.poles, form.zeros
+    powers = given.s[:, None] ** np.arange(max(n, m) + 1)
+    late = given.response * np.exp(given.s * dead_time)
+    weight = np.sqrt(np.einsum("nij,nij->n", given.whitening, given.whitening) / 2.0)
+    below = np.ones(len(given.s), dtype=np.complex128)
+    solution = np.zeros(m + 1 + n)
+    for _ in range(_SK_STEPS):
+        # B(s) − H·(A(s) − 1) = H with A = 1 + a₁s + …
+        matrix = (
+            np.hstack((powers[:, : m + 1], -late[:, None] * powers[:, 1 : n + 1])) * (weight / np.abs(below))[:, None]
+        )
+        right = late * weight / np.abs(below)
+        stacked = np.vstack((matrix.real, matrix.imag))
+        norm = np.linalg.norm(stacked, axis=0)
+        solution = np.linalg.lstsq(stacked / norm, np.concatenate((right.real, right.imag)), rcond=None)[0] / norm
+        below = 1.0 + powers[:, 1 : n + 1] @ solution[m + 1 :]
+    return _factors(form, solution[: m + 1], np.concatenate(([1.0], solution[m + 1 :])), dead_time)
+
+
+def _factors(form: Form, above: Array, below: Array, dead_time: float) -> Array:
+    """Parameters of a form from polynomial coefficients, lowest power first, mirrored into the bounds."""
+    gain = [float(above[0])] if form.dc_gain is None else []
+    late = [dead_time] if form.dead_time else []
+    lags = _split(below, form.lags, mirror=form.stable)
+    leads = _split(above / (above[0] or 1.0), form.leads, mirror=form.minimum_phase)
+    return np.array([*gain, *lags, *leads, *late])
+
+
+def _split(coefficients: Array, orders: tuple[int, ...], *, mirror: bool) -> list[float]:
+    """Factors 1 + f₁s (+ f₂s²) of a polynomial 1 + c₁s + …, the slowest real root in the single factor."""
+    roots = np.roots(np.trim_zeros(coefficients[::-1], "f"))
+    if mirror:
+        roots = -np.abs(roots.real) + 1j * roots.imag
+    roots = np.concatenate((roots, np.full(sum(orders) - len(roots), -1e3)))  # a lost power: a root far out
+    pairs = [complex(r) for r in roots if r.imag > 1e-9 * abs(r)]
+    real = sorted((float(r.real) for r in roots if abs(r.imag) <= 1e-9 * abs(r)), key=abs)
+    single = [real.pop(0)] if 1 in orders else []
+    made = [f for r in pairs for f in (-2.0 * r.real / abs(r) ** 2, 1.0 / abs(r) ** 2)]
+    made += [f for a, b in zip(real[::2], real[1::2], strict=True) for f in (-1.0 / a - 1.0 / b, 1.0 / (a * b))]
+    return made + [-1.0 / r for r in single]

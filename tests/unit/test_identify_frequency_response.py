@@ -1,0 +1,218 @@
+import math
+
+import numpy as np
+import pytest
+
+from hil.errors import InputError
+from hil.identify.bandwidth import (
+    ReferenceRule,
+    bandwidth,
+    magnitude_crossing,
+    phase_crossing,
+)
+from hil.identify.frequency_response import average, from_fits, from_table
+from hil.identify.measuring_chain import MeasuringChain, check_chain, corrected
+from hil.identify.sine_segments import declared_segments, found_segments, frequency_responses
+from hil.physics.compose import plant
+from hil.physics.simulate import Drive, simulate
+from hil.physics.transfer_function import transfer_function
+from hil.record.recording import recording
+from hil.signals.sine_fit import sine_fit
+from hil.signals.stepped_sine import sine
+
+MODEL = transfer_function([40.0], [1.0, 12.0, 50.0], 0.02)
+RATE_HZ = 500.0
+
+
+def respond(command, rate_hz=RATE_HZ):
+    definition = plant("transfer-function")
+    values = definition.typical | MODEL.to_parameters() | {"offset": 3.0}
+    return simulate(definition, values, Drive(command[None, :], math.nan, 1 / rate_hz))[0]
+
+
+def bench(command, noise=0.0, meta=None, seed=0):
+    output = respond(command) + noise * np.random.default_rng(seed).normal(size=len(command))
+    time_s = np.arange(len(command)) / RATE_HZ
+    return recording("bench", time_s, {"command [%]": command, "flow [l/min]": output}, meta)
+
+
+def stepped(frequencies, amplitude=10.0, bias=50.0, periods=4):
+    return [sine(f, amplitude, RATE_HZ, max(periods, math.ceil(3 * f)), bias=bias) for f in frequencies]
+
+
+def hold():
+    return MeasuringChain(hold_s=1 / RATE_HZ)
+
+
+FREQUENCIES = (0.2, 0.5, 0.9, 1.3, 2.0, 3.0)
+
+
+def test_sines_are_found_in_a_plain_recording():
+    made = bench(np.concatenate([np.full(300, 50.0), *stepped(FREQUENCIES)]), noise=0.01)
+    (response,) = frequency_responses(made, "command", "flow")
+    assert np.allclose(response.frequency_hz, FREQUENCIES, rtol=1e-4)
+    assert (response.input_unit, response.output_unit) == ("%", "l/min")
+    assert (response.amplitude, response.bias) == (pytest.approx(10, rel=1e-3), pytest.approx(50, rel=1e-3))
+    exact = MODEL.at(response.frequency_hz)
+    assert np.all(np.abs(corrected(response, hold()).response / exact - 1) < 0.01)
+
+
+def test_tests_at_several_levels_become_responses_of_their_own():
+    blocks = [
+        *stepped((0.5, 1.3)),
+        *stepped((0.5, 1.3), amplitude=20.0, bias=-50.0),
+        *stepped((0.5, 1.3), amplitude=5.0),
+    ]
+    made = bench(np.concatenate(blocks))
+    responses = frequency_responses(made, "command", "flow")
+    levels = sorted((round(r.amplitude), round(r.bias)) for r in responses)
+    assert levels == [(5, 50), (10, 50), (20, -50)]
+
+
+def test_few_samples_per_period_leave_fewer_harmonics_to_all():
+    command = np.concatenate([sine(f, 10.0, RATE_HZ, 40, bias=50.0) for f in (5.0, 20.0, 80.0)])
+    (response,) = frequency_responses(bench(command), "command", "flow")
+    assert response.harmonics.shape == (3, 2)  # up to the third: 240 of 250 Hz
+
+
+def test_no_sine_is_found_where_there_is_none():
+    still = np.concatenate([np.full(200, level) for level in (0.0, 30.0, -20.0, 50.0)])
+    assert found_segments(np.arange(len(still)) / RATE_HZ, still) == []
+    square = np.tile(np.repeat([0.0, 1.0], 50), 10)
+    assert found_segments(np.arange(len(square)) / RATE_HZ, square) == []
+    with pytest.raises(InputError, match="no sine in channel"):
+        frequency_responses(bench(still), "command", "flow")
+
+
+def test_declared_parts_are_taken_as_they_are_and_neighbours_joined():
+    command = np.concatenate(stepped((0.5, 2.0)))
+    half = 2 * round(RATE_HZ / 0.5)
+    part = {"kind": "sine", "amplitude": 10.0, "bias": 50.0}
+    parts = [
+        {"kind": "note"},
+        part | {"frequency_hz": 0.5, "first": half // 2, "count": half},
+        part | {"frequency_hz": 0.5, "first": half // 2 + half, "count": half // 2},
+        part | {"frequency_hz": 2.0, "first": 4 * round(RATE_HZ / 0.5) + 500, "count": 1000},
+    ]
+    made = bench(command, meta={"parts": parts})
+    segments = declared_segments(made)
+    assert [(s.frequency_hz, s.count) for s in segments] == [(0.5, half + half // 2), (2.0, 1000)]
+    (response,) = frequency_responses(made, "command", "flow")
+    assert np.allclose(corrected(response, hold()).response, MODEL.at(np.array([0.5, 2.0])), rtol=2e-3)
+
+
+def test_settling_is_cut_off_until_the_response_is_steady():
+    slow = transfer_function([1.0], [5.0, 1.0])
+    definition = plant("transfer-function")
+    command = np.concatenate([np.zeros(100), sine(0.2, 10.0, RATE_HZ, 8)])
+    values = definition.typical | slow.to_parameters()
+    output = simulate(definition, values, Drive(command[None, :], math.nan, 1 / RATE_HZ))[0]
+    columns = {"command [%]": command, "flow [l/min]": output}
+    made = recording("slow", np.arange(len(command)) / RATE_HZ, columns)
+    (response,) = frequency_responses(made, "command", "flow")
+    error = abs(
+        response.divided_by(hold().at(response.frequency_hz), "hold").response[0] / slow.at(np.array([0.2]))[0] - 1
+    )
+    assert error < 0.01
+    all_periods = sine_fit(made.time_s[100:], output[100:], 0.2).phasor / 10 * np.exp(2j * np.pi * 0.2 * 0.2)
+    assert abs(all_periods / slow.at(np.array([0.2]))[0] - 1) > 2 * error
+
+
+def test_stated_covariance_is_the_scatter_over_repeats():
+    command = np.concatenate(stepped((0.5, 2.0)))
+    part = {"kind": "sine", "amplitude": 10.0, "bias": 50.0}
+    parts = [
+        part | {"frequency_hz": 0.5, "first": 2000, "count": 2000},
+        part | {"frequency_hz": 2.0, "first": 4250, "count": 1250},
+    ]
+    found = [
+        frequency_responses(bench(command, 0.5, {"parts": parts}, seed), "command", "flow")[0] for seed in range(60)
+    ]
+    responses = np.array([r.response for r in found])
+    stated = np.mean([r.covariance[:, 0, 0] for r in found], axis=0)
+    assert np.allclose(np.var(responses.real, axis=0), stated, rtol=0.5)
+    relative = np.array([np.abs(r.normalised().response[1]) for r in found])
+    stated_db = np.mean([r.normalised().magnitude_std_db[1] for r in found])
+    assert np.std(20 * np.log10(relative)) == pytest.approx(stated_db, rel=0.3)
+    assert found[0].normalised().magnitude_std_db[0] == 0.0
+    assert found[0].normalised().magnitude_db[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_harmonics_distortion_and_coherence():
+    t = np.arange(4000) / RATE_HZ
+    u = np.sin(2 * np.pi * 0.5 * t)
+    y = 2 * u + 0.2 * np.sin(3 * 2 * np.pi * 0.5 * t + 1)
+    response = from_fits("x", [(sine_fit(t, u, 0.5), sine_fit(t, y, 0.5))], ("1", "1"))
+    assert response.distortion[0] == pytest.approx(0.1, rel=1e-6)
+    assert abs(response.harmonics[0, 1]) == pytest.approx(0.1, rel=1e-6)
+    assert response.coherence[0] == pytest.approx(1 / 1.01, rel=1e-6)
+    assert response.distorted().tolist() == [0.5]
+    assert response.distorted(0.2).size == 0
+
+
+def test_a_still_input_is_refused():
+    t = np.arange(1000) / RATE_HZ
+    fit = sine_fit(t, np.zeros(1000), 0.5)
+    with pytest.raises(InputError, match=r"does not move at 0\.5 Hz"):
+        from_fits("x", [(fit, fit)], ("1", "1"))
+    with pytest.raises(InputError, match="no sine"):
+        from_fits("x", [], ("1", "1"))
+
+
+PAPER = np.arange(25) * 0.2 + 0.1
+
+
+def table(model=MODEL, frequencies=PAPER):
+    h = model.at(frequencies)
+    return from_table("table", frequencies, 20 * np.log10(np.abs(h)), np.degrees(np.angle(h)))
+
+
+def test_phase_is_unwrapped_beyond_360_degrees():
+    late = transfer_function([1.0], [0.1, 1.0], 0.3)
+    assert table(late).phase_deg[-1] < -500
+
+
+def test_a_mean_needs_one_grid():
+    mean = average([table(), table()])
+    assert np.allclose(mean.response, table().response)
+    with pytest.raises(InputError, match="same frequencies"):
+        average([table(), table(frequencies=np.array([0.1, 0.2]))])
+
+
+def test_crossings_come_with_uncertainty_or_say_not_reached():
+    command = np.concatenate(stepped(FREQUENCIES))
+    found = []
+    for seed in range(30):
+        (response,) = frequency_responses(bench(command, 1.0, seed=seed), "command", "flow")
+        found.append(phase_crossing(response, -90.0))
+    spread = np.std([c.frequency_hz for c in found])
+    assert np.mean([c.std_hz for c in found]) == pytest.approx(spread, rel=0.4)
+    never = magnitude_crossing(table(frequencies=np.array([0.1, 0.2, 0.3])), -3.0)
+    assert never.frequency_hz is None
+    assert str(never) == "-3 dB: not reached up to 0.3 Hz"
+    assert str(phase_crossing(table(), -90.0)).startswith("-90 °: 1.0")
+
+
+def test_the_smaller_bandwidth_is_quoted_and_the_reference_rule_held():
+    found = bandwidth(table())
+    assert found.quoted.frequency_hz == min(found.phase.frequency_hz, found.amplitude.frequency_hz)
+    assert "the rule asks for 5 % or less" in found.notes[0]
+    assert bandwidth(table(), ReferenceRule(share_of_phase_90=0.2)).notes == ()
+    high = bandwidth(table(frequencies=np.array([6.0, 8.0, 10.0])))
+    assert "the rule asks for 5 Hz or less" in high.notes[0]
+
+
+def test_the_measuring_chain_is_held_against_one_per_cent_and_taken_out():
+    chain = MeasuringChain(sensor_lag_s=0.002)
+    checked = check_chain(chain, np.array([0.1, 0.5, 1.0, 4.9]))
+    assert checked.broken_from_hz == 1.0  # 2 ms is 0.72° at 1 Hz
+    assert checked.phase_deg[-1] == pytest.approx(-3.5, abs=0.05)
+    assert "from 1 Hz on" in checked.sentence
+    fine = check_chain(MeasuringChain(skew_s=14e-6), np.array([0.1, 4.9]))
+    assert fine.broken_from_hz is None
+    assert fine.phase_deg[-1] == pytest.approx(0.025, abs=1e-3)
+    assert "less than 1 %" in fine.sentence
+    clean = table()
+    spoiled = clean.divided_by(1 / chain.at(clean.frequency_hz), "spoiled")
+    assert np.allclose(corrected(spoiled, chain).response, clean.response)
+    assert "sensor lag 2 ms" in corrected(spoiled, chain).corrections[-1]

@@ -1,0 +1,81 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from hil.errors import InputError
+from hil.identify.step_response import measured_steps, second_order_from_step, step_figures
+from hil.physics.transfer_function import transfer_function
+from hil.record.recording import recording
+
+RATE_HZ = 500.0
+FIRST = transfer_function([1.0], [0.1, 1.0], 0.05)
+
+
+def bench(model, levels, noise=0.0, seed=0, hold_s=2.0):
+    """A linear model's response to steps, each held until it has settled."""
+    n = round(hold_s * RATE_HZ)
+    time_s = np.arange(n) / RATE_HZ
+    output = [np.full(n, levels[0])]
+    for before, after in pairwise(levels):
+        output.append(before + (after - before) * model.step(time_s))
+    y = np.concatenate(output)
+    y = y + noise * np.random.default_rng(seed).normal(size=len(y))
+    columns = {"command [%]": np.repeat(levels, n), "flow [l/min]": y}
+    return recording("steps", np.arange(len(y)) / RATE_HZ, columns)
+
+
+def test_figures_of_a_first_order_lag_with_dead_time():
+    time_s = np.arange(0, 2, 1e-4)
+    figures = step_figures(time_s, FIRST.step(time_s), start=0.0, final=1.0)
+    assert figures.rise_s == pytest.approx(0.1 * math.log(9), abs=2e-4)
+    assert figures.response_s == pytest.approx(0.05 + 0.1 * math.log(10), abs=2e-4)
+    assert figures.settling_s == pytest.approx(0.05 + 0.1 * math.log(50), abs=2e-4)
+    assert figures.reaches_s == pytest.approx(figures.settling_s, abs=1e-4)
+    assert figures.dead_time_s == pytest.approx(0.05 - 0.1 * math.log(0.98), abs=2e-4)
+    assert figures.overshoot == 0.0
+
+
+def test_settling_counts_the_overshoot_and_reaching_does_not():
+    ring = transfer_function([100.0], [1.0, 4.0, 100.0])
+    time_s = np.arange(0, 4, 1e-3)
+    figures = step_figures(time_s, ring.step(time_s), start=0.0, final=1.0)
+    assert figures.overshoot == pytest.approx(math.exp(-math.pi * 0.2 / math.sqrt(0.96)), abs=1e-3)
+    assert figures.settling_s > 4 * figures.reaches_s
+    wide = step_figures(time_s, ring.step(time_s), start=0.0, final=1.0, band=0.1)
+    assert wide.settling_s < figures.settling_s
+
+
+def test_every_step_of_a_recording_is_measured_with_honest_uncertainty():
+    levels = (0.0, 50.0, 20.0, -40.0)
+    found = [measured_steps(bench(FIRST, levels, 0.2, seed), "command", "flow") for seed in range(12)]
+    assert [(s.from_command, s.to_command) for s in found[0]] == [(0, 50), (50, 20), (20, -40)]
+    assert found[0][0].noise_std == pytest.approx(0.2, rel=0.1)
+    for i in range(3):
+        rises = [steps[i].figures.rise_s for steps in found]
+        stated = np.mean([steps[i].std.rise_s for steps in found])
+        assert np.mean(rises) == pytest.approx(0.1 * math.log(9), rel=0.03)
+        assert 0.7 < stated / np.std(rises) < 2.2  # on the safe side: noise of the base and of the draw both count
+        assert found[0][i].figures.final == pytest.approx(levels[i + 1], abs=0.1)
+        assert found[0][i].figures.overshoot < 0.02
+
+
+def test_the_last_step_goes_on_to_the_end():
+    (only,) = measured_steps(bench(FIRST, (10.0, 90.0)), "command", "flow")
+    assert only.figures.final == pytest.approx(90.0, abs=1e-3)
+
+
+def test_what_is_no_step_response_is_said():
+    with pytest.raises(InputError, match="does not change"):
+        step_figures(np.arange(100.0), np.ones(100))
+    with pytest.raises(InputError, match="does not reach 90 %"):
+        step_figures(np.arange(100.0), np.linspace(0, 0.5, 100), start=0.0, final=1.0)
+    still = recording("r", np.arange(50.0), {"command [%]": np.linspace(0, 1, 50), "flow [l/min]": np.ones(50)})
+    with pytest.raises(InputError, match="holds no step"):
+        measured_steps(still, "command", "flow")
+
+
+def test_times_of_no_second_order_model_are_refused():
+    with pytest.raises(InputError, match="no underdamped"):
+        second_order_from_step(2.0, 1.0)

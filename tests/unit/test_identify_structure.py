@@ -1,0 +1,98 @@
+import numpy as np
+import pytest
+
+from hil.identify.evidence import simplest_good
+from hil.identify.experiment import experiment
+from hil.identify.grey_box import fit_plant, starting_model
+from hil.identify.noise import white_floor
+from hil.identify.structure import choose_structure
+from hil.physics.compose import plant
+from hil.physics.model import load_model, save_model
+from hil.physics.simulate import Drive, simulate
+from hil.physics.transfer_function import transfer_function
+from hil.record.recording import recording
+from hil.signals.steps import binary_sequence
+
+PLANT = plant("transfer-function")
+RATE_HZ = 100.0
+
+
+def measured(model, noise=0.02, seed=0, uneven=False, offset=2.0, start_off=0.0, bits=7):
+    """A recording of a linear model under a binary sequence, with noise, as a stranger's bench would give it."""
+    command = binary_sequence(1.0, 3.0, 0.24 if bits > 5 else 0.8, RATE_HZ, bits=bits)
+    parameters = PLANT.typical | model.to_parameters() | {"offset": offset, "start_at_output": float(start_off != 0)}
+    first = offset + model.dc_gain * command[0] + start_off
+    output = simulate(PLANT, parameters, Drive(command[None, :], first, 1 / RATE_HZ))[0]
+    rng = np.random.default_rng(seed)
+    kept = np.sort(rng.choice(len(command), size=len(command) * 2 // 3, replace=False)) if uneven else slice(None)
+    y = output + noise * rng.normal(size=len(output))
+    columns = {"valve [V]": command[kept], "pressure [bar]": y[kept]}
+    return recording("stranger", (np.arange(len(command)) / RATE_HZ)[kept], columns)
+
+
+def chosen(made):
+    bound = experiment(made, PLANT, "valve", "pressure")
+    return choose_structure(PLANT, [bound], [1 / white_floor(bound.output)])
+
+
+@pytest.mark.parametrize(
+    ("model", "name"),
+    [
+        (transfer_function([4.0], [0.3, 1.0]), "1 pole"),
+        (transfer_function([4.0], [0.3, 1.0], 0.15), "1 pole, dead time"),
+        (transfer_function([80.0], [1.0, 3.0, 40.0]), "2 poles"),
+        (transfer_function([-60.0], np.poly([-2.0, -3 + 7j, -3 - 7j])), "3 poles"),
+    ],
+)
+def test_the_structure_that_made_the_recording_is_chosen(model, name):
+    choice = chosen(measured(model))
+    assert choice.chosen.structure.name == name
+    assert name in choice.sentence
+    assert len(choice.tried) == len(PLANT.structures)
+    for parameter, value in model.to_parameters().items():
+        if parameter in choice.chosen.structure.free and parameter != "offset":
+            assert choice.chosen.values[parameter] == pytest.approx(value, rel=0.05)
+
+
+def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(tmp_path):
+    model = transfer_function([80.0], [1.0, 3.0, 40.0])
+    start = starting_model("transfer-function")
+    found = fit_plant(start, [experiment(measured(model), PLANT, "valve", "pressure")])
+    gain = found.model.parameters["gain"]
+    assert gain.unit == "[bar]/[V]"
+    assert gain.value == pytest.approx(2.0, abs=3 * gain.std)
+    assert 0 < gain.std < 0.01
+    assert found.model.parameters["lag_time"].std is None
+    assert found.model.origin["structure"] == "2 poles"
+    assert "of 19 tried" in found.notes[0]
+    # A model file keeps its structure: another recording refits the numbers, not the shape.
+    save_model(found.model, tmp_path / "model.json")
+    again = fit_plant(
+        load_model(tmp_path / "model.json"), [experiment(measured(model, seed=3), PLANT, "valve", "pressure")]
+    )
+    assert again.model.origin["structure"] == "2 poles"
+    assert not any("tried" in note for note in again.notes)
+    assert again.model.parameters["gain"].value == pytest.approx(2.0, abs=0.01)
+
+
+def test_uneven_stamps_are_taken_as_they_are():
+    model = transfer_function([4.0], [0.8, 1.0])
+    found = chosen(measured(model, uneven=True, bits=5)).chosen
+    assert found.values["gain"] == pytest.approx(4.0, rel=0.05)
+    v = found.values
+    total = v["lag_time"] + 2 * v["pair1_damping"] * v["pair1_time"] + v["dead_time"] - v["pair1_zero"]
+    assert total == pytest.approx(0.8, rel=0.1)
+
+
+def test_a_recording_that_does_not_start_at_rest_is_noticed():
+    model = transfer_function([4.0], [1.5, 1.0])
+    assert chosen(measured(model, start_off=6.0)).chosen.values["start_at_output"] == 1.0
+    assert chosen(measured(model)).chosen.values["start_at_output"] == 0.0
+
+
+def test_the_simplest_that_predicts_as_well_is_taken():
+    base = np.array([1.0, 1.2, 0.9, 1.1])
+    best, close, poor = base, base + np.array([0.1, -0.05, 0.05, 0.0]), base + 0.5
+    assert simplest_good([best, close, poor], [(3,), (2,), (1,)]) == 1
+    assert simplest_good([best, close, poor], [(1,), (2,), (3,)]) == 0
+    assert simplest_good([best, best * 1.005], [(2,), (1,)]) == 1  # under one per cent worse

@@ -1,0 +1,225 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.errors import InputError
+from hil.identify import bands
+from hil.identify.frequency_response import from_table
+from hil.identify.held_out import held_out
+from hil.identify.order_choice import fit_transfer_function
+from hil.identify.rational import Form
+from hil.identify.right_half_plane import judged_on_step, wrong_way
+from hil.identify.transfer_function import fit_form
+from hil.physics.compose import plant
+from hil.physics.published.tordal import RUNS
+from hil.physics.simulate import Drive, simulate
+from hil.physics.transfer_function import transfer_function
+from hil.record.recording import recording
+
+FREQUENCIES = np.arange(25) * 0.2 + 0.1
+TEN = RUNS[1].transfer_function
+TEN_COEFFICIENTS = np.array([-150.8, 6361.0, 31.7, 1225.0, 6345.0])
+
+
+def noisy(model, relative=0.01, seed=None, frequencies=FREQUENCIES):
+    """A table of a model with relative complex noise, and the covariance stated."""
+    h = model.at(frequencies)
+    lines = from_table("lines", frequencies, 20 * np.log10(np.abs(h)), np.degrees(np.angle(h)))
+    covariance = np.eye(2) * ((relative * np.abs(h)) ** 2 / 2)[:, None, None]
+    if seed is not None:
+        rng = np.random.default_rng(seed)
+        noise = (rng.normal(size=len(h)) + 1j * rng.normal(size=len(h))) / math.sqrt(2)
+        h = h * (1 + relative * noise)
+    return replace(lines, response=h, covariance=covariance)
+
+
+def test_errors_are_at_the_cramer_rao_bound():
+    # 25 lines of table 1, 10 %, with 1 % noise: the bound is 1.52, 0.74, 0.73, 0.62, 0.93 % of the coefficients
+    fits = [fit_form(noisy(TEN, seed=seed), Form(3, 1)) for seed in range(200)]
+    errors = np.array([fit.coefficients / TEN_COEFFICIENTS - 1 for fit in fits])
+    rms = 100 * np.sqrt(np.mean(errors**2, axis=0))
+    bound = 100 * fit_form(noisy(TEN), Form(3, 1)).coefficient_std / np.abs(TEN_COEFFICIENTS)
+    assert bound == pytest.approx([1.52, 0.74, 0.73, 0.62, 0.93], abs=0.006)
+    assert np.all(rms / bound < 1.1)
+    inside = np.abs(errors * TEN_COEFFICIENTS) < 1.96 * np.array([fit.coefficient_std for fit in fits])
+    assert 0.92 <= inside.mean() <= 0.98
+
+
+def test_misfit_is_one_for_stated_noise_and_widens_the_intervals_beyond_it():
+    fine = fit_form(noisy(TEN, seed=1), Form(3, 1))
+    assert fine.misfit == pytest.approx(1.0, abs=0.4)
+    poor = fit_form(noisy(TEN, seed=1), Form(2, 0))
+    assert poor.misfit > 100
+    trusting = poor.coefficient_std / math.sqrt(poor.misfit)
+    assert np.all(poor.coefficient_std > 10 * trusting)
+
+
+def test_uncertainty_of_a_table_comes_from_its_residual():
+    lines = noisy(TEN, seed=3)
+    unknown = replace(lines, covariance=np.full((25, 2, 2), math.nan))
+    found = fit_form(unknown, Form(3, 1))
+    assert found.weights == "relative"
+    assert math.isnan(found.misfit)
+    assert np.allclose(found.coefficient_std, fit_form(lines, Form(3, 1)).coefficient_std, rtol=0.35)
+
+
+@pytest.mark.parametrize(
+    ("model", "form"),
+    [
+        (transfer_function([3.0], [0.2, 1.0]), Form(1, 0)),
+        (transfer_function([2.0, 5.0], [1.0, 2.0, 30.0]), Form(2, 1)),
+        (transfer_function([2.0], [1.0, 2.0, 30.0], 0.08), Form(2, 0, dead_time=True)),
+        (transfer_function([2.0], [1.0, 2.0, 30.0], 0.08), Form(2, 0, dead_time_s=0.08)),
+        (TEN, Form(3, 1)),
+        (transfer_function([1.0, 2.0, 200.0], np.poly([-3, -8 + 20j, -8 - 20j])), Form(3, 2)),
+        (transfer_function([1.0], np.poly([-3, -5, -8, -20]), 0.03), Form(4, 0, dead_time=True)),
+        (transfer_function([1.0, 3.0], np.poly([-2 + 4j, -2 - 4j, -3 + 15j, -3 - 15j, -9])), Form(5, 1)),
+        (transfer_function([1.0, 9.0], [1.0, 3.0]), Form(1, 1)),
+        (transfer_function([1.0], [1.0, 2.0, -30.0]), Form(2, 0, stable=False)),
+    ],
+)
+def test_exact_data_give_the_model_back(model, form):
+    found = fit_form(noisy(model), form)
+    assert found.converged
+    assert np.allclose(found.model.at(FREQUENCIES), model.at(FREQUENCIES), rtol=1e-6)
+    assert np.allclose(found.model.denominator, model.denominator, rtol=1e-3)
+    assert found.model.dead_time_s == pytest.approx(model.dead_time_s, abs=1e-6)
+    assert found.fit_percent > 99.999
+
+
+def test_unstable_data_are_fitted_stably_when_asked():
+    lines = noisy(transfer_function([1.0], [1.0, 2.0, -30.0]))
+    assert fit_form(lines, Form(2, 0)).model.is_stable
+    loose = fit_transfer_function(lines, poles=2, zeros=0, dead_time=False, stable=False)
+    assert not loose.model.is_stable
+    assert "unstable" in " ".join(loose.notes)
+
+
+def test_zeros_stay_out_of_the_right_half_plane_when_asked():
+    found = fit_form(noisy(TEN), Form(3, 1, minimum_phase=True))
+    assert not found.model.right_half_plane_zeros.size
+    assert found.fit_percent < fit_form(noisy(TEN), Form(3, 1)).fit_percent
+
+
+def test_gain_at_rest_is_held():
+    found = fit_form(noisy(TEN, seed=1), Form(3, 1, dc_gain=1.0))
+    assert found.model.dc_gain == pytest.approx(1.0, rel=1e-12)
+    assert bands.dc_gain_std(found) < 1e-9
+    free = fit_form(noisy(TEN, seed=1), Form(3, 1))
+    assert bands.dc_gain_std(free) == pytest.approx(0.0036, abs=3e-4)
+
+
+def test_orders_are_found_by_evidence():
+    found = fit_transfer_function(noisy(TEN, seed=5))
+    assert (found.form.poles, found.form.zeros, found.form.dead_time) == (3, 1, False)
+    assert len(found.candidates) > 20
+    assert found.candidates[0].bic == min(c.bic for c in found.candidates)
+    late = transfer_function([30.0], [1.0, 4.0, 30.0], 0.06)
+    form = fit_transfer_function(noisy(late, seed=5)).form
+    assert (form.poles, form.zeros, form.dead_time) == (2, 0, True)
+    simple = fit_transfer_function(noisy(transfer_function([3.0], [0.2, 1.0]), seed=2)).form
+    assert (simple.poles, simple.zeros, simple.dead_time) == (1, 0, False)
+
+
+def test_a_nonlinear_misfit_does_not_buy_poles():
+    lines = noisy(transfer_function([3.0], [0.2, 1.0]), relative=1e-4, seed=2)
+    ripple = 1 + 0.02 * np.sin(7 * FREQUENCIES) * np.cos(3.1 * FREQUENCIES**2)
+    found = fit_transfer_function(replace(lines, response=lines.response * ripple))
+    assert found.form.poles <= 2
+    assert "no linear model of this form explains the lines" in found.notes[0]
+
+
+def test_the_right_half_plane_zero_is_explained_and_the_alternative_offered():
+    late = transfer_function([1225.0 * 6], np.poly([-6.0, -12 + 32j, -12 - 32j]), 0.03)
+    found = fit_transfer_function(noisy(late, relative=0.003, seed=1), poles=3, zeros=1, dead_time=False)
+    assert found.model.right_half_plane_zeros.size == 1
+    other = found.alternative
+    assert other.model.dead_time_s == pytest.approx(0.03, abs=0.002)
+    assert other.fit_percent > found.fit_percent
+    note = " ".join(found.notes)
+    assert "held-out lines prefer the dead time" in note
+    assert "a step response decides" in note
+    # and a step decides for the truth
+    definition = plant("transfer-function")
+    command = np.repeat([0.0, 1.0], 500)
+    drive = Drive(command[None, :], 0.0, 2e-3)
+    step = simulate(definition, definition.typical | late.to_parameters(), drive)[0]
+    made = recording("step", np.arange(1000) * 2e-3, {"command [1]": command, "flow [1]": step})
+    zero, dead_time = judged_on_step(found, made, "command", "flow")
+    assert dead_time > zero
+    assert dead_time > 98
+    with pytest.raises(InputError, match="no alternative"):
+        judged_on_step(other, made, "command", "flow")
+
+
+def test_a_pole_that_does_nothing_is_named():
+    found = fit_transfer_function(noisy(transfer_function([3.0], [0.2, 1.0])), poles=2, zeros=0, dead_time=False)
+    assert any("far above the measured band" in note for note in found.notes)
+
+
+def test_a_good_zero_needs_no_explanation():
+    lead = transfer_function([2.0, 20.0], [1.0, 4.0, 30.0])
+    found = fit_transfer_function(noisy(lead), poles=2, zeros=1, dead_time=False)
+    assert found.alternative is None
+    assert found.notes == ()
+    assert wrong_way(lead).share == 0.0
+
+
+def test_bands_agree_with_the_scatter_over_repeats():
+    fits = [fit_form(noisy(TEN, seed=seed), Form(3, 1)) for seed in range(60)]
+    at = np.array([0.3, 1.2, 4.0])
+    stated = bands.bode_band(fits[0], at)
+    scattered = [20 * np.log10(np.abs(fit.model.at(at))) for fit in fits]
+    assert np.allclose(np.std(scattered, axis=0), stated.magnitude_std_db, rtol=0.4)
+    phases = [np.degrees(np.unwrap(np.angle(fit.model.at(at)))) for fit in fits]
+    assert np.allclose(np.std(phases, axis=0), stated.phase_std_deg, rtol=0.4)
+    time_s = np.linspace(0, 1, 101)
+    band = bands.step_band(fits[0], time_s)
+    spread = np.std([fit.model.step(time_s) for fit in fits], axis=0)
+    assert np.allclose(spread[5:], band.std[5:], rtol=0.5, atol=2e-4)
+    slow = [min(fit.model.poles.real, key=abs) for fit in fits]
+    pole = bands.poles(fits[0])[0]
+    assert pole.value.imag == 0.0
+    assert np.std(slow) == pytest.approx(pole.real_std, rel=0.35)
+    zero = bands.zeros(fits[0])[0]
+    assert np.std([fit.model.zeros[0].real for fit in fits]) == pytest.approx(zero.real_std, rel=0.35)
+    crossing = bands.crossing(fits[0], -90.0, "°", 5.0)
+    assert np.std([bands.crossing(f, -90.0, "°", 5.0).frequency_hz for f in fits]) == pytest.approx(
+        crossing.std_hz, rel=0.35
+    )
+    assert bands.crossing(fits[0], -400.0, "°", 5.0).frequency_hz is None
+
+
+def test_held_out_errors_have_the_size_of_the_noise_for_the_right_form():
+    lines = noisy(TEN, seed=1)
+    right = held_out(lines, fit_form(lines, Form(3, 1)))
+    assert right.shape == (23,)
+    assert np.mean(right) == pytest.approx(2.0, abs=1.2)
+    assert np.mean(held_out(lines, fit_form(lines, Form(2, 0)))) > 50
+    few = noisy(TEN, frequencies=FREQUENCIES[:3])
+    assert held_out(few, fit_form(few, Form(3, 1))).size == 0
+
+
+def test_summary_states_coefficients_with_intervals():
+    text = fit_transfer_function(noisy(TEN, seed=1), poles=3, zeros=1, dead_time=False).summary()
+    assert "b1" in text and "±" in text and "zeros 42" in text and "note:" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        ({"poles": 2, "zeros": 3}, "no more zeros than poles"),
+        ({"poles": 0, "zeros": 0}, "at least one pole"),
+        ({"poles": 3, "zeros": 1, "dead_time": -0.1}, "no negative dead time"),
+    ],
+)
+def test_impossible_forms_are_refused(arguments, said):
+    with pytest.raises(InputError, match=said):
+        fit_transfer_function(noisy(TEN), **{"dead_time": False} | arguments)
+
+
+def test_too_few_lines_are_refused():
+    with pytest.raises(InputError, match="2 frequencies for 5 unknowns; at least 3"):
+        fit_form(noisy(TEN, frequencies=FREQUENCIES[:2]), Form(3, 1))
