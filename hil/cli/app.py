@@ -1,0 +1,57 @@
+"""Assemble the commands and turn errors into one line and an exit status."""
+
+from __future__ import annotations
+
+import importlib
+import pkgutil
+import sys
+import traceback
+
+import typer
+
+from hil import __version__, cli
+from hil.errors import HilError
+
+app = typer.Typer(
+    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+    help="Test, identify and diagnose electrically modulated hydraulic valves.",
+)  # fmt: skip
+_debug = False
+
+
+@app.callback(invoke_without_command=True)
+def _options(
+    debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
+    version: bool = typer.Option(False, "--version", is_eager=True, help="Show the version and exit."),
+) -> None:
+    global _debug
+    _debug = debug
+    if version:
+        typer.echo(f"hil {__version__}")
+        raise typer.Exit
+
+
+def _add_commands() -> None:
+    for found in pkgutil.iter_modules(cli.__path__):
+        module = importlib.import_module(f"{cli.__name__}.{found.name}")
+        if hasattr(module, "command"):
+            app.command(name=found.name.rstrip("_"))(module.command)
+
+
+def main() -> int:
+    """Run the command line; returns the exit status of the contract (0, 1, 2, 3)."""
+    _add_commands()
+    try:
+        app()
+    except HilError as error:
+        return _say(str(error), error.exit_status)
+    except BrokenPipeError:  # the reader of our output went away, as `head` does
+        sys.stderr.close()
+    return 0
+
+
+def _say(text: str, status: int) -> int:
+    if _debug:
+        traceback.print_exc()
+    print(f"hil: {' '.join(text.split())}", file=sys.stderr)
+    return status

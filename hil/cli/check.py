@@ -1,0 +1,43 @@
+"""`hil check`: every fault of a bench file at once."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from hil.bench.read import BenchFile
+
+
+def command(
+    bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+) -> None:
+    """Check a bench file: every fault with its line and what to do about it. Nothing is driven."""
+    from hil.bench.fault import BenchError
+    from hil.bench.find import find_bench
+    from hil.bench.read import read_bench
+    from hil.errors import FileError
+
+    path = find_bench(bench)
+    try:
+        found = read_bench(path)
+    except BenchError as error:
+        typer.echo("\n".join(error.faults))
+        count = len(error.faults)
+        raise FileError(f"{path}: {count} fault{'s' if count > 1 else ''}") from None
+    typer.echo("\n".join(_described(found)))
+
+
+def _described(found: BenchFile) -> list[str]:
+    bench, device = found.bench, found.device
+    lines = [f"{found.path}: no faults", f"{bench.name}: {bench.valve.name}, {bench.sample_rate_hz:g} Hz"]
+    for name, entry in bench.channels.items():
+        terminal = device.terminals[entry.terminal]
+        low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
+        limits = entry.limits
+        allowed = f", limits {limits.low:g} … {limits.high:g}, safe at {entry.safe:g}" if limits else ""
+        role = "" if entry.role == "other" else f" ({entry.role})"
+        lines.append(f"  {entry.terminal:5} {name}{role}: {low:g} … {high:g} {entry.unit}{allowed}")
+    lines += [f"  {entry.action:8} {name}" for name, entry in bench.interlocks.items()]
+    return [*lines, *(f"note: {remark}" for remark in found.remarks)]

@@ -1,0 +1,65 @@
+"""`hil run`: a procedure on a bench, from the first check to the report."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from hil.session.procedure import Procedure
+
+
+def command(
+    procedure: str = typer.Argument(..., metavar="PROCEDURE", help="Name of an installed procedure."),
+    bench: str = typer.Option("", "--bench", metavar="BENCH.toml", help="Bench file, or the name of an installed one."),
+    settings: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="A setting; may be given again."),
+    limits: list[str] = typer.Option(
+        [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; one end may be left out."
+    ),
+    out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/PROCEDURE-<time>."),
+    resets: list[str] = typer.Option([], "--reset", metavar="INTERLOCK", help="Reset a trip of this interlock."),
+    describe: bool = typer.Option(False, "--describe", help="Say what the procedure does and takes; run nothing."),
+) -> None:
+    """Run a procedure on a bench; leaves a run folder with samples, findings and report."""
+    from hil.cli.progress import shown
+    from hil.session.limit import split_limits
+    from hil.session.procedure import load_procedure
+    from hil.session.setting import split_assignments
+
+    chosen = load_procedure(procedure)
+    if describe:
+        typer.echo(_described(chosen))
+        return
+    if not bench:
+        raise typer.BadParameter("say on which bench: --bench BENCH.toml", param_hint="--bench")
+    folder = out or Path("runs") / f"{chosen.name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+
+    from hil.bench.find import find_bench
+    from hil.bench.read import read_bench
+    from hil.cli.findings import findings_text
+    from hil.safety.interrupt import Terminated
+    from hil.session.run import run_procedure
+
+    found = read_bench(find_bench(bench))
+    typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}")
+    try:
+        with shown() as progress:
+            outcome = run_procedure(
+                chosen, found, split_assignments(settings), folder, progress, resets, split_limits(limits)
+            )
+    except KeyboardInterrupt as stopped:
+        typer.echo(f"hil: stopped; outputs are safe, what was recorded is kept in {folder}", err=True)
+        raise typer.Exit(143 if isinstance(stopped, Terminated) else 130) from None
+    typer.echo(findings_text(outcome.findings))
+    if outcome.report is not None:
+        typer.echo(f"report: {outcome.report}")
+    raise typer.Exit(outcome.exit_status)
+
+
+def _described(procedure: Procedure) -> str:
+    settings = [f"  --set {setting.described()}" for setting in procedure.settings.values()]
+    measured = [f"  {m.name} [{m.unit}]: {m.meaning}" for m in procedure.measurements]
+    return "\n".join([procedure.doc, "", "settings:", *settings, "", "measures:", *measured])

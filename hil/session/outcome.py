@@ -1,0 +1,39 @@
+"""How a run ended."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.errors import StorageError
+from hil.record.measurement import Findings
+
+FINDINGS_FILE, REPORT_FILE = "findings.json", "report.html"
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What a run left behind: its folder, what was found in it, and the report, where one was written."""
+
+    folder: Path
+    findings: Findings
+    report: Path | None
+
+    @property
+    def exit_status(self) -> int:
+        """1 when a limit was missed, else 0."""
+        return 1 if self.findings.verdict == "fail" else 0
+
+
+def write_findings(findings: Findings, folder: Path) -> None:
+    """Write the measured values beside the samples.
+
+    Raises:
+        StorageError: they cannot be written.
+    """
+    path = folder / FINDINGS_FILE
+    try:
+        path.write_text(json.dumps(findings.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror}; the samples are kept") from error

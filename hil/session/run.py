@@ -1,0 +1,84 @@
+"""Run a procedure on a bench, then evaluate what it recorded."""
+
+from __future__ import annotations
+
+import importlib
+import importlib.util
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from hil.bench.file import Bench
+from hil.bench.open import open_rig
+from hil.bench.read import BenchFile
+from hil.bench.rig import Progress
+from hil.record.folder import read
+from hil.record.measurement import Findings, Limit
+from hil.record.recording import Recording
+from hil.safety.interrupt import terminable
+from hil.session.limit import checked_limits, limits_of
+from hil.session.outcome import REPORT_FILE, Outcome, write_findings
+from hil.session.procedure import Procedure
+from hil.session.setting import parse_settings
+
+_REPORT = "hil.report.run_page"
+
+
+def run_procedure(
+    procedure: Procedure,
+    bench: BenchFile,
+    settings: Mapping[str, Any],
+    out: Path,
+    progress: Progress = lambda _done, _text: None,
+    resets: Iterable[str] = (),
+    limits: Mapping[str, Limit] = MappingProxyType({}),
+) -> Outcome:
+    """Drive a procedure and evaluate it: outputs are safe before anything is evaluated.
+
+    Args:
+        procedure: what to run.
+        bench: on which bench.
+        settings: by name, as text or as values; what is not given has its default.
+        out: the run folder to make.
+        progress: told how far the procedure is.
+        resets: names of interlocks whose trips are forgotten first.
+        limits: of measured quantities, by name; they go before those of the bench file, and those before what
+            the procedure declares.
+
+    Raises:
+        SettingError: a setting or limit is unknown or not allowed; nothing was driven.
+        FileError: the run folder exists.
+        HardwareError: the bench failed; what was recorded is kept.
+        KeyboardInterrupt: Ctrl-C or SIGTERM; outputs were made safe, what was recorded is kept.
+    """
+    values = parse_settings(procedure.settings, settings)
+    judged_by = checked_limits(procedure.measurements, {**_acceptance(bench.bench, procedure.name), **limits})
+    about = {"procedure": procedure.name, "settings": values, "limits": judged_by}
+    with terminable(), open_rig(bench, out, about, progress, resets) as rig:
+        procedure.run(rig, **values)
+    return evaluate_run(procedure, out)
+
+
+def evaluate_run(procedure: Procedure, folder: Path) -> Outcome:
+    """Evaluate a recorded run; writes its findings and its report into the folder.
+
+    Raises:
+        InputError: the recording does not hold what the evaluation needs.
+        StorageError: the findings cannot be written.
+    """
+    recording = read(folder)
+    findings = procedure.evaluate(recording).judged(limits_of(recording.meta))
+    write_findings(findings, folder)
+    return Outcome(folder, findings, _report(recording, findings, folder / REPORT_FILE))
+
+
+def _acceptance(bench: Bench, procedure: str) -> dict[str, Limit]:
+    return {name: Limit(limit.low, limit.high) for name, limit in bench.acceptance.get(procedure, {}).items()}
+
+
+def _report(recording: Recording, findings: Findings, path: Path) -> Path | None:
+    if importlib.util.find_spec("hil.report") is None:
+        return None
+    importlib.import_module(_REPORT).write_run_report(recording, findings, path)
+    return path

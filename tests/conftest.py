@@ -1,0 +1,29 @@
+"""Fixtures that every kind of test may use."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+from hil.catalog import entries
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the console script does, before numpy is imported
+
+settings.register_profile("repeatable", derandomize=True, deadline=None)
+settings.register_profile("explore", deadline=None)  # HYPOTHESIS_PROFILE=explore: other examples each time
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+STRANGER = Path(__file__).parent / "stranger"
+
+
+@pytest.fixture
+def stranger(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """A stranger's package of procedures, installed for one test; yields the folder that brings it along."""
+    monkeypatch.syspath_prepend(str(STRANGER))
+    entries.cache_clear()
+    yield STRANGER
+    entries.cache_clear()

@@ -1,0 +1,158 @@
+"""Settings of procedures, and a run from its settings to its findings."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.read import BenchFile, read_bench
+from hil.catalog import Entry
+from hil.errors import FileError, SettingError, UnknownNameError
+from hil.record.read import read_recording
+from hil.session.procedure import Procedure, argument_lines, load_procedure
+from hil.session.run import evaluate_run, run_procedure
+from hil.session.setting import parse_settings, split_assignments
+
+
+@pytest.fixture
+def tiny(stranger: Path) -> Procedure:
+    assert stranger.is_dir()
+    return load_procedure("tiny_step")
+
+
+@pytest.fixture(scope="module")
+def bench() -> BenchFile:
+    return read_bench(benches()["brevini-hpv41"])
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "value"),
+    [
+        ("levels", "5,10, 20", (5.0, 10.0, 20.0)),
+        ("levels", "5", (5.0,)),
+        ("levels", "[1, 2]", (1.0, 2.0)),
+        ("hold_s", "0.5", 0.5),
+        ("limit", "none", None),
+        ("limit", "30", 30.0),
+        ("repeat", "3", 3),
+        ("slow", "yes", True),
+        ("slow", "false", False),
+        ("kind", "ramp", "ramp"),
+    ],
+)
+def test_text_becomes_a_value_of_the_declared_type(tiny: Procedure, name: str, text: str, value: object) -> None:
+    assert parse_settings(tiny.settings, {name: text})[name] == value
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("levels", "5,x", r"setting levels\[1\]: .*number"),
+        ("levels", "[1,", r"setting levels"),
+        ("hold_s", "0", "greater than 0"),
+        ("repeat", "1.5", "integer"),
+        ("slow", "perhaps", "boolean"),
+        ("kind", "jump", "'step' or 'ramp'"),
+        ("limit", "wide", "number"),
+        ("level", "5", "no setting 'level'"),
+    ],
+)
+def test_bad_setting_lists_what_there_is(tiny: Procedure, name: str, text: str, says: str) -> None:
+    with pytest.raises(SettingError, match=f"{says}.*Settings: levels: float, … = 40,60; hold_s: float = 2"):
+        parse_settings(tiny.settings, {name: text})
+
+
+def test_values_may_be_given_as_they_are(tiny: Procedure) -> None:
+    assert parse_settings(tiny.settings, {"levels": (1, 2)})["levels"] == (1.0, 2.0)
+
+
+@pytest.mark.parametrize("texts", [["levels"], ["=5"], ["hold_s=1", "hold-s=2"]])
+def test_assignment_that_is_none(texts: list[str]) -> None:
+    with pytest.raises(SettingError):
+        split_assignments(texts)
+
+
+def test_value_may_hold_an_equals_sign() -> None:
+    assert split_assignments(["a = b=c"]) == {"a": "b=c"}
+
+
+def test_meaning_of_arguments_is_read_from_the_docstring(tiny: Procedure) -> None:
+    assert tiny.settings["levels"].meaning == "where to go, one after the other."
+    assert tiny.settings["repeat"].meaning == ""
+    assert argument_lines("Text.\n\nArgs:\n    a: one\n    b: two,\n        three\n\nRaises:\n    X: no") == {
+        "a": "one", "b": "two, three",
+    }  # fmt: skip
+
+
+def test_unknown_procedure_lists_what_is_installed(stranger: Path) -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'tiny_step'"):
+        load_procedure("tiny_stepp")
+
+
+def test_run_leaves_samples_findings_and_verdict(tiny: Procedure, bench: BenchFile, tmp_path: Path) -> None:
+    told: list[float] = []
+    outcome = run_procedure(
+        tiny, bench, {"levels": "50", "repeat": 2}, tmp_path / "run", lambda done, _text: told.append(done)
+    )
+    assert told == [0.5, 1.0]
+    assert (outcome.findings.verdict, outcome.exit_status) == ("pass", 0)
+    found = json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))
+    assert [measured["name"] for measured in found["measured"]] == ["rise", "noise"]
+    run = read_recording(tmp_path / "run")
+    assert run.meta["settings"] == {"levels": [50.0], "hold_s": 2.0, "limit": None, "repeat": 2, "slow": False,
+                                    "kind": "step"}  # fmt: skip
+    assert [part["level"] for part in run.meta["parts"]] == [50.0, 50.0]
+
+
+def test_missed_limit_is_exit_status_1(tiny: Procedure, bench: BenchFile, tmp_path: Path) -> None:
+    assert run_procedure(tiny, bench, {"levels": "5"}, tmp_path / "run").exit_status == 1
+
+
+def test_a_recorded_run_can_be_evaluated_again(tiny: Procedure, bench: BenchFile, tmp_path: Path) -> None:
+    first = run_procedure(tiny, bench, {}, tmp_path / "run")
+    assert evaluate_run(tiny, tmp_path / "run").findings == first.findings
+
+
+def test_bad_setting_makes_no_folder(tiny: Procedure, bench: BenchFile, tmp_path: Path) -> None:
+    with pytest.raises(SettingError):
+        run_procedure(tiny, bench, {"hold_s": "-1"}, tmp_path / "run")
+    assert not (tmp_path / "run").exists()
+
+
+def test_outputs_are_safe_and_the_run_closed_before_it_is_evaluated(
+    tiny: Procedure, bench: BenchFile, tmp_path: Path
+) -> None:
+    from dataclasses import replace
+
+    seen = []
+
+    def evaluate(recording):
+        seen.append((recording.meta["outcome"], recording.values("command")[-1]))
+        raise FileError("nothing to evaluate")
+
+    with pytest.raises(FileError, match="nothing to evaluate"):
+        run_procedure(replace(tiny, evaluate=evaluate), bench, {}, tmp_path / "run")
+    assert seen == [("completed", 0.0)]
+    assert len(read_recording(tmp_path / "run")) > 4000
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("def run(rig): ...", "has a function 'evaluate'"),
+        ("def run(rig, *, x: int): ...\ndef evaluate(recording): ...", "setting 'x' needs a default"),
+    ],
+)
+def test_module_that_is_no_procedure_says_what_it_lacks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, text: str, says: str
+) -> None:
+    path = tmp_path / f"procedure_{len(text)}.py"
+    path.write_text(text, encoding="utf-8")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    entry = Entry("procedures", path.stem, path.stem, path)
+    monkeypatch.setattr("hil.session.procedure.find", lambda _kind, _name: entry)
+    with pytest.raises(FileError, match=says):
+        load_procedure(path.stem)
