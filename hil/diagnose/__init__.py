@@ -1,0 +1,1 @@
+"""Where a simulation parts from a recording, which physics was left out, and what would tell."""

@@ -1,0 +1,244 @@
+"""Before any physics is blamed: recordings that cannot be what their headings say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import FileError
+from hil.identify.experiment import Experiment, require_excitation
+from hil.identify.grey_box import fit_percent
+from hil.identify.noise import white_floor
+from hil.physics.model import Model
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import Array
+
+# Factors that a wrong unit brings: decimals, minutes for seconds, psi for kPa or bar, gallons for litres.
+_UNIT_FACTORS = (
+    1000.0,
+    100.0,
+    10.0,
+    60.0,
+    6.895,
+    14.504,
+    3.785,
+    0.1,
+    0.01,
+    0.001,
+    1 / 60.0,
+    1 / 6.895,
+    1 / 14.504,
+    1 / 3.785,
+)
+_FACTOR_TOLERANCE = 0.08
+_GOOD_FIT = 80.0
+_POOR_FIT = 50.0
+_LEAST_CLIPPED = 0.002
+_LEAST_RUN = 5
+_GAP = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """Experiments fit for a diagnosis, and what was noticed and done about it, one sentence each."""
+
+    experiments: tuple[Experiment, ...]
+    warnings: tuple[str, ...]
+
+
+def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
+    """Look for recordings that would be taken for physics.
+
+    Raises:
+        FileError: nothing moves, a recording is shorter than one time constant of the plant, two columns are
+            swapped, or a channel is off by the factor of a wrong unit.
+    """
+    require_excitation(experiments)
+    warnings: list[str] = []
+    kept = []
+    for e in experiments:
+        _refuse_short(model, e)
+        _refuse_swapped(model, e)
+        _refuse_wrong_unit(model, e)
+        warnings += _gaps(e)
+        e, said = _without_clipped(e)
+        warnings += said
+        kept.append(e)
+    kept, said = _with_clocks_set(model, kept)
+    return Checked(tuple(kept), (*warnings, *said))
+
+
+def _refuse_short(model: Model, e: Experiment) -> None:
+    needed_s = time_constant_s(model, e)
+    duration_s = float(e.time_s[-1] - e.time_s[0])
+    if duration_s < needed_s:
+        raise FileError(
+            f"{e.name}: {duration_s:.3g} s long; at least one time constant of the plant is needed, {needed_s:.3g} s"
+        )
+
+
+def time_constant_s(model: Model, e: Experiment) -> float:
+    """Time after which a small step of the command has gone 63 % of its way; 0 for plants that do not settle."""
+    plant = model.definition
+    step_s, count = e.drive.interval_s, 4000
+    rest = e.drive.inputs[:, :1]
+    inputs = np.repeat(rest, count, axis=1)
+    inputs[0, 1:] += (
+        0.05 * plant.inputs[0].full_scale * (-1.0 if rest[0, 0] > 0.5 * plant.inputs[0].full_scale else 1.0)
+    )
+    answer = simulate(plant, model.values, Drive(inputs, e.drive.first_output, step_s), model.active_effects)[0]
+    change = np.abs(answer - answer[0])
+    if change[-1] <= 0.0 or abs(change[-1] - change[3 * count // 4]) > 0.01 * change[-1]:
+        return 0.0
+    return float(np.argmax(change >= 0.632 * change[-1])) * step_s
+
+
+def _nominal(model: Model, e: Experiment) -> Array:
+    response: Array = e.respond(model.definition, model.values, model.active_effects)[0]
+    return response
+
+
+def _refuse_swapped(model: Model, e: Experiment) -> None:
+    command = e.on_grid_input()
+    if white_floor(command) <= 10.0 * white_floor(e.output) or e.grid_s is not None:
+        return
+    inputs = e.drive.inputs.copy()
+    inputs[0] = e.output
+    turned = replace(e, drive=replace(e.drive, inputs=inputs, first_output=float(command[0])), output=command)
+    if fit_percent(command, _nominal(model, turned)) > max(_GOOD_FIT, fit_percent(e.output, _nominal(model, e)) + 20.0):
+        raise FileError(
+            f"{e.name}: the columns '{e.input}' and '{e.output_heading}' look swapped: "
+            "the model fits the other way round"
+        )
+
+
+def _refuse_wrong_unit(model: Model, e: Experiment) -> None:
+    simulated = _nominal(model, e)
+    before = fit_percent(e.output, simulated)
+    if not before < _POOR_FIT:
+        return
+    moving, measured = simulated - simulated.mean(), e.output - e.output.mean()
+    power = float(moving @ moving)
+    slope = float(moving @ measured) / power if power else 0.0
+    factor = _unit_factor(slope)
+    if factor and fit_percent(measured, slope * moving) > _GOOD_FIT:
+        raise FileError(
+            f"{e.name}: channel '{e.output_heading}' is {slope:.3g} times what the model expects; "
+            f"a factor near {factor:.4g} looks like a wrong unit"
+        )
+    for factor in _UNIT_FACTORS:
+        scaled = replace(e, drive=replace(e.drive, inputs=e.drive.inputs * factor))
+        if fit_percent(e.output, _nominal(model, scaled)) > _GOOD_FIT:
+            raise FileError(
+                f"{e.name}: channel '{e.input}' fits the model only when multiplied by {factor:.4g}; "
+                "it looks like a wrong unit"
+            )
+
+
+def _unit_factor(slope: float) -> float | None:
+    if slope <= 0.0:
+        return None
+    near = min(_UNIT_FACTORS, key=lambda factor: abs(np.log(slope / factor)))
+    return near if abs(np.log(slope / near)) < _FACTOR_TOLERANCE else None
+
+
+def _gaps(e: Experiment) -> list[str]:
+    steps = np.diff(e.time_s)
+    wide = np.flatnonzero(steps > _GAP * np.median(steps))
+    if not wide.size:
+        return []
+    k = int(wide[np.argmax(steps[wide])])
+    said = (
+        f"{e.name}: {wide.size} gap{'s' if wide.size > 1 else ''} in the samples, the longest "
+        f"{steps[k]:.3g} s at {e.time_s[k]:.4g} s; the command is taken as held"
+    )
+    return [said]
+
+
+def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
+    """Samples at one extreme value, in runs, are a channel at the end of its range, not the valve."""
+    if white_floor(e.output) <= 0.0:
+        return e, []
+    clipped = np.zeros(len(e.output), dtype=np.bool_)
+    for extreme in (float(e.output.max()), float(e.output.min())):
+        clipped |= _in_runs(e.output == extreme)
+    if clipped.mean() < _LEAST_CLIPPED:
+        return e, []
+    at = e.output[clipped]
+    said = (
+        f"{e.name}: channel '{e.output_heading}' is clipped at {at[0]:.4g} in {100 * clipped.mean():.1f} % of its "
+        "samples; they are left out"
+    )
+    return replace(e, ignored=clipped), [said]
+
+
+def _in_runs(same: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
+    kept = np.zeros_like(same)
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if stop - start >= _LEAST_RUN:
+            kept[start:stop] = True
+    return kept
+
+
+def _with_clocks_set(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[str]]:
+    """A recording whose output is late or early by itself, while others are on time, has a shifted clock."""
+    if len(experiments) < 2:
+        return list(experiments), []
+    found = [_clock(model, e) for e in experiments]
+    on_time = [abs(lag) <= 1 or not cured for lag, cured in found]
+    lags = {lag for lag, cured in found if cured}
+    kept, said = [], []
+    for e, (lag, cured) in zip(experiments, found, strict=True):
+        if cured and abs(lag) > 1 and (any(on_time) or len(lags) > 1):
+            kept.append(_shifted(e, lag))
+            said.append(
+                f"{e.name}: its output is {lag * e.drive.interval_s:+.4g} s off its command while other recordings are "
+                "not; its clock is taken as shifted and set back"
+            )
+        else:
+            kept.append(e)
+    return kept, said
+
+
+def _clock(model: Model, e: Experiment) -> tuple[int, bool]:
+    """(best shift in samples, whether shifting alone brings the recording down to its noise)."""
+    if e.grid_s is not None:
+        return 0, False
+    simulated = _nominal(model, e)
+    floor = model.noise.std if model.noise else white_floor(e.output)
+    if floor <= 0.0 or np.std(e.output - simulated) < 1.5 * floor:
+        return 0, False
+    most = min(len(e.output) // 4, int(2.0 / e.drive.interval_s))
+    size = 1 << (2 * len(simulated) - 1).bit_length()
+    spectrum = np.fft.rfft(e.output - e.output.mean(), size) * np.conj(np.fft.rfft(simulated - simulated.mean(), size))
+    correlation = np.fft.irfft(spectrum, size)
+    around = np.concatenate((correlation[-most:], correlation[: most + 1]))
+    lag = int(np.argmax(around)) - most
+    best, left = lag, np.inf
+    for candidate in range(lag - 2, lag + 3):
+        error = _shift_error(e.output, simulated, candidate)
+        if error < left:
+            best, left = candidate, error
+    return best, bool(left < 1.1 * floor)
+
+
+def _shift_error(measured: Array, simulated: Array, lag: int) -> float:
+    if lag >= 0:
+        return float(np.std(measured[lag:] - simulated[: len(simulated) - lag]))
+    return float(np.std(measured[:lag] - simulated[-lag:]))
+
+
+def _shifted(e: Experiment, lag: int) -> Experiment:
+    """The experiment with its output moved earlier by `lag` samples; samples without partner are ignored."""
+    moved = np.roll(e.output, -lag)
+    lost = np.zeros(len(moved), dtype=np.bool_)
+    if lag > 0:
+        lost[-lag:] = True
+    else:
+        lost[:-lag] = True
+    ignored = lost if e.ignored is None else np.roll(e.ignored, -lag) | lost
+    return replace(e, output=moved, ignored=ignored)

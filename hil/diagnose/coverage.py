@@ -1,0 +1,59 @@
+"""What the data could have shown: for each effect that is not named, an upper limit on its size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.diagnose.search import Around, adapted_residuals
+from hil.diagnose.terms import Term
+
+# An effect of typical size must stand out by this many standard uncertainties, or the data cannot show it.
+_VISIBLE_SIGMAS = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """The upper limit (95 %) on the first parameter of an effect that was not found.
+
+    `visible`: whether an effect of typical size would have been seen; if not, nothing can be said of it.
+    """
+
+    effect: str
+    stage: str
+    parameter: str
+    unit: str
+    upper: float
+    typical: float
+    visible: bool
+
+
+def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
+    """Upper limits for effects beside what is accepted; one for each effect, at its most visible place."""
+    found: dict[str, Limit] = {}
+    for term in terms:
+        if term.kind != "effect" or not np.isfinite(term.null):
+            continue
+        limit = _limit(place, term)
+        known = found.get(term.name)
+        if known is None or limit.upper < known.upper:
+            found[term.name] = limit
+    return tuple(found[name] for name in sorted(found))
+
+
+def _limit(place: Around, term: Term) -> Limit:
+    """From one small step in the effect's strength, all else adapting."""
+    first = term.unknowns[0]
+    start = min(term.starts, key=lambda s: abs(s[0] - term.null))
+    size = abs(start[0] - term.null)
+    without = adapted_residuals(place, None)
+    step = adapted_residuals(place, (term, start)) - without
+    power = float(step @ step)
+    if power < 1e-12 or size == 0.0:
+        return Limit(term.name, term.stage, first.name, first.unit, float("inf"), first.start, False)
+    strength = -float(step @ without) / power
+    upper = (max(strength, 0.0) + 1.645 / np.sqrt(power)) * size
+    visible = np.sqrt(power) * abs(first.start - term.null) / size > _VISIBLE_SIGMAS
+    return Limit(term.name, term.stage, first.name, first.unit, float(upper), first.start, bool(visible))

@@ -1,0 +1,212 @@
+"""Choose between explanations: nothing, changed parameters, one effect, several, or none that is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hil.diagnose.problem import Problem
+from hil.diagnose.search import Fitted, around, nothing, polish, refine_all, screen
+from hil.diagnose.terms import Term, all_terms
+from hil.record.recording import Array
+
+Verdict = Literal["consistent", "parameter_change", "explained", "partly_explained", "unexplained"]
+
+# The χ² that chance may give back to the best of all terms; found on simulated data without any effect
+# (docs/explanation/diagnosis.md), with a margin.
+ALARM_GAIN = 60.0
+# A misfit below this share of the noise variance is of no practical size.
+SMALL_EXCESS = 0.03
+# Laws of nature are not the laws of the library: an explanation may leave this share of the misfit, …
+LAW_TOLERANCE = 0.02
+# … below this share nobody looks for a second cause, …
+FULL_TOLERANCE = 0.003
+# … and a second cause must explain most of what the first one leaves.
+SECOND_SHARE = 0.75
+# A value this many standard uncertainties from its null is there.
+PRESENT_SIGMAS = 5.0
+
+_POLISHED = 2
+_NEW_PHYSICS = 10.0
+# The coarse grid of the screen must show this share of it before a second cause is fitted.
+_HOPE = 0.3
+_PAIR_SEEDS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Choice:
+    """What the evidence says.
+
+    Attributes:
+        verdict: the answer.
+        chosen: terms and values, fitted together; no terms when nothing is to be named.
+        baseline: the nominal model, base parameters moved within their prior.
+        candidates: single explanations that were fitted, best first.
+        rivals: effect names that explain the data as well as the first chosen one.
+    """
+
+    verdict: Verdict
+    chosen: Fitted
+    baseline: Fitted
+    candidates: tuple[Fitted, ...]
+    rivals: tuple[tuple[str, str], ...]
+
+
+def decide(problem: Problem) -> Choice:
+    """Search for the most economical explanation that the data support."""
+    return _Judge(problem).choose()
+
+
+class _Judge:
+    """One decision; holds what several questions share."""
+
+    def __init__(self, problem: Problem) -> None:
+        self.problem = problem
+        self.size = problem.size
+        self.baseline = polish(problem, nothing(problem))
+        self.terms = all_terms(problem, self.baseline.residuals)
+
+    def choose(self) -> Choice:
+        # Around the nominal model: the baseline has bent its parameters to a misfit that is not theirs.
+        place = around(self.problem, nothing(self.problem))
+        singles = refine_all(place, screen(place, self.terms))
+        changed = self.changed_parameters()
+        best_gain = self.baseline.chi2 - min(singles[0].chi2, changed.chi2)
+        if best_gain < ALARM_GAIN:
+            verdict: Verdict = "consistent" if self.excess(self.baseline) < 2 * SMALL_EXCESS else "unexplained"
+            return Choice(verdict, self.baseline, self.baseline, tuple(singles), ())
+        polished = self.polished(singles)
+        best = min([*polished, changed], key=self.cost)
+        if not self.is_full(best):
+            best = min([best, *self.pairs(polished)], key=self.cost)
+        return Choice(self.verdict(best), best, self.baseline, tuple(singles), self.rivals(best, polished))
+
+    # -- measures ------------------------------------------------------------------------------------------
+
+    def excess(self, f: Fitted) -> float:
+        """Variance beyond the noise, as a share of it."""
+        return max(f.chi2 / self.size - 1.0, 0.0)
+
+    def left(self, f: Fitted) -> float:
+        """The share of the misfit that an explanation leaves."""
+        return self.excess(f) / max(self.excess(self.baseline), SMALL_EXCESS)
+
+    def cost(self, f: Fitted) -> float:
+        """χ² and the price of unknowns; physics that the nominal model lacks costs more than what it has."""
+        added = sum(term.kind == "effect" for term in f.terms)
+        return f.chi2 + f.unknowns * float(np.log(self.size)) + added * _NEW_PHYSICS
+
+    def is_full(self, f: Fitted) -> bool:
+        return self.excess(f) <= SMALL_EXCESS or self.left(f) <= FULL_TOLERANCE
+
+    def is_adequate(self, f: Fitted) -> bool:
+        return self.excess(f) <= SMALL_EXCESS or self.left(f) <= LAW_TOLERANCE
+
+    # -- hypotheses ----------------------------------------------------------------------------------------
+
+    def changed_parameters(self) -> Fitted:
+        """The base parameters alone: which of them must have changed, and how well that explains."""
+        free = polish(self.problem, self.baseline, base_free=True)
+        names = self._moved(free.parameters)
+        fitted = polish(self.problem, self._parameter_terms(free, names))
+        while len(names) > 1 and (spare := self._dispensable(fitted)):
+            names = [name for name in names if name != spare]
+            fitted = polish(self.problem, self._parameter_terms(fitted, names))
+        return fitted
+
+    def _dispensable(self, f: Fitted) -> str:
+        """The changed parameter that costs least to put back, if that is less than its price."""
+        assert f.estimate is not None  # noqa: S101
+        prices = {}
+        for term, values in zip(f.terms, f.values, strict=True):
+            std = float(f.estimate.std[f.estimate_index(term)])
+            prices[term.name] = ((values[0] - term.nominal) / std) ** 2 if std > 0.0 else np.inf
+        name = min(prices, key=lambda name: prices[name])
+        return name if prices[name] < ALARM_GAIN else ""
+
+    def _moved(self, parameters: dict[str, float]) -> list[str]:
+        nominal = self.problem.model.values
+        stds = self.problem.prior_std
+        return [
+            p.name
+            for p, std in zip(self.problem.base, stds, strict=True)
+            if abs(parameters[p.name] - nominal[p.name]) > std
+        ]
+
+    def _parameter_terms(self, at: Fitted, names: Sequence[str]) -> Fitted:
+        terms = tuple(t for t in self.terms if t.kind == "parameter" and t.name in names)
+        values = tuple((at.parameters[t.name],) for t in terms)
+        return Fitted(terms, values, at.parameters, at.chi2, at.residuals)
+
+    def polished(self, singles: Sequence[Fitted]) -> list[Fitted]:
+        """The best few single explanations of different names, fitted with nothing linearised."""
+        seen: set[str] = set()
+        found = []
+        for f in singles:
+            name = f.names[0] if f.names else f.terms[0].name
+            if name in seen:
+                continue
+            seen.add(name)
+            found.append(polish(self.problem, f))
+            if len(found) == _POLISHED:
+                break
+        return [f for f in found if self.is_present(f)]
+
+    def is_present(self, f: Fitted) -> bool:
+        """Whether every effect is really there: its strength differs from its null beyond doubt."""
+        return all(self._strength(f, term) for term in f.terms)
+
+    def _strength(self, f: Fitted, term: Term) -> bool:
+        if term.kind == "parameter" or not np.isfinite(term.null) or f.estimate is None:
+            return True
+        k = f.estimate_index(term)
+        std = f.estimate.std[k]
+        return not abs(f.estimate.values[k] - term.null) < PRESENT_SIGMAS * std
+
+    def pairs(self, seeds: Sequence[Fitted]) -> list[Fitted]:
+        """A second cause beside each of the best first ones, where it explains most of what they leave."""
+        found = []
+        for seed in seeds[:_PAIR_SEEDS]:
+            place = around(self.problem, seed)
+            taken = {(term.name, term.hook) for term in seed.terms}
+            screened = screen(place, [t for t in self.terms if (t.name, t.hook) not in taken])
+            if self._gain(seed, screened[0].chi2) < _HOPE:
+                continue
+            both = polish(self.problem, refine_all(place, screened)[0])
+            if self._gain(seed, both.chi2) >= SECOND_SHARE and seed.chi2 - both.chi2 > ALARM_GAIN:
+                found.append(both)
+        return [f for f in found if self.is_present(f)]
+
+    def _gain(self, seed: Fitted, chi2: float) -> float:
+        """The share of what an explanation leaves that another χ² would take away."""
+        return (seed.chi2 - chi2) / max(self.excess(seed) * self.size, 1e-12)
+
+    # -- the answer ----------------------------------------------------------------------------------------
+
+    def verdict(self, f: Fitted) -> Verdict:
+        if not self.is_adequate(f):
+            return "unexplained"
+        return "explained" if f.names else "parameter_change"
+
+    def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
+        """Other names that the data cannot tell from the chosen first one."""
+        if not best.names:
+            return ()
+        others = {
+            f.names[0]
+            for f in polished
+            if f.names and f.names[0] not in best.names and f.chi2 - best.chi2 < 9.0 + 0.01 * best.chi2
+        }
+        return tuple((best.names[0], name) for name in sorted(others))
+
+
+def share_by_block(problem: Problem, residuals: Array, seconds: float = 1.0) -> tuple[Array, Array]:
+    """Mean square of residuals in stretches of time: (mean squares, block numbers of the residuals)."""
+    labels = problem.block_labels(seconds)
+    counts = np.bincount(labels)
+    sums = np.bincount(labels, residuals**2)
+    keep = counts > 0
+    return sums[keep] / counts[keep], labels

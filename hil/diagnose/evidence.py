@@ -1,0 +1,90 @@
+"""Judge explanations on data that they were not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnose.problem import Problem
+from hil.diagnose.search import Fitted, polish
+from hil.record.recording import Array
+
+Mask = NDArray[np.bool_]
+
+# Every other stretch of this length is kept back. Long against the memory of a valve, so that the stretches are
+# news, short against a recording, so that both halves see every kind of excitation.
+_STRETCH_S = 4.0
+_REFIT_EVALUATIONS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """An explanation refitted on one half of the data and judged on the other.
+
+    Attributes:
+        fitted: the explanation, with values from all data.
+        fit_held_out: in %, of the output, over all recordings.
+        chi2_held_out: of the whitened residuals kept back; `count`: their number.
+    """
+
+    fitted: Fitted
+    fit_held_out: float
+    chi2_held_out: float
+    count: int
+
+
+def training_half(problem: Problem) -> Mask:
+    """Which residuals are fitted; the others are for judging. Shape (n,), True and False."""
+    labels = problem.block_labels(_STRETCH_S)
+    half: Mask = labels % 2 == 0
+    return half
+
+
+def judge(problem: Problem, fitted: Fitted) -> Judged:
+    """Refit on the training half, starting from the values that all data gave, and judge on the other half."""
+    train = training_half(problem)
+    if not fitted.terms:
+        r = fitted.residuals
+    else:
+        r = polish(problem, fitted, keep=train, evaluations=_REFIT_EVALUATIONS).residuals
+    held_out = ~train
+    return Judged(fitted, held_out_fit(problem, r, held_out), float(r[held_out] @ r[held_out]), int(held_out.sum()))
+
+
+def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
+    """Fit % of the output over the samples kept back, every recording's mean taken off by itself."""
+    errors, spreads = 0.0, 0.0
+    for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
+        kept = held_out[part]
+        if not kept.any():
+            continue
+        # whitening keeps the size of white noise; for coloured noise the fit is in whitened terms on both sides
+        errors += float(np.sum((residuals[part][kept] * noise.std) ** 2))
+        measured = e.output[kept]
+        spreads += float(np.sum((measured - measured.mean()) ** 2))
+    return 100.0 * (1.0 - np.sqrt(errors / spreads)) if spreads else float("nan")
+
+
+def ceiling(problem: Problem) -> float:
+    """The fit that the true model would reach on the samples kept back."""
+    held_out = ~training_half(problem)
+    return held_out_fit(problem, np.ones(problem.size), held_out)
+
+
+def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
+    """How probable each explanation is, given that one of them or none of the library is true.
+
+    The laws of the library are not the laws of nature, so likelihoods are tempered by what even the best
+    explanation leaves on data it was not fitted to. `unexplained` is the probability of none.
+    """
+    if not judged:
+        return []
+    best = min(j.chi2_held_out for j in judged)
+    spread = max(1.0, best / judged[0].count)
+    logs = np.array([-0.5 * (j.chi2_held_out - best) / spread - 2.0 * j.fitted.unknowns for j in judged])
+    weights = np.exp(np.maximum(logs - logs.max(), -700.0))
+    shares = (1.0 - unexplained) * weights / weights.sum()
+    return [float(share) for share in shares]

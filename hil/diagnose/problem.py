@@ -1,0 +1,169 @@
+"""The question: a nominal model, recordings on which it may fail, and noise that says when it does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hil.identify.estimate import jacobian
+from hil.identify.experiment import Experiment
+from hil.identify.noise import channel_floor, white_floor, whiten
+from hil.physics.model import Model, Noise
+from hil.physics.plant import Parameter, Plant
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Array
+
+# A unit that was identified once drifts a little without anything being wrong with it: this share of each
+# parameter's size, beside three of its standard uncertainties, is not news.
+_DRIFT_SHARE = 0.005
+_SIGMAS = 3.0
+# A channel's own floor stands in for the model's noise when they differ by more than this factor.
+_SAME_NOISE = 1.25
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A nominal model against experiments; all residuals are whitened to unit variance by the noise.
+
+    Attributes:
+        model: the nominal model.
+        experiments: the recordings, bound to its plant.
+        noises: of the output, per experiment; `observed_noise`: of each recorded inner signal.
+    """
+
+    model: Model
+    experiments: tuple[Experiment, ...]
+    noises: tuple[Noise, ...]
+    observed_noise: tuple[Mapping[str, float], ...]
+
+    @property
+    def plant(self) -> Plant:
+        """The model's plant."""
+        return self.model.definition
+
+    @cached_property
+    def base(self) -> tuple[Parameter, ...]:
+        """Base parameters that the plant lets free."""
+        return tuple(p for p in self.plant.parameters if not p.fixed)
+
+    @cached_property
+    def prior_covariance(self) -> Array:
+        """How far the base parameters may wander together without being called changed, shape (k, k)."""
+        names = [p.name for p in self.base]
+        drift = [_DRIFT_SHARE * max(abs(self.model.values[p.name]), p.scale) for p in self.base]
+        covariance = np.diag(np.square(drift))
+        known = self.model.covariance
+        if known is None:
+            stds = [self.model.parameters[name].std or 0.0 for name in names]
+            return covariance + _SIGMAS**2 * np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
+        at = [known.names.index(name) if name in known.names else None for name in names]
+        for i, row in enumerate(at):
+            for j, column in enumerate(at):
+                if row is not None and column is not None:
+                    covariance[i, j] += _SIGMAS**2 * known.matrix[row][column]
+        return covariance
+
+    @cached_property
+    def prior_std(self) -> Array:
+        """How far each base parameter may wander by itself."""
+        return np.sqrt(np.diag(self.prior_covariance))
+
+    @cached_property
+    def size(self) -> int:
+        """Number of residuals."""
+        return len(self.nominal_residuals)
+
+    @cached_property
+    def nominal_residuals(self) -> Array:
+        """Whitened residuals of the nominal model, shape (n,)."""
+        return self.residuals(self.model.values, self.model.active_effects)
+
+    def residuals(
+        self,
+        parameters: Mapping[str, float],
+        effects: Sequence[ActiveEffect],
+        *,
+        factor: float = 1.0,
+        inject: tuple[str, Sequence[Array]] | None = None,
+    ) -> Array:
+        """Whitened residuals (simulated − measured) of all experiments and recorded inner signals, shape (n,).
+
+        `factor`: finer sub-steps; `inject`: a disturbance at a hook, one array for each experiment.
+        """
+        parts: list[Array] = []
+        for i, (e, noise, inner) in enumerate(zip(self.experiments, self.noises, self.observed_noise, strict=True)):
+            added = (inject[0], inject[1][i]) if inject else None
+            rows = e.respond(self.plant, parameters, effects, factor=factor, inject=added)
+            error = whiten(rows[0] - e.output, noise, _interval_s(e))
+            parts.append(error if e.ignored is None else np.where(e.ignored, 0.0, error))
+            for k, signal in enumerate(self.plant.observed, start=1):
+                if signal.name in inner:
+                    parts.append((rows[k] - e.observed[signal.name]) / inner[signal.name])
+        return np.concatenate(parts)
+
+    def output_slices(self) -> list[slice]:
+        """Where each experiment's output stands in the residuals."""
+        found, at = [], 0
+        for e, inner in zip(self.experiments, self.observed_noise, strict=True):
+            n = len(e.output)
+            found.append(slice(at, at + n))
+            at += n * (1 + len(inner))
+        return found
+
+    def base_jacobian(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], base: Array) -> Array:
+        """Slopes of the residuals in the base parameters, shape (n, k)."""
+        names = [p.name for p in self.base]
+        values = np.array([parameters[name] for name in names])
+
+        def moved(at: Array) -> Array:
+            return self.residuals({**parameters, **dict(zip(names, at.tolist(), strict=True))}, effects)
+
+        high = np.array([p.high for p in self.base])
+        scale = np.array([p.scale for p in self.base])
+        return jacobian(moved, values, high, scale, base)
+
+    def block_labels(self, seconds: float) -> Array:
+        """A number for every residual: the stretch of time of its recording that it lies in, shape (n,)."""
+        labels, first = [], 0
+        for e, inner in zip(self.experiments, self.observed_noise, strict=True):
+            own = first + ((e.time_s - e.time_s[0]) / seconds).astype(np.int64)
+            labels += [own] * (1 + len(inner))
+            first = int(own[-1]) + 1
+        return np.concatenate(labels)
+
+
+def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
+    """Bind a nominal model and experiments, and settle what noise is."""
+    noises = tuple(_noise(model, e) for e in experiments)
+    observed = tuple({name: channel_floor(values) for name, values in e.observed.items()} for e in experiments)
+    return Problem(model, tuple(experiments), noises, observed)
+
+
+def _noise(model: Model, experiment: Experiment) -> Noise:
+    """The noise the model was identified with, unless this recording's own floor contradicts it."""
+    floor = channel_floor(experiment.output)
+    known = model.noise
+    if known is None or known.std <= 0.0:
+        return Noise(floor)
+    expected = white_floor_of(known)
+    if 1.0 / _SAME_NOISE < floor / expected < _SAME_NOISE:
+        return known
+    return Noise(known.std * floor / expected, known.colour, known.interval_s)
+
+
+def white_floor_of(noise: Noise) -> float:
+    """What `white_floor` would say of this noise: coloured noise hides most of itself from differences."""
+    if not noise.colour:
+        return noise.std
+    generator = np.random.default_rng(0)
+    from scipy.signal import lfilter
+
+    sample = lfilter((1.0,), (1.0, *noise.colour), generator.standard_normal(20_000))[1000:]
+    return noise.std * white_floor(sample) / float(np.std(sample))
+
+
+def _interval_s(experiment: Experiment) -> float:
+    return float(np.median(np.diff(experiment.time_s)))

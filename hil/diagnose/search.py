@@ -1,0 +1,345 @@
+"""Screen terms, fit them with the base parameters, and compare what each explains."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from functools import cache, cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnose.problem import Problem
+from hil.diagnose.terms import Term
+from hil.identify.estimate import Estimate, Unknown, estimate
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Array
+
+_FROZEN = 1e6
+# How the effort of refining is spread (see `refine_all`): evaluations, and how many terms and starts get more.
+_SHORT, _LONG = 5, 30
+_TRIED, _LEADING, _FAVOURITES, _OTHER_STARTS = 20, 6, 2, 4
+_WORTH_A_TRY, _WORTH_MORE = 0.2, 0.4
+
+
+@dataclass(frozen=True, slots=True)
+class Fitted:
+    """Terms with values.
+
+    Attributes:
+        terms, values: what was fitted, one tuple of values for each term.
+        parameters: every base parameter, moved as far as its prior lets it.
+        chi2: sum of squared residuals, the cost of moving base parameters included.
+        residuals: whitened, shape (n,).
+        estimate: of terms and base parameters together; None before `polish`.
+    """
+
+    terms: tuple[Term, ...]
+    values: tuple[tuple[float, ...], ...]
+    parameters: dict[str, float]
+    chi2: float
+    residuals: Array
+    estimate: Estimate | None = None
+
+    @property
+    def unknowns(self) -> int:
+        """Number of estimated values."""
+        return sum(len(term.unknowns) for term in self.terms)
+
+    @property
+    def effects(self) -> list[ActiveEffect]:
+        """The effects among the terms, as the simulation takes them."""
+        found: list[ActiveEffect] = []
+        for term, values in zip(self.terms, self.values, strict=True):
+            term.apply(values, {}, found)
+        return found
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The effects that the terms stand for; changed parameters have none."""
+        named = (term.effect_name(values) for term, values in zip(self.terms, self.values, strict=True))
+        return tuple(name for name in named if name)
+
+    def estimate_index(self, term: Term) -> int:
+        """Where the first unknown of a term stands in the estimate."""
+        assert self.estimate is not None  # noqa: S101
+        at = len(self.estimate.unknowns) - self.unknowns
+        for other in self.terms:
+            if other is term:
+                return at
+            at += len(other.unknowns)
+        raise KeyError(term.label)
+
+    def on_bound(self) -> tuple[str, ...]:
+        """Unknowns of the terms that ended on a bound of theirs."""
+        return tuple(
+            f"{term.name}.{u.name}"
+            for term, values in zip(self.terms, self.values, strict=True)
+            for u, value in zip(term.unknowns, values, strict=True)
+            if min(value - u.low, u.high - value) <= 1e-3 * u.scale
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Screened:
+    """A term with its starts, the best first, and the χ² of that one."""
+
+    term: Term
+    starts: tuple[tuple[float, ...], ...]
+    chi2: float
+
+
+@dataclass(frozen=True)
+class Around:
+    """A point of the search: what is accepted, and how residuals move with everything that may adapt."""
+
+    problem: Problem
+    accepted: Fitted
+    slopes: Array  # (n, base + accepted unknowns)
+
+    @cached_property
+    def gram(self) -> Array:
+        """Inner products of the slopes, shape (k, k)."""
+        product: Array = self.slopes.T @ self.slopes
+        return product
+
+
+@cache
+def _outer() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="search")
+
+
+def nothing(problem: Problem) -> Fitted:
+    """No term: the nominal model."""
+    r = problem.nominal_residuals
+    return Fitted((), (), dict(problem.model.values), float(r @ r), r)
+
+
+def around(problem: Problem, accepted: Fitted) -> Around:
+    """Linearise around what is accepted so far."""
+    effects = [*problem.model.active_effects, *accepted.effects]
+    base = problem.base_jacobian(accepted.parameters, effects, accepted.residuals)
+    own = [_term_slopes(problem, accepted, k) for k in range(len(accepted.terms))]
+    return Around(problem, accepted, np.hstack([base, *own]))
+
+
+def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
+    columns = []
+    for i, unknown in enumerate(accepted.terms[k].unknowns):
+        step = 1e-3 * unknown.scale
+        values = [list(v) for v in accepted.values]
+        if values[k][i] + step > unknown.high:
+            step = -step
+        values[k][i] += step
+        moved = _simulate(problem, accepted.parameters, accepted.terms, values)
+        columns.append((moved - accepted.residuals) / step)
+    return np.column_stack(columns)
+
+
+def _simulate(
+    problem: Problem,
+    parameters: dict[str, float],
+    terms: Sequence[Term],
+    values: Sequence[Sequence[float]],
+) -> Array:
+    moved, effects = dict(parameters), list(problem.model.active_effects)
+    for term, own in zip(terms, values, strict=True):
+        term.apply(own, moved, effects)
+    return problem.residuals(moved, effects)
+
+
+def _with_term(place: Around, term: Term, values: Sequence[float]) -> Array:
+    """Residuals with one more term beside what is accepted."""
+    accepted = place.accepted
+    return _simulate(place.problem, accepted.parameters, (*accepted.terms, term), (*accepted.values, values))
+
+
+def adapted_residuals(place: Around, added: tuple[Term, Sequence[float]] | None) -> Array:
+    """Residuals with one more term, or without, after all else has adapted linearly, shape (n + base,)."""
+    if added is None:
+        return _adapt(place, place.accepted.residuals, None)[0]
+    return _adapt(place, _with_term(place, *added), added[0])[0]
+
+
+def _adapt(place: Around, r: Array, term: Term | None) -> tuple[Array, Array]:
+    """Residuals after everything but `term` has adapted linearly, with the cost of it appended; the moves."""
+    prior, away = _prior(place, term)
+    cost = prior @ away
+    information = place.gram + prior.T @ prior
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    pull = scale * (place.slopes.T @ r + prior.T @ cost)
+    moves = -scale * np.linalg.lstsq(information * np.outer(scale, scale), pull, rcond=1e-12)[0]
+    return np.concatenate([r + place.slopes @ moves, cost + prior @ moves]), moves
+
+
+def _prior(place: Around, term: Term | None) -> tuple[Array, Array]:
+    """What moving costs: rows (base, columns) of a root of the prior's precision, and how far away we are already.
+
+    Base parameters that are terms do not adapt; an effect stands for the base parameter of its name.
+    """
+    problem, accepted = place.problem, place.accepted
+    taken = {t.name for t in accepted.terms if t.kind == "parameter"} | ({term.name} if term else set())
+    free = [k for k, p in enumerate(problem.base) if p.name not in taken]
+    rows = np.zeros((len(problem.base), place.slopes.shape[1]))
+    rows[np.ix_(free, free)] = prior_root(problem, free)
+    away = np.zeros(place.slopes.shape[1])
+    for k, p in enumerate(problem.base):
+        if p.name in taken:
+            rows[k, k] = _FROZEN / problem.prior_std[k]
+        else:
+            away[k] = accepted.parameters[p.name] - problem.model.values[p.name]
+    return rows, away
+
+
+def prior_root(problem: Problem, free: Sequence[int]) -> Array:
+    """R with Rᵀ·R the precision of these base parameters under the prior."""
+    covariance = problem.prior_covariance[np.ix_(free, free)]
+    root: Array = np.linalg.inv(np.linalg.cholesky(covariance))
+    return root
+
+
+def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
+    """Every term at its starts, all else adapting linearly; the term with the best start first."""
+    jobs = [(term, start) for term in terms for start in term.starts]
+
+    def judge(job: tuple[Term, tuple[float, ...]]) -> float:
+        adapted = adapted_residuals(place, job)
+        chi2 = float(adapted @ adapted)
+        return chi2 if np.isfinite(chi2) else np.inf
+
+    judged: dict[int, list[tuple[float, tuple[float, ...]]]] = {id(term): [] for term in terms}
+    for (term, start), chi2 in zip(jobs, _outer().map(judge, jobs), strict=True):
+        judged[id(term)].append((chi2, start))
+    found = [
+        Screened(term, tuple(start for _, start in sorted(judged[id(term)])), min(judged[id(term)])[0])
+        for term in terms
+    ]
+    return sorted(found, key=lambda s: s.chi2)
+
+
+def refine_all(place: Around, screened: Sequence[Screened]) -> list[Fitted]:
+    """Fit the screened terms beside what is accepted, everything else adapting linearly. Best first.
+
+    The promising ones get a few steps from their best start. Those whose gain comes near the best one's get more,
+    and the best few also try other starts: a sticking part has local optima.
+    """
+    promising = screened[: _count(place, [s.chi2 for s in screened], _WORTH_A_TRY, _TRIED)]
+    tried = _refine_many(place, [(s, s.starts[0]) for s in promising], _SHORT)
+    by_chi2 = sorted(zip(tried, promising, strict=True), key=lambda pair: pair[0].chi2)
+    count = _count(place, [f.chi2 for f, _ in by_chi2], _WORTH_MORE, _LEADING)
+    leading, rest = by_chi2[:count], by_chi2[count:]
+    again = [(s, f.values[-1]) for f, s in leading]
+    again += [(s, start) for _, s in leading[:_FAVOURITES] for start in s.starts[1:_OTHER_STARTS]]
+    longer = _refine_many(place, again, _LONG)
+    best: dict[int, Fitted] = {}
+    for f in longer:
+        key = id(f.terms[-1])
+        if key not in best or f.chi2 < best[key].chi2:
+            best[key] = f
+    return sorted([*best.values(), *(f for f, _ in rest)], key=lambda f: f.chi2)
+
+
+def _count(place: Around, chi2: Sequence[float], share: float, least: int) -> int:
+    """How many of these (best first) gain at least a share of what the best gains, but never fewer than `least`
+    where nothing gains much.
+    """
+    gain = place.accepted.chi2 - chi2[0]
+    if gain < 0.05 * place.accepted.chi2:
+        return min(least, len(chi2))
+    return max(1, sum(value <= place.accepted.chi2 - share * gain for value in chi2))
+
+
+def _refine_many(place: Around, jobs: Sequence[tuple[Screened, tuple[float, ...]]], evaluations: int) -> list[Fitted]:
+    def one(job: tuple[Screened, tuple[float, ...]]) -> Fitted:
+        return refine(place, job[0].term, job[1], evaluations=evaluations)
+
+    return list(_outer().map(one, jobs))
+
+
+def refine(place: Around, term: Term, start: tuple[float, ...], *, evaluations: int = 25) -> Fitted:
+    """Fit one term from a start, everything else adapting linearly."""
+
+    def residuals(values: Array) -> Array:
+        return adapted_residuals(place, (term, values.tolist()))
+
+    found = estimate(residuals, _starting(term.unknowns, start), max_evaluations=evaluations, tolerance=1e-4)
+    values = tuple(float(v) for v in found.values)
+    r = _with_term(place, term, values)
+    _, moves = _adapt(place, r, term)
+    return _moved(place, (*place.accepted.terms, term), values, moves, found.chi2, r)
+
+
+def _moved(
+    place: Around, terms: tuple[Term, ...], last: tuple[float, ...], moves: Array, chi2: float, r: Array
+) -> Fitted:
+    """The point that the linear moves lead to (its residuals are those before the moves)."""
+    problem, accepted = place.problem, place.accepted
+    count = len(problem.base)
+    parameters = dict(accepted.parameters)
+    for p, move in zip(problem.base, moves[:count], strict=True):
+        parameters[p.name] = float(np.clip(parameters[p.name] + move, p.low, p.high))
+    values, at = [], count
+    for term, own in zip(accepted.terms, accepted.values, strict=True):
+        shifted = [
+            float(np.clip(v + m, u.low, u.high))
+            for v, m, u in zip(own, moves[at : at + len(own)], term.unknowns, strict=True)
+        ]
+        at += len(own)
+        values.append(tuple(shifted))
+    return Fitted(terms, (*values, last), parameters, chi2, r)
+
+
+def _starting(unknowns: Sequence[Unknown], start: Sequence[float]) -> list[Unknown]:
+    return [Unknown(u.name, u.unit, s, u.low, u.high, u.scale) for u, s in zip(unknowns, start, strict=True)]
+
+
+def polish(
+    problem: Problem,
+    fitted: Fitted,
+    *,
+    base_free: bool = False,
+    keep: NDArray[np.bool_] | None = None,
+    evaluations: int = 40,
+) -> Fitted:
+    """Fit terms and base parameters together, nothing linearised.
+
+    Args:
+        problem: the question.
+        fitted: terms and where to start.
+        base_free: let base parameters go as far as they like instead of as far as their prior lets them.
+        keep: which residuals count, shape (n,); the others are for judging.
+        evaluations: at most.
+    """
+    taken = {term.name for term in fitted.terms if term.kind == "parameter"}
+    free = [k for k, p in enumerate(problem.base) if p.name not in taken]
+    base = [problem.base[k] for k in free]
+    root = prior_root(problem, free)
+    nominal = np.array([problem.model.values[p.name] for p in base])
+    unknowns = [Unknown(p.name, p.unit, fitted.parameters[p.name], p.low, p.high, p.scale) for p in base]
+    for term, values in zip(fitted.terms, fitted.values, strict=True):
+        unknowns += _starting(term.unknowns, values)
+    count, names = len(base), [p.name for p in base]
+
+    def split(values: Array) -> tuple[dict[str, float], list[tuple[float, ...]]]:
+        parameters = problem.model.values | dict(zip(names, values[:count].tolist(), strict=True))
+        own, at = [], count
+        for term in fitted.terms:
+            own.append(tuple(values[at : at + len(term.unknowns)].tolist()))
+            at += len(term.unknowns)
+        return parameters, own
+
+    def residuals(values: Array) -> Array:
+        parameters, own = split(values)
+        r = _simulate(problem, parameters, fitted.terms, own)
+        r = r if keep is None else r[keep]
+        return r if base_free else np.concatenate([r, root @ (values[:count] - nominal)])
+
+    found = estimate(residuals, unknowns, max_evaluations=evaluations, tolerance=1e-6)
+    parameters, own = split(found.values)
+    r = _simulate(problem, parameters, fitted.terms, own)
+    for term, values in zip(fitted.terms, own, strict=True):
+        if term.kind == "parameter":
+            parameters[term.name] = values[0]
+    return Fitted(fitted.terms, tuple(own), parameters, found.chi2, r, found)

@@ -1,0 +1,177 @@
+"""Terms: the single things that may be different. A base parameter that changed, or an effect at a hook."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hil.diagnose.problem import Problem
+from hil.identify.estimate import Unknown
+from hil.physics.compose import Site, kernel
+from hil.physics.effect import Seen
+from hil.physics.plant import Parameter
+from hil.physics.simulate import ActiveEffect, simulate
+from hil.record.recording import Array
+
+# Starts of a base parameter, as factors of its value.
+_FACTORS = (0.5, 0.8, 1.25, 2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One thing that may be different.
+
+    Attributes:
+        kind: a base parameter that changed, or an effect of the library.
+        name: of the parameter or the effect. `hook`, `stage`: where the effect sits.
+        unknowns: what is estimated. `starts`: where from, one tuple for each start.
+        nominal: value of a base parameter in the nominal model.
+        growth, change: the effects that a larger, or any other, value of the base parameter is known as.
+        null: value of the first unknown at which an effect does nothing.
+    """
+
+    kind: Literal["parameter", "effect"]
+    name: str
+    hook: str
+    stage: str
+    unknowns: tuple[Unknown, ...]
+    starts: tuple[tuple[float, ...], ...]
+    nominal: float = 0.0
+    growth: str = ""
+    change: str = ""
+    null: float = 0.0
+
+    @property
+    def label(self) -> str:
+        """For tables: `friction at spool`, `pilot_rate`."""
+        return f"{self.name} at {self.stage}" if self.kind == "effect" else self.name
+
+    def effect_name(self, values: Sequence[float]) -> str:
+        """The effect that these values stand for, or nothing when it is a changed parameter."""
+        if self.kind == "effect":
+            return self.name
+        return self.change or (self.growth if values[0] > self.nominal else "")
+
+    def apply(self, values: Sequence[float], parameters: dict[str, float], effects: list[ActiveEffect]) -> None:
+        """Put these values into a simulation's arguments."""
+        if self.kind == "parameter":
+            parameters[self.name] = float(values[0])
+        else:
+            named = {u.name: float(value) for u, value in zip(self.unknowns, values, strict=True)}
+            effects.append(ActiveEffect(self.name, self.hook, named))
+
+
+def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
+    """Every term that the plant has, with starts from what the model itself shows.
+
+    `left`: the residuals that nothing explains so far; their lines start periodic effects.
+    """
+    seen = signals_seen(problem, left)
+    sites = kernel(problem.plant.name).sites
+    present = {effect.key for effect in problem.model.active_effects}
+    effects = [_effect_term(site, seen[site.hook.name]) for site in sites if site.key not in present]
+    parameters = [_parameter_term(p, problem.model.values[p.name]) for p in problem.base]
+    return tuple(parameters + [term for term in effects if term.starts])
+
+
+def _parameter_term(parameter: Parameter, value: float) -> Term:
+    unknown = Unknown(parameter.name, parameter.unit, value, parameter.low, parameter.high, parameter.scale)
+    size = max(abs(value), parameter.scale)
+    starts = {float(np.clip(value + (factor - 1.0) * size, parameter.low, parameter.high)) for factor in _FACTORS}
+    return Term(
+        "parameter",
+        parameter.name,
+        "",
+        "",
+        (unknown,),
+        tuple((s,) for s in sorted(starts)),
+        value,
+        parameter.growth,
+        parameter.change,
+    )
+
+
+def _effect_term(site: Site, seen: Seen) -> Term:
+    there = site.effect.parameters_at(site.hook)
+    typical = {p.name: p.typical for p in there}
+    starts = tuple(
+        tuple(float(np.clip({**typical, **start}[p.name], p.low, p.high)) for p in there)
+        for start in site.effect.starts(seen)
+    )
+    unknowns = tuple(
+        Unknown(p.name, p.unit, p.typical, p.low, p.high, _size(p, starts, k)) for k, p in enumerate(there)
+    )
+    null = next(iter(site.effect.null_at(site.hook).values()))
+    return Term(
+        "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)), null=null
+    )
+
+
+def _size(parameter: Parameter, starts: Sequence[tuple[float, ...]], k: int) -> float:
+    """A natural step: of the smaller starts, so that derivatives at small strengths stay meaningful."""
+    sizes = [abs(start[k]) for start in starts if start[k] != 0.0]
+    return min([*sizes, parameter.scale]) if sizes else parameter.scale
+
+
+def signals_seen(problem: Problem, left: Array) -> Mapping[str, Seen]:
+    """What passes each hook of the plant in the nominal simulation of all experiments."""
+    hooks = [hook.name for hook in problem.plant.hooks]
+    traces = []
+    for e in problem.experiments:
+        trace = np.zeros((len(hooks), e.drive.inputs.shape[1]))
+        simulate(problem.plant, problem.model.values, e.drive, problem.model.active_effects, trace=trace)
+        traces.append((trace, e.drive.interval_s))
+    tones = _tones(problem, left)
+    duration_s = max(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    found: dict[str, Seen] = {}
+    for k, hook in enumerate(problem.plant.hooks):
+        # What passes a force hook is a speed; effects there are sized by what drives the part.
+        source = k - 1 if hook.is_force else k
+        found[hook.name] = _seen([(t[source], dt) for t, dt in traces], tones, duration_s)
+    return found
+
+
+def _seen(
+    rows: Sequence[tuple[Array, float]], tones: tuple[tuple[float, float, float], ...], duration_s: float
+) -> Seen:
+    values = np.concatenate([row for row, _ in rows])
+    speeds = np.concatenate([np.abs(np.diff(row)) / dt for row, dt in rows])
+    low, high = float(values.min()), float(values.max())
+    # The swing of a typical recording: a slow sweep over everything must not hide a small sine.
+    swings = [float(np.ptp(row)) / 2.0 for row, _ in rows]
+    swing = max(float(np.median(swings)), 1e-6 * max(abs(low), abs(high), 1e-9))
+    moving = speeds[speeds > 0.0]
+    quantiles = np.quantile(moving, (0.5, 0.9, 0.99)) if moving.size else np.zeros(3)
+    return Seen(
+        low, high, swing, (float(quantiles[0]), float(quantiles[1]), float(quantiles[2])),
+        tones, duration_s, rows[0][1],
+    )  # fmt: skip
+
+
+def _tones(problem: Problem, left: Array, most: int = 4) -> tuple[tuple[float, float, float], ...]:
+    """The strongest lines in the residuals: (frequency in Hz, amplitude in the output's unit, phase)."""
+    found = []
+    for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
+        r = -left[part]
+        step_s = float(np.median(np.diff(e.time_s)))
+        spectrum = np.fft.rfft((r - r.mean()) * np.hanning(len(r)))
+        power = np.abs(spectrum) ** 2
+        k = int(np.argmax(power[2:])) + 2
+        ratio = power[k] / np.median(power)
+        size = 4.0 * np.abs(spectrum[k]) / len(r) * noise.std
+        frequency = _refined(power, k) / (len(r) * step_s)
+        found.append((ratio, (float(frequency), float(size), float(np.angle(spectrum[k]) + np.pi / 2.0))))
+    found.sort(key=lambda item: -item[0])
+    return tuple(tone for _, tone in found[:most])
+
+
+def _refined(power: Array, k: int) -> float:
+    """The place of a peak between bins, by a parabola through the logarithms."""
+    if k + 1 >= len(power):
+        return float(k)
+    a, b, c = np.log(power[k - 1 : k + 2] + 1e-300)
+    bend = a - 2.0 * b + c
+    return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)
