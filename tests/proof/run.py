@@ -1,0 +1,76 @@
+"""Run a proof: draw and seal all cases, then have them diagnosed and score them; what is done is kept on disk."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from .cases.draw import draw
+from .cases.label import Label, parse
+from .cases.seal import publish, read
+from .cases.truth import to_json
+from .diagnosers import Diagnoser
+from .examine import examine
+from .score import result
+from .score.result import Result
+
+Progress = Callable[[str, int, int], None]
+"""Told what is being done, how much of it is done, and of how much."""
+
+
+def prove(
+    labels: Sequence[Label], seed: int, out: Path, diagnoser: Diagnoser, jobs: int, progress: Progress
+) -> tuple[list[Result], str]:  # fmt: skip
+    """Return the results of all cases and the fingerprint of their seals.
+
+    A proof that was stopped goes on where it was: truths and results on disk are not made again.
+    """
+    for name in ("truth", "results", "kept"):
+        (out / name).mkdir(parents=True, exist_ok=True)
+    sealed = {str(label): out / "truth" / f"{label}.json" for label in labels}
+    missing = [(seed, name, path) for name, path in sealed.items() if not path.exists()]
+    _parallel(_draw, missing, jobs, "sealing", progress)
+    seals = out / "seals.sha256"
+    fingerprint = publish(sealed, seals)
+    progress(f"seals published, sha256 {fingerprint}", len(labels), len(labels))
+    published = read(seals)
+    todo = [(path, published[name], diagnoser, out) for name, path in sealed.items() if not _result(out, name).exists()]
+    _parallel(_examine, todo, jobs, "diagnosing", progress)
+    return [result.read(_result(out, name)) for name in sealed], fingerprint
+
+
+def _result(out: Path, name: str) -> Path:
+    return out / "results" / f"{name}.json"
+
+
+def _draw(seed: int, name: str, path: Path) -> None:
+    _write(path, to_json(draw(seed, parse(name))))
+
+
+def _examine(sealed: Path, published: str, diagnoser: Diagnoser, out: Path) -> None:
+    examine(sealed, published, diagnoser, out / "kept" / sealed.stem).write(_result(out, sealed.stem))
+
+
+def _write(path: Path, text: str) -> None:
+    # a proof may be stopped at any moment; a file is there whole or not at all
+    part = path.with_name(path.name + ".part")
+    part.write_text(text)
+    part.replace(path)
+
+
+def _parallel(
+    work: Callable[..., None], calls: Sequence[Iterable[Any]], jobs: int, what: str, progress: Progress
+) -> None:  # fmt: skip
+    if jobs == 1:
+        for done, call in enumerate(calls, 1):
+            work(*call)
+            progress(what, done, len(calls))
+        return
+    with ProcessPoolExecutor(min(jobs, max(1, len(calls))), multiprocessing.get_context("spawn")) as pool:
+        started = [pool.submit(work, *call) for call in calls]
+        for done, finished in enumerate(as_completed(started), 1):
+            finished.result()
+            progress(what, done, len(calls))

@@ -1,0 +1,1 @@
+"""Scoring: what was said against what was true."""

@@ -1,0 +1,31 @@
+"""The link drops out: the last value is recorded again and again until it is back."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ..law import AXIS, EFC, HPV41, SP08, Array, Law
+from ..spells import spells
+
+
+def after(values: Array, sample_s: float, p: Sequence[float], rng: np.random.Generator) -> Array:
+    held = values.copy()
+    for gap in spells(len(values), sample_s, p[1], p[0], rng):
+        held[gap] = held[gap.start - 1]
+    return held
+
+
+def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
+    return (rng.uniform(1.5, 4.0),)
+
+
+LAW = Law(
+    effect="dropout",
+    meaning=("lasting_s", "every_s"),
+    largest={HPV41: 1.5, EFC: 1.0, SP08: 1.5, AXIS: 1.0},
+    draw=draw,
+    after=after,
+    predictable=False,
+)

@@ -1,0 +1,31 @@
+"""Not on any list: the command leaks electrically into the sensor's cable."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from .. import slots
+from ..law import EFC, HPV41, Law
+
+_MIDDLE = {HPV41: 0.0, EFC: 1.5}
+
+
+def equation(x: float, a: float, b: float, r: Any) -> float:
+    return x + r.p[0] * (b - r.p[1])
+
+
+def draw(rng: np.random.Generator, plant: str) -> tuple[float, ...]:
+    return (_MIDDLE[plant],)
+
+
+LAW = Law(
+    effect="feedthrough",
+    listed=False,
+    meaning=("gain", "middle"),
+    largest={HPV41: 0.3, EFC: 80.0},
+    draw=draw,
+    equation=equation,
+    slot={HPV41: slots.READING, EFC: slots.READING},
+)

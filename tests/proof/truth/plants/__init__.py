@@ -1,0 +1,1 @@
+"""The nominal chains, one page each, with the slots at which laws act."""

@@ -1,0 +1,174 @@
+"""Cases: repeatable from seed and label, sealed, and written without a trace of the truth."""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.proof.cases.draw import draw
+from tests.proof.cases.folder import unseen, write_case
+from tests.proof.cases.label import SEVERITIES, Label, parse
+from tests.proof.cases.seal import BrokenSealError, publish, read, verify
+from tests.proof.cases.truth import Truth, from_json, to_json
+from tests.proof.plan import Plan, kinds
+from tests.proof.truth.noise import Colour, converted, noise
+
+OFFSET = Label("sensor_offset", "brevini-hpv41", "half", 3)
+LEAK = Label("leakage", "cummins-efc", "full", 0)
+
+
+@pytest.fixture(scope="module")
+def leak() -> Truth:
+    return draw(5, LEAK)
+
+
+def test_a_label_survives_being_written() -> None:
+    assert parse(str(OFFSET)) == OFFSET
+
+
+def test_a_case_is_drawn_again_exactly(leak: Truth) -> None:
+    assert draw(5, LEAK) == leak
+
+
+def test_another_seed_draws_another_case(leak: Truth) -> None:
+    other = draw(6, LEAK)
+    assert other.unit != leak.unit
+    assert other.hidden != leak.hidden
+    assert other.salt != leak.salt
+
+
+def test_a_truth_survives_being_written(leak: Truth) -> None:
+    assert from_json(to_json(leak)) == leak
+
+
+def test_full_severity_shows_with_three_to_ten_deviations(leak: Truth) -> None:
+    assert 3.0 * 0.9 < leak.sigma[0] < 10.0 * 1.1
+    assert 0.1 < leak.distinct_sigma[0] < leak.sigma[0]
+
+
+def test_an_offset_shows_as_large_as_it_is() -> None:
+    truth = draw(5, OFFSET)
+    assert truth.sigma[0] == pytest.approx(abs(truth.hidden[0].parameters[0]) / 0.3, rel=1e-6)
+    assert 1.5 * 0.9 < truth.sigma[0] < 5.0 * 1.1  # half severity
+
+
+def test_a_case_tells_nothing_but_its_recordings(leak: Truth, tmp_path: Path) -> None:
+    folder = tmp_path / leak.label.veiled(leak.seed)
+    write_case(leak, folder)
+    files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
+    assert files[0].startswith("baseline/")
+    assert [f for f in files if not f.startswith(("baseline/", "changed/"))] == ["case.toml"]
+    assert len(files) == 9
+    assert "leak" not in folder.name
+    assert all("leak" not in name for name in files)
+    assert (folder / "case.toml").read_text() == (
+        'valve = "cummins-efc"\nsample_rate_hz = 250\ninput = "current [A]"\noutput = "pressure [psi]"\n'
+    )
+
+
+def test_recordings_are_the_same_each_time_and_hold_the_stated_noise(leak: Truth, tmp_path: Path) -> None:
+    for name in ("one", "two"):
+        write_case(leak, tmp_path / name)
+    first, second = (sorted((tmp_path / name / "changed").glob("*.csv")) for name in ("one", "two"))
+    assert [_digest(path) for path in first] == [_digest(path) for path in second]
+    recorded = unseen(leak)
+    residual = np.concatenate([r.channels[:, 0] - r.clean for r in recorded])
+    assert residual.std() == pytest.approx(0.6, rel=0.05)
+    assert abs(residual.mean()) < 0.05
+
+
+def test_a_recording_repeats_what_was_played(leak: Truth, tmp_path: Path) -> None:
+    write_case(leak, tmp_path)
+    path = tmp_path / "baseline" / "step-response.csv"
+    assert path.read_text().splitlines()[0] == "time [s],current [A],pressure [psi]"
+    rows = np.loadtxt(path, delimiter=",", skiprows=1)
+    assert np.diff(rows[:, 0]) == pytest.approx(0.004)
+    assert set(np.round(np.unique(rows[:, 1]), 9)) == {1.0, 1.2, 1.4, 1.6, 1.8, 2.0}
+
+
+def test_seals_hold_until_a_truth_is_touched(leak: Truth, tmp_path: Path) -> None:
+    path, seals = tmp_path / "case.json", tmp_path / "seals.sha256"
+    path.write_text(to_json(leak))
+    fingerprint = publish({"case": path}, seals)
+    assert fingerprint == _digest(seals)
+    verify(path, read(seals)["case"])
+    path.write_text(to_json(leak).replace("leakage", "friction"))
+    with pytest.raises(BrokenSealError, match=r"case\.json"):
+        verify(path, read(seals)["case"])
+    with pytest.raises(BrokenSealError):
+        publish({"case": path}, seals)
+
+
+def test_seals_once_published_stay_when_more_are_added(leak: Truth, tmp_path: Path) -> None:
+    first, second, seals = tmp_path / "a.json", tmp_path / "b.json", tmp_path / "seals.sha256"
+    first.write_text(to_json(leak))
+    second.write_text("{}")
+    publish({"a": first}, seals)
+    before = seals.read_text()
+    publish({"b": second}, seals)
+    assert before in seals.read_text()
+    assert set(read(seals)) == {"a", "b"}
+
+
+@pytest.mark.parametrize("colour", [Colour(), Colour(0.5, 0.9), Colour(0.3, 0.99), Colour(hum=0.3, hum_hz=50.0)])
+def test_noise_has_the_stated_deviation_whatever_its_colour(colour: Colour) -> None:
+    found = noise(colour, 0.3, 200_000, np.random.default_rng(1))
+    assert found.std() == pytest.approx(0.3, rel=0.03)
+
+
+def test_coloured_noise_remembers() -> None:
+    white, red = (noise(c, 1.0, 100_000, np.random.default_rng(2)) for c in (Colour(), Colour(0.5, 0.9)))
+    assert abs(np.mean(white[1:] * white[:-1])) < 0.02
+    assert np.mean(red[1:] * red[:-1]) == pytest.approx(0.45, abs=0.03)
+
+
+def test_a_converter_of_16_bits_rounds_and_clips() -> None:
+    assert converted(np.array([0.0, 0.004, 1000.0]), 150.0) == pytest.approx([0.0, 150 / 32768, 150.0])
+
+
+def test_a_plan_spreads_each_effect_over_its_plants() -> None:
+    labels = Plan(cases=4, severities=("full", "eighth")).labels()
+    assert len(labels) == len(set(labels))
+    backlash = [label for label in labels if label.kind == "backlash" and label.severity == "full"]
+    assert [label.plant for label in backlash] == [
+        "brevini-hpv41",
+        "cummins-efc",
+        "hydraforce-sp08-47c",
+        "brevini-hpv41",
+    ]
+    assert sum(label.kind == "none" for label in labels) == 60
+    assert {label.kind for label in labels} == set(kinds())
+    assert {label.severity for label in labels if label.kind == "backlash"} == {"full", "eighth"}
+    assert set(SEVERITIES) >= {label.severity for label in labels}
+
+
+def test_a_plan_can_be_narrowed() -> None:
+    labels = Plan(cases=2, plants=("linear-axis",), only=("friction", "sensor_offset")).labels()
+    assert {(label.kind, label.plant) for label in labels} == {("friction", "linear-axis")}
+
+
+def test_the_truth_and_its_cases_take_nothing_from_the_program_under_test() -> None:
+    root = Path(__file__).parents[1] / "proof"
+    sources = [*(root / "truth").rglob("*.py"), *(root / "cases").rglob("*.py"), *(root / "score").rglob("*.py")]
+    assert len(sources) > 60
+    imported = {name for path in sources for name in _imports(path)}
+    assert "numpy" in imported
+    assert not {name for name in imported if name.split(".")[0] in ("hil", "drivers", "sim_devices", "procedures")}
+
+
+def _imports(path: Path) -> set[str]:
+    names: set[str] = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.level == 0:
+            names.add(str(node.module))
+    return names
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

@@ -1,0 +1,125 @@
+"""A whole proof in small, with diagnosers that know the truth, never do, or fail."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.proof.cases.draw import draw
+from tests.proof.cases.label import Label
+from tests.proof.cases.seal import BrokenSealError
+from tests.proof.cases.truth import Truth
+from tests.proof.diagnosers import Commands
+from tests.proof.publish import markdown
+from tests.proof.run import prove
+from tests.proof.score.result import Result
+from tests.proof.truth.simulate import Unit, respond
+
+SEED = 3
+LABELS = [Label("leakage", "cummins-efc", "full", 1), Label("none", "cummins-efc", "full", 1)]
+TRUTHS = {label.veiled(SEED): label for label in LABELS}
+
+
+@cache
+def known(veiled: str) -> Truth:
+    return draw(SEED, TRUTHS[veiled])
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """Knows every truth by the veiled name of its folder, and may lie about it."""
+
+    lies: bool = False
+
+    def identify(self, recordings: Sequence[Path], plant: str, model: Path) -> None:
+        assert len(recordings) == 4
+        assert plant == "cummins-efc"
+        model.write_text(json.dumps({"case": model.parent.name, "hidden": False}))
+
+    def diagnose(self, model: Path, recordings: Sequence[Path], out: Path) -> None:
+        assert len(recordings) == 4
+        assert not list(model.parent.rglob("*unseen*"))
+        found = known(model.parent.name)
+        names = ["friction"] if self.lies else list(found.effects)
+        diagnosis = {
+            "verdict": "explained" if names else "consistent",
+            "effects": [{"name": name, "parameters": {}} for name in names],
+            "changed_parameters": [],
+        }
+        out.mkdir()
+        (out / "diagnosis.json").write_text(json.dumps(diagnosis))
+        (out / "corrected.json").write_text(json.dumps({"case": model.parent.name, "hidden": not self.lies}))
+
+    def simulate(self, model: Path, recording: Path, out: Path) -> None:
+        said = json.loads(model.read_text())
+        found = known(said["case"])
+        unit = Unit(found.plant, found.unit, found.hidden if said["hidden"] else ())
+        time_s, command = np.loadtxt(recording, delimiter=",", skiprows=1, usecols=(0, 1), unpack=True)
+        simulated = np.column_stack([time_s, respond(unit, command)[:, 0]])
+        np.savetxt(out, simulated, delimiter=",", header="time [s],pressure [psi]", comments="")
+
+
+def run(out: Path, diagnoser: object, jobs: int = 1) -> tuple[list[Result], str]:
+    return prove(LABELS, SEED, out, diagnoser, jobs, lambda what, done, total: None)  # type: ignore[arg-type]
+
+
+@pytest.fixture(scope="module")
+def proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A proof with an oracle that tells the truth."""
+    out = tmp_path_factory.mktemp("proof")
+    run(out, Oracle())
+    return out
+
+
+def test_an_oracle_is_right_and_closes_the_whole_gap(proof: Path) -> None:
+    results, fingerprint = run(proof, None)  # everything is on disk: nobody is asked again
+    assert [r.said for r in results] == ["named first", "consistent"]
+    assert results[0].closed == pytest.approx(1.0, abs=0.01)
+    assert results[1].closed is None  # no gap
+    assert set(results[0].seconds) == {"identify", "diagnose"}
+    assert fingerprint in markdown(results, SEED, fingerprint)
+
+
+def test_the_seals_can_be_checked_by_anybody(proof: Path) -> None:
+    lines = (proof / "seals.sha256").read_text().splitlines()
+    assert [line.split("  ")[1] for line in lines] == [f"truth/{label}.json" for label in sorted(map(str, LABELS))]
+
+
+def test_a_truth_that_was_touched_stops_the_proof(proof: Path, tmp_path: Path) -> None:
+    (tmp_path / "truth").mkdir()
+    for name in ("seals.sha256", *(f"truth/{label}.json" for label in LABELS)):
+        (tmp_path / name).write_bytes((proof / name).read_bytes())
+    touched = tmp_path / "truth" / f"{LABELS[0]}.json"
+    touched.write_text(touched.read_text().replace("leakage", "friction"))
+    with pytest.raises(BrokenSealError):
+        run(tmp_path, Oracle())
+
+
+def test_a_liar_is_found_out(proof: Path, tmp_path: Path) -> None:
+    _reuse_truths(proof, tmp_path)
+    results, _ = run(tmp_path, Oracle(lies=True))
+    assert [r.said for r in results] == ["wrong name", "wrong name"]
+    assert not any(r.right for r in results)
+    assert results[0].closed == pytest.approx(0.0, abs=0.01)
+
+
+def _break(arguments: Sequence[str], log: Path) -> None:
+    raise RuntimeError("no license")
+
+
+def test_a_program_that_fails_is_counted_not_forgiven(proof: Path, tmp_path: Path) -> None:
+    _reuse_truths(proof, tmp_path)
+    results, _ = run(tmp_path, Commands(_break), jobs=2)
+    assert [(r.said, r.right, r.error) for r in results] == [("failed", False, "RuntimeError: no license")] * 2
+
+
+def _reuse_truths(proof: Path, out: Path) -> None:
+    (out / "truth").mkdir()
+    for label in LABELS:
+        (out / "truth" / f"{label}.json").write_bytes((proof / "truth" / f"{label}.json").read_bytes())
