@@ -7,14 +7,8 @@ from hil.physics.effect import Effect, EffectParameter, Seen, compiled
 
 @compiled
 def transform(force: float) -> float:
-    """A force that is always there."""
+    """A force that is always there, before the first sample too."""
     return force
-
-
-@compiled
-def settle(force: float) -> float:
-    """Pulling from the start."""
-    return 0.0 * force
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
@@ -29,7 +23,6 @@ EFFECT = Effect(
     parameters=(EffectParameter("force", "{value}", 0.0, 0.02, -0.5, 0.5, "the force as the command it equals"),),
     transform=transform,
     starts=starts,
-    settle=settle,
     equation="F = F_L",
     signature="a shift of the working point that the sensor does not have; one direction faster than the other",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 6",

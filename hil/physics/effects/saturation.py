@@ -11,9 +11,9 @@ from hil.physics.effect import Effect, EffectParameter, Seen, compiled
 def transform(value: float, limit: float, knee: float, slope: float) -> float:
     """Bend down to `slope` beyond ±limit; a parabola of half width `knee`·limit rounds the corner."""
     size = abs(value)
-    half = knee * limit
-    if size <= limit - half:
+    if size <= limit * (1.0 - knee):  # written so that no limit at all, infinity, passes everything
         return value
+    half = knee * limit
     if size >= limit + half:
         passed = limit
     else:

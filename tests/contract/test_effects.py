@@ -1,0 +1,162 @@
+"""What every effect promises, at every hook of every plant that has it."""
+
+from __future__ import annotations
+
+import dataclasses
+import inspect
+import math
+import re
+import string
+
+import numpy as np
+import pytest
+
+from hil.catalog import entries
+from hil.physics.compose import Site, effects, kernel, plant
+from hil.physics.effect import Effect, Seen
+from hil.physics.plant import Plant
+from hil.physics.simulate import ActiveEffect, Drive, Twin, simulate
+from hil.record.recording import Array
+from hil.units import check_unit
+
+INTERVAL_S = 1e-3
+# Plants whose rest the input alone does not tell: a load or an offset moves a position loop or a free carriage.
+INTEGRATING = ("hydraforce-sp08-47c", "linear-axis")
+# Effects that are change itself: they go on while everything else rests.
+RESTLESS = ("coil_heating", "periodic_disturbance", "sensor_drift")
+
+PLANTS = [plant(entry.name) for entry in entries("plants")]
+SITES = [(found, site) for found in PLANTS for site in kernel(found.name).sites]
+RESTING_SITES = [
+    (found, site) for found, site in SITES if found.name not in INTEGRATING and site.effect.name not in RESTLESS
+]
+
+
+def at(sites: list[tuple[Plant, Site]]) -> pytest.MarkDecorator:
+    names = [f"{found.name}-{site.hook.name}-{site.effect.name}" for found, site in sites]
+    return pytest.mark.parametrize(("definition", "site"), sites, ids=names)
+
+
+for_every_effect = pytest.mark.parametrize("effect", effects(), ids=lambda effect: effect.name)
+
+
+def course(definition: Plant) -> Array:
+    """A command over the whole range: both directions, slow and quick, then steps; shape (1, n)."""
+    time_s = np.arange(3000) * INTERVAL_S
+    swing = np.where(time_s < 0.1, 0.0, 0.95 * np.sin(1.4 * np.pi * time_s) + 0.05 * np.sin(18 * np.pi * time_s))
+    swing[2000:2500] = 0.95
+    swing[2500:] = -0.8
+    middle, half = {
+        "brevini-hpv41": (0.0, 100.0),
+        "cummins-efc": (1.6, 0.5),
+        "hydraforce-sp08-47c": (62.0, 60.0),
+        "linear-axis": (0.0, 450.0),
+    }.get(definition.name, (0.0, 1.0))
+    return (middle + half * swing)[None, :]
+
+
+def run(definition: Plant, *active: ActiveEffect, inputs: Array | None = None, trace: Array | None = None) -> Array:
+    drive = Drive(course(definition) if inputs is None else inputs, math.nan, INTERVAL_S)
+    return simulate(definition, definition.typical, drive, active, trace=trace)
+
+
+def at_typical(site: Site) -> ActiveEffect:
+    return ActiveEffect(*site.key, {p.name: p.typical for p in site.effect.parameters_at(site.hook)})
+
+
+@at(SITES)
+def test_at_null_it_does_nothing(definition: Plant, site: Site) -> None:
+    null = ActiveEffect(*site.key, site.effect.null_at(site.hook))
+    assert np.allclose(run(definition, null), run(definition), rtol=0.0, atol=1e-12 * definition.output.full_scale)
+
+
+@at(SITES)
+def test_at_its_typical_size_it_shows(definition: Plant, site: Site) -> None:
+    trace = np.zeros((len(definition.hooks), course(definition).shape[1]))
+    plain = run(definition, trace=trace)
+    arrives = trace[[hook.name for hook in definition.hooks].index(site.hook.name)]
+    change = np.abs(run(definition, at_typical(site)) - plain).max()
+    one_sided = site.effect.name == "asymmetry" and arrives.min() >= 0.0  # nothing negative passes
+    assert (change > 1e-6 * definition.output.full_scale) != one_sided
+
+
+@at(SITES)
+def test_the_same_twice_and_in_blocks(definition: Plant, site: Site) -> None:
+    inputs, active = course(definition), at_typical(site)
+    whole = run(definition, active)
+    assert np.array_equal(whole, run(definition, active))
+    twin = Twin(definition, definition.typical, INTERVAL_S, (active,))
+    parts = [twin.advance(inputs[:, a:b]) for a, b in ((0, 1), (1, 700), (700, 701), (701, 3000))]
+    assert np.array_equal(np.hstack(parts), whole)
+
+
+@at(RESTING_SITES)
+def test_at_rest_nothing_moves(definition: Plant, site: Site) -> None:
+    still = np.repeat(course(definition)[:, 400:401], 1500, axis=1)
+    assert np.ptp(run(definition, at_typical(site), inputs=still), axis=1).max() < 1e-9 * definition.output.full_scale
+
+
+@at(SITES)
+def test_at_every_bound_it_stays_finite(definition: Plant, site: Site) -> None:
+    typical = at_typical(site).parameters
+    for parameter in site.effect.parameters_at(site.hook):
+        for bound in (parameter.low, parameter.high):
+            found = run(definition, ActiveEffect(*site.key, {**typical, parameter.name: bound}))
+            assert np.isfinite(found).all(), f"{parameter.name} = {bound} {parameter.unit}"
+
+
+@for_every_effect
+def test_some_plant_has_it(effect: Effect) -> None:
+    assert any(site.effect is effect for _, site in SITES)
+    known = {hook.name for definition in PLANTS for hook in definition.hooks}
+    assert set(effect.hooks) <= known
+
+
+@for_every_effect
+def test_its_parameters_are_sane(effect: Effect) -> None:
+    assert effect.parameters[0].null is not None, "the first parameter says how strong it is, so it has a null"
+    for parameter in effect.parameters:
+        assert parameter.low <= parameter.typical <= parameter.high
+        assert parameter.low < parameter.high
+        assert math.isfinite(parameter.low) and math.isfinite(parameter.high)
+        if parameter.null is not None:
+            assert math.isinf(parameter.null) or parameter.low <= parameter.null <= parameter.high
+        check_unit(parameter.unit.replace("{value}", "V"))
+        assert parameter.meaning
+
+
+@for_every_effect
+def test_it_says_what_it_is(effect: Effect) -> None:
+    entry = next(entry for entry in entries("effects") if entry.name == effect.name)
+    assert entry.load().EFFECT is effect
+    assert entry.summary
+    for text in (effect.title, effect.equation, effect.signature, effect.source, effect.sentence):
+        assert text.strip()
+    assert re.search(r"\d{4}|GUM|Doebelin|Facts", effect.source), "a source that can be found"
+    places = {name for _, name, _, _ in string.Formatter().parse(effect.sentence) if name}
+    assert places and places <= {parameter.name for parameter in effect.parameters}
+
+
+@for_every_effect
+def test_its_fits_start_within_reach(effect: Effect) -> None:
+    seen = Seen(-60.0, 80.0, 50.0, (10.0, 60.0, 200.0), ((7.0, 0.3, 0.5), (50.0, 0.1, -1.0)), 30.0, 1e-3)
+    starts = effect.starts(seen)
+    assert starts
+    known = {parameter.name for parameter in effect.parameters}
+    for start in starts:
+        assert start and set(start) <= known
+        assert all(math.isfinite(value) for value in start.values())
+
+
+@for_every_effect
+def test_its_coefficients_are_what_the_transform_takes(effect: Effect) -> None:
+    hook = next(site.hook for _, site in SITES if site.effect is effect)
+    site = Site(effect, hook)
+    given = {parameter.name: parameter.typical for parameter in effect.parameters_at(hook)}
+    if effect.coefficients is not None:
+        given = dict(effect.coefficients(given, INTERVAL_S))
+    assert set(site.arguments) <= set(given)
+    if "state" in inspect.signature(effect.transform.py_func).parameters:
+        scaled = {parameter.name: parameter for parameter in effect.parameters_at(hook)}
+        assert effect.memory(scaled, INTERVAL_S) > 0
+    assert dataclasses.is_dataclass(effect)

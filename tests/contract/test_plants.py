@@ -1,0 +1,140 @@
+"""What every plant promises."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.catalog import entries
+from hil.physics.compose import kernel, plant
+from hil.physics.plant import Plant
+from hil.physics.simulate import Drive, Twin, simulate, sub_steps
+from hil.record.recording import Array
+from hil.units import check_unit
+
+INTERVAL_S = 1e-3
+PLANTS = [plant(entry.name) for entry in entries("plants")]
+for_every_plant = pytest.mark.parametrize("definition", PLANTS, ids=lambda definition: definition.name)
+
+# Where a plant stands still, and a step from there.
+REST = {"cummins-efc": (1.5, 0.2), "hydraforce-sp08-47c": (50.0, 20.0), "brevini-hpv41": (50.0, 20.0)}
+
+
+def step(definition: Plant, samples: int = 1500) -> Array:
+    """A step after 0.3 s, shape (1, n)."""
+    rest, size = REST.get(definition.name, (0.0, 0.5 * definition.inputs[0].full_scale))
+    command = np.full((1, samples), rest)
+    command[0, 300:] += size
+    return command
+
+
+def run(definition: Plant, inputs: Array, **changed: float) -> Array:
+    return simulate(definition, definition.typical | changed, Drive(inputs, math.nan, INTERVAL_S))
+
+
+@for_every_plant
+def test_its_file_name_is_its_name(definition: Plant) -> None:
+    entry = next(entry for entry in entries("plants") if entry.name == definition.name)
+    assert entry.load().PLANT is definition
+    assert entry.summary
+    assert definition.title
+
+
+@for_every_plant
+def test_its_parameters_are_sane(definition: Plant) -> None:
+    names = [parameter.name for parameter in definition.parameters]
+    assert len(set(names)) == len(names)
+    for parameter in definition.parameters:
+        assert parameter.low <= parameter.typical <= parameter.high
+        assert math.isfinite(parameter.low) and math.isfinite(parameter.high)
+        assert parameter.scale > 0.0
+        assert parameter.meaning
+    for unit in definition.units("command [V]", "flow [l/min]").values():
+        check_unit(unit.replace("[", "(").replace("]", ")"))
+
+
+@for_every_plant
+def test_its_signals_and_hooks_carry_units(definition: Plant) -> None:
+    signals = (*definition.inputs, definition.output, *definition.observed)
+    assert len({signal.name for signal in signals}) == len(signals)
+    for unit in [signal.unit for signal in signals] + [hook.unit for hook in definition.hooks]:
+        check_unit(unit.replace("any", "1"))
+    for hook in definition.hooks:
+        assert hook.full_scale > 0.0
+        assert hook.stage
+
+
+@for_every_plant
+def test_its_coefficients_keep_their_layout(definition: Plant) -> None:
+    steady = definition.coefficients(definition.typical, math.inf)
+    stepped = definition.coefficients(definition.typical, INTERVAL_S)
+    assert list(steady) == list(stepped) == list(kernel(definition.name).coefficients)
+    for name in steady:
+        assert np.shape(steady[name]) == np.shape(stepped[name])
+        assert np.isfinite(steady[name]).all() and np.isfinite(stepped[name]).all()
+
+
+@for_every_plant
+def test_known_effects_are_named_where_a_parameter_stands_for_one(definition: Plant) -> None:
+    known = {entry.name for entry in entries("effects")}
+    for parameter in definition.parameters:
+        assert {parameter.growth, parameter.change} - {""} <= known
+
+
+@for_every_plant
+def test_at_rest_nothing_moves(definition: Plant) -> None:
+    found = run(definition, step(definition)[:, :300])
+    assert np.ptp(found, axis=1).max() < 1e-9 * definition.output.full_scale
+
+
+@for_every_plant
+def test_it_answers_after_the_command_and_not_before(definition: Plant) -> None:
+    found = run(definition, step(definition))[0]
+    assert np.ptp(found[:301]) < 1e-9 * definition.output.full_scale
+    assert found[-1] - found[0] > 0.02 * definition.output.full_scale
+
+
+@for_every_plant
+def test_the_same_twice_and_in_blocks(definition: Plant) -> None:
+    inputs = step(definition)
+    whole = run(definition, inputs)
+    assert np.array_equal(whole, run(definition, inputs))
+    twin = Twin(definition, definition.typical, INTERVAL_S)
+    parts = [twin.advance(inputs[:, a:b]) for a, b in ((0, 1), (1, 310), (310, 1500))]
+    assert np.array_equal(np.hstack(parts), whole)
+
+
+@for_every_plant
+def test_at_every_bound_it_stays_finite(definition: Plant) -> None:
+    for parameter in definition.parameters:
+        for bound in (parameter.low, parameter.high):
+            found = run(definition, step(definition), **{parameter.name: bound})
+            assert np.isfinite(found).all(), f"{parameter.name} = {bound} {parameter.unit}"
+
+
+@for_every_plant
+def test_finer_sub_steps_hardly_change_it(definition: Plant) -> None:
+    drive = Drive(step(definition), math.nan, definition.sub_step_s if definition.sub_step_s < 0.1 else INTERVAL_S)
+    coarse = simulate(definition, definition.typical, drive)
+    fine = simulate(definition, definition.typical, drive, factor=8.0)
+    assert np.abs(fine - coarse).max(axis=1)[0] < 2e-3 * np.ptp(fine[0])
+
+
+def test_sub_steps_follow_the_sampling_interval() -> None:
+    valve = plant("brevini-hpv41")
+    assert sub_steps(valve, 1e-3) == 1
+    assert sub_steps(valve, 1e-4) == 1
+    assert sub_steps(valve, 1e-2) == 10
+    assert sub_steps(valve, 1e-2, 0.5) == 5
+
+
+@for_every_plant
+def test_the_sampling_interval_hardly_changes_it(definition: Plant) -> None:
+    near = 1e-9 if definition.sub_step_s > 0.1 else 2e-3  # a linear plant is exact at any step
+    slow_inputs = step(definition)[:, ::10].copy()
+    fast_inputs = np.repeat(slow_inputs, 10, axis=1)
+    slow = simulate(definition, definition.typical, Drive(slow_inputs, math.nan, 10 * INTERVAL_S))[0]
+    fast = simulate(definition, definition.typical, Drive(fast_inputs, math.nan, INTERVAL_S))[0, ::10]
+    assert np.abs(slow - fast).max() < near * np.ptp(fast)

@@ -1,0 +1,133 @@
+"""The page of equations, run as plain Python, says the same as the compiled kernel, effects included."""
+
+from __future__ import annotations
+
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from types import FunctionType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.catalog import entries
+from hil.physics.compose import Site, kernel, plant
+from hil.physics.effect import hold_first
+from hil.physics.plant import Hook, Plant
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import Array
+
+INTERVAL_S = 2e-3
+SAMPLES = 150
+PLANTS = [plant(entry.name) for entry in entries("plants")]
+
+
+def plain(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The Python source of a compiled function, with everything that it calls as Python too."""
+    source = getattr(function, "py_func", function)
+    home = source.__globals__
+    called = {name: plain(home[name]) for name in source.__code__.co_names if hasattr(home.get(name), "py_func")}
+    return FunctionType(source.__code__, home | called, source.__name__, source.__defaults__, source.__closure__)
+
+
+class Place:
+    """A hook of the page with at most one effect: what `hook.NAME(value, …)` does."""
+
+    def __init__(self, hook: Hook, site: Site | None, parameters: Mapping[str, float], step_s: float) -> None:
+        self.hook, self.site = hook, site
+        self.settling, self.time_s, self.step_s = True, 0.0, step_s
+        if site is None:
+            return
+        given = dict(parameters)
+        if site.effect.coefficients is not None:
+            given = dict(site.effect.coefficients(given, step_s))
+        self.given = given
+        scaled = {parameter.name: parameter for parameter in site.effect.parameters_at(hook)}
+        self.state = np.zeros(site.effect.memory(scaled, step_s))
+        self.transform = plain(site.effect.transform)
+        takes_state = "state" in inspect.signature(self.transform).parameters
+        settle = site.effect.settle or (hold_first if takes_state else site.effect.transform)
+        self.settle = plain(settle)
+
+    def __call__(self, value: float, extra: float = 0.0) -> float:
+        if self.site is None:
+            return 0.0 if self.hook.is_force else value
+        known = {
+            "value": value,
+            "state": self.state,
+            "time_s": self.time_s,
+            "step_s": self.step_s,
+            "full_scale": self.hook.full_scale,
+            self.hook.extra: extra,
+            **self.given,
+        }
+        function = self.settle if self.settling else self.transform
+        found: float = function(**{name: known[name] for name in inspect.signature(function).parameters})
+        return found
+
+
+def by_the_page(
+    definition: Plant, inputs: Array, sub_steps: int, read_at: int, site: Site | None, given: Mapping[str, float]
+) -> Array:
+    """The outputs, shape (1 + observed, n): settled at the first input, then sub-step by sub-step."""
+    step_s = INTERVAL_S / sub_steps
+    places = {
+        hook.name: Place(hook, site if site and site.hook == hook else None, given, step_s) for hook in definition.hooks
+    }
+    x = SimpleNamespace(**{name: 0.0 if width == 1 else np.zeros(width) for name, width in definition.states.items()})
+    vars(x).update({name: np.zeros(math.ceil(t / step_s) + 4) for name, t in definition.lines_s.items()})
+    vars(x).update(definition.initial(definition.typical, (float(inputs[0, 0]),), math.nan))
+    page, hook = plain(definition.equations), SimpleNamespace(**places)
+
+    def advance(value: float, c: SimpleNamespace) -> Any:
+        return np.atleast_1d(page(value, x, c, hook))
+
+    y = advance(float(inputs[0, 0]), SimpleNamespace(**definition.coefficients(definition.typical, math.inf)))
+    c = SimpleNamespace(**definition.coefficients(definition.typical, step_s))
+    out = np.empty((1 + len(definition.observed), inputs.shape[1]))
+    for place in places.values():
+        place.settling = False
+    for i in range(inputs.shape[1]):
+        if read_at == 0:
+            out[:, i] = y
+        for j in range(sub_steps):
+            for place in places.values():
+                place.time_s = (i * sub_steps + j) * step_s
+            y = advance(float(inputs[0, i]), c)
+            if j + 1 == read_at:
+                out[:, i] = y
+    return out
+
+
+def zigzag(definition: Plant) -> Array:
+    """From rest up, down beyond it and up again: in this range all plants move and reverse; shape (1, n)."""
+    rest, size = {"cummins-efc": (1.5, 0.4), "hydraforce-sp08-47c": (60.0, 50.0)}.get(
+        definition.name, (0.3 * definition.inputs[0].full_scale, 0.7 * definition.inputs[0].full_scale)
+    )
+    k = np.arange(SAMPLES)
+    swing = np.interp(k, [0, 5, 45, 50, 110, SAMPLES - 1], [0.0, 0.0, 1.0, 1.0, -1.8, 0.5])
+    return (rest + size * swing)[None, :]
+
+
+@pytest.mark.parametrize("read_at", [0.0, 1.0])
+@pytest.mark.parametrize("definition", PLANTS, ids=lambda definition: definition.name)
+def test_the_page_without_effects(definition: Plant, read_at: float) -> None:
+    inputs = zigzag(definition)
+    steps = 2 if definition.sub_step_s < 0.1 else 1
+    compiled = simulate(definition, definition.typical, Drive(inputs, math.nan, INTERVAL_S, read_at))
+    python = by_the_page(definition, inputs, steps, round(read_at * steps), None, {})
+    assert np.allclose(compiled, python, rtol=1e-12, atol=1e-12 * definition.output.full_scale)
+    assert np.ptp(compiled[0]) > 1e-3 * definition.output.full_scale
+
+
+@pytest.mark.parametrize("definition", PLANTS, ids=lambda definition: definition.name)
+def test_the_page_with_each_effect(definition: Plant) -> None:
+    inputs = zigzag(definition)[:, :100].copy()
+    steps = 2 if definition.sub_step_s < 0.1 else 1
+    for site in kernel(definition.name).sites:
+        typical = {parameter.name: parameter.typical for parameter in site.effect.parameters_at(site.hook)}
+        drive = Drive(inputs, math.nan, INTERVAL_S)
+        compiled = simulate(definition, definition.typical, drive, [ActiveEffect(*site.key, typical)])
+        python = by_the_page(definition, inputs, steps, 0, site, typical)
+        assert np.allclose(compiled, python, rtol=1e-9, atol=1e-9 * definition.output.full_scale), site.key
