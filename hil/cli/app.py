@@ -12,14 +12,9 @@ import typer
 from hil import __version__, cli
 from hil.errors import HilError
 
-app = typer.Typer(
-    no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
-    help="Test, identify and diagnose electrically modulated hydraulic valves.",
-)  # fmt: skip
 _debug = False
 
 
-@app.callback(invoke_without_command=True)
 def _options(
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
     version: bool = typer.Option(False, "--version", is_eager=True, help="Show the version and exit."),
@@ -31,22 +26,33 @@ def _options(
         raise typer.Exit
 
 
-def _add_commands() -> None:
+def _assembled() -> typer.Typer:
+    app = typer.Typer(
+        no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+        help="Test, identify and diagnose electrically modulated hydraulic valves.",
+    )  # fmt: skip
+    app.callback(invoke_without_command=True)(_options)
     for found in pkgutil.iter_modules(cli.__path__):
         module = importlib.import_module(f"{cli.__name__}.{found.name}")
         if hasattr(module, "command"):
             app.command(name=found.name.rstrip("_"))(module.command)
+    return app
 
 
 def main() -> int:
     """Run the command line; returns the exit status of the contract (0, 1, 2, 3)."""
-    _add_commands()
+    app = _assembled()
     try:
         app()
     except HilError as error:
         return _say(str(error), error.exit_status)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         sys.stderr.close()
+    except OSError as error:
+        return _say(f"{error.filename or 'file'}: {error.strerror or error}", 2)
+    except Exception as error:
+        hint = "" if _debug else "; `hil --debug …` shows where"
+        return _say(f"a fault of this program, not of its input: {type(error).__name__}: {error}{hint}", 2)
     return 0
 
 

@@ -15,6 +15,7 @@ from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Array, Channel, Recording, split_heading
 
 _GRID_PER_UNEVEN_SAMPLE = 8
+_FEWEST_SAMPLES = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,7 +149,10 @@ def _even(recording: Recording, inputs: Array) -> tuple[Array | None, Array, flo
 
 
 def require_excitation(experiments: Sequence[Experiment]) -> None:
-    """Raise `FileError` when no input moves at all."""
+    """Raise `FileError` when a recording is too short to tell anything, or no input moves at all."""
+    for e in experiments:
+        if len(e.output) < _FEWEST_SAMPLES:
+            raise FileError(f"{e.name}: {len(e.output)} samples; at least {_FEWEST_SAMPLES} are needed to identify")
     if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in experiments):
         names = ", ".join(e.name for e in experiments)
         raise FileError(f"{names}: the input never changes; nothing can be identified from a constant input")

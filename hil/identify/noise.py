@@ -60,7 +60,7 @@ def repeat_difference(inputs: Array, output: Array) -> Array | None:
     """
     n = len(output)
     power = float(np.var(inputs))
-    shortest, longest = n // 20, n - n // 5
+    shortest, longest = max(n // 20, 1), n - n // 5
     if power == 0.0 or longest <= shortest:
         return None
     lags = np.arange(shortest, longest)

@@ -1,0 +1,156 @@
+"""The command line says what is wrong in one line, with the exit status of the contract."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.__main__ import main
+
+FLOW_PER_COMMAND = 0.5
+
+
+def write_recording(path: Path, headings: str = "time [s],command [%],flow [l/min]", spoil: str = "") -> Path:
+    time_s = np.arange(100) * 0.01
+    command = np.where(time_s < 0.3, 30.0, 60.0)
+    rows = [f"{t:g},{u:g},{FLOW_PER_COMMAND * u:g}" for t, u in zip(time_s, command, strict=True)]
+    if spoil:
+        rows[41] = rows[41].rpartition(",")[0] + f",{spoil}"
+    path.write_text("\n".join([headings, *rows]) + "\n", encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def hil(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]):
+    """Runs `hil …` in a folder of its own; gives exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+
+    def run(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["hil", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        found = capsys.readouterr()
+        return int(ended.value.code or 0), found.out, found.err
+
+    return run
+
+
+IDENTIFY = ("--plant", "brevini-hpv41", "--out", "model.json")
+
+CASES = [
+    (("list", "plans"), "did you mean 'plants'"),
+    (("run", "nope", "--bench", "brevini-hpv41"), "no procedure named 'nope'"),
+    (("check", "nope.toml"), "nope.toml: no such bench file"),
+    (("identify", "good.csv", "--plant", "brevini-hvp41", "--out", "m.json"), "did you mean 'brevini-hpv41'"),
+    (("identify", "good.csv", "--plant", "nope.json", "--out", "m.json"), "nope.json: not a model file"),
+    (("identify", "good.csv", *IDENTIFY, "--free", "colour"), "no parameter 'colour'; known: curve_exponent"),
+    (("identify", "nan.csv", *IDENTIFY), "line 43, channel 'flow [l/min]': nan is not a number"),
+    (("identify", "words.csv", *IDENTIFY), "words.csv: line 43"),
+    (("identify", "mass.csv", *IDENTIFY), "unit 'kg' cannot be read as 'l/min'"),
+    (("identify", "nonsense.csv", *IDENTIFY), "unknown unit 'blorp'"),
+    (("identify", "swapped.csv", *IDENTIFY), "channel 'command [l/min]': unit 'l/min' cannot be read as '%'"),
+    (("identify", "other.csv", *IDENTIFY), "no channel 'command'"),
+    (("identify", "still.csv", *IDENTIFY), "the input never changes"),
+    (("identify", "short.csv", *IDENTIFY), "3 samples; at least 20"),
+    (("identify", "empty.csv", *IDENTIFY), "empty.csv"),
+    (("identify", "missing.csv", *IDENTIFY), "missing.csv: no such file or folder"),
+    (("identify", "good.csv", *IDENTIFY, "--input", "pressure"), "no channel 'pressure'"),
+    (("compare", "--model", "nope.json", "good.csv"), "nope.json: not a model file"),
+    (("simulate", "--model", "good.csv", "--input", "good.csv", "--out", "x.csv"), "good.csv: not a model file"),
+    (("convert", "good.csv", "good.xyz"), "known endings: .csv"),
+    (("convert", "good.csv", "mass.csv"), "exists already; --overwrite replaces it"),
+]
+
+
+@pytest.fixture
+def recordings(tmp_path: Path) -> None:
+    write_recording(tmp_path / "good.csv")
+    write_recording(tmp_path / "nan.csv", spoil="nan")
+    write_recording(tmp_path / "words.csv", spoil="broken")
+    write_recording(tmp_path / "mass.csv", "time [s],command [%],flow [kg]")
+    write_recording(tmp_path / "nonsense.csv", "time [s],command [%],flow [blorp]")
+    write_recording(tmp_path / "swapped.csv", "time [s],flow [%],command [l/min]")
+    write_recording(tmp_path / "other.csv", "time [s],voltage [V],flow [l/min]")
+    (tmp_path / "empty.csv").write_text("", encoding="utf-8")
+    head = "time [s],command [%],flow [l/min]\n"
+    (tmp_path / "short.csv").write_text(head + "0,1,2\n1,2,3\n2,3,4\n", encoding="utf-8")
+    still = "".join(f"{k},50,{k % 7}\n" for k in range(50))
+    (tmp_path / "still.csv").write_text(head + still, encoding="utf-8")
+
+
+@pytest.mark.usefixtures("recordings")
+@pytest.mark.parametrize(("arguments", "says"), CASES, ids=[" ".join(arguments) for arguments, _ in CASES])
+def test_bad_input_is_one_line_and_exit_status_2(hil, arguments: tuple[str, ...], says: str) -> None:
+    status, out, err = hil(*arguments)
+    assert status == 2
+    assert says in err
+    assert err.startswith("hil: ")
+    assert err.count("\n") == 1
+    assert out == ""
+    assert not Path("model.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (("frobnicate",), "No such command 'frobnicate'"),
+        (("identify", "good.csv"), "Missing option '--plant'"),
+        (("identify", "--plant", "brevini-hpv41", "--out", "m.json"), "Missing argument"),
+        (("list", "--colour"), "No such option"),
+    ],
+)
+def test_wrong_usage_is_exit_status_2(hil, arguments: tuple[str, ...], says: str) -> None:
+    status, _, err = hil(*arguments)
+    assert status == 2
+    assert says in err
+
+
+@pytest.mark.usefixtures("recordings")
+def test_debug_adds_the_traceback(hil) -> None:
+    status, _, err = hil("--debug", "identify", "nan.csv", *IDENTIFY)
+    assert status == 2
+    assert "Traceback" in err
+    assert err.splitlines()[-1].startswith("hil: nan.csv: line 43")
+
+
+@pytest.mark.usefixtures("recordings")
+def test_a_folder_that_is_not_there_is_found_before_the_work(hil) -> None:
+    status, _, err = hil("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "nowhere/model.json")
+    assert (status, err) == (2, "hil: nowhere/model.json: there is no folder nowhere\n")
+
+
+@pytest.mark.usefixtures("recordings")
+def test_a_recording_that_cannot_be_written_is_exit_status_3(hil) -> None:
+    status, _, err = hil("convert", "good.csv", "nowhere/good.csv")
+    assert status == 3
+    assert err.startswith("hil: nowhere/good.csv")
+    assert err.count("\n") == 1
+
+
+def test_a_broken_file_system_is_one_line(hil, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_kind: str) -> None:
+        raise PermissionError(13, "Permission denied", "secret")
+
+    monkeypatch.setattr("hil.cli.list_.entries", broken)
+    assert hil("list", "plants") == (2, "", "hil: secret: Permission denied\n")
+
+
+def test_a_fault_of_the_program_is_said_to_be_one(hil, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(_kind: str) -> None:
+        raise ZeroDivisionError("of no use")
+
+    monkeypatch.setattr("hil.cli.list_.entries", broken)
+    status, _, err = hil("list", "plants")
+    assert status == 2
+    assert err.startswith("hil: a fault of this program, not of its input: ZeroDivisionError: of no use")
+    assert err.count("\n") == 1
+
+
+def test_version_and_help_are_no_errors(hil) -> None:
+    assert hil("--version")[:2] == (0, "hil 0.1.0\n")
+    status, out, _ = hil("--help")
+    assert status == 0
+    assert "identify" in out
