@@ -39,6 +39,7 @@ _POOR_FIT = 50.0
 _LEAST_CLIPPED = 0.002
 _LEAST_RUN = 5
 _GAP = 5.0
+_TELLING = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,51 +186,65 @@ def _in_runs(same: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _with_clocks_set(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[str]]:
-    """A recording whose output is late or early by itself, while others are on time, has a shifted clock."""
-    if len(experiments) < 2:
-        return list(experiments), []
-    found = [_clock(model, e) for e in experiments]
-    on_time = [abs(lag) <= 1 or not cured for lag, cured in found]
-    lags = {lag for lag, cured in found if cured}
+    """A recording that is late or early by itself, where most others would be worse off so, has a shifted clock.
+
+    Recordings too slow to tell have no say: a dead time that only the fast ones show is not a clock.
+    """
+    timed = [_Timed(e, _nominal(model, e), _floor(model, e)) for e in experiments]
     kept, said = [], []
-    for e, (lag, cured) in zip(experiments, found, strict=True):
-        if cured and abs(lag) > 1 and (any(on_time) or len(lags) > 1):
-            kept.append(_shifted(e, lag))
+    for k, own in enumerate(timed):
+        lag = own.lag()
+        votes = [other.vote(lag) for i, other in enumerate(timed) if i != k] if lag else []
+        if votes.count(-1) > votes.count(1):
+            kept.append(_shifted(own.experiment, lag))
             said.append(
-                f"{e.name}: its output is {lag * e.drive.interval_s:+.4g} s off its command while other recordings are "
-                "not; its clock is taken as shifted and set back"
+                f"{own.experiment.name}: its output is {lag * own.experiment.drive.interval_s:+.4g} s off its command "
+                "while other recordings are not; its clock is taken as shifted and set back"
             )
         else:
-            kept.append(e)
+            kept.append(own.experiment)
     return kept, said
 
 
-def _clock(model: Model, e: Experiment) -> tuple[int, bool]:
-    """(best shift in samples, whether shifting alone brings the recording down to its noise)."""
-    if e.grid_s is not None:
-        return 0, False
-    simulated = _nominal(model, e)
-    floor = model.noise.std if model.noise else white_floor(e.output)
-    if floor <= 0.0 or np.std(e.output - simulated) < 1.5 * floor:
-        return 0, False
-    most = min(len(e.output) // 4, int(2.0 / e.drive.interval_s))
-    size = 1 << (2 * len(simulated) - 1).bit_length()
-    spectrum = np.fft.rfft(e.output - e.output.mean(), size) * np.conj(np.fft.rfft(simulated - simulated.mean(), size))
-    correlation = np.fft.irfft(spectrum, size)
-    around = np.concatenate((correlation[-most:], correlation[: most + 1]))
-    lag = int(np.argmax(around)) - most
-    best, left = lag, np.inf
-    for candidate in range(lag - 2, lag + 3):
-        error = _shift_error(e.output, simulated, candidate)
-        if error < left:
-            best, left = candidate, error
-    return best, bool(left < 1.1 * floor)
+def _floor(model: Model, e: Experiment) -> float:
+    return model.noise.std if model.noise else white_floor(e.output)
 
 
-def _shift_error(measured: Array, simulated: Array, lag: int) -> float:
-    if lag >= 0:
-        return float(np.std(measured[lag:] - simulated[: len(simulated) - lag]))
-    return float(np.std(measured[:lag] - simulated[-lag:]))
+@dataclass(frozen=True, slots=True)
+class _Timed:
+    """An experiment beside the nominal simulation, and the noise between them."""
+
+    experiment: Experiment
+    simulated: Array
+    floor: float
+
+    def lag(self) -> int:
+        """The shift in samples that alone brings the recording down to its noise, 0 if there is none."""
+        e = self.experiment
+        if e.grid_s is not None or self.floor <= 0.0 or self.error(0) < 1.5 * self.floor:
+            return 0
+        most = min(len(e.output) // 4, int(2.0 / e.drive.interval_s))
+        size = 1 << (2 * len(self.simulated) - 1).bit_length()
+        measured, expected = e.output - e.output.mean(), self.simulated - self.simulated.mean()
+        correlation = np.fft.irfft(np.fft.rfft(measured, size) * np.conj(np.fft.rfft(expected, size)), size)
+        around = np.concatenate((correlation[-most:], correlation[: most + 1]))
+        middle = int(np.argmax(around)) - most
+        best = min(range(middle - 2, middle + 3), key=self.error)
+        return best if abs(best) > 1 and self.error(best) < 1.1 * self.floor else 0
+
+    def vote(self, lag: int) -> int:
+        """1 when this shift makes the recording fit better, −1 when worse, 0 when it is too slow to tell."""
+        before, after = self.error(0), self.error(lag)
+        if self.experiment.grid_s is not None or abs(after - before) < _TELLING * max(before, self.floor):
+            return 0
+        return 1 if after < before else -1
+
+    def error(self, lag: int) -> float:
+        """Standard deviation of the error after a shift."""
+        measured, simulated = self.experiment.output, self.simulated
+        if lag >= 0:
+            return float(np.std(measured[lag:] - simulated[: len(simulated) - lag]))
+        return float(np.std(measured[:lag] - simulated[-lag:]))
 
 
 def _shifted(e: Experiment, lag: int) -> Experiment:

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
+from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.problem import Problem
 from hil.diagnose.search import Fitted, around, nothing, polish, refine_all, screen
 from hil.diagnose.terms import Term, all_terms
 from hil.record.recording import Array
-
-Verdict = Literal["consistent", "parameter_change", "explained", "partly_explained", "unexplained"]
 
 # The χ² that chance may give back to the best of all terms; found on simulated data without any effect
 # (docs/explanation/diagnosis.md), with a margin.
@@ -26,6 +24,9 @@ LAW_TOLERANCE = 0.02
 FULL_TOLERANCE = 0.003
 # … and a second cause must explain most of what the first one leaves.
 SECOND_SHARE = 0.75
+# An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
+# more than this share, and every other one leaves so many times more.
+PART_TOLERANCE, ALONE_BY = 0.1, 3.0
 # A value this many standard uncertainties from its null is there.
 PRESENT_SIGMAS = 5.0
 
@@ -44,20 +45,36 @@ class Choice:
         verdict: the answer.
         chosen: terms and values, fitted together; no terms when nothing is to be named.
         baseline: the nominal model, base parameters moved within their prior.
+        nominal: the nominal model as it is.
         candidates: single explanations that were fitted, best first.
         rivals: effect names that explain the data as well as the first chosen one.
+        terms: everything that was looked for.
+        left: the share of the misfit that the chosen explanation leaves.
     """
 
     verdict: Verdict
     chosen: Fitted
     baseline: Fitted
+    nominal: Fitted
     candidates: tuple[Fitted, ...]
     rivals: tuple[tuple[str, str], ...]
+    terms: tuple[Term, ...]
+    left: float
 
 
 def decide(problem: Problem) -> Choice:
     """Search for the most economical explanation that the data support."""
     return _Judge(problem).choose()
+
+
+def excess(problem: Problem, chi2: float) -> float:
+    """Variance beyond the noise, as a share of it."""
+    return max(chi2 / problem.size - 1.0, 0.0)
+
+
+def share_left(problem: Problem, chi2: float, beyond: float) -> float:
+    """The share that an explanation leaves of a misfit, given as variance beyond the noise."""
+    return excess(problem, chi2) / max(beyond, SMALL_EXCESS)
 
 
 class _Judge:
@@ -71,28 +88,32 @@ class _Judge:
 
     def choose(self) -> Choice:
         # Around the nominal model: the baseline has bent its parameters to a misfit that is not theirs.
-        place = around(self.problem, nothing(self.problem))
+        nominal = nothing(self.problem)
+        place = around(self.problem, nominal)
         singles = refine_all(place, screen(place, self.terms))
         changed = self.changed_parameters()
         best_gain = self.baseline.chi2 - min(singles[0].chi2, changed.chi2)
         if best_gain < ALARM_GAIN:
             verdict: Verdict = "consistent" if self.excess(self.baseline) < 2 * SMALL_EXCESS else "unexplained"
-            return Choice(verdict, self.baseline, self.baseline, tuple(singles), ())
+            return Choice(verdict, self.baseline, self.baseline, nominal, tuple(singles), (), self.terms, 1.0)
         polished = self.polished(singles)
         best = min([*polished, changed], key=self.cost)
         if not self.is_full(best):
             best = min([best, *self.pairs(polished)], key=self.cost)
-        return Choice(self.verdict(best), best, self.baseline, tuple(singles), self.rivals(best, polished))
+        return Choice(
+            self.verdict(best, polished), best, self.baseline, nominal, tuple(singles),
+            self.rivals(best, polished), self.terms, self.left(best),
+        )  # fmt: skip
 
     # -- measures ------------------------------------------------------------------------------------------
 
     def excess(self, f: Fitted) -> float:
-        """Variance beyond the noise, as a share of it."""
-        return max(f.chi2 / self.size - 1.0, 0.0)
+        """Variance that an explanation leaves beyond the noise, as a share of it."""
+        return excess(self.problem, f.chi2)
 
     def left(self, f: Fitted) -> float:
         """The share of the misfit that an explanation leaves."""
-        return self.excess(f) / max(self.excess(self.baseline), SMALL_EXCESS)
+        return share_left(self.problem, f.chi2, self.excess(self.baseline))
 
     def cost(self, f: Fitted) -> float:
         """χ² and the price of unknowns; physics that the nominal model lacks costs more than what it has."""
@@ -186,10 +207,17 @@ class _Judge:
 
     # -- the answer ----------------------------------------------------------------------------------------
 
-    def verdict(self, f: Fitted) -> Verdict:
-        if not self.is_adequate(f):
-            return "unexplained"
-        return "explained" if f.names else "parameter_change"
+    def verdict(self, f: Fitted, polished: Sequence[Fitted]) -> Verdict:
+        if self.is_adequate(f):
+            return "explained" if f.names else "parameter_change"
+        return "partly_explained" if f.names and self.is_most_of_it(f, polished) else "unexplained"
+
+    def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
+        """Whether an explanation takes nearly all of the misfit, and no other name comes near it."""
+        others = [other.chi2 for other in polished if not set(other.names) & set(f.names)]
+        closest = min(others, default=self.baseline.chi2)
+        alone = excess(self.problem, closest) > ALONE_BY * self.excess(f)
+        return self.left(f) <= PART_TOLERANCE and alone
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
         """Other names that the data cannot tell from the chosen first one."""

@@ -32,12 +32,14 @@ class Problem:
         model: the nominal model.
         experiments: the recordings, bound to its plant.
         noises: of the output, per experiment; `observed_noise`: of each recorded inner signal.
+        factor: how much finer than the plant's own the sub-steps are.
     """
 
     model: Model
     experiments: tuple[Experiment, ...]
     noises: tuple[Noise, ...]
     observed_noise: tuple[Mapping[str, float], ...]
+    factor: float = 1.0
 
     @property
     def plant(self) -> Plant:
@@ -73,8 +75,9 @@ class Problem:
 
     @cached_property
     def size(self) -> int:
-        """Number of residuals."""
-        return len(self.nominal_residuals)
+        """Number of residuals that count."""
+        ignored = sum(int(e.ignored.sum()) for e in self.experiments if e.ignored is not None)
+        return len(self.nominal_residuals) - ignored
 
     @cached_property
     def nominal_residuals(self) -> Array:
@@ -86,17 +89,17 @@ class Problem:
         parameters: Mapping[str, float],
         effects: Sequence[ActiveEffect],
         *,
-        factor: float = 1.0,
+        factor: float | None = None,
         inject: tuple[str, Sequence[Array]] | None = None,
     ) -> Array:
         """Whitened residuals (simulated − measured) of all experiments and recorded inner signals, shape (n,).
 
-        `factor`: finer sub-steps; `inject`: a disturbance at a hook, one array for each experiment.
+        `factor`: other sub-steps than the problem's; `inject`: a disturbance at a hook, one array for each experiment.
         """
         parts: list[Array] = []
         for i, (e, noise, inner) in enumerate(zip(self.experiments, self.noises, self.observed_noise, strict=True)):
             added = (inject[0], inject[1][i]) if inject else None
-            rows = e.respond(self.plant, parameters, effects, factor=factor, inject=added)
+            rows = e.respond(self.plant, parameters, effects, factor=factor or self.factor, inject=added)
             error = whiten(rows[0] - e.output, noise, _interval_s(e))
             parts.append(error if e.ignored is None else np.where(e.ignored, 0.0, error))
             for k, signal in enumerate(self.plant.observed, start=1):

@@ -233,12 +233,28 @@ def refine_all(place: Around, screened: Sequence[Screened]) -> list[Fitted]:
     again = [(s, f.values[-1]) for f, s in leading]
     again += [(s, start) for _, s in leading[:_FAVOURITES] for start in s.starts[1:_OTHER_STARTS]]
     longer = _refine_many(place, again, _LONG)
+    longer += _refine_many(place, _off_bounds(longer[: len(leading)], leading), _LONG)
     best: dict[int, Fitted] = {}
     for f in longer:
         key = id(f.terms[-1])
         if key not in best or f.chi2 < best[key].chi2:
             best[key] = f
     return sorted([*best.values(), *(f for f, _ in rest)], key=lambda f: f.chi2)
+
+
+def _off_bounds(
+    fits: Sequence[Fitted], leading: Sequence[tuple[Fitted, Screened]]
+) -> list[tuple[Screened, tuple[float, ...]]]:
+    """Where a fit ran into the bound of a shape parameter, another try from well inside."""
+    jobs = []
+    for f, (_, screened) in zip(fits, leading[:_FAVOURITES], strict=False):
+        moved = [
+            u.low + 0.3 * (u.high - u.low) if k > 0 and min(v - u.low, u.high - v) <= 1e-3 * u.scale else v
+            for k, (v, u) in enumerate(zip(f.values[-1], screened.term.unknowns, strict=True))
+        ]
+        if tuple(moved) != f.values[-1]:
+            jobs.append((screened, tuple(moved)))
+    return jobs
 
 
 def _count(place: Around, chi2: Sequence[float], share: float, least: int) -> int:

@@ -21,7 +21,7 @@ class Parameter:
     Where the plant takes any channel, `unit` may contain `{input}` and `{output}` (see `Plant.units`).
     `fixed` parameters are held at their value unless freed by name. `growth` names the effect that a larger
     value is known as (more dead time than the healthy unit had *is* `dead_time`), `change` what any other value
-    is known as.
+    is known as. `hook` names the hook nearest to where the parameter acts.
     """
 
     name: str
@@ -33,6 +33,7 @@ class Parameter:
     fixed: bool = False
     growth: str = ""
     change: str = ""
+    hook: str = ""
 
     @property
     def scale(self) -> float:
@@ -148,6 +149,11 @@ class Plant:
         """Units of all parameters by name when the plant drives these channels (`name [unit]`)."""
         found = {"input": split_heading(input_heading)[1], "output": split_heading(output_heading)[1]}
         return {parameter.name: parameter.unit.format(**found) for parameter in self.parameters}
+
+    def stage(self, parameter: str) -> str:
+        """The stage of the chain on which a parameter acts; empty when it is no single one."""
+        at = self.parameter(parameter).hook
+        return self.hook(at).stage if at else ""
 
     def hook(self, name: str) -> Hook:
         """A hook by its name; `KeyError` if there is none."""

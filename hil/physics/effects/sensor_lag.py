@@ -28,8 +28,8 @@ def _kept(lag_s: float, step_s: float) -> float:
 
 
 def starts(_seen: Seen) -> list[dict[str, float]]:
-    """From milliseconds to a fifth of a second, of first and of second order."""
-    return [{"lag": lag, "second": second} for lag in (0.005, 0.02, 0.07, 0.2) for second in (0.0, 0.7)]
+    """From milliseconds to a tenth of a second, of first and of second order."""
+    return [{"lag": lag, "second": second} for lag in (0.004, 0.012, 0.035, 0.1) for second in (0.0, 0.5)]
 
 
 EFFECT = Effect(

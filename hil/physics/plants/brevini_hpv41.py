@@ -89,17 +89,25 @@ PLANT = Plant(
     output=Signal("flow", "l/min", 70.0),
     observed=(Signal("spool position", "%", 100.0), Signal("supply pressure", "bar", 100.0)),
     parameters=(
-        Parameter("dead_time", "s", 0.02, 0.0, 0.2, "bus, electronics and pilot transport", growth="dead_time"),
-        Parameter("pilot_rate", "rad/s", 7.0, 0.5, 100.0, "bandwidth of the pilot stage"),
-        Parameter("spool_frequency", "rad/s", 33.0, 5.0, 300.0, "natural frequency of the spool loop"),
-        Parameter("spool_damping", "1", 0.5, 0.05, 3.0, "damping ratio of the spool loop"),
-        Parameter("dead_band", "%", 20.0, 0.0, 60.0, "overlap on either side of centre", growth="deadband"),
-        Parameter("full_flow", "l/min", 70.0, 5.0, 300.0, "flow at full opening"),
-        Parameter("curve_exponent", "1", 1.2, 0.4, 4.0, "shape of the metering edge"),
-        Parameter("sensor_lag", "s", 0.008, 0.0, 0.2, "time constant of the flow meter", growth="sensor_lag"),
-        Parameter("pilot_ratio", "1", 1.0, 0.2, 5.0, "pilot bandwidth, − side over + side", fixed=True),
-        Parameter("spool_ratio", "1", 1.0, 0.2, 5.0, "spool frequency, − side over + side", fixed=True),
-        Parameter("supply_pressure", "bar", 100.0, 1.0, 400.0, "supply pressure at no flow", fixed=True),
+        Parameter(
+            "dead_time", "s", 0.02, 0.0, 0.2, "bus, electronics and pilot transport", growth="dead_time", hook="command"
+        ),
+        Parameter("pilot_rate", "rad/s", 7.0, 0.5, 100.0, "bandwidth of the pilot stage", hook="pilot"),
+        Parameter("spool_frequency", "rad/s", 33.0, 5.0, 300.0, "natural frequency of the spool loop", hook="position"),
+        Parameter("spool_damping", "1", 0.5, 0.05, 3.0, "damping ratio of the spool loop", hook="position"),
+        Parameter(
+            "dead_band", "%", 20.0, 0.0, 60.0, "overlap on either side of centre", growth="deadband", hook="opening"
+        ),
+        Parameter("full_flow", "l/min", 70.0, 5.0, 300.0, "flow at full opening", hook="flow"),
+        Parameter("curve_exponent", "1", 1.2, 0.4, 4.0, "shape of the metering edge", hook="opening"),
+        Parameter(
+            "sensor_lag", "s", 0.008, 0.0, 0.2, "time constant of the flow meter", growth="sensor_lag", hook="sensor"
+        ),
+        Parameter("pilot_ratio", "1", 1.0, 0.2, 5.0, "pilot bandwidth, − side over + side", fixed=True, hook="pilot"),
+        Parameter(
+            "spool_ratio", "1", 1.0, 0.2, 5.0, "spool frequency, − side over + side", fixed=True, hook="position"
+        ),
+        Parameter("supply_pressure", "bar", 100.0, 1.0, 400.0, "supply pressure at no flow", fixed=True, hook="supply"),
     ),
     hooks=(
         Hook("command", "command", "%", 100.0),

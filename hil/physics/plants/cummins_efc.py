@@ -73,16 +73,40 @@ PLANT = Plant(
     output=Signal("pressure", "psi", 200.0),
     observed=(Signal("rotor position", "A", 1.0), Signal("supply pressure", "psi", 220.0)),
     parameters=(
-        Parameter("dead_time", "s", 0.002, 0.0, 0.2, "electronics and transport", growth="dead_time"),
-        Parameter("coil_lag", "s", 0.016, 0.0, 0.3, "force behind current: eddy currents, drive", growth="coil_lag"),
-        Parameter("rotor_frequency", "rad/s", 48.0, 3.0, 500.0, "natural frequency of rotor on spring"),
-        Parameter("rotor_damping", "1", 0.5, 0.05, 5.0, "damping ratio of the rotor"),
-        Parameter("curve_centre", "A", 1.58, 0.2, 4.0, "current at half pressure"),
-        Parameter("curve_width", "A", 0.1, 0.005, 1.0, "width of the orifice's transition"),
-        Parameter("pressure_span", "psi", 207.0, 10.0, 400.0, "pressure between closed and open"),
-        Parameter("closed_pressure", "psi", 3.0, -20.0, 60.0, "pressure with the valve closed", growth="leakage"),
-        Parameter("sensor_lag", "s", 0.004, 0.0, 0.2, "time constant of the pressure sensor", growth="sensor_lag"),
-        Parameter("supply_pressure", "psi", 220.0, 10.0, 400.0, "supply pressure at no flow", fixed=True),
+        Parameter("dead_time", "s", 0.002, 0.0, 0.2, "electronics and transport", growth="dead_time", hook="command"),
+        Parameter(
+            "coil_lag",
+            "s",
+            0.016,
+            0.0,
+            0.3,
+            "force behind current: eddy currents, drive",
+            growth="coil_lag",
+            hook="coil",
+        ),
+        Parameter(
+            "rotor_frequency", "rad/s", 48.0, 3.0, 500.0, "natural frequency of rotor on spring", hook="position"
+        ),
+        Parameter("rotor_damping", "1", 0.5, 0.05, 5.0, "damping ratio of the rotor", hook="position"),
+        Parameter("curve_centre", "A", 1.58, 0.2, 4.0, "current at half pressure", hook="opening"),
+        Parameter("curve_width", "A", 0.1, 0.005, 1.0, "width of the orifice's transition", hook="opening"),
+        Parameter("pressure_span", "psi", 207.0, 10.0, 400.0, "pressure between closed and open", hook="flow"),
+        Parameter(
+            "closed_pressure", "psi", 3.0, -20.0, 60.0, "pressure with the valve closed", growth="leakage", hook="flow"
+        ),
+        Parameter(
+            "sensor_lag",
+            "s",
+            0.004,
+            0.0,
+            0.2,
+            "time constant of the pressure sensor",
+            growth="sensor_lag",
+            hook="sensor",
+        ),
+        Parameter(
+            "supply_pressure", "psi", 220.0, 10.0, 400.0, "supply pressure at no flow", fixed=True, hook="supply"
+        ),
     ),
     hooks=(
         Hook("command", "command", "A", 1.0),

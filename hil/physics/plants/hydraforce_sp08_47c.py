@@ -84,14 +84,16 @@ PLANT = Plant(
     output=Signal("position", "mm", 125.0),
     observed=(Signal("spool position", "%", 100.0), Signal("supply pressure", "bar", 100.0)),
     parameters=(
-        Parameter("loop_gain", "%/mm", 1.3, 0.05, 20.0, "valve command per position error"),
-        Parameter("dead_time", "s", 0.002, 0.0, 0.3, "amplifier and transport", growth="dead_time"),
-        Parameter("spool_frequency", "rad/s", 75.0, 5.0, 600.0, "natural frequency of the spool"),
-        Parameter("spool_damping", "1", 0.7, 0.05, 5.0, "damping ratio of the spool"),
-        Parameter("speed_extend", "mm/s", 185.0, 5.0, 2000.0, "extension at full opening"),
-        Parameter("speed_ratio", "1", 1.5, 0.1, 10.0, "retraction over extension: area ratio", change="asymmetry"),
-        Parameter("sensor_lag", "s", 0.001, 0.0, 0.2, "time constant of the LVDT", growth="sensor_lag"),
-        Parameter("supply_pressure", "bar", 100.0, 1.0, 400.0, "supply pressure at no flow", fixed=True),
+        Parameter("loop_gain", "%/mm", 1.3, 0.05, 20.0, "valve command per position error", hook="coil"),
+        Parameter("dead_time", "s", 0.002, 0.0, 0.3, "amplifier and transport", growth="dead_time", hook="command"),
+        Parameter("spool_frequency", "rad/s", 75.0, 5.0, 600.0, "natural frequency of the spool", hook="opening"),
+        Parameter("spool_damping", "1", 0.7, 0.05, 5.0, "damping ratio of the spool", hook="opening"),
+        Parameter("speed_extend", "mm/s", 185.0, 5.0, 2000.0, "extension at full opening", hook="flow"),
+        Parameter(
+            "speed_ratio", "1", 1.5, 0.1, 10.0, "retraction over extension: area ratio", change="asymmetry", hook="flow"
+        ),
+        Parameter("sensor_lag", "s", 0.001, 0.0, 0.2, "time constant of the LVDT", growth="sensor_lag", hook="sensor"),
+        Parameter("supply_pressure", "bar", 100.0, 1.0, 400.0, "supply pressure at no flow", fixed=True, hook="supply"),
     ),
     hooks=(
         Hook("command", "command", "mm", 125.0),

@@ -54,9 +54,11 @@ PLANT = Plant(
     output=Signal("position", "m", 0.25),
     observed=(Signal("velocity", "m/s", 0.2),),
     parameters=(
-        Parameter("mass", "kg", 100.0, 0.1, 1e5, "moved mass"),
-        Parameter("viscous", "N*s/m", 200.0, 0.0, 1e6, "viscous friction of the guide"),
-        Parameter("dead_time", "s", 0.001, 0.0, 0.1, "drive and transport", fixed=True, growth="dead_time"),
+        Parameter("mass", "kg", 100.0, 0.1, 1e5, "moved mass", hook="force"),
+        Parameter("viscous", "N*s/m", 200.0, 0.0, 1e6, "viscous friction of the guide", hook="force"),
+        Parameter(
+            "dead_time", "s", 0.001, 0.0, 0.1, "drive and transport", fixed=True, growth="dead_time", hook="command"
+        ),
     ),
     hooks=(
         Hook("command", "command", "N", 500.0),

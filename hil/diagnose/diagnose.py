@@ -1,0 +1,436 @@
+"""From a nominal model and recordings to a diagnosis and a corrected model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from hil.diagnose.check import check
+from hil.diagnose.coverage import limits
+from hil.diagnose.decide import Choice, decide, excess, share_left
+from hil.diagnose.diagnosis import (
+    Candidate,
+    ChangedParameter,
+    Diagnosis,
+    Finding,
+    Fit,
+    Left,
+    NextTest,
+    Quantity,
+    Verdict,
+)
+from hil.diagnose.events import Events, held_commands, stale_outputs, tone, without_stale
+from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
+from hil.diagnose.locate import StageShare, Where, locate, stages
+from hil.diagnose.next_test import next_test
+from hil.diagnose.pictures import spectra, strips
+from hil.diagnose.problem import Problem, pose
+from hil.diagnose.search import Fitted, around
+from hil.diagnose.solver import settled
+from hil.diagnose.terms import Term
+from hil.diagnose.wording import headline, quantity_text, sentence
+from hil.identify.experiment import Experiment
+from hil.identify.grey_box import fit_ceiling, fit_percent
+from hil.physics.compose import effects as installed_effects
+from hil.physics.model import Covariance, Model, ModelEffect, Value
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Array
+
+Progress = Callable[[float, str], None]
+
+# Measured on simulated units without any effect (docs/explanation/diagnosis.md).
+FALSE_ALARM_RATE = 0.01
+_ADEQUATE_TONE = 0.1
+_ADEQUATE_HOLD = 0.15
+_JUDGED = 4
+_MOST_STEPS_LISTED = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """A diagnosis and the model it leads to."""
+
+    diagnosis: Diagnosis
+    corrected: Model
+
+
+def diagnose(
+    model: Model, experiments: Sequence[Experiment], progress: Progress = lambda _done, _text: None
+) -> Diagnosed:
+    """Compare a nominal model with recordings of its unit, name what it lacks, and correct it.
+
+    Raises:
+        FileError: a recording cannot be what its headings say (see `hil.diagnose.check`).
+    """
+    started = time.perf_counter()
+    progress(0.0, "checking the recordings")
+    checked = check(model, experiments)
+    kept, stale = without_stale(checked.experiments)
+    problem, solver_warnings = settled(pose(model, kept))
+    warnings = [*checked.warnings, *solver_warnings]
+    progress(0.1, "searching for the cause")
+    choice = decide(problem)
+    progress(0.6, "judging on data kept back")
+    events = _events(problem, choice)
+    if stale:
+        events = stale_outputs(stale, problem, choice.chosen.residuals if events is None else events.residuals)
+    verdict = _verdict(choice, events, bool(stale))
+    answer = _Answer(model, problem, choice, verdict, events, tuple(warnings))
+    progress(0.8, "locating the mismatch")
+    diagnosis = answer.diagnosis(time.perf_counter() - started)
+    progress(1.0, "done")
+    return Diagnosed(diagnosis, answer.corrected)
+
+
+def _events(problem: Problem, choice: Choice) -> Events | None:
+    """What no law explains may be events: tried only where the library has no adequate answer."""
+    if choice.verdict not in ("unexplained", "partly_explained"):
+        return None
+    beyond = excess(problem, choice.baseline.chi2)
+    for found, allowed in ((tone(problem, choice.baseline), _ADEQUATE_TONE),
+                           (held_commands(problem, choice.baseline), _ADEQUATE_HOLD)):  # fmt: skip
+        if found is not None and share_left(problem, found.chi2, beyond) <= allowed:
+            return found
+    return None
+
+
+def _verdict(choice: Choice, events: Events | None, stale: bool) -> Verdict:
+    if events is None:
+        return choice.verdict
+    if stale and choice.verdict in ("unexplained", "partly_explained"):
+        return "partly_explained"
+    return "explained"
+
+
+class _Answer:
+    """Puts together what a diagnosis says; computes what several parts need once."""
+
+    def __init__(
+        self,
+        model: Model,
+        problem: Problem,
+        choice: Choice,
+        verdict: Verdict,
+        events: Events | None,
+        warnings: tuple[str, ...],
+    ) -> None:
+        self.model, self.problem, self.choice, self.verdict, self.events = model, problem, choice, verdict, events
+        self.warnings = warnings
+        self.by_law = events is None or (events.name == "dropout" and choice.verdict != "unexplained")
+        self.named = choice.chosen if verdict != "unexplained" and self.by_law else choice.baseline
+        self.used = self._used()
+        self.judged = self._judged()
+
+    def _used(self) -> Fitted:
+        """What the corrected model holds: what was named, or the closest description where nothing can be named."""
+        if self.verdict == "unexplained" and self.choice.chosen.terms:
+            return self.choice.chosen
+        return self.named if self.named.terms else self.choice.nominal
+
+    def _judged(self) -> list[Judged]:
+        """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
+        fits: list[Fitted] = [self.choice.chosen] if self.choice.chosen.terms else []
+        names = {_name(f) for f in fits}
+        for f in self.choice.candidates:
+            if len(fits) < _JUDGED and _name(f) not in names:
+                names.add(_name(f))
+                fits.append(f)
+        return [judge(self.problem, f) for f in fits]
+
+    @property
+    def corrected(self) -> Model:
+        """The model file's content."""
+        f = self.used
+        stds = _stds(f)
+        values = {
+            name: Value(f.parameters.get(name, v.value), v.unit, stds.get((name, ""), v.std))
+            for name, v in self.model.parameters.items()
+        }
+        found = [
+            ModelEffect(
+                term.name, term.hook,
+                {u.name: Value(float(v), u.unit, stds.get((f"{term.name}.{u.name}", term.hook)))
+                 for u, v in zip(term.unknowns, own, strict=True)},
+            )
+            for term, own in zip(f.terms, f.values, strict=True)
+            if term.kind == "effect"
+        ]  # fmt: skip
+        origin = {
+            "nominal": dict(self.model.origin),
+            "diagnosed": [e.name for e in self.problem.experiments],
+            "verdict": self.verdict,
+        }
+        if self.verdict == "unexplained" and f.terms:
+            origin["note"] = "effects here describe the recordings best; they are not named as causes"
+        return replace(
+            self.model,
+            parameters=values,
+            effects=(*self.model.effects, *found),
+            covariance=_covariance(f, self.model),
+            origin=origin,
+        )
+
+    def diagnosis(self, seconds: float) -> Diagnosis:
+        """Everything that is said."""
+        problem, plant = self.problem, self.problem.plant
+        mismatch = self.verdict != "consistent"
+        nominal = self.choice.nominal
+        found = self.findings()
+        changed = self.changed()
+        left = self.left()
+        unseen = limits(around(problem, self.named), self.choice.terms)
+        rivals = self.not_separable()
+        return Diagnosis(
+            verdict=self.verdict,
+            headline=headline(self.verdict, found, changed, left),
+            plant=plant.name,
+            plant_title=plant.title,
+            input=problem.experiments[0].input,
+            output=problem.experiments[0].output_heading,
+            chain=tuple((hook.name, hook.stage) for hook in plant.hooks),
+            effects=found,
+            changed_parameters=changed,
+            not_separable=rivals,
+            next_test=self.next_test(rivals, [limit.effect for limit in unseen if not limit.visible]),
+            candidates=self.candidates(),
+            held_out=self.held_out(),
+            recordings=self.fits(),
+            mismatch=locate(problem, self._outputs(nominal.residuals)) if mismatch else None,
+            stage_shares=self.stage_shares(nominal) if mismatch else (),
+            left=left,
+            limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
+            warnings=self.all_warnings(),
+            false_alarm_rate=FALSE_ALARM_RATE,
+            seconds=round(seconds, 3),
+            strips=strips(problem, self.used),
+            spectra=spectra(problem, nominal, self.used),
+        )
+
+    # -- findings ----------------------------------------------------------------------------------------
+
+    def findings(self) -> tuple[Finding, ...]:
+        found = [self._event_finding(self.events)] if self.events is not None else []
+        if self.verdict == "unexplained" or not self.by_law:
+            return tuple(found)
+        f = self.choice.chosen
+        order = sorted(range(len(f.terms)), key=lambda k: -self._weight(f, k))
+        found += [x for k in order if (x := self._finding(f, k)) is not None]
+        return tuple(found)
+
+    def _weight(self, f: Fitted, k: int) -> float:
+        return float(np.sum(self._without(f, k) ** 2))
+
+    def _without(self, f: Fitted, k: int) -> Array:
+        """How residuals change when one term is taken away."""
+        terms = [t for i, t in enumerate(f.terms) if i != k]
+        values = [v for i, v in enumerate(f.values) if i != k]
+        parameters, effects = dict(f.parameters), list(self.model.active_effects)
+        if f.terms[k].kind == "parameter":
+            parameters[f.terms[k].name] = f.terms[k].nominal
+        for term, own in zip(terms, values, strict=True):
+            term.apply(own, parameters, effects)
+        difference: Array = self.problem.residuals(parameters, effects) - f.residuals
+        return difference
+
+    def _finding(self, f: Fitted, k: int) -> Finding | None:
+        term, values = f.terms[k], f.values[k]
+        name = term.effect_name(values)
+        if not name:
+            return None
+        effect = next(e for e in installed_effects() if e.name == name)
+        quantities = self._quantities(f, term, values)
+        where = locate(self.problem, self._outputs(self._without(f, k)))
+        return Finding(
+            name, effect.title, self._probability(name), term.stage or _stage_of(self.problem, term), term.hook,
+            quantities, where, sentence(effect, term, quantities), effect.equation, effect.source,
+        )  # fmt: skip
+
+    def _quantities(self, f: Fitted, term: Term, values: Sequence[float]) -> dict[str, Quantity]:
+        stds = _stds(f)
+        if term.kind == "parameter":
+            u = term.unknowns[0]
+            std = stds.get((term.name, ""))
+            return {
+                term.name: Quantity(values[0], std, u.unit, self.problem.plant.parameter(term.name).meaning),
+                "change": Quantity(values[0] - term.nominal, std, u.unit, "beyond the nominal model"),
+            }
+        effect = next(e for e in installed_effects() if e.name == term.name)
+        meanings = {p.name: p.meaning for p in effect.parameters}
+        return {
+            u.name: Quantity(float(v), stds.get((f"{term.name}.{u.name}", term.hook)), u.unit, meanings[u.name])
+            for u, v in zip(term.unknowns, values, strict=True)
+        }
+
+    def _event_finding(self, events: Events) -> Finding:
+        effect = next((e for e in installed_effects() if e.name == events.name), None)
+        difference = self._outputs(events.residuals - self.choice.baseline.residuals)
+        where = locate(self.problem, difference)
+        spells = tuple((round(s.start_s, 3), round(s.stop_s, 3)) for s in events.spells)[:_MOST_STEPS_LISTED]
+        if spells:
+            where = replace(where, time_s=spells, recording=events.spells[0].recording)
+        return Finding(
+            events.name, effect.title if effect else events.name, 0.97, events.stage, events.hook,
+            {name: Quantity(value, std, unit) for name, (value, std, unit) in events.values.items()},
+            where, events.sentence, events.equation, effect.source if effect else "",
+        )  # fmt: skip
+
+    def changed(self) -> tuple[ChangedParameter, ...]:
+        if self.verdict == "unexplained" or not self.by_law:
+            return ()
+        f = self.choice.chosen
+        stds = _stds(f)
+        found = []
+        for term, values in zip(f.terms, f.values, strict=True):
+            if term.kind != "parameter":
+                continue
+            p, u = self.problem.plant.parameter(term.name), term.unknowns[0]
+            at_bound = min(values[0] - u.low, u.high - values[0]) <= 1e-3 * u.scale
+            found.append(
+                ChangedParameter(
+                    p.name, term.nominal, float(values[0]), stds.get((p.name, "")), u.unit, p.meaning, at_bound
+                )
+            )
+        return tuple(found)
+
+    # -- evidence ----------------------------------------------------------------------------------------
+
+    def _none_of_these(self) -> float:
+        """The probability that no explanation of the library is the true one, from what the best one leaves."""
+        if self.verdict == "unexplained":
+            return 0.95
+        left = self.choice.left
+        return float(np.clip(0.01 + 0.2 * left / 0.02, 0.01, 0.6))
+
+    def _chances(self) -> list[float]:
+        return probabilities(self.judged, self._none_of_these())
+
+    def _probability(self, name: str) -> float:
+        chosen = self.choice.chosen
+        total = sum(p for p, j in zip(self._chances(), self.judged, strict=True)
+                    if name in j.fitted.names or (j.fitted is chosen and name in chosen.names))  # fmt: skip
+        return round(min(total, 0.99), 3)
+
+    def candidates(self) -> tuple[Candidate, ...]:
+        if not self.judged:
+            return ()
+        held = ~training_half(self.problem)
+        r = self.choice.nominal.residuals[held]
+        nothing = float(r @ r)
+        rows = [
+            Candidate(
+                _name(j.fitted), ", ".join(t.stage or _stage_of(self.problem, t) for t in j.fitted.terms),
+                round(j.fit_held_out, 3), round(0.5 * (nothing - j.chi2_held_out), 1), round(p, 3),
+            )
+            for j, p in zip(self.judged, self._chances(), strict=True)
+        ]  # fmt: skip
+        return tuple(sorted(rows, key=lambda c: -c.evidence))
+
+    def not_separable(self) -> tuple[tuple[str, ...], ...]:
+        if self.verdict == "unexplained" or self.events is not None:
+            return ()
+        return self.choice.rivals
+
+    # -- fits --------------------------------------------------------------------------------------------
+
+    def held_out(self) -> Fit:
+        held = ~training_half(self.problem)
+        nominal = held_out_fit(self.problem, self.choice.nominal.residuals, held)
+        best = next((j.fit_held_out for j in self.judged if j.fitted is self.used), None)
+        corrected = held_out_fit(self.problem, self.used.residuals, held) if best is None else best
+        return Fit(round(nominal, 3), round(corrected, 3), round(ceiling(self.problem), 3))
+
+    def fits(self) -> dict[str, Fit]:
+        found = {}
+        nominal, effects = self.model.values, list(self.model.active_effects)
+        for e, noise in zip(self.problem.experiments, self.problem.noises, strict=True):
+            before = e.respond(self.problem.plant, nominal, effects)[0]
+            after = e.respond(self.problem.plant, self.used.parameters, [*effects, *self.used.effects])[0]
+            keep = np.ones(len(e.output), dtype=np.bool_) if e.ignored is None else ~e.ignored
+            found[e.name] = Fit(
+                round(fit_percent(e.output[keep], before[keep]), 3),
+                round(fit_percent(e.output[keep], after[keep]), 3),
+                round(fit_ceiling(e.output[keep], noise.std), 3),
+            )
+        return found
+
+    # -- places ------------------------------------------------------------------------------------------
+
+    def _outputs(self, residuals: Array) -> list[Array]:
+        return [residuals[part] for part in self.problem.output_slices()]
+
+    def left(self) -> Left:
+        problem, noise = self.problem, self.problem.noises[0]
+        r = self.used.residuals if self.events is None else self.events.residuals
+        share = self.choice.left if self.events is None else share_left(
+            problem, self.events.chi2, excess(problem, self.choice.baseline.chi2)
+        )  # fmt: skip
+        outputs: Array = np.concatenate(self._outputs(r))
+        rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
+        open_question = self.verdict in ("unexplained", "partly_explained")
+        where: Where | None = locate(problem, self._outputs(r)) if open_question else None
+        curves = self.stage_shares(self.used) if open_question else ()
+        return Left(round(share, 4), rms, noise.std, problem.plant.output.unit, where, curves)
+
+    def stage_shares(self, f: Fitted) -> tuple[StageShare, ...]:
+        effects: list[ActiveEffect] = [*self.model.active_effects, *f.effects]
+        return stages(self.problem, f.parameters, effects, f.residuals)
+
+    # -- what else ---------------------------------------------------------------------------------------
+
+    def next_test(self, rivals: Sequence[Sequence[str]], unseen: Sequence[str]) -> NextTest | None:
+        return next_test(self.problem, self.verdict, self.choice, rivals, unseen)
+
+    def all_warnings(self) -> tuple[str, ...]:
+        f = self.choice.chosen
+        bounds = f.on_bound() if self.by_law else ()
+        said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
+        if self.verdict == "unexplained" and f.terms:
+            described = ", ".join(term.label for term in f.terms)
+            left = quantity_text(100 * self.choice.left, None, "%")
+            said.append(
+                f"the closest description ({described}) leaves {left} of the misfit and is not named as the cause; the "
+                "corrected model holds it as a description"
+            )
+        return (*self.warnings, *said)
+
+
+def _name(f: Fitted) -> str:
+    """`friction`, `dead_time + sensor_lag`, `pilot_rate` for a changed parameter."""
+    labels = [t.effect_name(v) or t.name for t, v in zip(f.terms, f.values, strict=True)]
+    return " + ".join(dict.fromkeys(labels))
+
+
+def _stds(f: Fitted) -> dict[tuple[str, str], float | None]:
+    """Standard uncertainties by (name, hook): base parameters by their name, effects' as `effect.parameter`."""
+    if f.estimate is None:
+        return {}
+    stds = [float(s) if np.isfinite(s) else None for s in f.estimate.std]
+    base = len(stds) - f.unknowns
+    found = {(u.name, ""): s for u, s in zip(f.estimate.unknowns[:base], stds[:base], strict=True)}
+    at = base
+    for term in f.terms:
+        for u in term.unknowns:
+            key = (term.name, "") if term.kind == "parameter" else (f"{term.name}.{u.name}", term.hook)
+            found[key] = stds[at]
+            at += 1
+    return found
+
+
+def _covariance(f: Fitted, nominal: Model) -> Covariance | None:
+    """Of the base parameters as refitted; what no sample can tell keeps what the nominal model knew."""
+    if f.estimate is None or not np.all(np.isfinite(f.estimate.covariance)):
+        return nominal.covariance
+    keep = [k for k, u in enumerate(f.estimate.unknowns) if u.name in nominal.parameters]
+    names = tuple(f.estimate.unknowns[k].name for k in keep)
+    if len(set(names)) < len(names):
+        return nominal.covariance
+    matrix = f.estimate.covariance[np.ix_(keep, keep)]
+    return Covariance(names, tuple(tuple(row) for row in matrix.tolist()))
+
+
+def _stage_of(problem: Problem, term: Term) -> str:
+    """The stage of a base parameter."""
+    return problem.plant.stage(term.name) if term.kind == "parameter" else term.stage

@@ -1,0 +1,329 @@
+"""Causes without a law: samples or commands held or lost at random moments, and tones with a phase of their own.
+
+They happen when they happen, so no simulation can foresee them; they are recognised by what they leave behind.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnose.problem import Problem
+from hil.diagnose.search import Fitted
+from hil.identify.experiment import Experiment
+from hil.identify.noise import white_floor
+from hil.record.recording import Array
+
+Mask = NDArray[np.bool_]
+
+# A noisy channel shows the same value so often in a row only when nobody has measured it anew.
+_STALE_RUN = 4
+_LEAST_STALE = 3
+_NOISE_OVER_RESOLUTION = 2.0
+# Bursts of misfit: blocks of this length, those beyond this many times the noise variance.
+_BLOCK_S = 0.1
+_BURST = 4.0
+_SPARSE_SHARE, _SPARSE_TIME = 0.6, 0.45
+_LOOK_BACK_S = 0.4
+_LASTING_S = (0.04, 0.08, 0.12, 0.18, 0.26, 0.36, 0.5, 0.75, 1.0, 1.4)
+_LEAST_TONE_RATIO = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """A stretch of a recording in which something stood still."""
+
+    recording: str
+    start_s: float
+    stop_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Events:
+    """Events that explain a misfit.
+
+    Attributes:
+        name: of the effect. `stage`, `hook`: where in the chain.
+        spells: when. `values`: what is known of them: name → (value, std, unit).
+        residuals: whitened, with the events taken into account, shape (n,).
+        sentence: for the operator. `equation`: for the engineer.
+    """
+
+    name: str
+    stage: str
+    hook: str
+    spells: tuple[Spell, ...]
+    values: dict[str, tuple[float, float | None, str]]
+    residuals: Array
+    sentence: str
+    equation: str
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residuals @ self.residuals)
+
+
+# -- samples that were not measured --------------------------------------------------------------------------
+
+
+def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[Spell, ...]]:
+    """The experiments with samples ignored that only repeat the one before, and where those are."""
+    kept, spells = [], []
+    for e in experiments:
+        runs = _stale_runs(e.output)
+        if len(runs) < _LEAST_STALE:
+            kept.append(e)
+            continue
+        stale = np.zeros(len(e.output), dtype=np.bool_)
+        for start, stop in runs:
+            stale[start + 1 : stop] = True
+            spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
+        kept.append(replace(e, ignored=stale if e.ignored is None else e.ignored | stale))
+    return tuple(kept), tuple(spells)
+
+
+def _stale_runs(values: Array) -> list[tuple[int, int]]:
+    """Runs of identical values in a channel whose noise is well above its resolution."""
+    steps = np.abs(np.diff(values))
+    moving = steps[steps > 0.0]
+    floor = white_floor(values)
+    if not moving.size or floor < _NOISE_OVER_RESOLUTION * float(moving.min()):
+        return []
+    same = np.concatenate(([0], (steps == 0.0).astype(np.int8), [0]))
+    edges = np.flatnonzero(np.diff(same))
+    ends = (values.max(), values.min())
+    return [
+        (int(start), int(stop) + 1)
+        for start, stop in zip(edges[::2], edges[1::2], strict=True)
+        if stop - start >= _STALE_RUN - 1 and values[start] not in ends
+    ]
+
+
+# -- commands that did not arrive ----------------------------------------------------------------------------
+
+
+def held_commands(problem: Problem, around: Fitted) -> Events | None:
+    """Stretches in which the command stood still on its way; None when the misfit does not come in bursts.
+
+    Every burst gets its own start and length; one simulation tries one offset and length at all bursts at once.
+    """
+    bursts = [_bursts(problem, around.residuals, k) for k in range(len(problem.experiments))]
+    count = sum(map(len, bursts))
+    if count < _LEAST_STALE or not _is_sparse(problem, around.residuals, bursts):
+        return None
+    holds = _best_holds(problem, around, bursts)
+    residuals = _with_holds(problem, around, holds)
+    spells = tuple(
+        Spell(e.name, float(e.time_s[0] + start * e.drive.interval_s), float(e.time_s[0] + stop * e.drive.interval_s))
+        for e, own in zip(problem.experiments, holds, strict=True)
+        for start, stop in own
+        if stop > start
+    )
+    if len(spells) < _LEAST_STALE:
+        return None
+    lasting = np.array([spell.stop_s - spell.start_s for spell in spells])
+    first = problem.plant.hooks[0]
+    return Events(
+        "dropout", first.stage, first.name, spells,
+        {
+            "events": (float(len(spells)), None, "1"),
+            "lasting": (float(lasting.mean()), float(lasting.std() / np.sqrt(len(spells))), "s"),
+            "longest": (float(lasting.max()), None, "s"),
+        },
+        residuals,
+        f"The command did not always arrive: {len(spells)} times the valve stood on the last one, "
+        f"{lasting.mean():.2g} s on average.",
+        "u(t) = u(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
+    )  # fmt: skip
+
+
+def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array) -> Events:
+    """The finding for samples that `without_stale` left out."""
+    lasting = np.array([spell.stop_s - spell.start_s for spell in spells])
+    last = problem.plant.hooks[-1]
+    return Events(
+        "dropout", last.stage, last.name, tuple(spells),
+        {
+            "events": (float(len(spells)), None, "1"),
+            "lasting": (float(lasting.mean()), float(lasting.std() / np.sqrt(len(spells))), "s"),
+            "longest": (float(lasting.max()), None, "s"),
+        },
+        residuals,
+        f"Samples were not measured anew: {len(spells)} times the recording repeats its last value, "
+        f"{lasting.mean():.2g} s on average.",
+        "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
+    )  # fmt: skip
+
+
+def _bursts(problem: Problem, residuals: Array, k: int) -> list[tuple[int, int]]:
+    """(first, last) samples of stretches in which the misfit is far beyond the noise."""
+    part, e = residuals[problem.output_slices()[k]], problem.experiments[k]
+    size = max(2, round(_BLOCK_S / e.drive.interval_s))
+    blocks = len(part) // size
+    power = np.mean(part[: blocks * size].reshape(blocks, size) ** 2, axis=1)
+    hot = np.concatenate(([0], (power > _BURST).astype(np.int8), [0]))
+    edges = np.flatnonzero(np.diff(hot))
+    merged: list[tuple[int, int]] = []
+    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+        if merged and start - merged[-1][1] <= 1:
+            merged[-1] = merged[-1][0], int(stop)
+        else:
+            merged.append((int(start), int(stop)))
+    return [(start * size, stop * size) for start, stop in merged]
+
+
+def _is_sparse(problem: Problem, residuals: Array, bursts: Sequence[Sequence[tuple[int, int]]]) -> bool:
+    """Whether most of the misfit lies in a small part of the time."""
+    inside, time = 0.0, 0
+    for part, own in zip(problem.output_slices(), bursts, strict=True):
+        r = residuals[part]
+        for start, stop in own:
+            inside += float(r[start:stop] @ r[start:stop]) - (stop - start)
+            time += stop - start
+    beyond = float(residuals @ residuals) - len(residuals)
+    return inside > _SPARSE_SHARE * beyond and time < _SPARSE_TIME * problem.size
+
+
+Holds = list[list[tuple[int, int]]]
+
+
+def _best_holds(problem: Problem, around: Fitted, bursts: Sequence[Sequence[tuple[int, int]]]) -> Holds:
+    """For every burst the held stretch that explains most of it: a coarse look, then finer ones around the best."""
+    chosen: Holds = [[(start, start) for start, _ in own] for own in bursts]
+    step = [e.drive.interval_s for e in problem.experiments]
+    best = _burst_costs(problem, around.residuals, bursts)
+    back = np.arange(0.0, _LOOK_BACK_S, 0.04)
+    tries = [(float(b), d) for b in back for d in _LASTING_S]
+    for b, d in tries:
+        trial = [
+            [(max(start - round(b / dt), 1), max(start - round(b / dt), 1) + round(d / dt)) for start, _ in own]
+            for own, dt in zip(bursts, step, strict=True)
+        ]
+        _keep_better(problem, around, bursts, trial, chosen, best)
+    for fine_s in (0.016, 0.008, 0.004):
+        for move_start, move_stop in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1)) * 2:
+            trial = [
+                [
+                    (max(a + move_start * max(1, round(fine_s / dt)), 1), z + move_stop * max(1, round(fine_s / dt)))
+                    if z > a
+                    else (a, z)
+                    for a, z in own
+                ]
+                for own, dt in zip(chosen, step, strict=True)
+            ]
+            _keep_better(problem, around, bursts, trial, chosen, best)
+    return chosen
+
+
+def _keep_better(
+    problem: Problem,
+    around: Fitted,
+    bursts: Sequence[Sequence[tuple[int, int]]],
+    trial: Holds,
+    chosen: Holds,
+    best: list[list[float]],
+) -> None:
+    costs = _burst_costs(problem, _with_holds(problem, around, trial), bursts)
+    for k, own in enumerate(costs):
+        for i, cost in enumerate(own):
+            if cost < best[k][i] - 2.0 * np.log(problem.size):
+                best[k][i], chosen[k][i] = cost, trial[k][i]
+
+
+def _burst_costs(problem: Problem, residuals: Array, bursts: Sequence[Sequence[tuple[int, int]]]) -> list[list[float]]:
+    """Squared residuals from shortly before each burst to shortly after, where a hold for it can be felt."""
+    found = []
+    for e, part, own in zip(problem.experiments, problem.output_slices(), bursts, strict=True):
+        r, reach = residuals[part], round(_LOOK_BACK_S / e.drive.interval_s)
+        edges = [(max(start - reach, 0), stop + reach) for start, stop in own]
+        found.append([float(r[a:z] @ r[a:z]) for a, z in edges])
+    return found
+
+
+def _with_holds(problem: Problem, around: Fitted, holds: Holds) -> Array:
+    experiments = []
+    for e, own in zip(problem.experiments, holds, strict=True):
+        inputs = e.drive.inputs.copy()
+        for start, stop in own:
+            inputs[0, start:stop] = inputs[0, start - 1]
+        experiments.append(replace(e, drive=replace(e.drive, inputs=inputs)))
+    moved = replace(problem, experiments=tuple(experiments))
+    return moved.residuals(around.parameters, [*problem.model.active_effects, *around.effects])
+
+
+# -- tones ---------------------------------------------------------------------------------------------------
+
+
+def tone(problem: Problem, around: Fitted) -> Events | None:
+    """One frequency in all recordings, harmonics included, with a phase of its own in each; None if there is none.
+
+    Its amplitude may grow with the output, as ripple does that enters before the orifice.
+    """
+    frequency = _common_line(problem, around.residuals)
+    if frequency is None:
+        return None
+    frequency = _sharpened(problem, around.residuals, frequency)
+    residuals, amplitudes = _without_tone(problem, around.residuals, frequency)
+    unit = problem.plant.output.unit
+    size, spread = float(np.mean(amplitudes)), float(np.std(amplitudes) / np.sqrt(len(amplitudes)))
+    longest = max(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    noise = problem.noises[0].std
+    count = sum(len(e.output) for e in problem.experiments)
+    std_hz = float(np.sqrt(6.0 / count) * noise / max(size, 1e-12) / (np.pi * longest))
+    last = problem.plant.hooks[-1]
+    return Events(
+        "periodic_disturbance", last.stage, last.name, (),
+        {"frequency": (frequency, std_hz, "Hz"), "amplitude": (size, spread, unit)},
+        residuals,
+        f"A disturbance of {frequency:.4g} Hz with amplitude {size:.3g} {unit} runs through everything, whatever the "
+        "command does.",
+        "y = y₀ + a·sin(2πft + φ), φ by chance in each recording",
+    )  # fmt: skip
+
+
+def _common_line(problem: Problem, residuals: Array) -> float | None:
+    """The frequency whose line stands out most over all recordings together, away from the command's own lines."""
+    durations = [float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments]
+    rates = [1.0 / e.drive.interval_s for e in problem.experiments]
+    grid = np.arange(1.0, min(rates) / 2.0 * min(durations)) / min(durations)
+    grid = grid[grid > 3.0 / min(durations)]
+    total = np.zeros(len(grid))
+    for e, part in zip(problem.experiments, problem.output_slices(), strict=True):
+        r = residuals[part] * np.hanning(part.stop - part.start)
+        power = np.abs(np.fft.rfft(r)) ** 2 / len(r)
+        command = np.abs(np.fft.rfft((e.on_grid_input() - e.on_grid_input().mean()) * np.hanning(len(r)))) ** 2
+        power[command > 1e-4 * command.max()] = np.median(power)
+        own = np.fft.rfftfreq(len(r), e.drive.interval_s)
+        # the highest within a bin of the coarsest grid
+        edges = np.searchsorted(own, grid - 0.5 / min(durations))
+        total += np.maximum.reduceat(power, np.minimum(edges, len(power) - 1)) / np.median(power)
+    k = int(np.argmax(total))
+    return float(grid[k]) if total[k] > _LEAST_TONE_RATIO * len(problem.experiments) else None
+
+
+def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float:
+    """The frequency at which a tone takes most, on grids that become finer."""
+    width = 1.0 / min(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    best = frequency_hz
+    for scale in (1.0, 0.1, 0.01):
+        grid = best + width * scale * np.linspace(-1.0, 1.0, 21)
+        left = [float(np.sum(_without_tone(problem, residuals, f)[0] ** 2)) for f in grid]
+        best = float(grid[int(np.argmin(left))])
+    return best
+
+
+def _without_tone(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[float]]:
+    left, amplitudes = residuals.copy(), []
+    for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
+        phase = 2.0 * np.pi * frequency_hz * np.outer((1.0, 2.0, 3.0), e.time_s)
+        waves = np.vstack([np.sin(phase), np.cos(phase)])
+        level = e.output / max(float(np.abs(e.output).max()), 1e-12)
+        columns = np.vstack([waves, waves[[0, 3]] * level]).T
+        solution = np.linalg.lstsq(columns, left[part], rcond=None)[0]
+        left[part] -= columns @ solution
+        amplitudes.append(float(np.hypot(solution[0], solution[3]) * noise.std))
+    return left, amplitudes

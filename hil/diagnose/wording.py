@@ -1,0 +1,64 @@
+"""Numbers and findings in words that an operator understands."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+
+from hil.diagnose.diagnosis import ChangedParameter, Finding, Left, Quantity, Verdict
+from hil.diagnose.terms import Term
+from hil.physics.effect import Effect
+
+_PLACE = re.compile(r"\{(\w+)\}")
+
+
+def quantity_text(value: float, std: float | None, unit: str) -> str:
+    """`2.41 ± 0.12 %`: the 95 % interval, as many digits as it supports; a pure number has no unit."""
+    shown = "" if unit == "1" else f" {unit}"
+    if std is None or not math.isfinite(std) or std <= 0.0:
+        return f"{value:.3g}{shown}"
+    expanded = 1.96 * std
+    if expanded >= abs(value):
+        return f"{value:.2g} ± {expanded:.2g}{shown}"
+    digits = max(0, 1 - math.floor(math.log10(expanded)))
+    return f"{value:.{digits}f} ± {expanded:.{digits}f}{shown}"
+
+
+def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> str:
+    """The effect's sentence with its values; for a changed base parameter, what it was and what it is."""
+    if term.kind == "parameter":
+        before = quantity_text(term.nominal, None, term.unknowns[0].unit)
+        now = quantities[term.name]
+        title = effect.title[0].upper() + effect.title[1:]
+        return f"{title}: {now.meaning} is {quantity_text(now.value, now.std, now.unit)} instead of {before}."
+
+    def text(match: re.Match[str]) -> str:
+        q = quantities.get(match.group(1))
+        return match.group(0) if q is None else quantity_text(q.value, q.std, q.unit)
+
+    return _PLACE.sub(text, effect.sentence)
+
+
+def headline(verdict: Verdict, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left) -> str:
+    """The verdict in one sentence."""
+    names = " and ".join(f"{f.title} ({f.stage})" if f.stage else f.title for f in found)
+    if verdict == "consistent":
+        return "The model agrees with the recordings within their noise."
+    if verdict == "parameter_change":
+        return f"No physics is missing; the unit has changed: {_changes(changed)}."
+    if verdict == "explained":
+        return f"The model leaves out {names}; with it the recordings are explained down to what noise allows."
+    if verdict == "partly_explained":
+        return f"The model leaves out {names}, and something more: {100 * left.share:.2g} % of the misfit stays."
+    return (
+        f"The model and the recordings differ by {left.rms:.2g} {left.unit} (rms) beyond the noise, and nothing in the "
+        "library explains it."
+    )
+
+
+def _changes(changed: Sequence[ChangedParameter]) -> str:
+    return ", ".join(
+        f"{c.meaning} is {quantity_text(c.after, c.std, c.unit)} instead of {quantity_text(c.before, None, c.unit)}"
+        for c in changed
+    )
