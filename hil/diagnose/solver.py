@@ -23,7 +23,5 @@ def settled(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
             return problem, ()
         problem = replace(problem, factor=finer)
         coarse = problem.nominal_residuals
-    text = (
-        f"the simulation still changes by {error:.2g} times the noise between {now:g} and {finer:g} times finer steps"
-    )
+    text = f"with steps {_FINER[-1]:g} times finer the simulation still changes by {error:.2g} times the noise"
     return problem, (f"{text}; small effects cannot be told from the integrator",)
