@@ -1,0 +1,127 @@
+"""The folder is the catalog: every public module of a named package is an entry under its file name."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.catalog import KINDS, Entry, Kind, entries, find
+from hil.errors import FileError, UnknownNameError
+from hil.physics.compose import effects, kernel
+
+MOISTURE = '''"""Moisture: a made-up effect of a stranger."""
+
+from hil.physics.effect import Effect, EffectParameter, compiled
+
+
+@compiled
+def transform(value: float, share: float) -> float:
+    """Less by a share."""
+    return value * (1.0 - share)
+
+
+EFFECT = Effect(
+    name="moisture",
+    title="moisture",
+    hooks=("coil",),
+    parameters=(EffectParameter("share", "1", 0.0, 0.1, 0.0, 0.9, "share lost"),),
+    transform=transform,
+    starts=lambda _seen: [{"share": 0.1}],
+    equation="y = (1 - s)·u",
+    signature="less gain",
+    source="nobody, 2026",
+    sentence="Moisture takes {share}.",
+)
+'''
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
+    """Installs a stranger's package for one test: its entry point names it, its files are the entries."""
+
+    def installed(group: str, package: str, files: dict[str, str]) -> None:
+        folder = tmp_path / package
+        folder.mkdir()
+        for name, text in {"__init__.py": '"""A stranger\'s package."""\n', **files}.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        about = tmp_path / f"{package}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")
+        (about / "entry_points.txt").write_text(f"[{group}]\n{package} = {package}\n", encoding="utf-8")
+        monkeypatch.syspath_prepend(str(tmp_path))
+        forget()
+
+    forget()
+    yield installed
+    forget()
+
+
+def forget() -> None:
+    for remembered in (entries, effects, kernel):
+        remembered.cache_clear()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_entry_has_a_summary_and_loads(kind: Kind) -> None:
+    for entry in entries(kind):
+        assert entry.summary, f"{entry.path}: the first line of its docstring is what `hil list` prints"
+        assert entry.path.is_file()
+        assert not entry.name.startswith("_")
+        assert find(kind, entry.name) is entry
+    assert [entry.name for entry in entries(kind)] == sorted(entry.name for entry in entries(kind))
+
+
+@pytest.mark.parametrize("kind", ["plants", "effects"])
+def test_entries_of_the_core_load(kind: Kind) -> None:
+    for entry in entries(kind):
+        assert entry.load().__name__ == entry.module
+
+
+def test_dashes_and_underlines_are_the_same() -> None:
+    assert find("plants", "brevini_hpv41").name == "brevini-hpv41"
+    assert find("effects", "dead-time").name == "dead_time"
+
+
+def test_a_name_that_nobody_has() -> None:
+    with pytest.raises(
+        UnknownNameError, match=r"no effect named 'fricton', did you mean 'friction'\? known: asymmetry"
+    ):
+        find("effects", "fricton")
+    with pytest.raises(UnknownNameError, match="no plant named 'xyz'; known: brevini-hpv41, cummins-efc"):
+        find("plants", "xyz")
+
+
+def test_a_stranger_adds_an_effect_with_one_file(install) -> None:
+    install("hil.effects", "damp", {"moisture.py": MOISTURE, "_helper.py": "raise RuntimeError\n"})
+    assert "moisture" in [effect.name for effect in effects()]
+    assert ("moisture", "coil") in [site.key for site in kernel("linear-axis").sites]
+    assert find("effects", "moisture").summary == "Moisture: a made-up effect of a stranger."
+
+
+def test_a_stranger_may_not_take_a_name_that_is_in_use(install) -> None:
+    install("hil.effects", "rival", {"friction.py": MOISTURE})
+    with pytest.raises(FileError, match=r"'friction' is provided twice: hil\.physics\.effects\.friction and rival\."):
+        entries("effects")
+
+
+def test_an_entry_that_lacks_a_package_says_which(install) -> None:
+    install("hil.drivers", "needy", {"acme.py": '"""Acme."""\nimport acme_sdk\n'})
+    entry = find("drivers", "acme")
+    assert entry.summary == "Acme."  # listing it needs nothing
+    with pytest.raises(FileError, match="driver 'acme' needs the package 'acme_sdk', which is not installed"):
+        entry.load()
+
+
+def test_an_entry_point_that_names_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, install) -> None:
+    install("hil.drivers", "ghost", {})
+    (tmp_path / "ghost-1.0.dist-info" / "entry_points.txt").write_text("[hil.drivers]\nghost = ghastly\n")
+    with pytest.raises(FileError, match="entry point 'ghastly' for drivers is not an importable package"):
+        entries("drivers")
+
+
+def test_a_summary_is_read_without_importing(tmp_path: Path) -> None:
+    path = tmp_path / "explosive.py"
+    path.write_text('"""What it is.\n\nMore."""\nraise RuntimeError("imported")\n', encoding="utf-8")
+    assert Entry("drivers", "explosive", "explosive", path).summary == "What it is."

@@ -1,0 +1,78 @@
+"""Units at the doors, and the tree of errors with its exit statuses."""
+
+from __future__ import annotations
+
+import inspect
+import re
+
+import numpy as np
+import pytest
+
+from hil import errors
+from hil.errors import HardwareError, HilError, InputError, UnitError, UnknownNameError
+from hil.units import check_unit, convert, scale_and_offset
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "to", "found"),
+    [
+        (50.0, "%", "1", 0.5),
+        (1.0, "bar", "psi", 14.503773773),
+        (3.0, "gpm", "l/min", 11.356235352),
+        (1.0, "lpm", "m3/s", 1.0 / 60000.0),
+        (25.0, "°C", "degF", 77.0),
+        (250.0, "mA", "A", 0.25),
+        (1.0, "inch", "mm", 25.4),
+        (3000.0, "rpm", "rad/s", 314.159265359),
+        (2.0, "psig", "psi", 2.0),
+        (7.0, "l/min", "l/min", 7.0),
+    ],
+)
+def test_values_are_converted(value: float, unit: str, to: str, found: float) -> None:
+    assert convert(np.array([value]), unit, to)[0] == pytest.approx(found, rel=1e-9)
+
+
+@pytest.mark.parametrize(("unit", "to"), [("bar", "kPa"), ("°C", "degF"), ("%", "1"), ("mm", "inch")])
+def test_there_and_back(unit: str, to: str) -> None:
+    values = np.array([-3.0, 0.0, 1.0, 250.0])
+    assert np.allclose(convert(convert(values, unit, to), to, unit), values, atol=1e-9)
+
+
+def test_nothing_to_convert_is_the_same_array() -> None:
+    values = np.array([1.0, 2.0])
+    assert convert(values, "bar", "bar") is values
+    assert convert(values, "1", "") is values
+
+
+@pytest.mark.parametrize(("unit", "to"), [("kg", "l/min"), ("V", "A"), ("%", "bar")])
+def test_what_measures_something_else_is_refused(unit: str, to: str) -> None:
+    with pytest.raises(UnitError, match=f"unit '{unit}' cannot be read as '{to}': they measure different things"):
+        scale_and_offset(unit, to)
+
+
+@pytest.mark.parametrize("unit", ["blorp", "l/minn", "3 apples"])
+def test_an_unknown_unit_comes_with_examples(unit: str) -> None:
+    with pytest.raises(UnitError, match=f"unknown unit '{unit}'; examples: %, V, mA"):
+        check_unit(unit)
+
+
+def all_errors() -> list[type[HilError]]:
+    return [found for _, found in inspect.getmembers(errors, inspect.isclass) if issubclass(found, HilError)]
+
+
+def test_bad_input_is_2_and_broken_hardware_3() -> None:
+    for found in all_errors():
+        assert found.exit_status == (3 if issubclass(found, HardwareError) else 2)
+        assert found is HilError or issubclass(found, InputError) != issubclass(found, HardwareError)
+
+
+def test_the_tree_in_the_documentation_is_the_tree() -> None:
+    shown = set(re.findall(r"── (\w+)", errors.__doc__ or ""))
+    assert shown == {found.__name__ for found in all_errors()} - {"HilError"}
+
+
+def test_an_unknown_name_lists_what_there_is() -> None:
+    error = UnknownNameError("plant", "valve", ["b", "a"])
+    assert str(error) == "no plant named 'valve'; known: a, b"
+    assert str(UnknownNameError("plant", "valve", [])) == "no plant named 'valve'; known: none"
+    assert "did you mean 'brevini'" in str(UnknownNameError("plant", "brevinni", ["brevini"]))
