@@ -27,6 +27,8 @@ SECOND_SHARE = 0.75
 # An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
 # more than this share, and every other one leaves so many times more.
 PART_TOLERANCE, ALONE_BY = 0.1, 3.0
+# A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
+MOVED_SIGMAS = 3.0
 # A value this many standard uncertainties from its null is there.
 PRESENT_SIGMAS = 5.0
 
@@ -154,7 +156,7 @@ class _Judge:
         return [
             p.name
             for p, std in zip(self.problem.base, stds, strict=True)
-            if abs(parameters[p.name] - nominal[p.name]) > std
+            if abs(parameters[p.name] - nominal[p.name]) > MOVED_SIGMAS * std
         ]
 
     def _parameter_terms(self, at: Fitted, names: Sequence[str]) -> Fitted:

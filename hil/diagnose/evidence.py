@@ -28,12 +28,14 @@ class Judged:
         fitted: the explanation, with values from all data.
         fit_held_out: in %, of the output, over all recordings.
         chi2_held_out: of the whitened residuals kept back; `count`: their number.
+        prior_cost: of base parameters that had to move for it.
     """
 
     fitted: Fitted
     fit_held_out: float
     chi2_held_out: float
     count: int
+    prior_cost: float
 
 
 def training_half(problem: Problem) -> Mask:
@@ -46,12 +48,11 @@ def training_half(problem: Problem) -> Mask:
 def judge(problem: Problem, fitted: Fitted) -> Judged:
     """Refit on the training half, starting from the values that all data gave, and judge on the other half."""
     train = training_half(problem)
-    if not fitted.terms:
-        r = fitted.residuals
-    else:
-        r = polish(problem, fitted, keep=train, evaluations=_REFIT_EVALUATIONS).residuals
-    held_out = ~train
-    return Judged(fitted, held_out_fit(problem, r, held_out), float(r[held_out] @ r[held_out]), int(held_out.sum()))
+    refitted = polish(problem, fitted, keep=train, evaluations=_REFIT_EVALUATIONS) if fitted.terms else fitted
+    r, held_out = refitted.residuals, ~train
+    prior_cost = refitted.chi2 - float(r[train] @ r[train]) if fitted.terms else 0.0
+    chi2 = float(r[held_out] @ r[held_out])
+    return Judged(fitted, held_out_fit(problem, r, held_out), chi2, int(held_out.sum()), prior_cost)
 
 
 def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
@@ -65,7 +66,7 @@ def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
         errors += float(np.sum((residuals[part][kept] * noise.std) ** 2))
         measured = e.output[kept]
         spreads += float(np.sum((measured - measured.mean()) ** 2))
-    return 100.0 * (1.0 - np.sqrt(errors / spreads)) if spreads else float("nan")
+    return 100.0 * (1.0 - float(np.sqrt(errors / spreads))) if spreads else float("nan")
 
 
 def ceiling(problem: Problem) -> float:
@@ -82,9 +83,11 @@ def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
     """
     if not judged:
         return []
-    best = min(j.chi2_held_out for j in judged)
-    spread = max(1.0, best / judged[0].count)
-    logs = np.array([-0.5 * (j.chi2_held_out - best) / spread - 2.0 * j.fitted.unknowns for j in judged])
+    costs = [j.chi2_held_out + j.prior_cost for j in judged]
+    spread = max(1.0, min(j.chi2_held_out for j in judged) / judged[0].count)
+    logs = np.array(
+        [-0.5 * (c - min(costs)) / spread - 2.0 * j.fitted.unknowns for c, j in zip(costs, judged, strict=True)]
+    )
     weights = np.exp(np.maximum(logs - logs.max(), -700.0))
     shares = (1.0 - unexplained) * weights / weights.sum()
     return [float(share) for share in shares]

@@ -17,9 +17,8 @@ from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
 # A unit that was identified once drifts a little without anything being wrong with it: this share of each
-# parameter's size, beside three of its standard uncertainties, is not news.
+# parameter's size, beside its standard uncertainty, is not news.
 _DRIFT_SHARE = 0.005
-_SIGMAS = 3.0
 # A channel's own floor stands in for the model's noise when they differ by more than this factor.
 _SAME_NOISE = 1.25
 
@@ -60,12 +59,12 @@ class Problem:
         known = self.model.covariance
         if known is None:
             stds = [self.model.parameters[name].std or 0.0 for name in names]
-            return covariance + _SIGMAS**2 * np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
+            return covariance + np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
         at = [known.names.index(name) if name in known.names else None for name in names]
         for i, row in enumerate(at):
             for j, column in enumerate(at):
                 if row is not None and column is not None:
-                    covariance[i, j] += _SIGMAS**2 * known.matrix[row][column]
+                    covariance[i, j] += known.matrix[row][column]
         return covariance
 
     @cached_property
