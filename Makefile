@@ -26,5 +26,12 @@ check: $(STAMP)  ## format, lint, types, import layers
 test: $(STAMP) check  ## everything CI asks for
 	$(BIN)/pytest -n 2 --dist loadgroup
 
+$(VENV)/.bench-installed: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	@touch $@
+
+bench: $(VENV)/.bench-installed  ## every benchmark beside its peers, one table of times and ratios
+	$(BIN)/python benchmarks
+
 clean:           ## remove the environment and everything generated
 	rm -rf $(VENV) demo proof .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -11,9 +11,7 @@ from __future__ import annotations
 
 import math
 import os
-import statistics
 import sys
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -23,6 +21,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hil` itself does; peer
 
 import numpy as np
 from numpy.typing import NDArray
+from table import Row, milliseconds, show
 
 from hil.identify.experiment import experiment
 from hil.identify.frequency_response import FrequencyResponse, from_table
@@ -40,7 +39,6 @@ from hil.signals.sine_fit import sine_fit
 from hil.signals.steps import binary_sequence
 
 Array = NDArray[np.float64]
-Row = tuple[str, float, str]
 
 TRUTH = RUNS[1]
 COEFFICIENTS = np.array([TRUTH.b1, TRUTH.b0, TRUTH.a2, TRUTH.a1, TRUTH.a0])
@@ -56,22 +54,7 @@ def main() -> None:
         ("transfer function from 25 lines", transfer_function_rows(draws)),
         ("transfer function from 20 s in time", time_rows(3)),
     ):
-        found = list(rows)
-        unit = found[0][1]
-        print(f"\n{title}\n  {'':44}{'ms':>9}{'ratio':>8}  error")
-        for name, ms, error in found:
-            print(f"  {name:44}{ms:9.2f}{ms / unit:8.2g}  {error}")
-
-
-def milliseconds(function: Callable[[], Any], repeats: int = 15) -> float:
-    """Median time of a call, after one to warm up."""
-    function()
-    taken = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        function()
-        taken.append(1e3 * (time.perf_counter() - start))
-    return statistics.median(taken)
+        show(title, rows)
 
 
 # -- sine fits ---------------------------------------------------------------------------------------------
@@ -117,7 +100,9 @@ def sine_rows(frequency_hz: float, draws: int) -> Iterator[Row]:
     for name, fit, count in peers:
         errors = np.array([fit(y) - 10.0 for y in recordings[:count]])
         rms = float(np.sqrt(np.mean(errors**2)))
-        yield name, milliseconds(lambda fit=fit: fit(recordings[0])), f"{rms / bound:6.2f} × bound of known frequency"
+        yield Row(
+            name, milliseconds(lambda fit=fit: fit(recordings[0])), f"{rms / bound:6.2f} × bound of known frequency"
+        )
 
 
 def variance_rows(draws: int) -> Iterator[Row]:
@@ -130,7 +115,7 @@ def variance_rows(draws: int) -> Iterator[Row]:
     exact = np.mean([fit.bound[1:3, 1:3].trace() / fit.residual_std**2 for fit in fits[:5]])
     ratio = (np.var(phasors.real) + np.var(phasors.imag)) / exact
     ms = milliseconds(lambda: sine_fit(t, clean, 1.7))
-    yield f"hil sine_fit, {draws} draws", ms, f"{ratio:.3f} ± {1 / math.sqrt(draws):.3f}"
+    yield Row(f"hil sine_fit, {draws} draws", ms, f"{ratio:.3f} ± {1 / math.sqrt(draws):.3f}; bar 1.02")
 
 
 # -- transfer functions ------------------------------------------------------------------------------------
@@ -188,11 +173,12 @@ def transfer_function_rows(draws: int) -> Iterator[Row]:
         errors = np.array([fit(response) - COEFFICIENTS for response in responses]) / bound
         rms = np.sqrt(np.mean(errors**2, axis=0))
         ms = milliseconds(lambda fit=fit: fit(responses[0]))
-        yield name, ms, f"{rms.min():.2f} … {rms.max():.2f} × bound"
+        yield Row(name, ms, f"{rms.min():.2f} … {rms.max():.2f} × bound")
     form = fit_transfer_function(responses[0]).form
     ms = milliseconds(lambda: fit_transfer_function(responses[0]), 3)
     delay = "a" if form.dead_time else "no"
-    yield "hil, form by evidence", ms, f"chose {form.poles} poles, {form.zeros} zero, {delay} dead time"
+    note = f"chose {form.poles} poles, {form.zeros} zero, {delay} dead time"
+    yield Row("hil, form by evidence", ms, note)
 
 
 def bench_recording() -> Recording:
@@ -231,7 +217,7 @@ def time_rows(repeats: int) -> Iterator[Row]:
         ("python-control markov + era, order 3 given", markov_and_era),
     ):
         error = np.linalg.norm(fit() - exact) / np.linalg.norm(exact)
-        yield name, milliseconds(fit, repeats), f"{100 * error:.2f} % of the response"
+        yield Row(name, milliseconds(fit, repeats), f"{100 * error:.2f} % of the response")
 
 
 if __name__ == "__main__":

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+from table import Row, show
 
 from hil.record.folder import RunWriter, read
 from hil.record.recording import Array
@@ -100,7 +101,7 @@ def measure(writer: Writer, path: Path, made: list[tuple[Array, Array]]) -> tupl
     return time.perf_counter() - start_s, float(np.percentile(each_s, 99)) * 1e3
 
 
-def writing(seconds: float, folder: Path) -> None:
+def writing(seconds: float, folder: Path) -> Iterator[Row]:
     """Every writer in turn, the whole turn several times; the best of each counts, so that neighbours do not."""
     made = blocks(seconds)
     best = dict.fromkeys(WRITERS, (float("inf"), float("inf")))
@@ -108,11 +109,8 @@ def writing(seconds: float, folder: Path) -> None:
         for name, writer in WRITERS.items():
             wall_s, p99_ms = measure(writer, folder / f"{name} {turn}", made)
             best[name] = (min(best[name][0], wall_s), min(best[name][1], p99_ms))
-    print(f"{seconds:g} s of {CHANNELS} channels x {RATE_HZ / 1e3:g} kS/s in blocks of {BLOCK_S * 1e3:g} ms")
-    print(f"{'writer':30}{'x real time':>12}{'of ours':>9}{'block p99 ms':>14}")
-    ours_s = best["run folder"][0]
     for name, (wall_s, p99_ms) in best.items():
-        print(f"{name:30}{seconds / wall_s:12.0f}{ours_s / wall_s:9.2f}{p99_ms:14.3f}")
+        yield Row(name, 1e3 * wall_s, f"{seconds / wall_s:.0f} × real time, 99 % of blocks within {p99_ms:.3f} ms")
 
 
 def timed(call: Callable[[], object]) -> float:
@@ -121,19 +119,21 @@ def timed(call: Callable[[], object]) -> float:
     return time.perf_counter() - start_s
 
 
-def reading(folder: Path) -> None:
+def reading(folder: Path) -> Iterator[Row]:
     path = folder / "run folder 0"
     size_mb = (path / "samples.f8").stat().st_size / 1e6
     checked_s = min(timed(lambda: read(path)) for _ in range(TURNS))
+    yield Row("run folder, verified", 1e3 * checked_s, f"{size_mb:.0f} MB")
     raw_s = min(timed(lambda: np.fromfile(path / "samples.f8", "<f8")) for _ in range(TURNS))
-    print(f"read and verified {size_mb:.0f} MB: {checked_s:.2f} s, {checked_s / raw_s:.1f} x a bare read of the file")
+    yield Row("a bare read of the file", 1e3 * raw_s)
 
 
 def main() -> None:
     seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+    what = f"{seconds:g} s of {CHANNELS} channels x {RATE_HZ / 1e3:g} kS/s in blocks of {BLOCK_S * 1e3:g} ms"
     with tempfile.TemporaryDirectory() as folder:
-        writing(seconds, Path(folder))
-        reading(Path(folder))
+        show(f"recording {what}", writing(seconds, Path(folder)))
+        show("reading it back", reading(Path(folder)))
 
 
 if __name__ == "__main__":

@@ -11,16 +11,19 @@ from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
+from table import Row, show
 
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 
 RATE_HZ, RUNS, RUN_S = 1000.0, 6, 207.0
-BLOCKS_S = (0.1, 1.0, 10.0)
+BENCH_S = RUNS * RUN_S
+BLOCKS_S = (1.0, 0.1, 10.0)
 
 
 def stepped_sine() -> list[np.ndarray]:
@@ -45,14 +48,16 @@ def measure(folder: Path, block_s: float) -> tuple[float, float]:
         return time.perf_counter() - wall_s, time.process_time() - cpu_s
 
 
-def main() -> None:
-    bench_s = RUNS * RUN_S
-    print(f"{bench_s:g} s of bench time, {round(bench_s * RATE_HZ)} samples of 5 channels, 5 interlocks")
-    print(f"{'block s':>8}{'wall s':>9}{'x real time':>13}{'processor s':>13}{'x real time':>13}")
+def rows() -> Iterator[Row]:
     with tempfile.TemporaryDirectory() as folder:
         for block_s in BLOCKS_S:
             wall_s, cpu_s = measure(Path(folder), block_s)
-            print(f"{block_s:8g}{wall_s:9.2f}{bench_s / wall_s:13.0f}{cpu_s:13.2f}{bench_s / cpu_s:13.0f}")
+            note = f"{BENCH_S / wall_s:.0f} × real time; {BENCH_S / cpu_s:.0f} × by processor time"
+            yield Row(f"blocks of {block_s:g} s", 1e3 * wall_s, note)
+
+
+def main() -> None:
+    show(f"{BENCH_S:g} s of bench time, {round(BENCH_S * RATE_HZ)} samples of 5 channels, 5 interlocks", rows())
 
 
 if __name__ == "__main__":

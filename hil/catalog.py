@@ -11,6 +11,7 @@ import ast
 import importlib
 import importlib.util
 import pkgutil
+import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -39,9 +40,14 @@ class Entry:
 
     @property
     def summary(self) -> str:
-        """The first line of the module's docstring, read without importing it."""
-        doc = ast.get_docstring(ast.parse(self.path.read_text(encoding="utf-8"))) or ""
-        return doc.split("\n", 1)[0]
+        """The first line of the module's docstring, read without importing it, nor more of it than that."""
+        with self.path.open(encoding="utf-8") as file:
+            for token in tokenize.generate_tokens(file.readline):
+                if token.type == tokenize.STRING:
+                    return str(ast.literal_eval(token.string)).strip().split("\n", 1)[0]
+                if token.type not in (tokenize.COMMENT, tokenize.NL):
+                    break
+        return ""
 
     def load(self) -> ModuleType:
         """The imported module.

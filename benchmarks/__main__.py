@@ -1,0 +1,39 @@
+"""Every benchmark in one run, one table: `make bench`.
+
+    python benchmarks [NAME]...
+
+Times are medians in ms, ratios are over the first row of each task, which is ours. What the machine was doing
+meanwhile is printed first, because ratios of a busy machine say less.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+from datetime import UTC, datetime
+from importlib import import_module
+
+NAMES = ("cold_start", "identification", "plant", "recording", "virtual_time", "frequency_response")
+
+
+def main() -> None:
+    chosen = sys.argv[1:] or list(NAMES)
+    sys.argv[1:] = []
+    print(f"{datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {processor()}, {os.cpu_count()} cores, "
+          f"Python {platform.python_version()}, load {os.getloadavg()[0]:.1f}")  # fmt: skip
+    for name in chosen:
+        import_module(name).main()
+
+
+def processor() -> str:
+    """What the processor calls itself."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:  # noqa: PTH123
+            return next(line.split(": ")[1].strip() for line in file if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+if __name__ == "__main__":
+    main()
