@@ -99,7 +99,7 @@ def _effect_term(site: Site, seen: Seen) -> Term:
     typical = {p.name: p.typical for p in there}
     starts = tuple(
         tuple(float(np.clip({**typical, **start}[p.name], p.low, p.high)) for p in there)
-        for start in site.effect.starts(seen)
+        for start in site.effect.starts_at(site.hook, seen)
     )
     unknowns = tuple(
         Unknown(p.name, p.unit, p.typical, p.low, p.high, _size(p, starts, k)) for k, p in enumerate(there)

@@ -43,6 +43,8 @@ def hold_first(value: float, state: Any) -> float:
 class EffectParameter:
     """A parameter of an effect. Where `unit` contains `{value}`, size and bounds are shares of full scale.
 
+    `{motion}` stands for the unit of travel at a force hook; it is that of the value unless the hook says otherwise.
+
     `null` is the value at which the effect does nothing (infinity for a limit); None for shape parameters,
     which may have any value while the effect is null (a Stribeck velocity, a frequency).
     """
@@ -57,9 +59,15 @@ class EffectParameter:
 
     def at(self, hook: Hook) -> Parameter:
         """The parameter in the units of a hook of a plant."""
-        scale = hook.full_scale if "{value}" in self.unit else 1.0
-        unit = self.unit.replace("{value}", hook.unit)
+        scale = self.scale_at(hook)
+        unit = self.unit.replace("{value}", hook.unit).replace("{motion}", hook.motion_unit or hook.unit)
         return Parameter(self.name, unit, self.typical * scale, self.low * scale, self.high * scale, self.meaning)
+
+    def scale_at(self, hook: Hook) -> float:
+        """What a share of one is at a hook; 1 for parameters that are no shares."""
+        if "{motion}" in self.unit:
+            return hook.motion_scale or hook.full_scale
+        return hook.full_scale if "{value}" in self.unit else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +139,10 @@ class Effect:
         """Values at which the effect does nothing, in the units of a hook."""
         nulls = {}
         for own, there in zip(self.parameters, self.parameters_at(hook), strict=True):
-            scale = hook.full_scale if "{value}" in own.unit else 1.0
-            nulls[own.name] = there.typical if own.null is None else own.null * scale
+            nulls[own.name] = there.typical if own.null is None else own.null * own.scale_at(hook)
         return nulls
+
+    def starts_at(self, hook: Hook, seen: Seen) -> list[dict[str, float]]:
+        """Starts in the units of a hook: `starts` counts travel in the unit of the value."""
+        shares = {p.name: p.scale_at(hook) / hook.full_scale for p in self.parameters if "{motion}" in p.unit}
+        return [{name: value * shares.get(name, 1.0) for name, value in start.items()} for start in self.starts(seen)]

@@ -65,6 +65,8 @@ class Hook:
         unit, full_scale: of the value that passes; effects scale their bounds and typical values by it.
         extra: what else the page hands over at this hook. `mobility` marks a force hook: effects return a
             force, each takes its share of the free velocity, and the hook returns their sum.
+        motion_unit, motion_scale: of the travel of the part that a force acts on, where it is not counted in the
+            unit of the force.
     """
 
     name: str
@@ -72,6 +74,8 @@ class Hook:
     unit: str
     full_scale: float
     extra: str = ""
+    motion_unit: str = ""
+    motion_scale: float = 0.0
 
     @property
     def is_force(self) -> bool:

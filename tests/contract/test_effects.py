@@ -121,7 +121,7 @@ def test_its_parameters_are_sane(effect: Effect) -> None:
         assert math.isfinite(parameter.low) and math.isfinite(parameter.high)
         if parameter.null is not None:
             assert math.isinf(parameter.null) or parameter.low <= parameter.null <= parameter.high
-        check_unit(parameter.unit.replace("{value}", "V"))
+        check_unit(parameter.unit.replace("{value}", "V").replace("{motion}", "mm"))
         assert parameter.meaning
 
 

@@ -75,8 +75,8 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("coulomb", "{value}", 0.0, 0.02, 0.0, 0.2, "sliding friction as the command it withstands"),
         EffectParameter("stiction", "1", None, 1.2, 1.0, 3.0, "static over sliding friction"),
-        EffectParameter("stribeck", "{value}/s", None, 0.1, 0.005, 5.0, "speed at which stiction has faded"),
-        EffectParameter("presliding", "{value}", None, 0.002, 1e-5, 0.05, "elastic give before it breaks away"),
+        EffectParameter("stribeck", "{motion}/s", None, 0.1, 0.005, 5.0, "speed at which stiction has faded"),
+        EffectParameter("presliding", "{motion}", None, 0.002, 1e-5, 0.05, "elastic give before it breaks away"),
     ),
     transform=transform,
     starts=starts,

@@ -63,7 +63,7 @@ PLANT = Plant(
     hooks=(
         Hook("command", "command", "N", 500.0),
         Hook("coil", "drive", "N", 500.0),
-        Hook("force", "guide", "N", 500.0, extra="mobility"),
+        Hook("force", "guide", "N", 500.0, extra="mobility", motion_unit="m", motion_scale=0.25),
         Hook("load", "carriage", "m", 0.25),
         Hook("sensor", "sensor", "m", 0.25),
     ),
