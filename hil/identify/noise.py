@@ -92,15 +92,16 @@ def measured_noise(
     """The noise of recordings, given what the best model left of them.
 
     Where an input repeats itself, the periods tell noise from misfit; elsewhere the fourth differences do. The
-    residuals' own level and colour are taken only when they agree with that: a misfit must not pass for noise.
+    residuals' own level and colour are taken only when they agree with that: a misfit must not pass for noise. A
+    channel that stands still most of the time has at least the noise of its resolution.
     """
     differences = [d for u, y in zip(inputs, outputs, strict=True) if (d := repeat_difference(u, y)) is not None]
     left = noise_of(residuals, step_s)
     if differences:
         repeats = noise_of(differences, step_s)
         return left if left.std < _AGREEING * repeats.std else repeats
-    floor = float(np.sqrt(np.mean([white_floor(y) ** 2 for y in outputs])))
-    return left if left.std < _AGREEING * floor or floor == 0.0 else Noise(floor)
+    floor = float(np.sqrt(np.mean([channel_floor(y) ** 2 for y in outputs])))
+    return left if left.std < _AGREEING * floor else Noise(floor)
 
 
 def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:
