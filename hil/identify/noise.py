@@ -15,6 +15,7 @@ _LONGEST_MEMORY = 8
 # Noise is called coloured only when a longer memory makes this much of its variance predictable.
 _TELLING_SHARE = 0.01
 _AGREEING = 1.15
+_WHITE_SHARE = 1e-9
 
 
 def white_floor(values: Array) -> float:
@@ -43,6 +44,7 @@ def noise_of(residuals: Sequence[Array], interval_s: float) -> Noise:
     """
     correlation = _autocorrelation(residuals, _LONGEST_MEMORY)
     std = float(np.sqrt(correlation[0]))
+    correlation[0] *= 1.0 + _WHITE_SHARE  # residuals may be so smooth that they predict themselves
     best: tuple[float, ...] = ()
     left = correlation[0]
     for order in range(1, _LONGEST_MEMORY + 1):
