@@ -16,6 +16,7 @@ _LONGEST_MEMORY = 8
 _TELLING_SHARE = 0.01
 _AGREEING = 1.15
 _WHITE_SHARE = 1e-9
+_STILL_MOVING = 0.1
 
 
 def white_floor(values: Array) -> float:
@@ -58,7 +59,8 @@ def noise_of(residuals: Sequence[Array], interval_s: float) -> Noise:
 def repeat_difference(inputs: Array, output: Array) -> Array | None:
     """What differs between two periods of a periodic recording, scaled to one: noise and nothing else.
 
-    A misfit repeats with the input, noise does not. None when the input does not repeat itself.
+    A misfit repeats with the input, noise does not. None when the input does not repeat itself; rest after rest is
+    no repetition.
     """
     n = len(output)
     power = float(np.var(inputs))
@@ -67,12 +69,21 @@ def repeat_difference(inputs: Array, output: Array) -> Array | None:
         return None
     lags = np.arange(shortest, longest)
     mismatch = _mean_square_difference(inputs)[lags]
-    good = lags[mismatch < 1e-8 * power]
+    good = lags[(mismatch < 1e-8 * power) & (_variance_from(inputs)[lags] > _STILL_MOVING * power)]
     if not good.size:
         return None
     lag = int(good[0])
     difference: Array = (output[lag:] - output[:-lag])[n // 20 :] / np.sqrt(2.0)
     return difference
+
+
+def _variance_from(values: Array) -> Array:
+    """Variance of v(t ≥ lag) for every lag."""
+    counts = np.arange(len(values), 0, -1)
+    centred = values - values.mean()
+    means = np.cumsum(centred[::-1])[::-1] / counts
+    result: Array = np.cumsum(centred[::-1] ** 2)[::-1] / counts - means**2
+    return result
 
 
 def _mean_square_difference(values: Array) -> Array:
