@@ -54,8 +54,7 @@ def command(
         typer.echo(f"hil: stopped; outputs are safe, what was recorded is kept in {folder}", err=True)
         raise typer.Exit(143 if isinstance(stopped, Terminated) else 130) from None
     typer.echo(findings_text(outcome.findings))
-    if outcome.report is not None:
-        typer.echo(f"report: {outcome.report}")
+    typer.echo(f"report: {outcome.report}")
     raise typer.Exit(outcome.exit_status)
 
 

@@ -14,11 +14,11 @@ FINDINGS_FILE, REPORT_FILE = "findings.json", "report.html"
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a run left behind: its folder, what was found in it, and the report, where one was written."""
+    """What a run left behind: its folder, what was found in it, and the report."""
 
     folder: Path
     findings: Findings
-    report: Path | None
+    report: Path
 
     @property
     def exit_status(self) -> int:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
-import importlib.util
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -14,15 +12,13 @@ from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.bench.rig import Progress
 from hil.record.folder import read
-from hil.record.measurement import Findings, Limit
-from hil.record.recording import Recording
+from hil.record.measurement import Limit
+from hil.report.run_page import write_run_report
 from hil.safety.interrupt import terminable
 from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome, write_findings
 from hil.session.procedure import Procedure
 from hil.session.setting import parse_settings
-
-_REPORT = "hil.report.run_page"
 
 
 def run_procedure(
@@ -70,15 +66,9 @@ def evaluate_run(procedure: Procedure, folder: Path) -> Outcome:
     recording = read(folder)
     findings = procedure.evaluate(recording).judged(limits_of(recording.meta))
     write_findings(findings, folder)
-    return Outcome(folder, findings, _report(recording, findings, folder / REPORT_FILE))
+    write_run_report(recording, findings, folder / REPORT_FILE)
+    return Outcome(folder, findings, folder / REPORT_FILE)
 
 
 def _acceptance(bench: Bench, procedure: str) -> dict[str, Limit]:
     return {name: Limit(limit.low, limit.high) for name, limit in bench.acceptance.get(procedure, {}).items()}
-
-
-def _report(recording: Recording, findings: Findings, path: Path) -> Path | None:
-    if importlib.util.find_spec("hil.report") is None:
-        return None
-    importlib.import_module(_REPORT).write_run_report(recording, findings, path)
-    return path

@@ -101,6 +101,8 @@ def test_run_leaves_samples_findings_and_verdict(tiny: Procedure, bench: BenchFi
     assert (outcome.findings.verdict, outcome.exit_status) == ("pass", 0)
     found = json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))
     assert [measured["name"] for measured in found["measured"]] == ["rise", "noise"]
+    assert outcome.report == tmp_path / "run" / "report.html"
+    assert "Brevini HPV41" in outcome.report.read_text(encoding="utf-8")
     run = read_recording(tmp_path / "run")
     assert run.meta["settings"] == {"levels": [50.0], "hold_s": 2.0, "limit": None, "repeat": 2, "slow": False,
                                     "kind": "step"}  # fmt: skip

@@ -1,0 +1,139 @@
+"""The one style of every drawing, and drawings as SVG inside a page: text stays text, bytes repeat."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.record.recording import Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+# Okabe and Ito's colours, in an order in which neighbours also differ in grey; lines differ in their dashes too.
+INK, SOFT, GRID, FAINT = "#1b1f24", "#59626d", "#e3e6ea", "#eef0f3"
+BLUE, RED, GREEN, AMBER, SKY, PINK = "#0072b2", "#d55e00", "#009e73", "#e69f00", "#56b4e9", "#a8578a"
+SERIES = (BLUE, RED, GREEN, PINK, AMBER, SKY, INK)
+DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
+    "-", (0, (5, 1.6)), (0, (1.2, 1.4)), (0, (7, 1.6, 1.2, 1.6)), (0, (3, 2.5)), "-", (0, (5, 1.6)),
+)  # fmt: skip
+MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+
+WIDTH_IN = 8.4
+_POINTS = 900  # columns of a drawing: more samples are drawn as the span of each column
+
+_STYLE = {
+    "svg.fonttype": "none", "font.family": "DejaVu Sans", "font.size": 8.5,
+    "axes.titlesize": 8.5, "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.titlepad": 6.0,
+    "axes.labelsize": 8.5, "axes.labelcolor": INK, "axes.edgecolor": SOFT, "axes.linewidth": 0.7,
+    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
+    "axes.formatter.use_mathtext": False, "axes.formatter.useoffset": False, "axes.unicode_minus": True,
+    "grid.color": GRID, "grid.linewidth": 0.6, "text.color": INK,
+    "xtick.color": SOFT, "ytick.color": SOFT, "xtick.labelsize": 8, "ytick.labelsize": 8,
+    "xtick.labelcolor": INK, "ytick.labelcolor": INK, "xtick.major.width": 0.7, "ytick.major.width": 0.7,
+    "xtick.minor.width": 0.5, "ytick.minor.width": 0.5, "xtick.major.size": 3, "ytick.major.size": 3,
+    "lines.linewidth": 1.3, "lines.markersize": 3.6, "lines.solid_joinstyle": "round",
+    "legend.frameon": False, "legend.fontsize": 8, "legend.handlelength": 2.4, "legend.borderaxespad": 0.2,
+    "figure.constrained_layout.use": True, "figure.constrained_layout.h_pad": 0.06, "path.simplify": True,
+}  # fmt: skip
+_FONT = "'Helvetica Neue',Helvetica,Arial,'Liberation Sans',sans-serif"
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """A drawing with its caption. `svg` is markup of our own, with every text in it escaped."""
+
+    svg: str
+    caption: str = ""
+
+
+def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: str = "", *, alt: str = "") -> Picture:
+    """A picture of the page's width.
+
+    Args:
+        name: unlike any other on the page.
+        height_in: of the picture, in inches.
+        draw: fills the empty figure.
+        caption: below the picture.
+        alt: what it shows, for those who cannot see it; the caption when not given.
+    """
+    import matplotlib as mpl
+    from matplotlib.figure import Figure
+
+    style = {**_STYLE, "svg.hashsalt": name}
+    file = io.StringIO()
+    with mpl.rc_context(style):  # type: ignore[arg-type]
+        figure = Figure(figsize=(WIDTH_IN, height_in))
+        draw(figure)
+        figure.savefig(file, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+    return Picture(_inline(file.getvalue(), name, alt or caption), caption)
+
+
+def thinned(x: Array, y: Array, x_range: tuple[float, float] | None = None) -> tuple[Array, Array]:
+    """A line with no more points than can be seen: the least and the largest value of every column."""
+    if x_range is not None:
+        inside = (x >= x_range[0]) & (x <= x_range[1])
+        x, y = x[inside], y[inside]
+    if len(x) <= 3 * _POINTS:
+        return x, y
+    edges = np.linspace(0, len(x), _POINTS + 1).astype(np.int64)
+    picked = np.empty((_POINTS, 2), np.int64)
+    for i, (first, stop) in enumerate(pairwise(edges)):
+        part = y[first:stop]
+        picked[i] = sorted((first + int(part.argmin()), first + int(part.argmax())))
+    indices = np.unique(picked)
+    return x[indices], y[indices]
+
+
+def plain_log(axes: Axes, axis: str = "x") -> None:
+    """A logarithmic axis with 0.1, 1, 10 on it instead of powers of ten, where the span allows."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    chosen = axes.xaxis if axis == "x" else axes.yaxis
+    low, high = axes.get_xlim() if axis == "x" else axes.get_ylim()
+    decades = np.log10(high / low)
+    steps = (1.0, 2.0, 5.0) if decades < 2.5 else (1.0,)
+    chosen.set_major_locator(LogLocator(subs=steps, numticks=30))
+    chosen.set_major_formatter(FuncFormatter(lambda value, _place: f"{value:g}"))
+    chosen.set_minor_locator(LogLocator(subs="all", numticks=99))
+    chosen.set_minor_formatter(NullFormatter())
+
+
+def legend_above(axes: Axes, columns: int = 4) -> None:
+    """The legend on one line over the drawing, where it hides nothing."""
+    handles, _ = axes.get_legend_handles_labels()
+    if handles:
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=min(columns, len(handles)), borderpad=0.0)
+
+
+def _inline(svg: str, name: str, alt: str) -> str:
+    """Markup that stands inside a page: no prolog, no namespaces, identifiers unlike those of other pictures."""
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, count=1, flags=re.DOTALL)
+    svg = re.sub(r"<style[^>]*>.*?</style>\s*", "", svg, count=1, flags=re.DOTALL)
+    svg = re.sub(r'\sxmlns(:xlink)?="[^"]*"', "", svg).replace("xlink:href", "href")
+    svg = re.sub(r'id="([^"]*)"', rf'id="{name}-\1"', svg)
+    svg = re.sub(r'(href="#|url\(#)', rf"\1{name}-", svg)
+    svg = re.sub(r"'DejaVu Sans'[^;\"]*?(?=[;\"])", _FONT, svg)
+    svg = re.sub(r"(?<= )d=\"[^\"]*\"", _shorter, svg)
+    width, height = re.search(r'viewBox="0 0 ([\d.]+) ([\d.]+)"', svg).groups()  # type: ignore[union-attr]
+    start = f'<svg role="img" aria-label="{_escaped(alt)}" viewBox="0 0 {width} {height}">'
+    return start + svg[svg.index(">") + 1 :].strip()
+
+
+def _shorter(path: re.Match[str]) -> str:
+    """Coordinates to a hundredth of a point."""
+    return re.sub(r"-?\d+\.\d+", lambda number: f"{float(number[0]):.2f}".rstrip("0").rstrip("."), path[0])
+
+
+def _escaped(text: str) -> str:
+    from markupsafe import escape
+
+    return str(escape(text))

@@ -1,0 +1,30 @@
+"""Names of the code as words of a page, and words as identifiers."""
+
+from __future__ import annotations
+
+import re
+
+_UNITS = {
+    "_s": "s", "_hz": "Hz", "_db": "dB", "_deg": "°", "_c": "°C", "_bar": "bar", "_mm": "mm", "_l_min": "l/min",
+    "_v": "V", "_a": "A", "_percent": "%",
+}  # fmt: skip
+
+
+def split_unit(name: str) -> tuple[str, str]:
+    """(`fluid temperature`, `°C`) from `fluid_temperature_c`; no unit when the name ends in none."""
+    for ending in sorted(_UNITS, key=len, reverse=True):
+        if name.endswith(ending) and len(name) > len(ending):
+            return name.removesuffix(ending).replace("_", " "), _UNITS[ending]
+    return name.replace("_", " "), ""
+
+
+def words(name: str, *, capital: bool = False) -> str:
+    """`fluid temperature [°C]` from `fluid_temperature_c`."""
+    text, unit = split_unit(name)
+    text = f"{text} [{unit}]" if unit else text
+    return text[:1].upper() + text[1:] if capital else text
+
+
+def picture_name(*texts: str) -> str:
+    """A name for a picture that an identifier may hold."""
+    return re.sub(r"[^A-Za-z0-9]+", "-", "-".join(texts)).strip("-").lower() or "picture"

@@ -1,0 +1,82 @@
+"""Numbers as a report shows them: no more digits than the uncertainty supports."""
+
+from __future__ import annotations
+
+import math
+
+MINUS = "\N{MINUS SIGN}"
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_SMALLEST, _LARGEST = 1e-4, 1e7
+
+
+def number(value: float | None, digits: int = 4) -> str:
+    """A number whose uncertainty nobody stated, with so many significant digits; an em dash for none."""
+    if value is None or math.isnan(value):
+        return "—"
+    if math.isinf(value):
+        return "∞" if value > 0.0 else f"{MINUS}∞"
+    if value == 0.0 or _SMALLEST <= abs(value) < _LARGEST:
+        shown = f"{value:.{digits}g}"
+        return _signed(f"{value:.0f}" if "e" in shown else shown)
+    mantissa, exponent = f"{value:.{digits - 1}e}".split("e")
+    return _signed(f"{float(mantissa):g}·10{str(int(exponent)).translate(_SUPERSCRIPT)}")
+
+
+def rounded(value: float | None, expanded: float | None) -> tuple[str, str]:
+    """(value, uncertainty) as text: the uncertainty to two digits, the value to the same place.
+
+    The second is empty when the uncertainty is not known, or zero as for a count.
+    """
+    if value is None or not math.isfinite(value) or expanded is None or not expanded > 0.0:
+        return number(value), ""
+    if not math.isfinite(expanded):
+        return number(value), "∞"
+    if max(abs(value), expanded) < _SMALLEST or max(abs(value), expanded) >= _LARGEST:
+        return _scaled(value, expanded)
+    place = _place(expanded)
+    return _signed(_to_place(value, place)), _to_place(expanded, place)
+
+
+def with_uncertainty(value: float | None, expanded: float | None, unit: str = "") -> str:
+    """`1.269 ± 0.012 Hz`; a pure number has no unit."""
+    shown, width = rounded(value, expanded)
+    text = f"{shown} ± {width}" if width else shown
+    return f"{text} {unit_text(unit)}".rstrip() if value is not None else text
+
+
+def unit_text(unit: str) -> str:
+    """The unit as it is shown: nothing for a pure number."""
+    return {"1": "", "deg": "°"}.get(unit, unit)
+
+
+def limits_text(low: float | None, high: float | None) -> str:
+    """`0.8 … 1.2`, `≥ 0.8`, or nothing."""
+    if low is None and high is None:
+        return ""
+    if low is None:
+        return f"≤ {number(high, 6)}"
+    return f"≥ {number(low, 6)}" if high is None else f"{number(low, 6)} … {number(high, 6)}"
+
+
+def _place(expanded: float) -> int:
+    """Decimals (negative left of the point) that keep two digits, after rounding: 0.0996 is 0.10."""
+    place = 1 - math.floor(math.log10(expanded))
+    return 1 - math.floor(math.log10(round(expanded, place)))
+
+
+def _to_place(value: float, place: int) -> str:
+    return f"{round(value, place) + 0.0:.{max(0, place)}f}"
+
+
+def _scaled(value: float, expanded: float) -> tuple[str, str]:
+    exponent = math.floor(math.log10(max(abs(value), expanded)))
+    scale = 10.0**exponent
+    shown, width = rounded(value / scale, expanded / scale)
+    return shown, f"{width} (·10{str(exponent).translate(_SUPERSCRIPT)})"
+
+
+def _signed(text: str) -> str:
+    """With a minus sign instead of a hyphen, and never minus zero."""
+    if not text.startswith("-"):
+        return text
+    return text[1:] if not text.strip("-0.") else MINUS + text[1:]

@@ -1,0 +1,50 @@
+"""One page: a template of this package with its style inside, escaped, written whole or not at all."""
+
+from __future__ import annotations
+
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from hil import __version__
+from hil.errors import StorageError
+from hil.report.number import limits_text, number, unit_text, with_uncertainty
+
+
+def write_page(template: str, path: Path, **values: Any) -> None:
+    """Render a template and write it.
+
+    Raises:
+        StorageError: the page cannot be written.
+    """
+    text = render(template, **values)
+    part = path.with_name(f"{path.name}.part")
+    try:
+        part.write_text(text, encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise StorageError(f"{path}: the report cannot be written: {error.strerror}; the recording is kept") from error
+
+
+def render(template: str, **values: Any) -> str:
+    """A template of this package with its values; everything that is not markup of our own is escaped."""
+    return _templates().get_template(template).render(style=_style(), version=__version__, **values)
+
+
+@cache
+def _templates() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("hil.report", "."), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True,
+    )  # fmt: skip
+    environment.filters.update(number=number, unit=unit_text)
+    environment.globals.update(with_uncertainty=with_uncertainty, limits_text=limits_text)
+    return environment
+
+
+@cache
+def _style() -> str:
+    return files("hil.report").joinpath("style.css").read_text(encoding="utf-8")
