@@ -20,8 +20,10 @@ from hil.record.recording import Array
 _FROZEN = 1e6
 # How the effort of refining is spread (see `refine_all`): evaluations, and how many terms and starts get more.
 _SHORT, _LONG = 5, 30
-_TRIED, _LEADING, _FAVOURITES, _OTHER_STARTS = 20, 6, 2, 4
-_WORTH_A_TRY, _WORTH_MORE = 0.2, 0.4
+_TRIED, _LEADING, _FAVOURITES, _OTHER_STARTS = 16, 5, 2, 3
+_WORTH_A_TRY, _WORTH_MORE = 0.25, 0.75
+# A first look takes sub-steps this much coarser; only what a term changes is simulated so.
+_COARSE = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,6 +107,13 @@ class Around:
         product: Array = self.slopes.T @ self.slopes
         return product
 
+    @cached_property
+    def coarse_residuals(self) -> Array:
+        """Of what is accepted, with coarser sub-steps."""
+        accepted = self.accepted
+        effects = [*self.problem.model.active_effects, *accepted.effects]
+        return self.problem.residuals(accepted.parameters, effects, factor=_COARSE * self.problem.factor)
+
 
 @cache
 def _outer() -> ThreadPoolExecutor:
@@ -143,24 +152,29 @@ def _simulate(
     parameters: dict[str, float],
     terms: Sequence[Term],
     values: Sequence[Sequence[float]],
+    factor: float | None = None,
 ) -> Array:
     moved, effects = dict(parameters), list(problem.model.active_effects)
     for term, own in zip(terms, values, strict=True):
         term.apply(own, moved, effects)
-    return problem.residuals(moved, effects)
+    return problem.residuals(moved, effects, factor=factor)
 
 
-def _with_term(place: Around, term: Term, values: Sequence[float]) -> Array:
+def _with_term(place: Around, term: Term, values: Sequence[float], coarse: bool = False) -> Array:
     """Residuals with one more term beside what is accepted."""
-    accepted = place.accepted
-    return _simulate(place.problem, accepted.parameters, (*accepted.terms, term), (*accepted.values, values))
+    accepted, problem = place.accepted, place.problem
+    terms, own = (*accepted.terms, term), (*accepted.values, values)
+    if not coarse:
+        return _simulate(problem, accepted.parameters, terms, own)
+    change = _simulate(problem, accepted.parameters, terms, own, _COARSE * problem.factor) - place.coarse_residuals
+    return accepted.residuals + change
 
 
-def adapted_residuals(place: Around, added: tuple[Term, Sequence[float]] | None) -> Array:
+def adapted_residuals(place: Around, added: tuple[Term, Sequence[float]] | None, *, coarse: bool = False) -> Array:
     """Residuals with one more term, or without, after all else has adapted linearly, shape (n + base,)."""
     if added is None:
         return _adapt(place, place.accepted.residuals, None)[0]
-    return _adapt(place, _with_term(place, *added), added[0])[0]
+    return _adapt(place, _with_term(place, *added, coarse), added[0])[0]
 
 
 def _adapt(place: Around, r: Array, term: Term | None) -> tuple[Array, Array]:
@@ -203,9 +217,10 @@ def prior_root(problem: Problem, free: Sequence[int]) -> Array:
 def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
     """Every term at its starts, all else adapting linearly; the term with the best start first."""
     jobs = [(term, start) for term in terms for start in term.starts]
+    place.coarse_residuals, place.gram  # noqa: B018  computed once, before threads ask for it
 
     def judge(job: tuple[Term, tuple[float, ...]]) -> float:
-        adapted = adapted_residuals(place, job)
+        adapted = adapted_residuals(place, job, coarse=True)
         chi2 = float(adapted @ adapted)
         return chi2 if np.isfinite(chi2) else np.inf
 
@@ -226,7 +241,7 @@ def refine_all(place: Around, screened: Sequence[Screened]) -> list[Fitted]:
     and the best few also try other starts: a sticking part has local optima.
     """
     promising = screened[: _count(place, [s.chi2 for s in screened], _WORTH_A_TRY, _TRIED)]
-    tried = _refine_many(place, [(s, s.starts[0]) for s in promising], _SHORT)
+    tried = _refine_many(place, [(s, s.starts[0]) for s in promising], _SHORT, coarse=True)
     by_chi2 = sorted(zip(tried, promising, strict=True), key=lambda pair: pair[0].chi2)
     count = _count(place, [f.chi2 for f, _ in by_chi2], _WORTH_MORE, _LEADING)
     leading, rest = by_chi2[:count], by_chi2[count:]
@@ -257,32 +272,36 @@ def _off_bounds(
     return jobs
 
 
-def _count(place: Around, chi2: Sequence[float], share: float, least: int) -> int:
-    """How many of these (best first) gain at least a share of what the best gains, but never fewer than `least`
+def _count(place: Around, chi2: Sequence[float], share: float, most: int) -> int:
+    """How many of these (best first) gain at least a share of what the best gains, at most `most`; all of those
     where nothing gains much.
     """
     gain = place.accepted.chi2 - chi2[0]
     if gain < 0.05 * place.accepted.chi2:
-        return min(least, len(chi2))
-    return max(1, sum(value <= place.accepted.chi2 - share * gain for value in chi2))
+        return min(most, len(chi2))
+    return min(most, max(1, sum(value <= place.accepted.chi2 - share * gain for value in chi2)))
 
 
-def _refine_many(place: Around, jobs: Sequence[tuple[Screened, tuple[float, ...]]], evaluations: int) -> list[Fitted]:
+def _refine_many(
+    place: Around, jobs: Sequence[tuple[Screened, tuple[float, ...]]], evaluations: int, *, coarse: bool = False
+) -> list[Fitted]:
     def one(job: tuple[Screened, tuple[float, ...]]) -> Fitted:
-        return refine(place, job[0].term, job[1], evaluations=evaluations)
+        return refine(place, job[0].term, job[1], evaluations=evaluations, coarse=coarse)
 
     return list(_outer().map(one, jobs))
 
 
-def refine(place: Around, term: Term, start: tuple[float, ...], *, evaluations: int = 25) -> Fitted:
+def refine(
+    place: Around, term: Term, start: tuple[float, ...], *, evaluations: int = 25, coarse: bool = False
+) -> Fitted:
     """Fit one term from a start, everything else adapting linearly."""
 
     def residuals(values: Array) -> Array:
-        return adapted_residuals(place, (term, values.tolist()))
+        return adapted_residuals(place, (term, values.tolist()), coarse=coarse)
 
     found = estimate(residuals, _starting(term.unknowns, start), max_evaluations=evaluations, tolerance=1e-4)
     values = tuple(float(v) for v in found.values)
-    r = _with_term(place, term, values)
+    r = _with_term(place, term, values, coarse)
     _, moves = _adapt(place, r, term)
     return _moved(place, (*place.accepted.terms, term), values, moves, found.chi2, r)
 
