@@ -1,0 +1,191 @@
+"""Write the pages of the reference that say what the program itself says: commands, plants, effects.
+
+    python docs/generate.py
+
+A test compares the pages with what this makes of the installed program, so they cannot be out of date.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import math
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from unittest.mock import patch
+
+from hil.catalog import entries
+from hil.physics.compose import effects, plant
+from hil.physics.effect import Effect, EffectParameter
+from hil.physics.plant import Parameter, Plant
+
+REFERENCE = Path(__file__).parent / "reference"
+NOTE = "<!-- Made by docs/generate.py from the program itself; edit it there. -->"
+
+
+def main() -> None:
+    """Write every page that differs."""
+    for name, text in pages().items():
+        path = REFERENCE / name
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+            print(f"{path}: written")
+
+
+def pages() -> dict[str, str]:
+    """The generated pages by file name."""
+    made = {"command-line.md": command_line(), "plants.md": plants_page(), "effects.md": effects_page()}
+    return {name: "\n".join(lines).rstrip() + "\n" for name, lines in made.items()}
+
+
+# -- commands ----------------------------------------------------------------------------------------------
+
+
+COMMANDS = """\
+`hil COMMAND --help` says what is below. Results go to stdout; progress and errors to stderr: a bar on a terminal, plain
+lines otherwise. An error is one line that names the file, field or value, what was found and what is allowed;
+`hil --debug COMMAND …` adds the traceback.
+
+| exit status | means |
+|---|---|
+| 0 | done; a verdict such as "mismatch" is a result, not a failure |
+| 1 | a limit of a test was missed, or a driver check failed |
+| 2 | bad input or usage; nothing was driven |
+| 3 | hardware, link or storage failed; outputs were made safe |
+| 130, 143 | stopped by Ctrl-C, by SIGTERM; outputs were made safe, what was recorded is kept |
+
+A *recording* is any file or folder of [recordings](recordings.md), a *model* a [model file](model-file.md), a *bench* a
+[bench file](bench-file.md) or the name of an installed one."""
+
+
+def command_line() -> Iterator[str]:
+    """The page of the command line: what every command says about itself."""
+    yield from ("# The command line", "", NOTE, "", COMMANDS)
+    top = said("--help")
+    commands = [line.split()[0] for line in top.partition("Commands:\n")[2].splitlines() if line[2:3] != " "]
+    yield from block("hil", top)
+    for name in commands:
+        yield from block(f"hil {name}", said(name, "--help"))
+
+
+def block(title: str, text: str) -> Iterator[str]:
+    """A heading and what the program says, as it says it."""
+    yield from ("", f"## `{title}`", "", "```text", *(line.rstrip() for line in text.strip().splitlines()), "```")
+
+
+def said(*arguments: str) -> str:
+    """What `hil ARGUMENTS` prints."""
+    from hil.__main__ import main as hil
+
+    out = io.StringIO()
+    with (
+        patch.object(sys, "argv", ["hil", *arguments]),
+        patch.dict(os.environ, {"COLUMNS": "100", "TERMINAL_WIDTH": "100"}),
+        contextlib.redirect_stdout(out),
+        contextlib.suppress(SystemExit),
+    ):
+        hil()
+    return out.getvalue()
+
+
+# -- plants and effects ------------------------------------------------------------------------------------
+
+
+PLANTS = """\
+What `hil identify --plant NAME` fits. Bounds are those within which a fit may go; *held* parameters stay at their value
+unless `--free NAME` frees them. A column is found by its name; `--input` and `--output` override it."""
+
+
+def plants_page() -> Iterator[str]:
+    """The page of the plants: signals, parameters, places for effects."""
+    yield from ("# Plants", "", NOTE, "", PLANTS)
+    for entry in entries("plants"):
+        yield from plant_section(plant(entry.name), entry.summary)
+
+
+def plant_section(found: Plant, summary: str) -> Iterator[str]:
+    """One plant."""
+    yield from ("", f"## `{found.name}`", "", summary)
+    if found.source:
+        yield from ("", f"Source: {found.source}.")
+    yield from ("", "| signal | |", "|---|---|")
+    yield from (f"| `{signal.heading}` | input |" for signal in found.inputs)
+    yield f"| `{found.output.heading}` | output |"
+    yield from (f"| `{signal.heading}` | inner signal, used where it was recorded |" for signal in found.observed)
+    yield from ("", "| parameter | unit | typical | bounds | meaning |", "|---|---|---|---|---|")
+    yield from (parameter_row(parameter) for parameter in found.parameters)
+    yield from ("", "| place for effects | stage | unit | effects |", "|---|---|---|---|")
+    for hook in found.hooks:
+        here = ", ".join(f"[{e.name}](effects.md#{e.name})" for e in effects() if hook.name in e.hooks)
+        yield f"| `{hook.name}` | {hook.stage} | {hook.unit} | {here or '–'} |"
+
+
+def parameter_row(parameter: Parameter) -> str:
+    """A parameter of a plant."""
+    unit = parameter.unit.replace("{input}", "input").replace("{output}", "output")
+    bounds = f"{number(parameter.low)} … {number(parameter.high)}"
+    held = "; held" if parameter.fixed else ""
+    return f"| `{parameter.name}` | {unit} | {number(parameter.typical)} | {bounds} | {parameter.meaning}{held} |"
+
+
+EFFECTS = """\
+The library that a diagnosis screens. One definition (`hil/physics/effects/NAME.py`) makes the simulation, the fit, the
+wording of the verdict and this page. Sizes marked FS are shares of the full scale at the place where the effect sits
+([plants](plants.md) lists the places; *of travel*: of the part that moves there); in a model file they stand in the
+unit of that place. At its *null* an effect does nothing; parameters without one are shapes, which may have any value
+while the effect is null."""
+
+
+def effects_page() -> Iterator[str]:
+    """The page of the effects: equation, signature, parameters, where each may sit."""
+    yield from ("# Effects", "", NOTE, "", EFFECTS)
+    yield from ("", "| effect | what it is | what it looks like |", "|---|---|---|")
+    yield from (f"| [`{e.name}`](#{e.name}) | {e.title} | {e.signature} |" for e in effects())
+    for effect in effects():
+        yield from effect_section(effect)
+
+
+def effect_section(effect: Effect) -> Iterator[str]:
+    """One effect."""
+    summary = next(entry.summary for entry in entries("effects") if entry.name == effect.name)
+    yield from ("", f"## {effect.name}", "", summary, "", "```text", effect.equation, "```", "")
+    yield f"- **In data:** {effect.signature}."
+    yield f"- **Says to the operator:** “{effect.sentence}”"
+    yield f"- **Where:** {where(effect)}."
+    yield f"- **Source:** {effect.source}"
+    yield from ("", "| parameter | unit | null | typical | bounds | meaning |", "|---|---|---|---|---|---|")
+    yield from (effect_parameter_row(parameter) for parameter in effect.parameters)
+
+
+def where(effect: Effect) -> str:
+    """Plants and places that have the effect."""
+    places = {}
+    for entry in entries("plants"):
+        here = [hook.name for hook in plant(entry.name).hooks if hook.name in effect.hooks]
+        if here:
+            places[entry.name] = ", ".join(f"`{name}`" for name in here)
+    return "; ".join(f"{name}: {hooks}" for name, hooks in places.items())
+
+
+def effect_parameter_row(parameter: EffectParameter) -> str:
+    """A parameter of an effect."""
+    unit = parameter.unit.replace("{value}", "FS").replace("{motion}", "FS of travel")
+    null = "–" if parameter.null is None else number(parameter.null)
+    bounds = f"{number(parameter.low)} … {number(parameter.high)}"
+    cells: Sequence[str] = (
+        f"`{parameter.name}`", unit, null, number(parameter.typical), bounds, parameter.meaning,
+    )  # fmt: skip
+    return f"| {' | '.join(cells)} |"
+
+
+def number(value: float) -> str:
+    """A number as a reader wants it."""
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    return f"{value:g}".replace("-", "−")
+
+
+if __name__ == "__main__":
+    main()
