@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.diagnose.search import Around, adapted_residuals
+from hil.diagnose.search import Around, adapted_residuals, pool
 from hil.diagnose.terms import Term
+from hil.record.recording import Array
 
 # An effect of typical size must stand out by this many standard uncertainties, or the data cannot show it.
 _VISIBLE_SIGMAS = 5.0
@@ -33,23 +34,21 @@ class Limit:
 def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
     """Upper limits for effects beside what is accepted; one for each effect, at its most visible place."""
     found: dict[str, Limit] = {}
-    for term in terms:
-        if term.kind != "effect" or not np.isfinite(term.null):
-            continue
-        limit = _limit(place, term)
+    asked = [term for term in terms if term.kind == "effect" and np.isfinite(term.null)]
+    without = adapted_residuals(place, None)
+    for term, limit in zip(asked, pool().map(lambda term: _limit(place, term, without), asked), strict=True):
         known = found.get(term.name)
         if known is None or limit.upper < known.upper:
             found[term.name] = limit
     return tuple(found[name] for name in sorted(found))
 
 
-def _limit(place: Around, term: Term) -> Limit:
+def _limit(place: Around, term: Term, without: Array) -> Limit:
     """From one small step in the effect's strength, all else adapting."""
     first = term.unknowns[0]
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
     size = abs(start[0] - term.null)
-    without = adapted_residuals(place, None)
-    step = adapted_residuals(place, (term, start)) - without
+    step = adapted_residuals(place, (term, start), coarse=True) - without
     power = float(step @ step)
     if power < 1e-12 or size == 0.0:
         return Limit(term.name, term.stage, first.name, first.unit, float("inf"), first.start, False)

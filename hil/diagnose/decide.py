@@ -37,6 +37,7 @@ _NEW_PHYSICS = 10.0
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
 _PAIR_SEEDS = 2
+_ROUGH = 1e-4
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +86,7 @@ class _Judge:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.size = problem.size
-        self.baseline = polish(problem, nothing(problem))
+        self.baseline = polish(problem, nothing(problem), tolerance=_ROUGH)
         self.terms = all_terms(problem, self.baseline.residuals)
 
     def choose(self) -> Choice:
@@ -132,7 +133,7 @@ class _Judge:
 
     def changed_parameters(self) -> Fitted:
         """The base parameters alone: which of them must have changed, and how well that explains."""
-        free = polish(self.problem, self.baseline, base_free=True)
+        free = polish(self.problem, self.baseline, base_free=True, tolerance=_ROUGH)
         names = self._moved(free.parameters)
         fitted = polish(self.problem, self._parameter_terms(free, names))
         while len(names) > 1 and (spare := self._dispensable(fitted)):

@@ -10,6 +10,7 @@ from scipy.signal import welch
 from scipy.stats import chi2, false_discovery_control
 
 from hil.diagnose.problem import Problem
+from hil.diagnose.search import pool
 from hil.physics.simulate import ActiveEffect, simulate
 from hil.record.recording import Array
 
@@ -188,7 +189,7 @@ def stages(
     The disturbance is any function of the value at the hook and its direction of motion, in straight pieces.
     Best first.
     """
-    found = [_stage(problem, parameters, effects, left, k) for k in range(len(problem.plant.hooks))]
+    found = pool().map(lambda k: _stage(problem, parameters, effects, left, k), range(len(problem.plant.hooks)))
     return tuple(sorted(found, key=lambda s: -s.share))
 
 

@@ -59,7 +59,8 @@ class Problem:
         known = self.model.covariance
         if known is None:
             stds = [self.model.parameters[name].std or 0.0 for name in names]
-            return covariance + np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
+            alone: Array = covariance + np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
+            return alone
         at = [known.names.index(name) if name in known.names else None for name in names]
         for i, row in enumerate(at):
             for j, column in enumerate(at):

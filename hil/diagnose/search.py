@@ -116,7 +116,8 @@ class Around:
 
 
 @cache
-def _outer() -> ThreadPoolExecutor:
+def pool() -> ThreadPoolExecutor:
+    """Threads for simulations that do not wait for each other."""
     return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="search")
 
 
@@ -225,7 +226,7 @@ def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
         return chi2 if np.isfinite(chi2) else np.inf
 
     judged: dict[int, list[tuple[float, tuple[float, ...]]]] = {id(term): [] for term in terms}
-    for (term, start), chi2 in zip(jobs, _outer().map(judge, jobs), strict=True):
+    for (term, start), chi2 in zip(jobs, pool().map(judge, jobs), strict=True):
         judged[id(term)].append((chi2, start))
     found = [
         Screened(term, tuple(start for _, start in sorted(judged[id(term)])), min(judged[id(term)])[0])
@@ -288,7 +289,7 @@ def _refine_many(
     def one(job: tuple[Screened, tuple[float, ...]]) -> Fitted:
         return refine(place, job[0].term, job[1], evaluations=evaluations, coarse=coarse)
 
-    return list(_outer().map(one, jobs))
+    return list(pool().map(one, jobs))
 
 
 def refine(
@@ -337,6 +338,7 @@ def polish(
     base_free: bool = False,
     keep: NDArray[np.bool_] | None = None,
     evaluations: int = 40,
+    tolerance: float = 1e-6,
 ) -> Fitted:
     """Fit terms and base parameters together, nothing linearised.
 
@@ -346,6 +348,7 @@ def polish(
         base_free: let base parameters go as far as they like instead of as far as their prior lets them.
         keep: which residuals count, shape (n,); the others are for judging.
         evaluations: at most.
+        tolerance: relative fall of χ² at which to stop.
     """
     taken = {term.name for term in fitted.terms if term.kind == "parameter"}
     free = [k for k, p in enumerate(problem.base) if p.name not in taken]
@@ -371,7 +374,7 @@ def polish(
         r = r if keep is None else r[keep]
         return r if base_free else np.concatenate([r, root @ (values[:count] - nominal)])
 
-    found = estimate(residuals, unknowns, max_evaluations=evaluations, tolerance=1e-6)
+    found = estimate(residuals, unknowns, max_evaluations=evaluations, tolerance=tolerance)
     parameters, own = split(found.values)
     r = _simulate(problem, parameters, fitted.terms, own)
     for term, values in zip(fitted.terms, own, strict=True):
