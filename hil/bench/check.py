@@ -7,7 +7,7 @@ from pathlib import Path
 
 from hil.bench.check_channels import channel_faults, terminals_used_once
 from hil.bench.check_interlocks import interlock_faults, known_channel
-from hil.bench.device import DeviceInUse, model_path
+from hil.bench.device import DeviceInUse, mixes, model_path
 from hil.bench.draft import Draft
 from hil.bench.fault import Fault
 from hil.catalog import find
@@ -18,7 +18,7 @@ def faults_of(draft: Draft, devices: Mapping[str, DeviceInUse], folder: Path) ->
     """Everything that does not make sense together. Nothing is said about entries that have faults already."""
     yield from _plant(draft, folder)
     yield from _valve_limits(draft)
-    yield from _one_device(draft)
+    yield from _devices_that_mix(draft, devices)
     yield from _roles(draft)
     yield from terminals_used_once(draft)
     for name, channel in draft.channels.items():
@@ -66,10 +66,16 @@ def _procedures_of_limits(draft: Draft) -> Iterator[Fault]:
             yield Fault(("acceptance", name), str(error))
 
 
-def _one_device(draft: Draft) -> Iterator[Fault]:
-    if len(draft.devices) > 1:
-        names = list(draft.devices)
-        yield Fault(("devices", names[1]), f"one device drives a bench for now; '{names[0]}' is there already")
+def _devices_that_mix(draft: Draft, devices: Mapping[str, DeviceInUse]) -> Iterator[Fault]:
+    if len(draft.devices) < 2:
+        return
+    for name, device in devices.items():
+        if not mixes(device.module):
+            yield Fault(
+                ("devices", name),
+                "times its samples by itself and cannot share a bench with other devices; those that the host polls "
+                "over a link can",
+            )
 
 
 def _roles(draft: Draft) -> Iterator[Fault]:

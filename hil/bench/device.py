@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
@@ -18,6 +18,9 @@ from hil.catalog import Kind, find
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.contract import Daq
 from hil.errors import HilError
+
+if TYPE_CHECKING:
+    from hil.daq.polled import Link
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,7 +71,7 @@ def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[Device
         module = find(kind, device.driver or device.simulated).load()
     except HilError as error:
         return None, [Fault((*place, key), str(error))]
-    given = device.settings | ({"simulation": simulation_of(name, draft, folder)} if device.simulated else {})
+    given = device.settings | ({"simulation": simulation_of([name], draft, folder)} if device.simulated else {})
     settings, faults = sound_part(module.Settings, given, place)
     if settings is None:
         return None, [_at_home(fault, place) for fault in faults]
@@ -77,8 +80,36 @@ def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[Device
     return found, [_at_home(fault, place) for fault in faults]
 
 
-def simulation_of(device: str, draft: Draft | Bench, folder: Path) -> dict[str, Any]:
-    """What a simulated device is told about the world behind it.
+def mixes(module: ModuleType) -> bool:
+    """Whether a device can share a bench with others: one that the host polls over a link can."""
+    return hasattr(module, "open_link")
+
+
+def open_devices(devices: Mapping[str, DeviceInUse], channels: Mapping[str, ChannelEntry]) -> Daq:
+    """The devices of a bench as one DAQ: one alone as its module makes it, several polled in one loop.
+
+    Raises:
+        HardwareError: one cannot be opened; the others are let go of.
+    """
+    if len(devices) == 1:
+        (device,) = devices.values()
+        return device.open(channels)
+    from hil.daq.polled import PolledDaq
+
+    wirings = {name: device.wiring(channels) for name, device in devices.items()}
+    links: dict[str, Link] = {}
+    try:
+        for name, device in devices.items():
+            links[name] = device.module.open_link(device.settings, wirings[name])
+    except BaseException:
+        for link in links.values():
+            link.close()
+        raise
+    return PolledDaq(links, wirings)
+
+
+def simulation_of(names: Collection[str], draft: Draft | Bench, folder: Path) -> dict[str, Any]:
+    """What simulated devices of these names are told about the world behind them.
 
     The plant is the valve's own if nothing else is said, and the instrument on each channel is just what the
     channel's calibration says, unless `[simulation.instruments.NAME]` says otherwise.
@@ -87,7 +118,7 @@ def simulation_of(device: str, draft: Draft | Bench, folder: Path) -> dict[str, 
     plant = told.get("plant") or (draft.valve.plant if draft.valve else "")
     own = told.get("instruments", {})
     instruments = {name: _instrument(name, channel, own.get(name, {}) if isinstance(own, dict) else {})
-                   for name, channel in draft.channels.items() if channel.device == device}  # fmt: skip
+                   for name, channel in draft.channels.items() if channel.device in names}  # fmt: skip
     return told | {"plant": model_path(plant, folder), "instruments": instruments}
 
 

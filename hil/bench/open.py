@@ -46,7 +46,7 @@ def open_rig(
         UnknownNameError: a reset of an interlock that has not tripped.
     """
     bench = file.bench
-    daq = Scaled(file.device.open(bench.channels), {name: entry.line for name, entry in bench.channels.items()})
+    daq = Scaled(file.open(), {name: entry.line for name, entry in bench.channels.items()})
     try:
         latch = _latch(file, resets)
         columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
@@ -82,8 +82,7 @@ def _clock(daq: Daq) -> Clock:
 
 def _latch(file: BenchFile, resets: Iterable[str]) -> Latch:
     """The trips of this bench. Those of a simulated one end with it: the next run finds a new bench."""
-    simulated = file.bench.devices[file.device.name].simulated
-    latch = Latch(None if simulated else latch_path(file.bench.name))
+    latch = Latch(None if file.is_simulated else latch_path(file.bench.name))
     for name in resets:
         latch.reset(name)
     latch.check()
@@ -92,7 +91,7 @@ def _latch(file: BenchFile, resets: Iterable[str]) -> Latch:
 
 def _column(name: str, file: BenchFile) -> Column:
     entry = file.bench.channels[name]
-    raw_unit = file.device.terminals[entry.terminal].unit
+    raw_unit = file.devices[entry.device].terminals[entry.terminal].unit
     calibration = {} if entry.calibration is None else {**asdict(entry.line), "raw_unit": raw_unit}
     source = entry.source or f"{entry.device} {entry.terminal}"
     return Column(name=name, unit=entry.unit, source=source, calibration=calibration)

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import datetime as dt
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from hil.bench.check import faults_of
-from hil.bench.device import DeviceInUse, device_in_use
+from hil.bench.device import DeviceInUse, device_in_use, open_devices
 from hil.bench.draft import draft_of
 from hil.bench.fault import BenchError, Fault
 from hil.bench.file import Bench
 from hil.bench.lines import line_at, lines_of
+from hil.daq.contract import Daq
 from hil.errors import FileError
 
 
@@ -25,15 +26,24 @@ class BenchFile:
         path: where it was read.
         text: as it stood there; it goes into the header of every run.
         bench: what it says.
-        device: the device that drives the bench, its settings checked, not yet opened.
+        devices: what drives the bench, by name, settings checked, not yet opened.
         remarks: what is allowed but deserves a look: a calibration that is overdue, an output without limits.
     """
 
     path: Path
     text: str
     bench: Bench
-    device: DeviceInUse
+    devices: Mapping[str, DeviceInUse]
     remarks: tuple[str, ...]
+
+    def open(self) -> Daq:
+        """The devices as one DAQ, in raw units, the outputs where they were found. Raises `HardwareError`."""
+        return open_devices(self.devices, self.bench.channels)
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether every device is; the bench then begins anew with each run."""
+        return all(self.bench.devices[name].simulated for name in self.devices)
 
 
 def read_bench(path: Path, today: dt.date | None = None) -> BenchFile:
@@ -63,7 +73,7 @@ def read_bench(path: Path, today: dt.date | None = None) -> BenchFile:
     if faults:
         raise _error(path, text, faults)
     bench = Bench.model_validate(content)
-    return BenchFile(path, text, bench, next(iter(devices.values())), tuple(_remarks(bench, today)))
+    return BenchFile(path, text, bench, devices, tuple(_remarks(bench, today)))
 
 
 def _error(path: Path, text: str, faults: list[Fault]) -> BenchError:

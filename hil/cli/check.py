@@ -30,10 +30,10 @@ def command(
 
 
 def _described(found: BenchFile) -> list[str]:
-    bench, device = found.bench, found.device
+    bench = found.bench
     lines = [f"{found.path}: no faults", f"{bench.name}: {bench.valve.name}, {bench.sample_rate_hz:g} Hz"]
     for name, entry in bench.channels.items():
-        terminal = device.terminals[entry.terminal]
+        terminal = found.devices[entry.device].terminals[entry.terminal]
         low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
         limits = entry.limits
         allowed = f", limits {limits.low:g} … {limits.high:g}, safe at {entry.safe:g}" if limits else ""

@@ -41,6 +41,8 @@ class Promises:
         clock_hz: rates are whole divisions of it; None when any rate can be had.
         watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
         latency_s: measured delay of the link, where one is known.
+        delays_s: by input, the measured time from the update of the outputs to its reading, where the link and
+            not the sample clock decides it.
     """
 
     timing: Literal["hardware", "virtual", "polled"]
@@ -53,14 +55,20 @@ class Promises:
     clock_hz: float | None = None
     watchdog_s: float | None = None
     latency_s: float | None = None
+    delays_s: Mapping[str, float] | None = None
 
     def sampling(self, inputs: Iterable[str], rate_hz: float) -> dict[str, Any]:
         """These promises as a recording keeps them: also when each input was read.
 
         `delay_s` is, by input name, the time from the update of the outputs to the reading of that input.
         """
-        delays = {name: self.read_at / rate_hz + i * self.skew_s for i, name in enumerate(inputs)}
-        return {**asdict(self), "rate_hz": rate_hz, "delay_s": delays}
+        names = list(inputs)
+        delays = {name: self.read_at / rate_hz + i * self.skew_s for i, name in enumerate(names)}
+        if self.delays_s is not None:
+            delays = {name: self.delays_s[name] for name in names}
+        # A measured delay is a share of a sample too, as far as it lies within one.
+        read_at = self.read_at if self.delays_s is None else min(1.0, min(delays.values(), default=0.0) * rate_hz)
+        return {**asdict(self), "read_at": read_at, "rate_hz": rate_hz, "delay_s": delays}
 
 
 @dataclass(frozen=True, slots=True)

@@ -127,9 +127,9 @@ def test_empty_file_says_what_belongs_in_it(tmp_path: Path) -> None:
     assert all(f"{key}: is missing" in found for key in ("name", "sample_rate_hz", "valve", "devices", "channels"))
 
 
-def test_two_devices_are_refused_for_now(tmp_path: Path) -> None:
+def test_two_devices_that_time_themselves_are_refused(tmp_path: Path) -> None:
     text = GOOD.replace("[channels.command]", '[devices.other]\nsimulated = "in_process"\n\n[channels.command]', 1)
-    assert any("one device drives a bench for now" in fault for fault in faults(tmp_path, text))
+    assert any("cannot share a bench with other devices" in fault for fault in faults(tmp_path, text))
 
 
 def test_text_that_is_not_toml_names_the_line(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_model_file_is_looked_for_beside_the_bench_file(tmp_path: Path) -> None:
     save_model(typical_model("brevini-hpv41"), tmp_path / "valve.json")
     path = tmp_path / "bench.toml"
     path.write_text(changed('plant = "brevini-hpv41"', 'plant = "valve.json"'), encoding="utf-8")
-    assert read_bench(path).device.settings.simulation.plant == str(tmp_path / "valve.json")  # type: ignore[attr-defined]
+    assert read_bench(path).devices["daq"].settings.simulation.plant == str(tmp_path / "valve.json")  # type: ignore[attr-defined]
 
 
 def test_bench_by_path_or_bare_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,405 @@
+"""A DAQ made of devices that the host asks sample by sample over a link: Modbus, serial, CAN.
+
+A driver for such a device needs no loop of its own: it provides a `Link`, and this module makes a `Daq` of one or
+of several. The host times the samples, so every sample has the stamp that it really had, and the link's delay is
+measured.
+"""
+
+from __future__ import annotations
+
+import math
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+from typing import Any, Protocol, TypeVar
+
+import numpy as np
+
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.check import check_waveform, checked_task, coerced_rate
+from hil.daq.contract import Block, Promises, Waveform
+from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError
+
+_T = TypeVar("_T")
+
+_PROBES = 8  # readings by which a link is measured when it is opened
+_BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
+_IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
+_SHARE = 0.8  # of the time that a link has, it is used: the rest is for what the computer does besides
+
+
+class Link(Protocol):
+    """One device that is told and asked over a link. Values are raw, by terminal.
+
+    Every method may raise `LinkError` (no answer, a late or garbled one) or `DeviceLostError`. After a
+    `LinkError` the next call must start clean: a late answer is never taken for the next one.
+
+    Attributes:
+        watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
+        keep_alive_s: between tasks the outputs are driven again so often; None: not needed.
+    """
+
+    watchdog_s: float | None
+    keep_alive_s: float | None
+
+    def standing(self) -> Mapping[str, float]:
+        """Where every output in use stands, as the device tells."""
+        ...
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Put outputs at these values, and return when the device has acknowledged, where it does."""
+        ...
+
+    def read(self) -> Mapping[str, float]:
+        """Every input in use, read now."""
+        ...
+
+    def close(self) -> None:
+        """Let go of the device. May be called twice; never raises."""
+        ...
+
+
+@dataclass(slots=True)
+class _Member:
+    """A link of a DAQ, the channels on it, and how long it took of late."""
+
+    name: str
+    link: Link
+    wiring: Wiring
+    read_after_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
+    read_for_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
+
+    def drive(self, levels: Mapping[str, float]) -> None:
+        values = {channel.terminal: levels[name] for name, channel in self.wiring.outputs.items() if name in levels}
+        if values:
+            self._named(self.link.drive, values)
+
+    def read(self) -> dict[str, float]:
+        if not self.wiring.inputs:
+            return {}
+        begun_s = time.monotonic()
+        values = self._named(self.link.read)
+        self.read_for_s.append(time.monotonic() - begun_s)
+        return {name: float(values[channel.terminal]) for name, channel in self.wiring.inputs.items()}
+
+    def standing(self) -> dict[str, float]:
+        if not self.wiring.outputs:
+            return {}
+        values = self._named(self.link.standing)
+        return {name: float(values[channel.terminal]) for name, channel in self.wiring.outputs.items()}
+
+    def _named(self, call: Callable[..., Any], *values: Any) -> Any:
+        try:
+            return call(*values)
+        except HardwareError as error:
+            raise type(error)(f"{self.name}: {error}") from error
+
+
+class PolledDaq:
+    """Devices behind links, polled in one loop: one time base, a stamp for each sample (see `hil.daq.contract.Daq`).
+
+    In each sample the outputs are driven first, link by link, then the inputs are read. A sample that begins more
+    than half an interval late counts as `late` and moves all that follow: no output changes faster than planned.
+
+    Args:
+        links: by name of the device; the DAQ closes them.
+        wirings: what is connected to each.
+
+    Raises:
+        HardwareError: a device does not answer. All links are closed then.
+    """
+
+    def __init__(self, links: Mapping[str, Link], wirings: Mapping[str, Wiring]) -> None:
+        self._members = [_Member(name, link, wirings[name]) for name, link in links.items()]
+        self.outputs: Mapping[str, OutputChannel] = _merged(member.wiring.outputs for member in self._members)
+        self.inputs: Mapping[str, InputChannel] = _merged(member.wiring.inputs for member in self._members)
+        self._lock = threading.Lock()
+        self._task: _Task | None = None
+        self._failed: HardwareError | None = None
+        self._ended = threading.Event()
+        self._zero_s = self._used_s = time.monotonic()
+        try:
+            self.levels: Mapping[str, float] = _merged(member.standing() for member in self._members)
+            self._cycle_s = self._measured()
+        except BaseException:
+            self._let_go()
+            raise
+        self._keep_alive()
+
+    @property
+    def promises(self) -> Promises:
+        """What these links keep, with the delays that they have shown of late."""
+        watchdogs = [m.link.watchdog_s for m in self._members if m.wiring.outputs]
+        guarded = [watchdog for watchdog in watchdogs if watchdog is not None]
+        return Promises(
+            timing="polled", simultaneous=len(self._reading) <= 1, skew_s=0.0, read_at=0.0, holds_on_stop=True,
+            lowest_rate_hz=1e-3, highest_rate_hz=_SHARE / self._cycle_s,
+            watchdog_s=max(guarded) if guarded and len(guarded) == len(watchdogs) else None,
+            latency_s=sum(float(np.median(member.read_for_s)) for member in self._reading),
+            delays_s={name: float(np.median(member.read_after_s))
+                      for member in self._reading for name in member.wiring.inputs},
+        )  # fmt: skip
+
+    def actual_rate_hz(self, asked_hz: float) -> float:
+        """Any rate up to what the links could keep when they were opened."""
+        return coerced_rate(self.promises, asked_hz)
+
+    def play(self, waveform: Waveform, block_samples: int | None = None) -> Iterator[Block]:
+        """Finite acquisition; the whole waveform is the polling thread's before the first sample."""
+        check_waveform(waveform, self.outputs, self.promises)
+        return self._played(iter(list(waveform.slices(block_samples or len(waveform)))), ahead=len(waveform))
+
+    def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
+        """Continuous acquisition; without a next waveform outputs stand, and after a second the task is lost."""
+        return self._played(checked_task(waveforms, self.outputs, self.promises), ahead=1)
+
+    def make_safe(self) -> None:
+        """Stop what plays, and put every output at its safe value, whatever the other links do.
+
+        Raises:
+            DeviceLostError: an output could not be reached.
+        """
+        self._stop_task()
+        safe = {name: channel.safe for name, channel in self.outputs.items()}
+        lost: list[str] = []
+        with self._lock:
+            for member in self._members:
+                mine = {name: safe[name] for name in member.wiring.outputs}
+                if (failure := _driven_safe(member, mine)) is None:
+                    self.levels = {**self.levels, **mine}
+                else:
+                    lost.append(_unreachable(member, failure, self.levels))
+        if lost:
+            self._failed = DeviceLostError("; ".join(lost))
+            raise self._failed
+
+    def close(self) -> None:
+        """Make safe and let go of the devices; one that was lost before is let go of as it is."""
+        if self._ended.is_set():
+            return
+        lost_before = isinstance(self._failed, DeviceLostError)
+        try:
+            self.make_safe()
+        except DeviceLostError:
+            if not lost_before:
+                raise
+        finally:
+            self._let_go()
+
+    @property
+    def _reading(self) -> list[_Member]:
+        return [member for member in self._members if member.wiring.inputs]
+
+    def _measured(self) -> float:
+        """How long one sample takes on all links together, the writing of outputs counted like a reading."""
+        for member in self._reading:
+            for _ in range(_PROBES):
+                member.read()
+        longest = max((float(np.median(m.read_for_s)) for m in self._reading), default=1e-3)
+        takes_s = 0.0
+        for member in self._members:
+            reading_s = float(np.median(member.read_for_s)) if member.wiring.inputs else longest
+            takes_s += reading_s * (bool(member.wiring.outputs) + bool(member.wiring.inputs))
+            member.read_after_s.append(reading_s)  # until it is measured: half a writing and half a reading
+        return max(takes_s, 1e-5)
+
+    def _played(self, waveforms: Iterator[Waveform], ahead: int) -> Iterator[Block]:
+        """Hand waveforms to the polling thread, always `ahead` of the blocks that come back."""
+        self._refuse_if_failed()
+        self._stop_task()
+        task = self._task = _Task()
+        thread = threading.Thread(target=self._poll, args=(task,), name="hil-poll", daemon=True)
+        task.thread = thread
+        failure: BaseException | None = None
+        thread.start()
+        try:
+            asked, exhausted = 0, False
+            while True:
+                while not exhausted and asked <= ahead:
+                    try:
+                        waveform = next(waveforms, None)
+                    except Exception as error:  # raised once what has been read was handed over
+                        waveform, failure = None, error
+                    exhausted = waveform is None
+                    task.todo.put(waveform)
+                    asked += 1
+                came = task.done.get()
+                if isinstance(came, BaseException):
+                    raise came
+                if came is None:
+                    break
+                asked -= 1
+                yield came
+        finally:
+            self._stop_task(task)
+        if failure is not None:
+            raise failure
+
+    def _poll(self, task: _Task) -> None:
+        """The polling thread: one task from its first sample to its last."""
+        due_s = time.monotonic()
+        try:
+            while (waveform := task.next()) is not None:
+                due_s = self._run(waveform, due_s, task)
+        except BaseException as error:
+            if isinstance(error, HardwareError):
+                self._failed = error if isinstance(error, DeviceLostError) else None
+            task.done.put(error)
+        task.done.put(None)
+
+    def _run(self, waveform: Waveform, due_s: float, task: _Task) -> float:
+        """Play one waveform from `due_s` on, hand its block over, and return when the next sample is due."""
+        interval_s = 1.0 / waveform.rate_hz
+        rows = list(zip(*(values.tolist() for values in waveform.outputs.values()), strict=True))
+        names = tuple(waveform.outputs)
+        taken = _Taken(list(self.outputs), list(self.inputs))
+        try:
+            for row in rows:
+                if task.stop.wait(max(0.0, due_s - time.monotonic())):
+                    break
+                late_s = time.monotonic() - due_s
+                if late_s > 0.5 * interval_s:
+                    taken.late += max(1, math.floor(late_s / interval_s))
+                    due_s += late_s
+                with self._lock:
+                    self._sample({**self.levels, **dict(zip(names, row, strict=True))}, taken)
+                due_s += interval_s
+        finally:
+            if taken.time_s:
+                task.done.put(taken.block())
+        return due_s
+
+    def _sample(self, levels: Mapping[str, float], taken: _Taken) -> None:
+        begun_s = time.monotonic()
+        for member in self._members:
+            member.drive(levels)
+        self.levels = levels
+        updated_s = 0.5 * (begun_s + time.monotonic())
+        readings: dict[str, float] = {}
+        for member in self._reading:
+            asked_s = time.monotonic()
+            readings |= member.read()
+            member.read_after_s.append(0.5 * (asked_s + time.monotonic()) - updated_s)
+        self._used_s = time.monotonic()
+        taken.add(updated_s - self._zero_s, levels, readings)
+
+    def _stop_task(self, task: _Task | None = None) -> None:
+        task = task or self._task
+        if task is not None:
+            task.end()
+            if task is self._task:
+                self._task = None
+
+    def _refuse_if_failed(self) -> None:
+        if self._failed is not None:
+            raise self._failed
+        if self._ended.is_set():
+            raise DeviceLostError("the devices were let go of; open them again")
+
+    def _keep_alive(self) -> None:
+        beats = [member.link.keep_alive_s for member in self._members if member.link.keep_alive_s is not None]
+        if beats:
+            threading.Thread(target=self._beat, args=(min(beats),), name="hil-keep-alive", daemon=True).start()
+
+    def _beat(self, every_s: float) -> None:
+        """Between tasks, drive again what stands, so that no watchdog takes a pause for a dead program."""
+        while not self._ended.wait(every_s):
+            idle_s = time.monotonic() - self._used_s
+            if self._task is not None or self._failed is not None or not every_s <= idle_s < _IDLE_S:
+                continue
+            with self._lock:
+                try:
+                    for member in self._members:
+                        if member.link.keep_alive_s is not None:
+                            member.drive(self.levels)
+                except HardwareError as error:
+                    self._failed = error
+
+    def _let_go(self) -> None:
+        self._ended.set()
+        with self._lock:
+            for member in self._members:
+                member.link.close()
+
+
+class _Task:
+    """What a reader and the polling thread share: waveforms to play, blocks that were read."""
+
+    def __init__(self) -> None:
+        self.todo: SimpleQueue[Waveform | None] = SimpleQueue()
+        self.done: SimpleQueue[Block | BaseException | None] = SimpleQueue()
+        self.stop = threading.Event()
+        self.thread: threading.Thread | None = None
+
+    def next(self) -> Waveform | None:
+        """The next waveform, None at the end.
+
+        Raises:
+            OutputUnderflowError: the program brings none.
+        """
+        waited_s = 0.0
+        while not self.stop.is_set():
+            with suppress(Empty):
+                return self.todo.get(timeout=0.05)
+            waited_s += 0.05
+            if waited_s >= _BEHIND_S:
+                raise OutputUnderflowError(
+                    f"no sample to drive for {_BEHIND_S:g} s; outputs stand at their last values"
+                )
+        return None
+
+    def end(self) -> None:
+        """Stop, and wait for the sample that is under way."""
+        self.stop.set()
+        if self.thread is not None and self.thread is not threading.current_thread():
+            self.thread.join()
+
+
+class _Taken:
+    """Samples as they come, to become a block."""
+
+    def __init__(self, outputs: list[str], inputs: list[str]) -> None:
+        self.late = 0
+        self.time_s: list[float] = []
+        self._outputs: dict[str, list[float]] = {name: [] for name in outputs}
+        self._inputs: dict[str, list[float]] = {name: [] for name in inputs}
+
+    def add(self, time_s: float, levels: Mapping[str, float], readings: Mapping[str, float]) -> None:
+        self.time_s.append(time_s)
+        for name, values in self._outputs.items():
+            values.append(levels[name])
+        for name, values in self._inputs.items():
+            values.append(readings[name])
+
+    def block(self) -> Block:
+        outputs = {name: np.array(values) for name, values in self._outputs.items()}
+        inputs = {name: np.array(values) for name, values in self._inputs.items()}
+        return Block(np.array(self.time_s), inputs, outputs, self.late)
+
+
+def _driven_safe(member: _Member, safe: Mapping[str, float]) -> HardwareError | None:
+    """Drive safe values, twice if need be; why it failed, or None."""
+    failure: HardwareError | None = None
+    for _ in range(2):
+        try:
+            member.drive(safe)
+        except HardwareError as error:
+            failure = error
+        else:
+            return None
+    return failure
+
+
+def _unreachable(member: _Member, failure: HardwareError, levels: Mapping[str, float]) -> str:
+    standing = ", ".join(f"{name} at {levels[name]:g}" for name in member.wiring.outputs)
+    watchdog_s = member.link.watchdog_s
+    by_itself = f"its own watchdog makes them safe after {watchdog_s:g} s" if watchdog_s else "use the emergency stop"
+    return f"{failure}; its outputs cannot be reached and stand where they stood ({standing}): {by_itself}"
+
+
+def _merged(parts: Iterable[Mapping[str, _T]]) -> dict[str, _T]:
+    return {name: value for part in parts for name, value in part.items()}
