@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 import typer
@@ -14,28 +13,29 @@ def command(
     out: Path = typer.Option(..., "--out", help="Folder for diagnosis.json, corrected.json and report.html."),
     input_name: str = typer.Option("", "--input", help="Input channel, if not the model's own."),
     output_name: str = typer.Option("", "--output", help="Output channel, if not the model's own."),
+    bench: str = typer.Option(
+        "", "--bench", metavar="BENCH.toml", help="Run the tests that are still needed on this bench, and conclude."
+    ),
+    budget_s: float = typer.Option(60.0, "--budget", min=0.0, help="Bench time that those tests may take, in s."),
 ) -> None:
     """Locate a mismatch, name the physics that was left out, model it, and show the fit improve."""
     from hil.cli.progress import shown
     from hil.diagnose.diagnose import diagnose
-    from hil.errors import FileError
     from hil.identify.experiment import for_model
-    from hil.physics.model import load_model, save_model
-    from hil.record.plain import plain
+    from hil.physics.model import load_model
     from hil.record.read import read_recording
-    from hil.report.diagnosis_page import write_diagnosis_report
+    from hil.session.diagnosis import conclude, write_diagnosis
 
     nominal = load_model(model)
     experiments = [for_model(nominal, read_recording(path), input_name, output_name) for path in recordings]
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise FileError(f"{out}: cannot be made a folder: {error.strerror}") from error
     with shown() as progress:
-        found = diagnose(nominal, experiments, progress)
-    content = json.dumps(plain(found.diagnosis.as_dict()), indent=1, ensure_ascii=False)
-    (out / "diagnosis.json").write_text(content + "\n", encoding="utf-8")
-    save_model(found.corrected, out / "corrected.json")
-    write_diagnosis_report(found.diagnosis, out / "report.html")
+        if bench:
+            from hil.bench.find import find_bench
+            from hil.bench.read import read_bench
+
+            found = conclude(nominal, experiments, read_bench(find_bench(bench)), budget_s, out, progress)
+        else:
+            found = diagnose(nominal, experiments, progress)
+    report = write_diagnosis(found, out)
     typer.echo(found.diagnosis.as_text())
-    typer.echo(f"report: {out / 'report.html'}")
+    typer.echo(f"report: {report}")

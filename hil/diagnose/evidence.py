@@ -59,7 +59,7 @@ def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
     """Fit % of the output over the samples kept back, every recording's mean taken off by itself."""
     errors, spreads = 0.0, 0.0
     for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
-        kept = held_out[part]
+        kept = held_out[part] if e.ignored is None else held_out[part] & ~e.ignored
         if not kept.any():
             continue
         # whitening keeps the size of white noise; for coloured noise the fit is in whitened terms on both sides
@@ -72,7 +72,7 @@ def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
 def ceiling(problem: Problem) -> float:
     """The fit that the true model would reach on the samples kept back."""
     held_out = ~training_half(problem)
-    return held_out_fit(problem, np.ones(problem.size), held_out)
+    return held_out_fit(problem, np.ones(len(problem.nominal_residuals)), held_out)
 
 
 def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:

@@ -15,6 +15,9 @@ _LONGEST_MEMORY = 8
 # Noise is called coloured only when a longer memory makes this much of its variance predictable.
 _TELLING_SHARE = 0.01
 _AGREEING = 1.15
+# Residuals of which past inputs explain less than this share have nothing to do with them.
+_UNRELATED = 0.02
+_DELAYS_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0)
 _WHITE_SHARE = 1e-9
 _STILL_MOVING = 0.1
 
@@ -105,8 +108,9 @@ def measured_noise(
     """The noise of recordings, given what the best model left of them.
 
     Where an input repeats itself, the periods tell noise from misfit; elsewhere the fourth differences do. The
-    residuals' own level and colour are taken only when they agree with that: a misfit must not pass for noise. A
-    channel that stands still most of the time has at least the noise of its resolution.
+    residuals' own level and colour are taken only when they agree with that, or when they have nothing to do with
+    the input: a misfit must not pass for noise. A channel that stands still most of the time has at least the noise
+    of its resolution.
     """
     differences = [d for u, y in zip(inputs, outputs, strict=True) if (d := repeat_difference(u, y)) is not None]
     left = noise_of(residuals, step_s)
@@ -114,7 +118,35 @@ def measured_noise(
         repeats = noise_of(differences, step_s)
         return left if left.std < _AGREEING * repeats.std else repeats
     floor = float(np.sqrt(np.mean([channel_floor(y) ** 2 for y in outputs])))
-    return left if left.std < _AGREEING * floor else Noise(floor)
+    if left.std < _AGREEING * floor or (left.colour and _share_of_input(inputs, residuals, left, step_s) < _UNRELATED):
+        return left
+    return Noise(floor)
+
+
+def _share_of_input(inputs: Sequence[Array], residuals: Sequence[Array], noise: Noise, step_s: float) -> float:
+    """The share of the whitened residuals' variance that past inputs explain, beyond what chance would give."""
+    explained, total, count, columns = 0.0, 0.0, 0, 0
+    for u, r in zip(inputs, residuals, strict=True):
+        white = whiten(r, noise, step_s)
+        basis = _of_past_inputs(u, step_s)
+        fitted = basis @ np.linalg.lstsq(basis, white, rcond=1e-8)[0]
+        explained += float(fitted @ fitted)
+        total += float(white @ white)
+        count, columns = count + len(r), columns + basis.shape[1]
+    return (explained / total - columns / count) / (1.0 - columns / count)
+
+
+def _of_past_inputs(u: Array, step_s: float) -> Array:
+    """Powers of the input and the sign of its motion, at delays up to a second, shape (n, columns)."""
+    scale = max(float(np.abs(u).max()), 1e-12)
+    level, motion = u / scale, np.sign(np.diff(u, prepend=u[0]))
+    columns = [np.ones(len(u))]
+    for delay_s in _DELAYS_S:
+        k = min(round(delay_s / step_s), len(u) - 1)
+        past = np.concatenate((np.full(k, level[0]), level[: len(u) - k]))
+        moving = np.concatenate((np.zeros(k), motion[: len(u) - k]))
+        columns += [past, past**2, past**3, np.abs(past), moving]
+    return np.column_stack(columns)
 
 
 def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:

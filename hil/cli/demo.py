@@ -1,0 +1,26 @@
+"""`hil demo`: the main job on the embedded simulated bench."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+
+def command(
+    out: Path = typer.Option(Path("demo"), "--out", help="Folder to make, with everything that the job leaves."),
+    conceal: str = typer.Option("friction", "--conceal", help="The effect that the second recordings conceal."),
+) -> None:
+    """Test and identify a valve, meet recordings that conceal an effect, diagnose them, write the reports."""
+    from hil.cli.progress import shown
+    from hil.session.demo import demonstrate
+
+    typer.echo("Brevini HPV41 on the simulated bench, in virtual time")
+    with shown() as progress:
+        done = demonstrate(out, conceal, progress)
+    typer.echo(done.identified.summary())
+    typer.echo(f"concealed in the second recordings: {conceal}")
+    typer.echo(done.diagnosed.diagnosis.as_text())
+    for name, outcome in done.tests.items():
+        typer.echo(f"{name}: {outcome.report}")
+    typer.echo(f"report: {done.report}")

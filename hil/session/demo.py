@@ -1,0 +1,105 @@
+"""The main job on the embedded simulated bench, from the first test to a corrected model.
+
+A good valve is tested and identified. Then it comes back and its recordings conceal an effect: the model no longer
+fits, and the diagnosis says why.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.bench.find import find_bench
+from hil.bench.read import read_bench
+from hil.diagnose.diagnose import Diagnosed, diagnose
+from hil.errors import FileError, UnknownNameError
+from hil.identify.experiment import experiment, for_model
+from hil.identify.grey_box import GreyBoxFit, fit_plant, starting_model
+from hil.physics.model import save_model
+from hil.record.read import read_recording
+from hil.session.diagnosis import write_diagnosis
+from hil.session.outcome import Outcome
+from hil.session.procedure import load_procedure
+from hil.session.run import run_procedure
+
+BENCH, PLANT = "brevini-hpv41", "brevini-hpv41"
+# What may be concealed: where it sits and how large it is there.
+CONCEALED: Mapping[str, tuple[str, Mapping[str, float]]] = {
+    "friction": ("force", {"coulomb": 2.5}),
+    "backlash": ("opening", {"half_width": 2.0}),
+    "supply_droop": ("supply", {"droop": 0.3}),
+    "dead_time": ("command", {"delay": 0.03}),
+    "leakage": ("flow", {"leak": 2.0}),
+}
+# Tests of the good valve with their share of the whole job, then those of the one that came back.
+_GOOD = {"frequency_response": 0.5, "flow_curve": 0.05, "step_response": 0.05}
+_BACK = {"flow_curve": 0.05, "step_response": 0.05}
+_IDENTIFY, _DIAGNOSE = 0.1, 0.2
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Demonstration:
+    """What the job leaves: tests of the good valve by procedure, its model, and the diagnosis of the worn one."""
+
+    tests: Mapping[str, Outcome]
+    identified: GreyBoxFit
+    diagnosed: Diagnosed
+    report: Path
+
+
+def demonstrate(out: Path, conceal: str, progress: Progress) -> Demonstration:
+    """Do the whole job in a new folder.
+
+    Raises:
+        FileError: the folder is not empty.
+        UnknownNameError: an effect that cannot be concealed here.
+    """
+    if conceal not in CONCEALED:
+        raise UnknownNameError("concealed effect", conceal, CONCEALED)
+    if out.exists() and any(out.iterdir()):
+        raise FileError(f"{out}: is not empty; name another folder with --out, or remove it")
+    out.mkdir(parents=True, exist_ok=True)
+    steps = _Steps(progress)
+    tests = {name: _tested(name, find_bench(BENCH), out / f"good-{name}", steps.part(share, "good valve"))
+             for name, share in _GOOD.items()}  # fmt: skip
+    steps.part(_IDENTIFY, "identification")(0.0, "fitting the plant to all three tests")
+    start = starting_model(PLANT)
+    folders = [outcome.folder for outcome in tests.values()]
+    identified = fit_plant(start, [experiment(read_recording(folder), start.definition) for folder in folders])
+    save_model(identified.model, out / "nominal.json")
+    worn = out / "worn-valve.toml"
+    worn.write_text(_with_effect(find_bench(BENCH).read_text(encoding="utf-8"), conceal), encoding="utf-8")
+    back = [_tested(name, worn, out / f"worn-{name}", steps.part(share, "worn valve")).folder
+            for name, share in _BACK.items()]  # fmt: skip
+    recordings = [for_model(identified.model, read_recording(folder)) for folder in back]
+    diagnosed = diagnose(identified.model, recordings, steps.part(_DIAGNOSE, "diagnosis"))
+    return Demonstration(tests, identified, diagnosed, write_diagnosis(diagnosed, out))
+
+
+def _tested(procedure: str, bench: Path, folder: Path, progress: Progress) -> Outcome:
+    return run_procedure(load_procedure(procedure), read_bench(bench), {}, folder, progress)
+
+
+def _with_effect(bench: str, name: str) -> str:
+    """The bench file with an effect switched on in its simulation, and other noise."""
+    hook, parameters = CONCEALED[name]
+    values = ", ".join(f"{key} = {value}" for key, value in parameters.items())
+    effect = f"effects = [{{ name = {json.dumps(name)}, hook = {json.dumps(hook)}, parameters = {{ {values} }} }}]"
+    return bench.replace("[simulation]\nseed = 1", f"[simulation]\n{effect}\nseed = 2")
+
+
+class _Steps:
+    """Progress of a job that has parts."""
+
+    def __init__(self, progress: Progress) -> None:
+        self._progress, self._before = progress, 0.0
+
+    def part(self, share: float, name: str) -> Progress:
+        """Progress within the next part."""
+        start = self._before
+        self._before += share
+        return lambda done, text: self._progress(min(start + share * done, 1.0), f"{name}: {text}")

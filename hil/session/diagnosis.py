@@ -1,0 +1,80 @@
+"""A diagnosis with a bench at hand: run the tests that it asks for, and conclude; write down what came out."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from hil.bench.read import BenchFile
+from hil.diagnose.diagnose import Diagnosed, diagnose
+from hil.diagnose.diagnosis import NextTest
+from hil.errors import StorageError
+from hil.identify.experiment import Experiment, for_model
+from hil.physics.model import Model, save_model
+from hil.record.plain import plain
+from hil.record.read import read_recording
+from hil.report.diagnosis_page import write_diagnosis_report
+from hil.session.procedure import load_procedure
+from hil.session.run import run_procedure
+
+DIAGNOSIS_FILE, CORRECTED_FILE, REPORT_FILE = "diagnosis.json", "corrected.json", "report.html"
+_SHARE_OF_DIAGNOSIS = 0.5
+
+Progress = Callable[[float, str], None]
+
+
+def conclude(
+    model: Model,
+    experiments: Sequence[Experiment],
+    bench: BenchFile,
+    budget_s: float,
+    out: Path,
+    progress: Progress = lambda _done, _text: None,
+) -> Diagnosed:
+    """Diagnose, run the next test on the bench, diagnose again, until nothing is left to tell or the time is spent.
+
+    Args:
+        model: the nominal model.
+        experiments: recordings at hand.
+        bench: where tests run, through the same guard as any procedure.
+        budget_s: bench time that all tests together may take.
+        out: run folders `test-1`, `test-2`, … are made in it.
+        progress: told how far it is.
+
+    Raises:
+        HardwareError: the bench failed; outputs are safe, recordings made so far are kept.
+        FileError: `out` holds tests of an earlier diagnosis.
+    """
+    known, left_s, count = list(experiments), budget_s, 0
+    while True:
+        found = diagnose(model, known, progress)
+        asked = found.diagnosis.next_test
+        if asked is None or asked.bench_s > left_s:
+            return found
+        count += 1
+        left_s -= asked.bench_s
+        known.append(_tested(model, asked, bench, out / f"test-{count}", progress))
+
+
+def _tested(model: Model, asked: NextTest, bench: BenchFile, folder: Path, progress: Progress) -> Experiment:
+    progress(0.0, f"{asked.procedure} on {bench.bench.name}")
+    run_procedure(load_procedure(asked.procedure), bench, asked.settings, folder, progress)
+    return for_model(model, read_recording(folder))
+
+
+def write_diagnosis(found: Diagnosed, out: Path) -> Path:
+    """Write `diagnosis.json`, `corrected.json` and `report.html`; returns the path of the report.
+
+    Raises:
+        StorageError: something cannot be written.
+    """
+    content = json.dumps(plain(found.diagnosis.as_dict()), indent=1, ensure_ascii=False)
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        (out / DIAGNOSIS_FILE).write_text(content + "\n", encoding="utf-8")
+        save_model(found.corrected, out / CORRECTED_FILE)
+    except OSError as error:
+        raise StorageError(f"{out}: the diagnosis cannot be written: {error.strerror}") from error
+    write_diagnosis_report(found.diagnosis, out / REPORT_FILE)
+    return out / REPORT_FILE

@@ -1,0 +1,73 @@
+"""Recordings of a simulated HPV41 in which something is concealed, for tests of the diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import cache
+
+import numpy as np
+from scipy.signal import lfilter
+
+from hil.identify.experiment import Experiment, for_model
+from hil.identify.grey_box import fit_plant
+from hil.physics.compose import plant
+from hil.physics.model import Model, typical_model
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import Array, Recording, recording
+
+PLANT = "brevini-hpv41"
+RATE_HZ, DURATION_S, NOISE = 250.0, 16.0, 0.3
+
+
+def commands(rng: np.random.Generator) -> dict[str, Array]:
+    """Steps, a sweep and a sine with a drift of its bias, in %."""
+    time_s = np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
+    steps = np.repeat(
+        rng.permutation([0.0, 60.0, -60.0, 35.0, -80.0, 80.0, -35.0, 0.0]), round(DURATION_S / 8 * RATE_HZ)
+    )
+    sweep = 90.0 * np.interp(time_s, DURATION_S * np.array([0.0, 0.25, 0.75, 1.0]), [0.0, 1.0, -1.0, 0.0])
+    sine = 45.0 + 12.0 * np.sin(2.0 * np.pi * 0.8 * time_s) - 90.0 * (time_s > DURATION_S / 2.0)
+    return {"steps": steps, "sweep": sweep, "sine": sine}
+
+
+def noise(rng: np.random.Generator, count: int, memory: float = 0.0) -> Array:
+    """Noise of unit variance; `memory` is the correlation from one sample to the next."""
+    white = rng.standard_normal(count + 500)
+    made: Array = lfilter([np.sqrt(1.0 - memory**2)], [1.0, -memory], white)[500:]
+    return made
+
+
+def records(
+    effects: Sequence[ActiveEffect] = (),
+    parameters: Mapping[str, float] | None = None,
+    *,
+    seed: int = 1,
+    memory: float = 0.0,
+    factor: float = 4.0,
+    arriving: Mapping[str, Array] | None = None,
+) -> list[Recording]:
+    """Three recordings of 16 s; the truth takes finer steps than the model.
+
+    `arriving`: the commands that really reach the valve, where they are not those that are recorded.
+    """
+    rng = np.random.default_rng(seed)
+    valve = plant(PLANT)
+    values = {**valve.typical, **(parameters or {})}
+    made = []
+    for name, command in commands(rng).items():
+        drive = Drive((arriving or {}).get(name, command)[None, :], 0.0, 1.0 / RATE_HZ, 0.0)
+        flow = simulate(valve, values, drive, effects, factor=factor)[0]
+        flow = flow + NOISE * noise(rng, len(flow), memory)
+        made.append(recording(name, np.arange(len(flow)) / RATE_HZ, {"command [%]": command, "flow [l/min]": flow}))
+    return made
+
+
+def bound(model: Model, made: Sequence[Recording]) -> list[Experiment]:
+    return [for_model(model, each) for each in made]
+
+
+@cache
+def nominal(memory: float = 0.0) -> Model:
+    """The model, as identified on a healthy unit."""
+    start = typical_model(PLANT)
+    return fit_plant(start, bound(start, records(seed=100, memory=memory))).model

@@ -1,0 +1,153 @@
+"""What is concealed is found, what is not there is not named, and what is unknown is called so."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.diagnose.diagnose import Diagnosed, diagnose
+from hil.physics.simulate import ActiveEffect
+from tests.concealed import DURATION_S, RATE_HZ, bound, commands, nominal, records
+
+
+def found(*effects: ActiveEffect, memory: float = 0.0, **given: object) -> Diagnosed:
+    model = nominal(memory)
+    return diagnose(model, bound(model, records(effects, memory=memory, **given)))  # type: ignore[arg-type]
+
+
+def names(of: Diagnosed) -> list[str]:
+    return [effect.name for effect in of.diagnosis.effects]
+
+
+@pytest.mark.parametrize("memory", [0.0, 0.9])
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_healthy_unit_is_consistent(memory: float, seed: int) -> None:
+    of = found(memory=memory, seed=seed)
+    assert of.diagnosis.verdict == "consistent"
+    assert names(of) == []
+    assert of.corrected.values == nominal(memory).values
+
+
+@pytest.mark.parametrize(
+    ("effect", "strength", "value"),
+    [
+        (
+            ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.3, "stribeck": 5.0, "presliding": 0.05}),
+            "",
+            0.0,
+        ),
+        (ActiveEffect("backlash", "opening", {"half_width": 2.0}), "half_width", 2.0),
+        (ActiveEffect("supply_droop", "supply", {"droop": 0.3, "recovery": 0.3, "power": 2.0}), "droop", 0.3),
+        (ActiveEffect("leakage", "flow", {"leak": 3.0, "fall": 0.3}), "leak", 3.0),
+    ],
+    ids=lambda value: value.name if isinstance(value, ActiveEffect) else "",
+)
+def test_a_concealed_effect_is_named_first_with_its_size(effect: ActiveEffect, strength: str, value: float) -> None:
+    of = found(effect, seed=4)
+    assert of.diagnosis.verdict == "explained"
+    assert names(of)[0] == effect.name
+    fit = of.diagnosis.held_out
+    assert fit.corrected > fit.ceiling - 0.3 > fit.nominal
+    if strength:
+        quantity = of.diagnosis.effects[0].parameters[strength]
+        assert quantity.std is not None
+        assert abs(quantity.value - value) < max(4.0 * quantity.std, 0.03 * value)
+
+
+def test_more_dead_time_is_an_effect_and_a_slower_pilot_is_a_change() -> None:
+    late = found(parameters={"dead_time": 0.05}, seed=5)
+    assert names(late) == ["dead_time"]
+    slow = found(parameters={"pilot_rate": 4.0}, seed=5)
+    assert slow.diagnosis.verdict == "parameter_change"
+    (changed,) = slow.diagnosis.changed_parameters
+    assert changed.name == "pilot_rate"
+    assert changed.std is not None
+    assert abs(changed.after - 4.0) < 4.0 * changed.std
+    assert slow.corrected.values["pilot_rate"] == pytest.approx(4.0, rel=0.02)
+
+
+def test_two_effects_are_both_found() -> None:
+    friction = ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
+    of = found(friction, parameters={"dead_time": 0.05}, seed=6)
+    assert sorted(names(of)) == ["dead_time", "friction"]
+
+
+def held(of: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.ndarray]:
+    """The commands with stretches in which the last one stays."""
+    moved = {name: values.copy() for name, values in of.items()}
+    for values in moved.values():
+        for start in np.arange(200, len(values) - 200, 330) + rng.integers(-60, 60):
+            values[start : start + rng.integers(25, 70)] = values[start - 1]
+    return moved
+
+
+def test_commands_that_do_not_arrive_are_dropouts() -> None:
+    recorded = commands(np.random.default_rng(7))
+    of = found(seed=7, arriving=held(recorded, np.random.default_rng(0)))
+    assert names(of) == ["dropout"]
+    assert of.diagnosis.effects[0].stage == "command"
+
+
+def test_samples_that_repeat_are_dropouts_of_the_recording() -> None:
+    made = records(seed=8)
+    for each in made:
+        flow = each.channels["flow"].values
+        for start in range(300, len(flow) - 100, 500):
+            flow[start : start + 40] = flow[start]
+    of = diagnose(nominal(), bound(nominal(), made))
+    assert names(of) == ["dropout"]
+    assert of.diagnosis.verdict == "explained"
+
+
+def test_a_tone_with_a_phase_of_its_own_in_each_recording() -> None:
+    made = records(seed=9)
+    for k, each in enumerate(made):
+        each.channels["flow"].values[:] += 1.5 * np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
+    of = diagnose(nominal(), bound(nominal(), made))
+    assert names(of) == ["periodic_disturbance"]
+    frequency = of.diagnosis.effects[0].parameters["frequency"]
+    assert frequency.value == pytest.approx(11.3, abs=0.01)
+
+
+def test_what_no_library_lists_is_unexplained_with_its_place() -> None:
+    made = records(seed=10)
+    for each in made:  # an output that depends on where it was four seconds ago
+        flow = each.channels["flow"].values
+        back = round(4.0 * RATE_HZ)
+        flow[back:] += 0.15 * np.abs(flow[:-back]) * np.sign(np.sin(2.0 * np.pi * each.time_s[back:] / 1.7))
+    of = diagnose(nominal(), bound(nominal(), made)).diagnosis
+    assert of.verdict == "unexplained"
+    assert of.effects == ()
+    assert of.left.where is not None
+    assert of.left.stages
+    assert of.left.share > 0.1
+
+
+def test_one_shifted_clock_is_not_a_dead_time() -> None:
+    made = records(seed=11)
+    flow = made[0].channels["flow"].values
+    flow[:] = np.roll(flow, 12)
+    flow[:12] = flow[12]
+    of = diagnose(nominal(), bound(nominal(), made)).diagnosis
+    assert "dead_time" not in [effect.name for effect in of.effects]
+    assert any("clock" in warning for warning in of.warnings)
+
+
+def test_a_coarse_signal_is_quantised_and_has_no_dead_band() -> None:
+    made = records(seed=12)
+    for each in made:
+        flow = each.channels["flow"].values
+        flow[:] = 2.0 * np.round(flow / 2.0)
+    of = diagnose(nominal(), bound(nominal(), made)).diagnosis
+    assert "deadband" not in [effect.name for effect in of.effects]
+
+
+def test_the_same_data_give_the_same_answer_bit_for_bit() -> None:
+    effect = ActiveEffect("backlash", "opening", {"half_width": 1.5})
+    first, second = found(effect, seed=13), found(effect, seed=13)
+    assert first.corrected == second.corrected
+    assert {**first.diagnosis.as_dict(), "seconds": 0} == {**second.diagnosis.as_dict(), "seconds": 0}
+
+
+def test_the_duration_of_recordings_is_as_the_tests_believe() -> None:
+    assert len(records(seed=1)[0]) == round(DURATION_S * RATE_HZ)
