@@ -110,7 +110,8 @@ def legend_above(axes: Axes, columns: int = 4) -> None:
     """The legend on one line over the drawing, where it hides nothing."""
     handles, _ = axes.get_legend_handles_labels()
     if handles:
-        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=min(columns, len(handles)), borderpad=0.0)
+        axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=min(columns, len(handles)), borderpad=0.0,
+                    columnspacing=1.4, handletextpad=0.5)  # fmt: skip
 
 
 def _inline(svg: str, name: str, alt: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 
 _UNITS = {
     "_s": "s", "_hz": "Hz", "_db": "dB", "_deg": "°", "_c": "°C", "_bar": "bar", "_mm": "mm", "_l_min": "l/min",
@@ -28,3 +29,15 @@ def words(name: str, *, capital: bool = False) -> str:
 def picture_name(*texts: str) -> str:
     """A name for a picture that an identifier may hold."""
     return re.sub(r"[^A-Za-z0-9]+", "-", "-".join(texts)).strip("-").lower() or "picture"
+
+
+def short_name(path: str) -> str:
+    """The last part of a path."""
+    return path.replace("\\", "/").rstrip("/").rsplit("/", 1)[-1] or path
+
+
+def short_names(paths: Iterable[str]) -> dict[str, str]:
+    """Paths by their last part, as long as that tells them apart."""
+    paths = list(paths)
+    last = [short_name(path) for path in paths]
+    return dict(zip(paths, last if len(set(last)) == len(set(paths)) else paths, strict=True))

@@ -44,6 +44,13 @@ def with_uncertainty(value: float | None, expanded: float | None, unit: str = ""
     return f"{text} {unit_text(unit)}".rstrip() if value is not None else text
 
 
+def grouped(value: float) -> str:
+    """A whole number in groups of three: `1 176 961`."""
+    if not math.isfinite(value):
+        return number(value)
+    return _signed(f"{value:,.0f}").replace(",", "\N{NARROW NO-BREAK SPACE}")
+
+
 def unit_text(unit: str) -> str:
     """The unit as it is shown: nothing for a pure number."""
     return {"1": "", "deg": "°"}.get(unit, unit)
