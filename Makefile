@@ -33,5 +33,13 @@ $(VENV)/.bench-installed: $(STAMP)
 bench: $(VENV)/.bench-installed  ## every benchmark beside its peers, one table of times and ratios
 	$(BIN)/python benchmarks
 
+proof: $(STAMP)  ## the concealment proof (CASES=20); with RECORDINGS=DIR also the real recordings
+	$(BIN)/python -m tests.proof --cases $(or $(CASES),20) --out $(or $(OUT),proof)
+ifdef RECORDINGS
+	$(BIN)/python -m tests.proof.real --recordings $(RECORDINGS)
+else
+	@echo "real recordings were not run: make proof RECORDINGS=DIR names their folder"
+endif
+
 clean:           ## remove the environment and everything generated
 	rm -rf $(VENV) demo proof .mypy_cache .ruff_cache .pytest_cache .import_linter_cache
