@@ -18,20 +18,35 @@ INTERVAL_S = 1e-3
 PLANTS = [plant(entry.name) for entry in entries("plants")]
 for_every_plant = pytest.mark.parametrize("definition", PLANTS, ids=lambda definition: definition.name)
 
-# Where a plant stands still, and a step from there.
-REST = {"cummins-efc": (1.5, 0.2), "hydraforce-sp08-47c": (50.0, 20.0), "brevini-hpv41": (50.0, 20.0)}
+# Where a plant stands still, and a step from there that it answers for more than a second.
+REST = {
+    "cummins-efc": (1.5, 0.2),
+    "hydraforce-sp08-47c": (50.0, 20.0),
+    "brevini-hpv41": (50.0, 20.0),
+    "cascaded-tanks": (math.sqrt(5.0), 1.0),  # the typical upper level is 5 V
+    "hydraulic-actuator": (0.0, -0.5),
+    "servo-axis": (0.0, 5.0),
+}
+# Plants so slow that milliseconds show nothing.
+SLOW = {"cascaded-tanks": 1.0}
+
+
+def interval_s(definition: Plant) -> float:
+    return SLOW.get(definition.name, INTERVAL_S)
 
 
 def step(definition: Plant, samples: int = 1500) -> Array:
-    """A step after 0.3 s, shape (1, n)."""
+    """A step of every input after 300 samples, shape (inputs, n)."""
     rest, size = REST.get(definition.name, (0.0, 0.5 * definition.inputs[0].full_scale))
-    command = np.full((1, samples), rest)
+    command = np.full((len(definition.inputs), samples), rest)
     command[0, 300:] += size
+    for row, signal in zip(command[1:], definition.inputs[1:], strict=True):
+        row[300:] += 0.5 * signal.full_scale
     return command
 
 
 def run(definition: Plant, inputs: Array, **changed: float) -> Array:
-    return simulate(definition, definition.typical | changed, Drive(inputs, math.nan, INTERVAL_S))
+    return simulate(definition, definition.typical | changed, Drive(inputs, math.nan, interval_s(definition)))
 
 
 @for_every_plant
@@ -101,7 +116,7 @@ def test_the_same_twice_and_in_blocks(definition: Plant) -> None:
     inputs = step(definition)
     whole = run(definition, inputs)
     assert np.array_equal(whole, run(definition, inputs))
-    twin = Twin(definition, definition.typical, INTERVAL_S)
+    twin = Twin(definition, definition.typical, interval_s(definition))
     parts = [twin.advance(inputs[:, a:b]) for a, b in ((0, 1), (1, 310), (310, 1500))]
     assert np.array_equal(np.hstack(parts), whole)
 
@@ -116,7 +131,8 @@ def test_at_every_bound_it_stays_finite(definition: Plant) -> None:
 
 @for_every_plant
 def test_finer_sub_steps_hardly_change_it(definition: Plant) -> None:
-    drive = Drive(step(definition), math.nan, definition.sub_step_s if definition.sub_step_s < 0.1 else INTERVAL_S)
+    step_s = definition.sub_step_s if definition.sub_step_s < 0.1 else interval_s(definition)
+    drive = Drive(step(definition), math.nan, step_s)
     coarse = simulate(definition, definition.typical, drive)
     fine = simulate(definition, definition.typical, drive, factor=8.0)
     assert np.abs(fine - coarse).max(axis=1)[0] < 2e-3 * np.ptp(fine[0])
@@ -135,6 +151,6 @@ def test_the_sampling_interval_hardly_changes_it(definition: Plant) -> None:
     near = 1e-9 if definition.sub_step_s > 0.1 else 2e-3  # a linear plant is exact at any step
     slow_inputs = step(definition)[:, ::10].copy()
     fast_inputs = np.repeat(slow_inputs, 10, axis=1)
-    slow = simulate(definition, definition.typical, Drive(slow_inputs, math.nan, 10 * INTERVAL_S))[0]
-    fast = simulate(definition, definition.typical, Drive(fast_inputs, math.nan, INTERVAL_S))[0, ::10]
+    slow = simulate(definition, definition.typical, Drive(slow_inputs, math.nan, 10 * interval_s(definition)))[0]
+    fast = simulate(definition, definition.typical, Drive(fast_inputs, math.nan, interval_s(definition)))[0, ::10]
     assert np.abs(slow - fast).max() < near * np.ptp(fast)

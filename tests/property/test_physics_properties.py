@@ -24,17 +24,18 @@ for_every_plant = pytest.mark.parametrize("definition", PLANTS, ids=lambda defin
 
 @st.composite
 def drawn(draw: st.DrawFn, definition: Plant) -> tuple[dict[str, float], Array, tuple[ActiveEffect, ...]]:
-    """Parameters within their bounds, a command of steps within full scale, and up to two effects."""
+    """Parameters within their bounds, inputs of steps within full scale, and up to two effects."""
     values = {
         p.name: draw(st.floats(max(p.low, -10.0 * p.scale), min(p.high, 10.0 * p.scale))) for p in definition.parameters
     }
     levels = draw(st.lists(st.floats(-1.0, 1.0), min_size=2, max_size=6))
-    command = definition.inputs[0].full_scale * np.repeat(levels, 60)
+    steps = np.repeat(levels, 60)
+    inputs = np.array([signal.full_scale * np.roll(steps, 25 * k) for k, signal in enumerate(definition.inputs)])
     active = {}
     for site in draw(st.lists(st.sampled_from(kernel(definition.name).sites), max_size=2)):
         inside = {p.name: draw(st.floats(p.low, p.high)) for p in site.effect.parameters_at(site.hook)}
         active[site.key] = ActiveEffect(*site.key, inside)
-    return values, command[None, :], tuple(active.values())
+    return values, inputs, tuple(active.values())
 
 
 @for_every_plant

@@ -15,10 +15,11 @@ from hil.catalog import entries
 from hil.physics.compose import Site, kernel, plant
 from hil.physics.effect import hold_first
 from hil.physics.plant import Hook, Plant
-from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.physics.simulate import ActiveEffect, Drive, simulate, sub_steps
 from hil.record.recording import Array
 
 INTERVAL_S = 2e-3
+SLOW = {"cascaded-tanks": 0.5}  # plants so slow that milliseconds show nothing
 SAMPLES = 150
 PLANTS = [plant(entry.name) for entry in entries("plants")]
 
@@ -29,6 +30,10 @@ def plain(function: Callable[..., Any]) -> Callable[..., Any]:
     home = source.__globals__
     called = {name: plain(home[name]) for name in source.__code__.co_names if hasattr(home.get(name), "py_func")}
     return FunctionType(source.__code__, home | called, source.__name__, source.__defaults__, source.__closure__)
+
+
+def interval_s(definition: Plant) -> float:
+    return SLOW.get(definition.name, INTERVAL_S)
 
 
 class Place:
@@ -68,22 +73,22 @@ class Place:
 
 
 def by_the_page(
-    definition: Plant, inputs: Array, sub_steps: int, read_at: int, site: Site | None, given: Mapping[str, float]
+    definition: Plant, inputs: Array, steps: int, read_at: int, site: Site | None, given: Mapping[str, float]
 ) -> Array:
     """The outputs, shape (1 + observed, n): settled at the first input, then sub-step by sub-step."""
-    step_s = INTERVAL_S / sub_steps
+    step_s = interval_s(definition) / steps
     places = {
         hook.name: Place(hook, site if site and site.hook == hook else None, given, step_s) for hook in definition.hooks
     }
     x = SimpleNamespace(**{name: 0.0 if width == 1 else np.zeros(width) for name, width in definition.states.items()})
     vars(x).update({name: np.zeros(math.ceil(t / step_s) + 4) for name, t in definition.lines_s.items()})
-    vars(x).update(definition.initial(definition.typical, (float(inputs[0, 0]),), math.nan))
+    vars(x).update(definition.initial(definition.typical, tuple(inputs[:, 0].tolist()), math.nan))
     page, hook = plain(definition.equations), SimpleNamespace(**places)
 
-    def advance(value: float, c: SimpleNamespace) -> Any:
-        return np.atleast_1d(page(value, x, c, hook))
+    def advance(values: Array, c: SimpleNamespace) -> Any:
+        return np.atleast_1d(page(*values.tolist(), x, c, hook))
 
-    y = advance(float(inputs[0, 0]), SimpleNamespace(**definition.coefficients(definition.typical, math.inf)))
+    y = advance(inputs[:, 0], SimpleNamespace(**definition.coefficients(definition.typical, math.inf)))
     c = SimpleNamespace(**definition.coefficients(definition.typical, step_s))
     out = np.empty((1 + len(definition.observed), inputs.shape[1]))
     for place in places.values():
@@ -91,31 +96,35 @@ def by_the_page(
     for i in range(inputs.shape[1]):
         if read_at == 0:
             out[:, i] = y
-        for j in range(sub_steps):
+        for j in range(steps):
             for place in places.values():
-                place.time_s = (i * sub_steps + j) * step_s
-            y = advance(float(inputs[0, i]), c)
+                place.time_s = (i * steps + j) * step_s
+            y = advance(inputs[:, i], c)
             if j + 1 == read_at:
                 out[:, i] = y
     return out
 
 
 def zigzag(definition: Plant) -> Array:
-    """From rest up, down beyond it and up again: in this range all plants move and reverse; shape (1, n)."""
+    """From rest up, down beyond it and up again: in this range all plants move and reverse; shape (inputs, n).
+
+    Further inputs, measured disturbances, go along, each at another size.
+    """
     rest, size = {"cummins-efc": (1.5, 0.4), "hydraforce-sp08-47c": (60.0, 50.0)}.get(
         definition.name, (0.3 * definition.inputs[0].full_scale, 0.7 * definition.inputs[0].full_scale)
     )
     k = np.arange(SAMPLES)
     swing = np.interp(k, [0, 5, 45, 50, 110, SAMPLES - 1], [0.0, 0.0, 1.0, 1.0, -1.8, 0.5])
-    return (rest + size * swing)[None, :]
+    further = [signal.full_scale * (0.5 + 0.2 * swing / i) for i, signal in enumerate(definition.inputs[1:], start=1)]
+    return np.vstack([rest + size * swing, *further])
 
 
 @pytest.mark.parametrize("read_at", [0.0, 1.0])
 @pytest.mark.parametrize("definition", PLANTS, ids=lambda definition: definition.name)
 def test_the_page_without_effects(definition: Plant, read_at: float) -> None:
     inputs = zigzag(definition)
-    steps = 2 if definition.sub_step_s < 0.1 else 1
-    compiled = simulate(definition, definition.typical, Drive(inputs, math.nan, INTERVAL_S, read_at))
+    steps = sub_steps(definition, interval_s(definition))
+    compiled = simulate(definition, definition.typical, Drive(inputs, math.nan, interval_s(definition), read_at))
     python = by_the_page(definition, inputs, steps, round(read_at * steps), None, {})
     assert np.allclose(compiled, python, rtol=1e-12, atol=1e-12 * definition.output.full_scale)
     assert np.ptp(compiled[0]) > 1e-3 * definition.output.full_scale
@@ -124,10 +133,10 @@ def test_the_page_without_effects(definition: Plant, read_at: float) -> None:
 @pytest.mark.parametrize("definition", PLANTS, ids=lambda definition: definition.name)
 def test_the_page_with_each_effect(definition: Plant) -> None:
     inputs = zigzag(definition)[:, :100].copy()
-    steps = 2 if definition.sub_step_s < 0.1 else 1
+    steps = sub_steps(definition, interval_s(definition))
     for site in kernel(definition.name).sites:
         typical = {parameter.name: parameter.typical for parameter in site.effect.parameters_at(site.hook)}
-        drive = Drive(inputs, math.nan, INTERVAL_S)
+        drive = Drive(inputs, math.nan, interval_s(definition))
         compiled = simulate(definition, definition.typical, drive, [ActiveEffect(*site.key, typical)])
         python = by_the_page(definition, inputs, steps, 0, site, typical)
         assert np.allclose(compiled, python, rtol=1e-9, atol=1e-9 * definition.output.full_scale), site.key
