@@ -1,0 +1,1 @@
+"""Test procedures, one file each: a plain function `run(rig, ...)` whose arguments are its settings."""

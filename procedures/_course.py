@@ -1,0 +1,106 @@
+"""The course of a run: checked whole before anything moves, begun and ended at neutral, with the time left."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.ramps import ramp
+
+_PIECE_S = 5.0  # of a long command: how often the operator hears about it
+
+
+class Course:
+    """A procedure on its way.
+
+    Args:
+        rig: what is driven.
+        rate_hz: sample rate of everything that is driven.
+        path: the command of the whole run, from neutral on, ramps included; shape (n,). It is checked, and the
+            limits are narrowed to it for the rest of the run.
+        plan: what is going to be done, for the record.
+
+    Raises:
+        RangeError: a sample of the path would leave the envelope; nothing has moved.
+    """
+
+    def __init__(self, rig: Rig, rate_hz: float, path: Array, plan: Mapping[str, Any]) -> None:
+        self.rate_hz = rate_hz
+        self._rig = rig
+        self._expected_s = len(path) / rate_hz
+        rig.check(path, rate_hz)
+        neutral = rig.command.safe
+        rig.tighten(min(float(path.min()), neutral), max(float(path.max()), neutral))
+        rig.note("plan", expected_s=round(self._expected_s, 1), **plan)
+        rig.progress(0.0, f"about {time_text(self._expected_s)} of bench time")
+
+    def go_to(self, level: float) -> None:
+        """Ramp to a level and let the valve settle there."""
+        self.heard(self._rig.ramp_to(level, self.rate_hz), f"to {level:.4g} {self._rig.command.unit}")
+
+    def warm_up(self, level: float, duration_s: float) -> None:
+        """Go to a level and stay there before anything is measured."""
+        self.go_to(level)
+        samples = round(duration_s * self.rate_hz)
+        if samples:
+            self.play(np.full(samples, level), "warming up", {"kind": "warm-up"})
+
+    def play(self, command: Array, text: str, part: Mapping[str, Any] | None = None) -> None:
+        """Drive a command without a gap, telling how far it is."""
+        for piece in self._rig.stream(self._pieces(command), self.rate_hz, part=part):
+            self.heard(piece, text)
+
+    def heard(self, recording: Recording, text: str) -> None:
+        """Tell how far the run is, from the stamps of what has come."""
+        passed_s = float(recording.time_s[-1])
+        share = min(passed_s / self._expected_s, 0.99)
+        left_s = self._expected_s - passed_s
+        left = f"{time_text(left_s)} left" if left_s > 0.0 else "longer than expected"
+        self._rig.progress(share, f"{text}; {left}")
+
+    def finish(self) -> None:
+        """Back to neutral."""
+        self._rig.ramp_to(self._rig.command.safe, self.rate_hz)
+        self._rig.progress(1.0, "done")
+
+    def _pieces(self, command: Array) -> Iterator[Array]:
+        samples = max(1, round(_PIECE_S * self.rate_hz))
+        for first in range(0, len(command), samples):
+            yield command[first : first + samples]
+
+
+def ramped(rig: Rig, start: float, level: float, rate_hz: float) -> Array:
+    """What `Rig.ramp_to` needs at most from one level to another: the slowest way there, and settling."""
+    slew_per_s = rig.command.slew_per_s
+    still = np.full(max(1, round(rig.settling_s * rate_hz)), level)
+    if slew_per_s is None or start == level:
+        return still
+    way = ramp(start, level, max(abs(level - start) / slew_per_s, 1.0 / rate_hz), rate_hz)
+    return np.concatenate((way[1:], still))
+
+
+def joined(rig: Rig, rate_hz: float, warm_up_s: float, pieces: Sequence[Array]) -> Array:
+    """The path of a run: neutral, warm-up at the first level, each piece with a ramp to where it begins, neutral."""
+    at = rig.command.safe
+    path = []
+    for i, piece in enumerate(pieces):
+        first = float(piece[0])
+        path.append(ramped(rig, at, first, rate_hz))
+        if i == 0:
+            path.append(np.full(round(warm_up_s * rate_hz), first))
+        path.append(piece)
+        at = float(piece[-1])
+    return np.concatenate((*path, ramped(rig, at, rig.command.safe, rate_hz)))
+
+
+def time_text(seconds: float) -> str:
+    """`45 s`, `6 min 20 s`, `1 h 5 min`."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

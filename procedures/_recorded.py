@@ -1,0 +1,70 @@
+"""What every evaluation asks of a recording: its channels by role, its measuring chain, its parts, its conditions."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hil.errors import FileError
+from hil.identify.measuring_chain import MeasuringChain
+from hil.record.recording import Channel, Recording
+
+_TEMPERATURE_C, _TEMPERATURE_TOLERANCE_C = 40.0, 4.0
+_STATED = {
+    "fluid": "the fluid",
+    "viscosity_class": "its viscosity class",
+    "fluid_temperature_c": "its temperature",
+    "supply_pressure_bar": "the supply pressure",
+}
+
+
+def roles_of(recording: Recording) -> tuple[Channel, Channel]:
+    """The command and the response.
+
+    Raises:
+        FileError: the recording does not say which they are.
+    """
+    roles = recording.meta.get("roles", {})
+    if not {"command", "response"} <= set(roles):
+        raise FileError(f"{recording.name}: it does not say which channels are the command and the response")
+    return recording.channel(roles["command"]), recording.channel(roles["response"])
+
+
+def settings_of(recording: Recording) -> Mapping[str, Any]:
+    """The settings of the run, defaults included."""
+    found: Mapping[str, Any] = recording.meta["settings"]
+    return found
+
+
+def parts_of(recording: Recording, kind: str) -> list[Mapping[str, Any]]:
+    """What the procedure said about its samples, of one kind.
+
+    Raises:
+        FileError: nothing of that kind was recorded.
+    """
+    found = [part for part in recording.meta.get("parts", ()) if part.get("kind") == kind]
+    if not found:
+        raise FileError(f"{recording.name}: no part of kind '{kind}' was recorded; the run ended before it")
+    return found
+
+
+def chain_of(recording: Recording) -> MeasuringChain:
+    """What lies between the command and the response as they were recorded, as far as the bench states it."""
+    _, response = roles_of(recording)
+    sampling = recording.meta.get("sampling", {})
+    interval_s = recording.interval_s
+    read_at_s = float(sampling.get("read_at") or 0.0) * interval_s
+    delay_s = float(sampling.get("delay_s", {}).get(response.name, read_at_s))
+    lag_s = float(response.calibration.get("lag_s") or 0.0)
+    return MeasuringChain(lag_s, delay_s - read_at_s, interval_s, read_at_s)
+
+
+def departures(recording: Recording) -> tuple[str, ...]:
+    """Where the stated conditions depart from those of the standard, a sentence each."""
+    conditions = recording.meta.get("conditions", {})
+    silent = [words for name, words in _STATED.items() if conditions.get(name) in (None, "")]
+    found = [f"Not stated: {', '.join(silent)}."] if silent else []
+    temperature_c = conditions.get("fluid_temperature_c")
+    if temperature_c is not None and abs(float(temperature_c) - _TEMPERATURE_C) > _TEMPERATURE_TOLERANCE_C:
+        found.append(f"The fluid was at {temperature_c:g} °C; {_TEMPERATURE_C:g} °C is customary.")
+    return tuple(found)

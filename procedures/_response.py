@@ -1,0 +1,183 @@
+"""Frequency responses as findings: bandwidths, transfer function, curves; for sines and for multisines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identify.bands import bode_band
+from hil.identify.bandwidth import Bandwidth, Crossing, bandwidth
+from hil.identify.frequency_response import FrequencyResponse
+from hil.identify.measuring_chain import check_chain, corrected
+from hil.identify.order_choice import fit_transfer_function
+from hil.identify.transfer_function import TransferFunctionFit
+from hil.record.measurement import Measured, Measurement
+from hil.record.recording import Array, Recording
+from procedures._formula import formula
+from procedures._recorded import chain_of, settings_of
+
+GAIN = Measurement("gain", "", "amplitude ratio at the reference frequency")
+BANDWIDTH_3DB = Measurement("bandwidth_3db", "Hz", "frequency at which the amplitude ratio is 3 dB below the reference")
+BANDWIDTH_90DEG = Measurement("bandwidth_90deg", "Hz", "frequency at which the response lags by 90°")
+MODEL_FIT = Measurement("model_fit", "%", "fit of the transfer function to the response")
+MEASURED = (GAIN, BANDWIDTH_3DB, BANDWIDTH_90DEG, MODEL_FIT)
+
+_CURVE_POINTS = 200
+_THIRD = 1  # place of harmonic 3 among harmonics 2…
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluated:
+    """One response with what was made of it."""
+
+    label: str
+    response: FrequencyResponse
+    bandwidth: Bandwidth
+    fit: TransferFunctionFit | None
+    notes: tuple[str, ...]
+
+    def measured(self) -> tuple[Measured, ...]:
+        """The quantities of `MEASURED`."""
+        at, unit = self.response, gain_unit(self.response)
+        gain, std = float(abs(at.response[0])), float(gain_std(at)[0])
+        found = [
+            GAIN.at(self.label, unit).of(gain, std),
+            crossed(BANDWIDTH_3DB.at(self.label), self.bandwidth.amplitude),
+            crossed(BANDWIDTH_90DEG.at(self.label), self.bandwidth.phase),
+        ]
+        return (*found, MODEL_FIT.at(self.label).of(None if self.fit is None else round(self.fit.fit_percent, 2)))
+
+    def curve(self, **more: Any) -> dict[str, Any]:
+        """The entry of `responses` (docs/reference/procedures.md)."""
+        at, relative = self.response, self.response.normalised()
+        amplitude, phase = self.bandwidth.amplitude, self.bandwidth.phase
+        alternative = None if self.fit is None else self.fit.alternative
+        return {
+            "label": self.label, "amplitude": at.amplitude, "bias": at.bias,
+            "command_unit": at.input_unit, "response_unit": at.output_unit,
+            "frequency_hz": at.frequency_hz,
+            "gain": np.abs(at.response), "gain_std": gain_std(at), "gain_unit": gain_unit(at),
+            "reference_hz": self.bandwidth.reference_hz,
+            "magnitude_db": relative.magnitude_db, "magnitude_std_db": relative.magnitude_std_db,
+            "phase_deg": at.phase_deg, "phase_std_deg": at.phase_std_deg,
+            "bandwidth_3db_hz": amplitude.frequency_hz, "bandwidth_3db_std_hz": _finite(amplitude.std_hz),
+            "bandwidth_90deg_hz": phase.frequency_hz, "bandwidth_90deg_std_hz": _finite(phase.std_hz),
+            "model": None if self.fit is None else _model(self.fit, at),
+            "alternative": None if alternative is None else _model(alternative, at),
+            "thd_percent": None, "overlays": [], "noise_db": None, "odd_db": None, "even_db": None,
+            **more,
+        }  # fmt: skip
+
+
+def evaluated(recording: Recording, responses: Iterable[FrequencyResponse]) -> tuple[Evaluated, ...]:
+    """Each response without the measuring chain (if the run asks for it), with bandwidths and transfer function."""
+    settings, chain = settings_of(recording), chain_of(recording)
+    made = []
+    for raw in responses:
+        response = corrected(raw, chain) if settings["correct_chain"] else raw
+        fit, notes = _fitted(response, settings["poles"], settings["zeros"], settings["dead_time"])
+        made.append(Evaluated(label_of(response), response, bandwidth(response), fit, notes))
+    return tuple(made)
+
+
+def chain_notes(recording: Recording, frequency_hz: Array) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """(notes, deviations) about the measuring chain's own effect."""
+    chain = chain_of(recording)
+    check = check_chain(chain, frequency_hz)
+    if check.broken_from_hz is None:
+        return (check.sentence,), ()
+    if not settings_of(recording)["correct_chain"]:
+        return (), (check.sentence,)
+    worst = int(np.argmax(np.abs(check.phase_deg)))
+    read_s = chain.skew_s + chain.read_at_s
+    note = (
+        f"The measuring chain (sensor lag {1e3 * chain.sensor_lag_s:g} ms, response read {1e3 * read_s:.3g} ms after "
+        f"the command changes, command held {1e3 * chain.hold_s:g} ms) has been taken out of the responses; at "
+        f"{frequency_hz[worst]:g} Hz it is {100 * check.amplitude_change[worst]:+.1f} % and "
+        f"{check.phase_deg[worst]:+.1f}°."
+    )
+    return (note,), ()
+
+
+def reference_deviations(found: Sequence[Evaluated]) -> tuple[str, ...]:
+    """Where the reference frequency is not that of the standard, alike ones together."""
+    labels: dict[str, list[str]] = {}
+    for one in found:
+        for note in one.bandwidth.notes:
+            labels.setdefault(note, []).append(one.label)
+    return tuple(f"{', '.join(where)}: {note}." for note, where in labels.items())
+
+
+def label_of(response: FrequencyResponse) -> str:
+    """`+50 ± 5 %`."""
+    return f"{response.bias:+.4g} ± {response.amplitude:.4g} {response.input_unit}"
+
+
+def gain_unit(response: FrequencyResponse) -> str:
+    """`l/min per %`."""
+    same = response.input_unit == response.output_unit
+    return "1" if same else f"{response.output_unit} per {response.input_unit}"
+
+
+def gain_std(response: FrequencyResponse) -> Array:
+    """Standard uncertainty of the gain, in its unit, shape (n,)."""
+    made: Array = np.abs(response.response) * (10.0 ** (response.magnitude_std_db / 20.0) - 1.0)
+    return made
+
+
+def crossed(measurement: Measurement, crossing: Crossing) -> Measured:
+    """A crossing as a measured value; "above the top frequency" where it was not reached."""
+    if crossing.frequency_hz is None:
+        return measurement.of(crossing.beyond_hz, 0.0, relation=">")
+    return measurement.of(crossing.frequency_hz, _finite(crossing.std_hz))
+
+
+def _fitted(
+    response: FrequencyResponse, poles: int | None, zeros: int | None, dead_time: bool | None
+) -> tuple[TransferFunctionFit | None, tuple[str, ...]]:
+    label = label_of(response)
+    try:
+        fit = fit_transfer_function(_to_be_linear(response), poles=poles, zeros=zeros, dead_time=dead_time)
+    except InputError as error:
+        return None, (f"{label}: no transfer function: {error}",)
+    return fit, tuple(f"{label}: {note}" for note in fit.notes)
+
+
+def _to_be_linear(response: FrequencyResponse) -> FrequencyResponse:
+    """The response as a linear model is asked to explain it: no closer than its third harmonic.
+
+    What bends a sine into a third harmonic moves its fundamental by as much; with little noise, a fit would buy poles
+    to follow that.
+    """
+    if response.harmonics.shape[1] < _THIRD + 1:
+        return response
+    moved = np.abs(response.harmonics[:, _THIRD] * response.response) ** 2 / 2.0
+    return replace(response, covariance=response.covariance + moved[:, None, None] * np.eye(2))
+
+
+def _model(fit: TransferFunctionFit, response: FrequencyResponse) -> dict[str, Any]:
+    low, high = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
+    frequency_hz = np.geomspace(low, high, _CURVE_POINTS) if high > low else response.frequency_hz
+    band = bode_band(fit, frequency_hz)
+    reference_db = 20.0 * math.log10(abs(response.response[0]))
+    return {
+        "text": fit.summary(), "formula": formula(fit.model), "fit_percent": fit.fit_percent,
+        "dead_time_s": fit.model.dead_time_s, "frequency_hz": frequency_hz,
+        "magnitude_db": band.magnitude_db - reference_db, "magnitude_std_db": band.magnitude_std_db,
+        "phase_deg": band.phase_deg + _turns(band.phase_deg[0], response.phase_deg[0]),
+        "phase_std_deg": band.phase_std_deg,
+    }  # fmt: skip
+
+
+def _turns(modelled_deg: float, measured_deg: float) -> float:
+    """Whole turns between two unwrapped phases that mean the same."""
+    return 360.0 * round((measured_deg - modelled_deg) / 360.0)
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,132 @@
+"""Settings in per cent of full command, and what they are in the unit of the command."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from hil.errors import SettingError
+from hil.rig import Rig, RoleChannel
+
+MOST_POLES = 5
+
+
+@dataclass(frozen=True, slots=True)
+class Scale:
+    """What per cent mean on a bench: a valve driven in %, A, V or mm is asked for in the same numbers.
+
+    Attributes:
+        command: the valve's command and its range.
+        full: 100 %, in the unit of the command, counted from neutral.
+    """
+
+    command: RoleChannel
+    full: float
+
+    @property
+    def neutral(self) -> float:
+        """Where the command rests: its safe value."""
+        return self.command.safe
+
+    @property
+    def both_ways(self) -> bool:
+        """Whether the command goes to both sides of neutral."""
+        return self.command.low < self.neutral < self.command.high
+
+    @property
+    def centre(self) -> float:
+        """Neutral of a command that goes both ways, the middle of the range of one that does not."""
+        return self.neutral if self.both_ways else (self.command.low + self.command.high) / 2.0
+
+    @property
+    def swing(self) -> float:
+        """The largest amplitude about the centre."""
+        return min(self.command.high - self.centre, self.centre - self.command.low)
+
+    def size(self, setting: str, percent: float) -> float:
+        """A distance, an amplitude for example, in the unit of the command. Raises `SettingError` unless above 0."""
+        if not percent > 0.0:
+            raise SettingError(f"setting {setting}: {percent:g} % of full command; it must be above 0 %")
+        return percent / 100.0 * self.full
+
+    def level(self, setting: str, percent: float) -> float:
+        """A level, counted from neutral, in the unit of the command. Raises `SettingError` when out of range."""
+        value = self.neutral + percent / 100.0 * self.full
+        return self.within(setting, f"{percent:g} %", value, value)
+
+    def within(self, setting: str, given: str, low: float, high: float) -> float:
+        """`low` again, when the command may go from `low` to `high`.
+
+        Raises:
+            SettingError: it may not; names the setting, what was given, and what is allowed.
+        """
+        rounding = 1e-9 * (self.command.high - self.command.low)
+        if not (self.command.low - rounding <= low and high <= self.command.high + rounding):
+            unit = self.command.unit
+            needs = f"{low:.4g} {unit}" if low == high else f"{low:.4g} … {high:.4g} {unit}"
+            raise SettingError(
+                f"setting {setting}: {given} needs {needs}; '{self.command.name}' may go {self.command.low:g} … "
+                f"{self.command.high:g} {unit} (100 % is {self.full:g} {unit} from neutral, {self.neutral:g} {unit})"
+            )
+        return low
+
+
+def scale_of(rig: Rig, full_command: float | None) -> Scale:
+    """The scale of a bench; 100 % is the farther end of the command's range when it is not given.
+
+    Raises:
+        SettingError: `full_command` is not above 0.
+    """
+    command = rig.command
+    if full_command is None:
+        return Scale(command, max(command.high - command.safe, command.safe - command.low))
+    check_above("full_command", 0.0, full_command)
+    return Scale(command, full_command)
+
+
+def about_levels(
+    scale: Scale, amplitudes: Iterable[float], biases: Iterable[float] | None
+) -> tuple[tuple[float, float], ...]:
+    """Every (bias, amplitude) in the unit of the command, bias by bias.
+
+    Biases that are not given are ±50 %, because many valves are dead about neutral, or the middle of a
+    command that goes one way.
+
+    Raises:
+        SettingError: nothing given, an amplitude not above 0, or the command may not go there.
+    """
+    sizes = [(percent, scale.size("amplitudes", percent)) for percent in amplitudes]
+    levels = _default_biases(scale) if biases is None else [(p, scale.level("biases", p)) for p in biases]
+    if not sizes or not levels:
+        raise SettingError("settings amplitudes and biases: at least one of each is needed")
+    for percent, bias in levels:
+        for share, size in sizes:
+            scale.within("amplitudes", f"{share:g} % about {percent:g} %", bias - size, bias + size)
+    return tuple((bias, size) for _, bias in levels for _, size in sizes)
+
+
+def _default_biases(scale: Scale) -> list[tuple[float, float]]:
+    if scale.both_ways:
+        return [(percent, scale.level("biases", percent)) for percent in (50.0, -50.0)]
+    return [(100.0 * (scale.centre - scale.neutral) / scale.full, scale.centre)]
+
+
+def check_above(setting: str, least: float, value: float, unit: str = "") -> None:
+    """Raise `SettingError` unless a value is above what it must exceed."""
+    if not value > least:
+        raise SettingError(f"setting {setting}: {value:g}{unit and ' '}{unit}; it must be above {least:g}")
+
+
+def check_at_least(setting: str, least: float, value: float, unit: str = "") -> None:
+    """Raise `SettingError` unless a value is at least so much."""
+    if not value >= least:
+        raise SettingError(f"setting {setting}: {value:g}{unit and ' '}{unit}; it must be at least {least:g}")
+
+
+def check_form_asked(poles: int | None, zeros: int | None) -> None:
+    """Raise `SettingError` unless a transfer function can have so many poles and zeros."""
+    if poles is not None and not 1 <= poles <= MOST_POLES:
+        raise SettingError(f"setting poles: {poles}; allowed are 1 to {MOST_POLES}")
+    most = MOST_POLES if poles is None else poles
+    if zeros is not None and not 0 <= zeros <= most:
+        raise SettingError(f"setting zeros: {zeros}; allowed are 0 to {most}, no more than poles")

@@ -1,0 +1,207 @@
+"""One sine in a gapless stream, listened to until the response is steady and long enough to be measured.
+
+A task that ends and a new one that begins leave a gap in which the command stands still, and the response
+needs to settle again. Here the sine goes on until it has been measured; only then does it show which samples
+belong to the measurement, and they are marked.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.sine_fit import SineFit, sine_fit
+from hil.signals.steady import steadiness
+from procedures._course import Course
+
+_HARMONICS = 5
+_LEAST_TURNS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Tone:
+    """A sine about a bias, in the unit of the command."""
+
+    frequency_hz: float
+    amplitude: float
+    bias: float
+
+
+@dataclass(frozen=True, slots=True)
+class Patience:
+    """How long a sine is listened to.
+
+    It is judged in turns of whole periods, each at least a quarter of the valve's settling time.
+
+    Attributes:
+        settling_s: of the valve.
+        periods, seconds: the least that is measured.
+        tolerance: change of the response still to come, as a share of it, at which it counts as steady.
+        longest_wait_s: after so long it is measured as it is.
+    """
+
+    settling_s: float
+    periods: int
+    seconds: float
+    tolerance: float
+    longest_wait_s: float
+
+    @property
+    def lead_s(self) -> float:
+        """Before the first turn: the worst of the transient."""
+        return self.settling_s / 2.0
+
+    @property
+    def piece_s(self) -> float:
+        """What is handed out at a time; one such piece too many is played at the end."""
+        return self.settling_s / 4.0
+
+    def turn_periods(self, frequency_hz: float) -> int:
+        """Periods of one turn."""
+        return max(1, math.ceil(frequency_hz * self.piece_s - 1e-9))
+
+    def turns(self, frequency_hz: float) -> int:
+        """How many turns are measured."""
+        periods = max(self.periods, math.ceil(self.seconds * frequency_hz - 1e-9))
+        return max(_LEAST_TURNS, math.ceil(periods / self.turn_periods(frequency_hz)))
+
+    def expected_s(self, frequency_hz: float) -> float:
+        """Bench time of one sine that is steady at once."""
+        measured_s = self.turns(frequency_hz) * self.turn_periods(frequency_hz) / frequency_hz
+        return self.lead_s + measured_s + self.piece_s
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What a sine brought.
+
+    Attributes:
+        response: output over command, in output unit per command unit.
+        steady: whether it became steady in time. `waited_s`: until it did, from its beginning.
+        phase_rad: of the command where it ended; the next sine goes on from there.
+    """
+
+    response: complex
+    steady: bool
+    waited_s: float
+    phase_rad: float
+
+
+def listen(rig: Rig, course: Course, tone: Tone, patience: Patience, phase_rad: float, text: str) -> Heard:
+    """Drive a sine until it has been measured; its samples are marked as a part of kind "sine"."""
+    ear = _Ear(tone, patience, course.rate_hz, phase_rad, rig.response.name)
+    for piece in rig.stream(ear.pieces(), course.rate_hz):
+        course.heard(piece, text)
+        if measured := ear.take(piece):
+            heard = ear.heard()
+            part = {"kind": "sine", "frequency_hz": tone.frequency_hz, "amplitude": tone.amplitude, "bias": tone.bias}
+            rig.mark(measured, {**part, "steady": heard.steady, "waited_s": round(heard.waited_s, 6)})
+    return ear.heard()
+
+
+def steady_path(tones: Sequence[Tone], patience: Patience, rate_hz: float) -> Array:
+    """The command of sines that are steady at once, one after another, for a check beforehand."""
+    phase_rad, made = 0.0, []
+    for tone in tones:
+        count = max(1, round(patience.expected_s(tone.frequency_hz) * rate_hz))
+        made.append(_wave(tone, 0, count, rate_hz, phase_rad))
+        phase_rad += 2.0 * math.pi * tone.frequency_hz * count / rate_hz
+    return np.concatenate(made)
+
+
+class _Ear:
+    """Hands out pieces of a sine, takes back what they brought, and knows when that is enough."""
+
+    def __init__(self, tone: Tone, patience: Patience, rate_hz: float, phase_rad: float, response: str) -> None:
+        self._tone, self._patience, self._rate_hz = tone, patience, rate_hz
+        self._phase_rad = phase_rad
+        self._response = response
+        self._sent = 0
+        self._start_s: float | None = None
+        self._turn: list[Recording] = []
+        self._fits: list[SineFit] = []
+        self._first: int | None = None
+        self._steady = True
+
+    def pieces(self) -> Iterator[Array]:
+        """The lead, then turns in pieces, until enough was heard."""
+        yield self._next(max(1, round(self._patience.lead_s * self._rate_hz)))
+        turn = 0
+        while True:
+            for samples in self._cuts(turn):
+                if self._done:
+                    return
+                yield self._next(samples)
+            turn += 1
+
+    def take(self, piece: Recording) -> int:
+        """Take what a piece brought; the number of samples to be marked when the measurement is whole, else 0."""
+        if self._start_s is None:
+            self._start_s = float(piece.time_s[0])
+            return 0
+        if self._done:
+            return 0
+        self._turn.append(piece)
+        if sum(map(len, self._turn)) < self._length(len(self._fits)):
+            return 0
+        self._judge()
+        return self._edge(len(self._fits)) - self._edge(self._first or 0) if self._done else 0
+
+    def heard(self) -> Heard:
+        """What was measured."""
+        first, omega = self._first or 0, 2.0 * math.pi * self._tone.frequency_hz
+        given = self._tone.amplitude * np.exp(1j * (self._phase_rad - omega * (self._start_s or 0.0)))
+        answer = np.mean([fit.phasor for fit in self._fits[first:]])
+        waited_s = self._patience.lead_s + self._edge(first) / self._rate_hz
+        ended_rad = math.fmod(self._phase_rad + omega * self._sent / self._rate_hz, 2.0 * math.pi)
+        return Heard(complex(answer / given), self._steady, waited_s, ended_rad)
+
+    @property
+    def _done(self) -> bool:
+        turns = self._patience.turns(self._tone.frequency_hz)
+        return self._first is not None and len(self._fits) - self._first >= turns
+
+    def _judge(self) -> None:
+        """Fit the turn that has come, and compare it with those before."""
+        time_s = np.concatenate([piece.time_s for piece in self._turn])
+        values = np.concatenate([piece.values(self._response) for piece in self._turn])
+        self._turn = []
+        self._fits.append(sine_fit(time_s, values, self._tone.frequency_hz, harmonics=_HARMONICS))
+        if self._first is not None:
+            return
+        if steadiness(self._fits, self._patience.tolerance).steady:
+            self._first = len(self._fits) - 2
+        elif self._edge(len(self._fits)) / self._rate_hz >= self._patience.longest_wait_s:
+            self._first, self._steady = len(self._fits) - 1, False
+
+    def _edge(self, turn: int) -> int:
+        """Sample, counted from the first turn, at which a turn begins."""
+        periods = turn * self._patience.turn_periods(self._tone.frequency_hz)
+        return round(periods * self._rate_hz / self._tone.frequency_hz)
+
+    def _length(self, turn: int) -> int:
+        return self._edge(turn + 1) - self._edge(turn)
+
+    def _cuts(self, turn: int) -> list[int]:
+        """Sizes of the pieces of a turn."""
+        length = self._length(turn)
+        count = max(1, round(length / (self._patience.piece_s * self._rate_hz)))
+        edges = [round(i * length / count) for i in range(count + 1)]
+        return [stop - start for start, stop in pairwise(edges)]
+
+    def _next(self, samples: int) -> Array:
+        wave = _wave(self._tone, self._sent, samples, self._rate_hz, self._phase_rad)
+        self._sent += samples
+        return wave
+
+
+def _wave(tone: Tone, first: int, samples: int, rate_hz: float, phase_rad: float) -> Array:
+    turn = 2.0 * math.pi * tone.frequency_hz / rate_hz
+    made: Array = tone.bias + tone.amplitude * np.sin(turn * np.arange(first, first + samples) + phase_rad)
+    return made

@@ -1,0 +1,191 @@
+"""Frequency response by stepped sine: amplitude ratio, phase, −3 dB and −90° frequencies, transfer functions.
+
+One sine after another about a bias, each until the response is steady and has been measured over whole periods.
+Structure and terms follow ISO 10770-1 (docs/explanation/standard.md); frequencies, amplitudes and biases are those
+of the HPV41 paper, and data.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+
+from hil.identify.frequency_response import DISTORTION_FLAG, FrequencyResponse
+from hil.identify.sine_segments import Segment, declared_segments, frequency_responses
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.stepped_sine import check_frequencies, even_frequencies
+from procedures._course import Course, joined
+from procedures._overlay import overlay
+from procedures._recorded import departures, parts_of, roles_of
+from procedures._response import (
+    MEASURED,
+    Evaluated,
+    chain_notes,
+    evaluated,
+    label_of,
+    reference_deviations,
+)
+from procedures._scale import about_levels, check_above, check_at_least, check_form_asked, scale_of
+from procedures._steady_sine import Heard, Patience, Tone, listen, steady_path
+
+THD = Measurement("thd", "%", "largest distortion of the response beyond noise: harmonics 2 to 5 over the fundamental")
+MEASUREMENTS = (*MEASURED, THD)
+
+_STANDARD_HZ, _STANDARD_SHARE = 5.0, 0.05  # reference: the first, or this share of the −90° frequency if that is less
+
+
+def run(
+    rig: Rig,
+    *,
+    frequencies: tuple[float, ...] = even_frequencies(0.1, 4.9, 0.2),
+    amplitudes: tuple[float, ...] = (5.0, 10.0, 20.0),
+    biases: tuple[float, ...] | None = None,
+    reference: Literal["lowest", "standard"] = "lowest",
+    measure_periods: int = 3,
+    measure_s: float = 5.0,
+    tolerance: float = 0.2,
+    longest_wait_s: float = 30.0,
+    warm_up_s: float = 0.0,
+    correct_chain: bool = True,
+    poles: int | None = None,
+    zeros: int | None = None,
+    dead_time: bool | None = None,  # noqa: ARG001 — for the evaluation
+    full_command: float | None = None,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the stepped sines.
+
+    Args:
+        rig: the bench.
+        frequencies: in Hz, rising.
+        amplitudes: of the sines, in % of full command.
+        biases: about which they swing, in % of full command from neutral; ±50 when not given, the middle of the
+            range for a command that goes one way.
+        reference: where 0 dB is: at the lowest frequency, or as the standard asks at 5 Hz or 5 % of the −90°
+            frequency, whichever is less; if that is lower than any, it is measured as well.
+        measure_periods: least number of whole periods that are measured, 2 or more.
+        measure_s: least time that is measured, in s.
+        tolerance: change still to come at which a response counts as steady, in % of its amplitude.
+        longest_wait_s: after so long a response is measured though it is not steady, in s.
+        warm_up_s: time at the first bias before anything is measured, in s.
+        correct_chain: take the measuring chain's own lag, skew and hold out of the results.
+        poles: of the transfer function, 1 to 5; chosen by evidence when not given.
+        zeros: of the transfer function; chosen by evidence when not given.
+        dead_time: whether the transfer function has one; chosen by evidence when not given.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given. At least 20 times the top frequency.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_frequencies(frequencies, rate_hz)
+    check_at_least("measure_periods", 2, measure_periods)
+    check_above("tolerance", 0.0, tolerance, "%")
+    for name, duration_s in (("measure_s", measure_s), ("longest_wait_s", longest_wait_s), ("warm_up_s", warm_up_s)):
+        check_at_least(name, 0.0, duration_s, "s")
+    levels = about_levels(scale_of(rig, full_command), amplitudes, biases)
+    check_form_asked(poles, zeros)
+    patience = Patience(rig.settling_s, measure_periods, measure_s, tolerance / 100.0, longest_wait_s)
+    sweeps = [[Tone(f, amplitude, bias) for f in frequencies] for bias, amplitude in levels]
+    path = joined(rig, rate_hz, warm_up_s, [steady_path(sweep, patience, rate_hz) for sweep in sweeps])
+    course = Course(
+        rig, rate_hz, path,
+        {"sines": len(levels) * len(frequencies), "reference": reference, "correct_chain": correct_chain},
+    )  # fmt: skip
+    course.warm_up(levels[0][0], warm_up_s)
+    for sweep in sweeps:
+        _sweep(rig, course, sweep, patience, reference)
+    course.finish()
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Responses with uncertainty, bandwidths, distortion and transfer functions, one for each bias and amplitude."""
+    command, response = roles_of(recording)
+    parts = parts_of(recording, "sine")
+    found = evaluated(recording, frequency_responses(recording, command.name, response.name))
+    top = max(found, key=lambda one: float(one.response.frequency_hz[-1])).response
+    notes, deviations = chain_notes(recording, top.frequency_hz)
+    segments = declared_segments(recording)
+    return Findings(
+        measured=tuple(measured for one in found for measured in (*one.measured(), _distortion(one.response))),
+        curves={"responses": [_curve(recording, one, segments) for one in found]},
+        notes=(*notes, *(note for one in found for note in (*one.notes, *_distorted(one)))),
+        deviations=(*deviations, *reference_deviations(found), *_unsteady(parts), *departures(recording)),
+    )
+
+
+def _sweep(
+    rig: Rig, course: Course, sweep: list[Tone], patience: Patience, reference: Literal["lowest", "standard"]
+) -> None:
+    """All frequencies about one bias at one amplitude, and the reference of the standard if it lies below them."""
+    first = sweep[0]
+    course.go_to(first.bias)
+    phase_rad = 0.0
+    found: list[Heard] = []
+    for tone in sweep:
+        found.append(_listened(rig, course, tone, patience, phase_rad))
+        phase_rad = found[-1].phase_rad
+    wanted_hz = _reference_hz(np.array([tone.frequency_hz for tone in sweep]), np.array([h.response for h in found]))
+    if reference == "standard" and wanted_hz is not None and wanted_hz < first.frequency_hz:
+        _listened(rig, course, Tone(wanted_hz, first.amplitude, first.bias), patience, phase_rad)
+
+
+def _listened(rig: Rig, course: Course, tone: Tone, patience: Patience, phase_rad: float) -> Heard:
+    unit = rig.command.unit
+    text = f"{tone.frequency_hz:.3g} Hz, {tone.bias:+.3g} ± {tone.amplitude:.3g} {unit}"
+    return listen(rig, course, tone, patience, phase_rad, text)
+
+
+def _reference_hz(frequency_hz: Array, response: Any) -> float | None:
+    """The frequency that the standard refers to; None when the phase does not reach −90°."""
+    phase_deg = np.degrees(np.unwrap(np.angle(response)))
+    if phase_deg[0] < -90.0 or phase_deg.min() > -90.0:
+        return None
+    after = int(np.argmax(phase_deg <= -90.0))
+    at_hz = float(np.interp(90.0, -phase_deg[after - 1 : after + 1], frequency_hz[after - 1 : after + 1]))
+    return float(f"{min(_STANDARD_HZ, _STANDARD_SHARE * at_hz):.3g}")
+
+
+def _curve(recording: Recording, one: Evaluated, segments: list[Segment]) -> dict[str, Any]:
+    mine = [s for s in segments if (s.amplitude, s.bias) == (one.response.amplitude, one.response.bias)]
+    mine.sort(key=lambda segment: segment.frequency_hz)
+    shown = sorted({0, len(mine) // 2, len(mine) - 1})
+    overlays = [overlay(recording, mine[i]) for i in shown]
+    return one.curve(thd_percent=100.0 * _thd(one.response)[0], overlays=overlays)
+
+
+def _thd(response: FrequencyResponse) -> tuple[Array, Array]:
+    """Distortion beyond what noise alone makes of four harmonics, and its standard uncertainty, shape (n,)."""
+    noise = np.trace(response.covariance, axis1=1, axis2=2) / np.abs(response.response) ** 2
+    beyond = np.maximum(response.distortion**2 - response.harmonics.shape[1] * noise, 0.0)
+    return np.sqrt(beyond), np.sqrt(noise / 2.0)
+
+
+def _distortion(response: FrequencyResponse) -> Measured:
+    thd, std = _thd(response)
+    worst = int(np.argmax(thd))
+    return THD.at(label_of(response)).of(100.0 * float(thd[worst]), 100.0 * float(std[worst]))
+
+
+def _distorted(one: Evaluated) -> tuple[str, ...]:
+    thd, _ = _thd(one.response)
+    over = one.response.frequency_hz[thd > DISTORTION_FLAG]
+    if not over.size:
+        return ()
+    worst = int(np.argmax(thd))
+    note = (
+        f"{one.label}: distortion above {100 * DISTORTION_FLAG:g} % at {over.size} of {thd.size} frequencies "
+        f"({100 * thd[worst]:.0f} % at {one.response.frequency_hz[worst]:g} Hz); there the valve is not linear at this "
+        "amplitude."
+    )
+    return (note,)
+
+
+def _unsteady(parts: list[Any]) -> tuple[str, ...]:
+    late = [part for part in parts if not part["steady"]]
+    if not late:
+        return ()
+    places = ", ".join(f"{p['frequency_hz']:g} Hz at {p['bias']:+.4g} ± {p['amplitude']:.4g}" for p in late[:5])
+    more = f" and {len(late) - 5} more" if len(late) > 5 else ""
+    return (f"Measured before the response was steady: {places}{more}.",)
