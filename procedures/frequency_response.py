@@ -50,7 +50,7 @@ def run(
     longest_wait_s: float = 30.0,
     warm_up_s: float = 0.0,
     correct_chain: bool = True,
-    poles: int | None = None,
+    poles: int | None = 3,
     zeros: int | None = None,
     dead_time: bool | None = None,  # noqa: ARG001 — for the evaluation
     full_command: float | None = None,
@@ -72,7 +72,7 @@ def run(
         longest_wait_s: after so long a response is measured though it is not steady, in s.
         warm_up_s: time at the first bias before anything is measured, in s.
         correct_chain: take the measuring chain's own lag, skew and hold out of the results.
-        poles: of the transfer function, 1 to 5; chosen by evidence when not given.
+        poles: of the transfer function, 1 to 5; chosen by evidence when "none".
         zeros: of the transfer function; chosen by evidence when not given.
         dead_time: whether the transfer function has one; chosen by evidence when not given.
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
