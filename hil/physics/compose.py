@@ -19,9 +19,10 @@ import platform
 import sys
 import tempfile
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -57,17 +58,21 @@ class Site:
 
 @dataclass(frozen=True, slots=True)
 class Kernel:
-    """A compiled plant: `run` advances it; the rest says how its arrays are laid out."""
+    """A compiled plant: `run` advances it; the rest says how its arrays are laid out.
+
+    Attributes:
+        indices: of the sites by their key. `arguments`: coefficients of each site; `starts`: where they begin,
+            and the number of all of them at the end.
+    """
 
     plant: Plant
     sites: tuple[Site, ...]
     states: tuple[str, ...]
     coefficients: tuple[str, ...]
     run: Callable[..., None]
-
-    def site(self, effect: str, hook: str) -> int:
-        """Index of an effect at a hook; `KeyError` if the plant has no such pair."""
-        return {site.key: i for i, site in enumerate(self.sites)}[effect, hook]
+    indices: Mapping[tuple[str, str], int]
+    arguments: tuple[tuple[str, ...], ...]
+    starts: tuple[int, ...]
 
 
 @cache
@@ -90,7 +95,11 @@ def kernel(name: str) -> Kernel:
     sites = tuple(Site(effect, hook) for hook in chosen.hooks for effect in effects() if hook.name in effect.hooks)
     page = _Page(chosen, sites)
     module = _load(page.source(), _stamp(chosen, sites))
-    return Kernel(chosen, sites, tuple(chosen.states), page.coefficients, module.kernel)
+    arguments = tuple(site.arguments for site in sites)
+    return Kernel(
+        chosen, sites, tuple(chosen.states), page.coefficients, module.kernel,
+        {site.key: i for i, site in enumerate(sites)}, arguments, (0, *accumulate(map(len, arguments))),
+    )  # fmt: skip
 
 
 @cache

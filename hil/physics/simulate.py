@@ -148,26 +148,24 @@ def _arrays(
     plant = compiled.plant
     step_s = drive.interval_s / steps
     active = {effect.key: effect for effect in effects}
-    unknown = set(active) - {site.key for site in compiled.sites}
+    unknown = active.keys() - compiled.indices.keys()
     if unknown:
         raise KeyError(f"{plant.name} has no place for {sorted(unknown)}")
-    on = np.array([site.key in active for site in compiled.sites], dtype=np.bool_)
-    values: list[float] = []
-    sizes: list[int] = []
-    for site in compiled.sites:
-        effect = active.get(site.key)
-        if effect is None:
-            values += [0.0] * len(site.arguments)
-            sizes.append(0)
-            continue
-        given = effect.parameters
+    count = len(compiled.sites)
+    on = np.zeros(count, dtype=np.bool_)
+    values = np.zeros(compiled.starts[-1] + 1)
+    sizes = np.zeros(1 + count + len(plant.lines_s), dtype=np.int64)
+    for key, effect in active.items():
+        k = compiled.indices[key]
+        site, given = compiled.sites[k], effect.parameters
         if site.effect.coefficients is not None:
             given = site.effect.coefficients(given, step_s)
-        values += [given[name] for name in site.arguments]
+        on[k] = True
+        values[compiled.starts[k] : compiled.starts[k + 1]] = [given[name] for name in compiled.arguments[k]]
         scaled = {parameter.name: parameter for parameter in site.effect.parameters_at(site.hook)}
-        sizes.append(site.effect.memory(scaled, step_s))
-    sizes += [math.ceil(length / step_s) + 4 for length in plant.lines_s.values()]
-    offsets = np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
+        sizes[1 + k] = site.effect.memory(scaled, step_s)
+    sizes[1 + count :] = [math.ceil(length / step_s) + 4 for length in plant.lines_s.values()]
+    offsets = np.cumsum(sizes)
     return _Arrays(
         step_s,
         steps,
@@ -175,16 +173,20 @@ def _arrays(
         _flat(plant.coefficients(parameters, step_s)),
         _initial_states(plant, parameters, drive),
         on,
-        np.array([*values, 0.0]),
+        values,
         np.zeros(int(offsets[-1]) + 1),
         offsets,
     )
 
 
 def _flat(coefficients: Mapping[str, float | Array]) -> Array:
-    return np.concatenate(
-        [np.atleast_1d(np.asarray(value, dtype=np.float64)).ravel() for value in coefficients.values()]
-    )
+    values: list[float] = []
+    for value in coefficients.values():
+        if isinstance(value, np.ndarray):
+            values += value.ravel().tolist()
+        else:
+            values.append(value)
+    return np.array(values, dtype=np.float64)
 
 
 def _initial_states(plant: Plant, parameters: Mapping[str, float], drive: Drive) -> Array:
