@@ -19,8 +19,10 @@ from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
 
-# A noisy channel shows the same value so often in a row only when nobody has measured it anew.
+# A noisy channel shows the same value so often in a row only when nobody has measured it anew: chance would make
+# such a run in one of so many recordings.
 _STALE_RUN = 4
+_CHANCE_RUNS = 1e-4
 _LEAST_STALE = 3
 _NOISE_OVER_RESOLUTION = 2.0
 # Bursts of misfit: blocks of this length, those beyond this many times the noise variance.
@@ -93,13 +95,17 @@ def _stale_runs(values: Array) -> list[tuple[int, int]]:
     floor = white_floor(values)
     if not moving.size or floor < _NOISE_OVER_RESOLUTION * float(moving.min()):
         return []
+    # two readings of white noise agree within the resolution with this probability
+    same_again = float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor)
+    longest_by_chance = 1.0 + np.log(_CHANCE_RUNS / len(values)) / np.log(same_again)
+    least = max(_STALE_RUN, int(np.ceil(longest_by_chance)))
     same = np.concatenate(([0], (steps == 0.0).astype(np.int8), [0]))
     edges = np.flatnonzero(np.diff(same))
     ends = (values.max(), values.min())
     return [
         (int(start), int(stop) + 1)
         for start, stop in zip(edges[::2], edges[1::2], strict=True)
-        if stop - start >= _STALE_RUN - 1 and values[start] not in ends
+        if stop - start >= least - 1 and values[start] not in ends
     ]
 
 
