@@ -17,6 +17,8 @@ _TELLING_SHARE = 0.01
 _AGREEING = 1.15
 # Residuals of which past inputs explain less than this share have nothing to do with them.
 _UNRELATED = 0.02
+# What is so many times above the white floor is a slow misfit: in one recording nothing tells drifting noise from it.
+_MOST_COLOURED = 12.0
 _DELAYS_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0)
 _WHITE_SHARE = 1e-9
 _STILL_MOVING = 0.1
@@ -118,7 +120,10 @@ def measured_noise(
         repeats = noise_of(differences, step_s)
         return left if left.std < _AGREEING * repeats.std else repeats
     floor = float(np.sqrt(np.mean([channel_floor(y) ** 2 for y in outputs])))
-    if left.std < _AGREEING * floor or (left.colour and _share_of_input(inputs, residuals, left, step_s) < _UNRELATED):
+    if left.std < _AGREEING * floor:
+        return left
+    believable = left.colour and left.std < _MOST_COLOURED * floor
+    if believable and _share_of_input(inputs, residuals, left, step_s) < _UNRELATED:
         return left
     return Noise(floor)
 
