@@ -7,13 +7,14 @@ from typing import Any
 
 from hil.errors import FileError
 from hil.identify.measuring_chain import MeasuringChain
+from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Channel, Recording
 
 _TEMPERATURE_C, _TEMPERATURE_TOLERANCE_C = 40.0, 4.0
 _STATED = {
     "fluid": "the fluid",
-    "viscosity_class": "its viscosity class",
-    "fluid_temperature_c": "its temperature",
+    "viscosity_class": "the viscosity class of the fluid",
+    "fluid_temperature_c": "the temperature of the fluid",
     "supply_pressure_bar": "the supply pressure",
 }
 
@@ -57,6 +58,11 @@ def chain_of(recording: Recording) -> MeasuringChain:
     delay_s = float(sampling.get("delay_s", {}).get(response.name, read_at_s))
     lag_s = float(response.calibration.get("lag_s") or 0.0)
     return MeasuringChain(lag_s, delay_s - read_at_s, interval_s, read_at_s)
+
+
+def calibration_std(channel: Channel) -> float:
+    """Standard uncertainty of a level of a channel by its calibration; 0 when nobody stated one."""
+    return float(channel.calibration.get("uncertainty") or 0.0) / COVERAGE_FACTOR
 
 
 def departures(recording: Recording) -> tuple[str, ...]:

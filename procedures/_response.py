@@ -120,8 +120,7 @@ def label_of(response: FrequencyResponse) -> str:
 
 def gain_unit(response: FrequencyResponse) -> str:
     """`l/min per %`."""
-    same = response.input_unit == response.output_unit
-    return "1" if same else f"{response.output_unit} per {response.input_unit}"
+    return f"{response.output_unit} per {response.input_unit}"
 
 
 def gain_std(response: FrequencyResponse) -> Array:

@@ -1,0 +1,154 @@
+"""Flow curve: response over command, slowly up and down; dead band, hysteresis, symmetry, gain, linearity.
+
+A triangle over the whole range, and once more at half speed: what widens the loop with speed is the valve's lag, and is
+taken out; what stays is hysteresis. Works for any steady characteristic, pressure over current or position over
+request as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hil.errors import SettingError
+from hil.identify.flow_curve import polynomial, spline
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.ramps import ramp
+from procedures._characteristic import Characteristic, SpeedEffect, characteristic, speed_effect, steady
+from procedures._course import Course, joined
+from procedures._recorded import departures, parts_of, roles_of
+from procedures._scale import Scale, check_at_least, scale_of
+
+MEASUREMENTS = (
+    Measurement("response_high", "", "response at the upper end of the sweep"),
+    Measurement("response_low", "", "response at the lower end of the sweep"),
+    Measurement("hysteresis", "%", "largest width of the loop along the command, in % of the swept command"),
+    Measurement("dead_band_positive", "", "command above neutral at which the response begins"),
+    Measurement("dead_band_negative", "", "command below neutral at which the response begins"),
+    Measurement("gain_positive", "", "slope above neutral, 30 % to 90 % of the response there"),
+    Measurement("gain_negative", "", "slope below neutral, 30 % to 90 % of the response there"),
+    Measurement("symmetry", "", "gain of the weaker side over that of the stronger"),
+    Measurement("linearity", "%", "largest departure from those slopes, in % of the response at the end"),
+    Measurement("leakage", "", "steady response at neutral, before the sweep"),
+    Measurement(
+        "command_half", "", "command at which half of the response is reached; for a command that goes one way"
+    ),
+    Measurement("gain_largest", "", "steepest slope; for a command that goes one way"),
+    Measurement("lag", "ms", "lag of the valve at the sweep's speed, from the repeat at half speed; taken out"),
+)
+_BY_NAME = {measurement.name: measurement for measurement in MEASUREMENTS}
+_DEGREE = 9
+_SAMPLES, _SETTLINGS = 1000, 4.0  # least of a sweep: samples, and settling times of the valve
+
+
+def run(
+    rig: Rig,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    cycle_s: float = 60.0,
+    cycles: int = 1,
+    half_speed: bool = True,
+    warm_up_s: float = 0.0,
+    full_command: float | None = None,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the sweeps.
+
+    Args:
+        rig: the bench.
+        low: lower end, in % of full command from neutral; the lower end of the command's range when not given.
+        high: upper end, in % of full command from neutral; the upper end of the command's range when not given.
+        cycle_s: time of one sweep up and down, in s.
+        cycles: how many sweeps.
+        half_speed: whether to repeat a sweep at half speed, which tells lag from hysteresis.
+        warm_up_s: time at the beginning of the sweep before anything is measured, in s.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_at_least("cycles", 1, cycles)
+    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
+    check_at_least("cycle_s", max(_SAMPLES / rate_hz, _SETTLINGS * rig.settling_s), cycle_s, "s")
+    scale = scale_of(rig, full_command)
+    bottom, top = _ends(scale, low, high)
+    speeds = [(cycle_s, cycles), *([(2.0 * cycle_s, 1)] if half_speed else [])]
+    sweeps = [_sweep(bottom, top, duration_s, rig.settling_s, rate_hz, count) for duration_s, count in speeds]
+    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, sweeps), {"from": bottom, "to": top})
+    course.play(np.full(max(1, round(rig.settling_s * rate_hz)), scale.neutral), "neutral", {"kind": "neutral"})
+    course.warm_up(bottom, warm_up_s)
+    for sweep, (duration_s, _) in zip(sweeps, speeds, strict=True):
+        course.go_to(bottom)
+        part = {
+            "kind": "sweep", "cycle_s": duration_s, "speed_per_s": 2.0 * (top - bottom) / duration_s,
+            "settling_s": rig.settling_s, "neutral": scale.neutral,
+        }  # fmt: skip
+        course.play(sweep, f"sweep of {duration_s:g} s", part)
+    course.finish()
+
+
+def evaluate(recording: Recording) -> Findings:
+    """The curve without the valve's lag, its figures, and the repeat at half speed beside it."""
+    parts = parts_of(recording, "sweep")
+    speed = speed_effect(recording, parts)
+    curve = characteristic(recording, parts[0], 0.0 if speed is None else speed.lag_s)
+    repeat = characteristic(recording, parts[1], speed.lag_s) if speed is not None else None
+    _, response = roles_of(recording)
+    leakage = steady(recording, parts_of(recording, "neutral")[0], response)
+    notes = [] if speed is None else [speed.sentence]
+    return Findings(
+        measured=(*_measured(curve, speed), _BY_NAME["leakage"].at(unit=response.unit).of(*leakage)),
+        curves={"flow_curve": _curve(recording, curve, repeat)},
+        notes=(*notes, *curve.notes),
+        deviations=departures(recording),
+    )
+
+
+def _ends(scale: Scale, low: float | None, high: float | None) -> tuple[float, float]:
+    bottom = scale.command.low if low is None else scale.level("low", low)
+    top = scale.command.high if high is None else scale.level("high", high)
+    if not bottom < top:
+        unit = scale.command.unit
+        raise SettingError(f"settings low and high: from {bottom:g} {unit} to {top:g} {unit}; high must be above low")
+    return bottom, top
+
+
+def _sweep(bottom: float, top: float, cycle_s: float, wait_s: float, rate_hz: float, cycles: int) -> Array:
+    """Up and down, with a wait at each end; `cycle_s` counts the ways only."""
+    up, wait = ramp(bottom, top, cycle_s / 2.0, rate_hz), round(wait_s * rate_hz)
+    once = (up[1:], np.full(wait, top), up[-2::-1], np.full(wait, bottom))
+    return np.concatenate(([bottom], *once * cycles))
+
+
+def _measured(curve: Characteristic, speed: SpeedEffect | None) -> list[Measured]:
+    found = [_BY_NAME[name].at(unit=unit).of(value, std) for name, (value, std, unit) in curve.figures.items()]
+    if speed is not None:
+        found.append(_BY_NAME["lag"].of(1e3 * speed.lag_s, 1e3 * speed.lag_std_s))
+    return found
+
+
+def _curve(recording: Recording, curve: Characteristic, repeat: Characteristic | None) -> Mapping[str, Any]:
+    command, response = roles_of(recording)
+    nominal = (curve.rising + curve.falling) / 2.0
+    fitted = polynomial(curve.command, nominal, _DEGREE)
+    sign = 1.0 if nominal[-1] > nominal[0] else -1.0
+    coefficients = np.polynomial.Polynomial.fit(curve.command, nominal, _DEGREE).convert().coef
+    return {
+        "command_unit": command.unit,
+        "response_unit": response.unit,
+        "command": curve.command,
+        "rising": curve.rising,
+        "falling": curve.falling,
+        "std": curve.std,
+        "spline": sign * spline(curve.command, sign * nominal)(curve.command),
+        "polynomial": fitted(curve.command),
+        "polynomial_text": " ".join(f"{value:+.4g}·u^{power}" for power, value in enumerate(coefficients.tolist())),
+        "dead_band": curve.dead_band,
+        "half_speed": None
+        if repeat is None
+        else {"command": repeat.command, "rising": repeat.rising, "falling": repeat.falling},
+    }

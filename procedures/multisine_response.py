@@ -1,0 +1,148 @@
+"""Frequency response by multisine: all frequencies at once, with noise and distortion told apart.
+
+Odd random-phase multisine about a bias, repeated: what changes between periods is noise, what answers on lines that were
+not driven is distortion, even or odd. About a tenth of the bench time of stepped sines
+(`frequency_response`), at a lower amplitude of each line.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from hil.errors import SettingError
+from hil.identify.best_linear_approximation import BestLinearApproximation, best_linear_approximation
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.multisine import Multisine, odd_multisine
+from procedures._course import Course, joined
+from procedures._recorded import departures, parts_of, roles_of
+from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, label_of, reference_deviations
+from procedures._scale import about_levels, check_above, check_at_least, check_form_asked, scale_of
+
+NOISE = Measurement("noise", "%", "noise of the mean over the periods, median over the lines, in % of the response")
+ODD = Measurement(
+    "odd_distortion", "%", "odd distortion (friction, dead band, saturation), median, in % of the response"
+)
+EVEN = Measurement("even_distortion", "%", "even distortion (asymmetry, curvature), median, in % of the response")
+MEASUREMENTS = (*MEASURED, NOISE, ODD, EVEN)
+
+
+def run(
+    rig: Rig,
+    *,
+    low_hz: float = 0.1,
+    high_hz: float = 4.9,
+    base_hz: float = 0.1,
+    amplitudes: tuple[float, ...] = (10.0,),
+    biases: tuple[float, ...] | None = None,
+    periods: int = 4,
+    seed: int = 0,
+    warm_up_s: float = 0.0,
+    correct_chain: bool = True,
+    poles: int | None = 3,
+    zeros: int | None = None,
+    dead_time: bool | None = None,  # noqa: ARG001 — for the evaluation
+    full_command: float | None = None,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the multisines.
+
+    Args:
+        rig: the bench.
+        low_hz: lowest driven frequency, in Hz.
+        high_hz: highest driven frequency, in Hz.
+        base_hz: spacing of the lines, in Hz; one period lasts 1/base_hz, and odd multiples are driven.
+        amplitudes: peak of the multisine, in % of full command.
+        biases: about which it swings, in % of full command from neutral; ±50 when not given, the middle of the
+            range for a command that goes one way.
+        periods: how many are measured, 2 or more, after the valve has settled.
+        seed: of the phases and of the lines that stay silent.
+        warm_up_s: time at the first bias before anything is measured, in s.
+        correct_chain: take the measuring chain's own lag, skew and hold out of the results.
+        poles: of the transfer function, 1 to 5; chosen by evidence when "none".
+        zeros: of the transfer function; chosen by evidence when not given.
+        dead_time: whether the transfer function has one; chosen by evidence when not given.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given. At least 20 times the top frequency.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    _check_lines(low_hz, high_hz, base_hz)
+    check_at_least("periods", 2, periods)
+    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
+    check_form_asked(poles, zeros)
+    levels = about_levels(scale_of(rig, full_command), amplitudes, biases)
+    unit_sine = odd_multisine(low_hz, high_hz, base_hz, rate_hz, 1.0, seed=seed)
+    lead = _lead(unit_sine, rig.settling_s)
+    waves = [bias + amplitude * np.concatenate((lead, unit_sine.signal(periods))) for bias, amplitude in levels]
+    course = Course(
+        rig, rate_hz, joined(rig, rate_hz, warm_up_s, waves),
+        {"lines": len(unit_sine.excited), "crest_factor": round(unit_sine.crest_factor, 3),
+         "correct_chain": correct_chain},
+    )  # fmt: skip
+    course.warm_up(levels[0][0], warm_up_s)
+    for (bias, amplitude), wave in zip(levels, waves, strict=True):
+        course.go_to(float(wave[0]))
+        text = f"multisine {bias:+.3g} ± {amplitude:.3g} {rig.command.unit}"
+        course.play(wave[: len(lead)], text)
+        part = {**unit_sine.as_part(), "amplitude": amplitude, "bias": bias}
+        course.play(wave[len(lead) :], text, part)
+    course.finish()
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Best linear approximations with uncertainty, bandwidths, transfer functions, noise and distortion."""
+    command, response = roles_of(recording)
+    parts_of(recording, "multisine")
+    linear = best_linear_approximation(recording, command.name, response.name, settle_periods=0)
+    found = evaluated(recording, [one.response for one in linear])
+    notes, deviations = chain_notes(recording, found[0].response.frequency_hz)
+    sentences = [f"{one.label}: {bla.sentence}." for one, bla in zip(found, linear, strict=True)]
+    return Findings(
+        measured=tuple(
+            measured
+            for one, bla in zip(found, linear, strict=True)
+            for measured in (*one.measured(), *_levels(one, bla))
+        ),
+        curves={"responses": [_curve(one, bla) for one, bla in zip(found, linear, strict=True)]},
+        notes=(*notes, *sentences, *(note for one in found for note in one.notes)),
+        deviations=(*deviations, *reference_deviations(found), *departures(recording)),
+    )
+
+
+def _check_lines(low_hz: float, high_hz: float, base_hz: float) -> None:
+    check_above("base_hz", 0.0, base_hz, "Hz")
+    check_above("low_hz", 0.0, low_hz, "Hz")
+    if not high_hz > low_hz:
+        raise SettingError(f"setting high_hz: {high_hz:g} Hz; it must be above low_hz, {low_hz:g} Hz")
+
+
+def _lead(wave: Multisine, settling_s: float) -> Array:
+    """The end of a period, so long that the valve has settled when the first whole one begins."""
+    samples = round(settling_s * wave.rate_hz)
+    repeats = -(-samples // len(wave.period))
+    made: Array = np.tile(wave.period, repeats)[len(wave.period) * repeats - samples :]
+    return made
+
+
+def _levels(one: Evaluated, bla: BestLinearApproximation) -> tuple[Measured, ...]:
+    amplitude = bla.response.output_amplitude
+    label = label_of(one.response)
+    return tuple(
+        what.at(label).of(round(100.0 * float(np.median(level / amplitude)), 3))
+        for what, level in ((NOISE, bla.noise_std), (ODD, bla.odd_std), (EVEN, bla.even_std))
+    )
+
+
+def _curve(one: Evaluated, bla: BestLinearApproximation) -> dict[str, Any]:
+    gain = np.abs(one.response.response)
+    reference = float(gain[0])
+
+    def decibel(level: Array) -> Array:
+        share = np.maximum(level / bla.response.output_amplitude, 1e-9)
+        made: Array = 20.0 * np.log10(share * gain / reference)
+        return made
+
+    return one.curve(noise_db=decibel(bla.noise_std), odd_db=decibel(bla.odd_std), even_db=decibel(bla.even_std))
