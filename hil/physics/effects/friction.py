@@ -7,8 +7,6 @@ from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
 
-_ITERATIONS = 6
-
 
 @compiled
 def transform(
@@ -37,16 +35,25 @@ def transform(
     if coulomb <= 0.0:
         return 0.0
     stiffness = coulomb / presliding
-    speed, deflection = value, state[0]
-    for _ in range(6):
-        level = coulomb * (1.0 + (stiction - 1.0) * math.exp(-((speed / stribeck) ** 2)))
-        slip = 1.0 + step_s * stiffness * abs(speed) / level
-        # linear in the speed but for the slip: v = v_free - mobility * stiffness * (z + h*v) / slip
-        share = mobility * stiffness / slip
-        speed = (value - share * state[0]) / (1.0 + share * step_s)
-        deflection = (state[0] + step_s * speed) / slip
-    state[0] = deflection
-    return stiffness * deflection
+    grip = mobility * stiffness
+    drive = value - grip * state[0]
+    level = coulomb * (1.0 + (stiction - 1.0) * math.exp(-((value / stribeck) ** 2)))
+    speed = _slipping(value, drive, grip * step_s, step_s * stiffness / level)
+    level = coulomb * (1.0 + (stiction - 1.0) * math.exp(-((speed / stribeck) ** 2)))
+    wear = step_s * stiffness / level
+    speed = _slipping(value, drive, grip * step_s, wear)
+    state[0] = (state[0] + step_s * speed) / (1.0 + wear * abs(speed))
+    return stiffness * state[0]
+
+
+@compiled
+def _slipping(free: float, drive: float, grip: float, wear: float) -> float:
+    """The speed v at the end of the sub-step, of v·(1 + wear·|v| + grip) = free·(1 + wear·|v|) − (free − drive)."""
+    along = free if drive >= 0.0 else -free
+    linear = 1.0 + grip - wear * along
+    root = math.sqrt(linear * linear + 4.0 * wear * abs(drive))
+    speed = 2.0 * abs(drive) / (linear + root) if linear > 0.0 else (root - linear) / (2.0 * wear)
+    return math.copysign(speed, drive)
 
 
 @compiled
