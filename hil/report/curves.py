@@ -3,18 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
+from hil.report import flow_curves, large_sines, responses, steps
 from hil.report.overview import overview
 from hil.report.plain_curve import plain_section
 from hil.report.section import Section
 
-SECTIONS: Mapping[str, Callable[[str, Any, Recording], Section]] = {}
+
+@dataclass(frozen=True, slots=True)
+class Kind:
+    """A kind of curve (docs/reference/procedures.md): the keys it cannot do without, and its section.
+
+    `several`: whether it is a list of mappings.
+    """
+
+    needed: tuple[str, ...]
+    section: Callable[[Any], Section]
+    several: bool = True
+
+    def suits(self, curve: Any) -> bool:
+        """Whether the curve has the shape of this kind; a stranger may use the name for something else."""
+        entries = curve if self.several else [curve]
+        return (
+            isinstance(entries, list | tuple)
+            and len(entries) > 0
+            and all(isinstance(e, Mapping) and all(e.get(key) is not None for key in self.needed) for e in entries)
+        )
+
+
+KINDS: Mapping[str, Kind] = {
+    "responses": Kind(responses.NEEDED, responses.responses_section),
+    "flow_curve": Kind(flow_curves.NEEDED, flow_curves.flow_curve_section, several=False),
+    "steps": Kind(steps.NEEDED, steps.steps_section),
+    "large_sines": Kind(large_sines.NEEDED, large_sines.large_sines_section),
+}
 
 
 def sections(recording: Recording, findings: Findings) -> list[Section]:
     """A section for each curve, then the recording as a whole."""
-    found = [SECTIONS.get(name, plain_section)(name, curve, recording) for name, curve in findings.curves.items()]
+    found = [_section(name, curve) for name, curve in findings.curves.items()]
     return [*(section for section in found if not section.empty), *overview(recording)]
+
+
+def _section(name: str, curve: Any) -> Section:
+    kind = KINDS.get(name)
+    return kind.section(curve) if kind is not None and kind.suits(curve) else plain_section(name, curve)

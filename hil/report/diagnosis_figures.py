@@ -20,7 +20,7 @@ from hil.report.figure import (
     SOFT,
     Picture,
     drawn,
-    legend_above,
+    legend_on_top,
     plain_log,
     thinned,
 )  # fmt: skip
@@ -109,7 +109,7 @@ def time_strips(strips: Sequence[Strip], where: Where | None, *, corrected: bool
             axes.set_title(short_name(strip.name), fontweight="normal", pad=3.0, loc="right", color=SOFT)
             axes.margins(x=0.0)
             _shade((axes,), _told_intervals(strip, where))
-        rows[0].legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)
+        legend_on_top(rows[0])
         rows[-1].set_xlabel("time [s]")
         figure.supylabel("rms difference / noise", fontsize=8.5)
 
@@ -144,7 +144,7 @@ def residual_spectrum(name: str, spectrum: Spectrum, where: Where | None, unit: 
         axes.set_xlabel("frequency [Hz]")
         axes.set_ylabel(f"amplitude of the difference [{unit}]")
         axes.grid(which="major")
-        legend_above(axes, 6)
+        legend_on_top(axes)
 
     lines = "Marked: the command's own lines, their odd and their even harmonics. " if spectrum.lines_hz else ""
     band = "Shaded: the band that holds nine tenths of the difference." if where is not None else ""
@@ -185,7 +185,7 @@ def region_bars(before: Mapping[str, float], after: Mapping[str, float] | None) 
         axes.set_xlabel("share of the difference's energy over share of time; 1 is nothing special")
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
-        legend_above(axes)
+        legend_on_top(axes)
 
     return drawn(
         "regions", 0.8 + 0.28 * len(names), draw, "In operating region: beyond 1, the difference gathers there."
@@ -224,7 +224,7 @@ def _overlay(axes: Axes, strip: Strip, output: str, *, corrected: bool) -> None:
         axes.plot(*thinned(strip.time_s, strip.corrected), label=_AFTER_NAME, **_AFTER)
     axes.set_ylabel(f"{name} [{unit}]" if unit else name)
     axes.margins(x=0.0)
-    legend_above(axes)
+    legend_on_top(axes)
 
 
 def _residuals(axes: Axes, strip: Strip, *, corrected: bool) -> None:

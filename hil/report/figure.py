@@ -27,7 +27,7 @@ DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
 WIDTH_IN = 8.4
-_POINTS = 900  # columns of a drawing: more samples are drawn as the span of each column
+_COLUMNS = 900  # of a drawing of the page's width: more samples are drawn as the span of each column
 
 _STYLE = {
     "svg.fonttype": "none", "font.family": "DejaVu Sans", "font.size": 8.5,
@@ -76,15 +76,12 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
     return Picture(_inline(file.getvalue(), name, alt or caption), caption)
 
 
-def thinned(x: Array, y: Array, x_range: tuple[float, float] | None = None) -> tuple[Array, Array]:
+def thinned(x: Array, y: Array, columns: int = _COLUMNS) -> tuple[Array, Array]:
     """A line with no more points than can be seen: the least and the largest value of every column."""
-    if x_range is not None:
-        inside = (x >= x_range[0]) & (x <= x_range[1])
-        x, y = x[inside], y[inside]
-    if len(x) <= 3 * _POINTS:
+    if len(x) <= 3 * columns:
         return x, y
-    edges = np.linspace(0, len(x), _POINTS + 1).astype(np.int64)
-    picked = np.empty((_POINTS, 2), np.int64)
+    edges = np.linspace(0, len(x), columns + 1).astype(np.int64)
+    picked = np.empty((columns, 2), np.int64)
     for i, (first, stop) in enumerate(pairwise(edges)):
         part = y[first:stop]
         picked[i] = sorted((first + int(part.argmin()), first + int(part.argmax())))
@@ -107,11 +104,20 @@ def plain_log(axes: Axes, axis: str = "x") -> None:
 
 
 def legend_above(axes: Axes, columns: int = 4) -> None:
-    """The legend on one line over the drawing, where it hides nothing."""
+    """The legend on one line over one of several drawings beside each other, where it hides nothing."""
     handles, _ = axes.get_legend_handles_labels()
     if handles:
         axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.01), ncols=min(columns, len(handles)), borderpad=0.0,
                     columnspacing=1.4, handletextpad=0.5)  # fmt: skip
+
+
+def legend_on_top(axes: Axes) -> None:
+    """The legend of one drawing on one line over the whole picture, which keeps room for it."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure = axes.get_figure()
+    if handles and figure is not None:
+        figure.legend(handles, labels, loc="outside upper left", ncols=len(handles), borderpad=0.0, columnspacing=1.4,
+                      handletextpad=0.5)  # fmt: skip
 
 
 def _inline(svg: str, name: str, alt: str) -> str:

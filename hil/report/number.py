@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -49,6 +50,11 @@ def grouped(value: float) -> str:
     if not math.isfinite(value):
         return number(value)
     return _signed(f"{value:,.0f}").replace(",", "\N{NARROW NO-BREAK SPACE}")
+
+
+def with_minus(text: str) -> str:
+    """Text in which a hyphen before a number is a minus sign."""
+    return re.sub(r"(?<![\w.])-(?=[\d.])", MINUS, text)
 
 
 def unit_text(unit: str) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array
 from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, thinned
 from hil.report.name import picture_name, words
 from hil.report.number import number
@@ -21,9 +21,8 @@ _MOST_PICTURES = 12
 _MOST_ROWS = 60
 
 
-def plain_section(name: str, curve: Any, recording: Recording) -> Section:
+def plain_section(name: str, curve: Any) -> Section:
     """Whatever a procedure hands over: its arrays drawn, its numbers and words in a table."""
-    del recording
     pictures: list[Picture] = []
     rows: list[tuple[str, str]] = []
     for label, entry in _entries(curve):

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Iterable, Mapping
 from datetime import datetime
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from hil.record.header import read_end
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured
 from hil.record.recording import Channel, Recording
 from hil.report.curves import sections
 from hil.report.name import split_unit
-from hil.report.number import limits_text, number, rounded, unit_text, with_uncertainty
+from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
 from hil.report.page import write_page
 from hil.report.section import Table
 
@@ -35,6 +37,7 @@ def write_run_report(recording: Recording, findings: Findings, path: Path) -> No
         verdict=_verdict(findings, meta),
         summary=_summary(recording),
         groups=_groups(findings.measured),
+        judged=findings.verdict is not None,
         sections=sections(recording, findings),
         notes=findings.notes,
         deviations=findings.deviations,
@@ -54,7 +57,7 @@ def _valve_name(meta: Mapping[str, Any]) -> str:
 
 
 _WORDS = {
-    "pass": ("good", "Pass", "Every limit is met."),
+    "pass": ("good", "Pass", "Every limit is met for certain."),
     "fail": ("bad", "Fail", "At least one limit is missed."),
     "cannot tell": ("open", "Cannot tell", "No limit is missed for certain, but not all of them are met for certain."),
     None: ("", "Measured", "No limits were given; the results are stated as measured."),
@@ -75,8 +78,9 @@ def _verdict(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
 def _missed(m: Measured) -> str:
     sign = "" if m.relation == "=" else f"{m.relation} "
     value = "not determined" if m.value is None else sign + with_uncertainty(m.value, _expanded(m), m.unit)
+    place = f" at {_place(m)}" if _place(m) else ""
     limit = f"limit {limits_text(m.low, m.high)} {unit_text(m.unit)}".strip()
-    return f"{m.verdict}: {m.name.replace('_', ' ')} is {value}, {limit}."
+    return f"{_capital(m.verdict or '')}: {_meaning(m)}{place} is {value}, {limit}."
 
 
 def _summary(recording: Recording) -> list[tuple[str, str]]:
@@ -103,7 +107,7 @@ def _groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:
     found = []
     for quantity, members in groupby(_together(measured), key=lambda m: m.quantity):
         rows = list(members)
-        meaning = rows[0].meaning or quantity.replace("_", " ")
+        meaning = _meaning(rows[0])
         if len(rows) == 1:
             place = _place(rows[0])
             label = f"{meaning}, {place}" if place else meaning
@@ -120,8 +124,12 @@ def _together(measured: Iterable[Measured]) -> list[Measured]:
     return sorted(rows, key=lambda m: order[m.quantity])
 
 
+def _meaning(m: Measured) -> str:
+    return m.meaning or m.quantity.replace("_", " ")
+
+
 def _place(m: Measured) -> str:
-    return m.name.partition(", ")[2]
+    return with_minus(m.name.partition(", ")[2])
 
 
 def _capital(text: str) -> str:
@@ -155,6 +163,8 @@ def _fact(name: str, value: Any) -> tuple[str, str]:
     label, unit = split_unit(name)
     if unit and isinstance(value, int | float) and not isinstance(value, bool):
         return _capital(label), f"{number(value, 6)} {unit}"
+    if unit and isinstance(value, Mapping):
+        return _capital(label), "; ".join(f"{key} {_text(v)} {unit}" for key, v in value.items())
     return _capital(name.replace("_", " ")), _text(value)
 
 
@@ -164,7 +174,8 @@ def _text(value: Any) -> str:
     if isinstance(value, int | float):
         return str(value) if isinstance(value, int) else number(value, 6)
     if isinstance(value, Mapping):
-        return "; ".join(f"{name.replace('_', ' ')} {_text(v)}" for name, v in value.items() if v not in (None, ""))
+        facts = (_fact(str(name), v) for name, v in value.items() if v not in (None, ""))
+        return "; ".join(f"{label.lower()} {text}" for label, text in facts)
     if isinstance(value, list | tuple):
         return ", ".join(_text(v) for v in value)
     return "—" if value is None else str(value)
@@ -221,15 +232,33 @@ def _identity(recording: Recording) -> list[tuple[str, str]]:
         ("Stopped", str(meta.get("stopped_utc") or "")),
         ("Ended", str(meta.get("outcome") or "")),
         ("Program", str(meta.get("program") or "")),
-        ("Fingerprint", _fingerprint(meta)),
+        *_seals(recording.name),
+        *_asked(meta),
         ("Rate of the stamps", f"{number(1.0 / recording.interval_s, 6)} Hz" if len(recording) > 1 else ""),
         *((f"Device: {label.lower()}", value) for label, value in _facts(sampling)),
     ]
     return [(label, value) for label, value in rows if value]
 
 
-def _fingerprint(meta: Mapping[str, Any]) -> str:
-    return str(meta.get("sha256") or "")
+def _seals(name: str) -> list[tuple[str, str]]:
+    """Checksums under which a run folder was closed; nothing for a recording that is none."""
+    folder = Path(name)
+    end = read_end(folder) if folder.is_dir() else None
+    if end is None:
+        return []
+    return [("CRC-32 of the samples", end.crc32), *((f"SHA-256 of {file}", seal) for file, seal in end.sha256.items())]
+
+
+def _asked(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Sample rate and seed as the bench file states them."""
+    try:
+        bench = tomllib.loads(meta.get("bench_file") or "")
+    except tomllib.TOMLDecodeError:
+        return []
+    rate_hz, seed = bench.get("sample_rate_hz"), (bench.get("simulation") or {}).get("seed")
+    rows = [("Sample rate asked", "" if rate_hz is None else f"{number(rate_hz, 6)} Hz"),
+            ("Seed of the simulation", "" if seed is None else str(seed))]  # fmt: skip
+    return [(label, value) for label, value in rows if value]
 
 
 def _events(events: Iterable[Mapping[str, Any]]) -> Table | None:

@@ -18,15 +18,24 @@ class Table:
 
 
 @dataclass(frozen=True, slots=True)
+class Listing:
+    """Several lines of text as they are, under a line that says what they are."""
+
+    title: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
 class Section:
-    """A heading, what it says in words, pictures and tables."""
+    """A heading, what it says in words, pictures, tables, listings."""
 
     title: str
     texts: tuple[str, ...] = ()
     figures: tuple[Picture, ...] = ()
     tables: tuple[Table, ...] = ()
+    listings: tuple[Listing, ...] = ()
 
     @property
     def empty(self) -> bool:
         """Whether there is nothing under the heading."""
-        return not (self.texts or self.figures or self.tables)
+        return not (self.texts or self.figures or self.tables or self.listings)

@@ -2,22 +2,33 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hil.errors import StorageError
+from hil.record.header import read_end
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Recording, recording
+from hil.record.run_writer import RunWriter
+from hil.report.number import number, rounded, with_minus, with_uncertainty
 from hil.report.run_page import write_run_report
-from tests.page import read_page
+from tests import curves
+from tests.page import Page, read_page
 
 
 def a_recording(meta: dict | None = None) -> Recording:
     time_s = np.arange(5000) * 1e-3
     command = 50.0 * np.sin(2 * np.pi * time_s)
     return recording("runs/one", time_s, {"command [%]": command, "flow [l/min]": 0.7 * command}, meta)
+
+
+def page_of(findings: Findings, folder: Path, meta: dict | None = None) -> Page:
+    write_run_report(a_recording(meta), findings, folder / "report.html")
+    return read_page(folder / "report.html")
 
 
 def test_empty_findings_still_make_a_page(tmp_path: Path) -> None:
@@ -57,3 +68,132 @@ def test_the_same_run_makes_the_same_bytes(tmp_path: Path) -> None:
 def test_page_that_cannot_be_written_is_a_named_error(tmp_path: Path) -> None:
     with pytest.raises(StorageError, match="report cannot be written"):
         write_run_report(a_recording(), Findings(), tmp_path / "nowhere" / "report.html")
+
+
+@pytest.mark.parametrize(
+    ("value", "expanded", "shown"),
+    [
+        (1.26912, 0.01224, ("1.269", "0.012")),
+        (0.04, 0.0996, ("0.04", "0.10")),
+        (1234.4, 123.0, ("1230", "120")),
+        (-0.0001, 0.02, ("0.000", "0.020")),
+        (-3.14159, 0.5, ("\N{MINUS SIGN}3.14", "0.50")),
+        (2.5e-6, 1e-7, ("2.50", "0.10 (·10⁻⁶)")),
+        (3.0, None, ("3", "")),
+        (3.0, 0.0, ("3", "")),
+        (3.0, float("inf"), ("3", "∞")),
+        (None, 0.1, ("—", "")),
+        (float("nan"), 0.1, ("—", "")),
+        (float("-inf"), 0.1, ("\N{MINUS SIGN}∞", "")),
+    ],
+)
+def test_a_value_has_the_digits_of_its_uncertainty(
+    value: float | None, expanded: float | None, shown: tuple[str, str]
+) -> None:
+    assert rounded(value, expanded) == shown
+
+
+def test_numbers_in_words() -> None:
+    assert number(123456.0) == "123456"
+    assert number(1.4e-5, 3) == "1.4·10⁻⁵"
+    assert with_uncertainty(0.5, 0.1, "1") == "0.50 ± 0.10"
+    assert with_minus("-50 ± 5 % of run-3") == "\N{MINUS SIGN}50 ± 5 % of run-3"
+
+
+def test_responses_are_drawn_by_bias_with_distortion_fits_and_models(tmp_path: Path) -> None:
+    responses = [curves.response(bias, amplitude) for bias in (50.0, -50.0, 0.0) for amplitude in (5.0, 10.0)]
+    page = page_of(Findings(curves={"responses": responses}), tmp_path)
+    assert page.drawings == 2 + 1 + 1  # three biases in two pictures, sine fits, the recording
+    assert page.text.count("amplitude ratio [dB]") == 2
+    assert "THD [%]" in page.text
+    assert "+50 ± 5 %, no zero in the right half plane G(s) = 1 / (s + 1)³ 98.10 0.02" in page.text
+    assert "−50 ± 10 %: 2 poles, 0 zeros" in page.text
+
+
+def test_a_multisine_shows_noise_and_distortion_apart(tmp_path: Path) -> None:
+    page = page_of(Findings(curves={"responses": [curves.response(50.0, 10.0, multisine=True)]}), tmp_path)
+    assert all(text in page.text for text in ("odd distortion", "even distortion", "noise of the mean"))
+    assert "THD" not in page.text
+
+
+def test_a_bare_response_is_drawn_without_what_is_not_known(tmp_path: Path) -> None:
+    keys = ("frequency_hz", "magnitude_db", "phase_deg")
+    bare = {key: curves.response(0.0, 5.0)[key] for key in keys}
+    assert page_of(Findings(curves={"responses": [bare]}), tmp_path).drawings == 2
+
+
+def test_flow_curve_steps_and_large_sines_have_their_sections(tmp_path: Path) -> None:
+    drawn = {
+        "flow_curve": curves.flow_curve(), "steps": [curves.step(80.0), curves.step(-80.0), curves.step(40.0)],
+        "large_sines": [curves.large_sine(f) for f in (0.1, 0.3, 0.5, 0.7)],
+    }  # fmt: skip
+    page = page_of(Findings(curves=drawn), tmp_path)
+    assert page.drawings == 1 + 1 + 2 + 1
+    for text in ("at half speed", "dead band", "c9 1.2e-15", "0 → −80 % 0.0214 ± 0.0026 0.4411 ± 0.0042",
+                 "not determined",
+                 "0.1 Hz 0.12 5.88 0.04 1.00", "command [%]", "response [l/min]"):  # fmt: skip
+        assert text in page.text, text
+
+
+def test_a_flow_curve_without_options_is_drawn(tmp_path: Path) -> None:
+    command = np.linspace(0.0, 1.0, 20)
+    bare = {"command": command, "rising": command, "falling": command, "std": None, "dead_band": None}
+    assert page_of(Findings(curves={"flow_curve": bare}), tmp_path).drawings == 2
+
+
+def test_a_strangers_curves_are_drawn_plainly(tmp_path: Path) -> None:
+    strange = {
+        "steps": {"time_s": np.arange(99.0), "pressure_bar": np.arange(99.0), "gain": 3.25, "remark": "as usual"},
+        "spectrum": [{"frequency_hz": np.arange(5.0), "gain": np.ones(5) * 1j}, {"alone": [1.0, 2.0]}],
+        "nothing": None, "empty": [], "value": 7, "table": np.ones((2, 3)),
+    }  # fmt: skip
+    page = page_of(Findings(curves=strange), tmp_path)
+    for text in ("time [s]", "pressure [bar]", "gain 3.25", "remark as usual", "|gain|", "array of 2 × 3"):
+        assert text in page.text, text
+    assert page.drawings == 1 + 2 + 1
+
+
+def test_missed_limits_are_told_beside_the_verdict(tmp_path: Path) -> None:
+    gain = Measurement("gain", "l/min", "flow at full opening", low=60.0, high=75.0)
+    found = Findings((gain.at("-100 %").of(52.31, 0.4), gain.at("+100 %").of(None)))
+    text = page_of(found, tmp_path).text
+    assert "Fail At least one limit is missed." in text
+    assert "Fail: flow at full opening at −100 % is 52.31 ± 0.80 l/min, limit 60 … 75 l/min." in text
+    assert "Cannot tell: flow at full opening at +100 % is not determined" in text
+
+
+def test_conditions_instruments_and_identity_of_a_run_folder(tmp_path: Path) -> None:
+    meta = {
+        "procedure": "flow_curve", "bench": "bench 3", "valve": {"name": "HPV41", "serial": "4711", "settling_s": 2.0},
+        "conditions": {"fluid": "mineral oil", "fluid_temperature_c": 40.0}, "settings": {"hold_s": 2.0, "slow": True},
+        "instruments": [{"name": "flow meter", "serial": "88"}],
+        "bench_file": "sample_rate_hz = 500\n[simulation]\nseed = 9",
+        "sampling": {"timing": "virtual", "rate_hz": 480.0, "delay_s": {"flow": 0.0}},
+    }  # fmt: skip
+    with RunWriter.create(tmp_path / "run", meta, [("flow", "l/min")]) as run:
+        run.append(np.arange(10) / 480.0, {"flow": np.arange(10.0)})
+        run.event("interlock tripped", reason="over-pressure")
+    from hil.record.folder import read
+
+    write_run_report(read(tmp_path / "run"), Findings(), tmp_path / "report.html")
+    text = read_page(tmp_path / "report.html").text
+    end = read_end(tmp_path / "run")
+    assert end is not None
+    for said in (
+        "Flow curve: HPV41", "HPV41, 4711", "Fluid temperature 40 °C", "Hold 2 s", "Slow yes", "flow meter: serial 88",
+        "Sample rate asked 500 Hz", "Seed of the simulation 9", "Device: rate 480 Hz", "Device: delay flow 0 s",
+        f"CRC-32 of the samples {end.crc32}", end.sha256["run.json"], "interlock tripped reason over-pressure",
+    ):  # fmt: skip
+        assert said in text, said
+
+
+def test_a_broken_off_run_says_so_on_top(tmp_path: Path) -> None:
+    meta = {"outcome": "TrippedError: over-pressure", "incomplete": "of 9 rows only 5"}
+    text = page_of(Findings(), tmp_path, meta).text
+    assert "did not end as planned: TrippedError: over-pressure" in text
+    assert "The recording is incomplete: of 9 rows only 5" in text
+
+
+def test_reports_load_no_drawing_library_before_they_draw() -> None:
+    code = "import sys, hil.report.run_page, hil.report.diagnosis_page; sys.exit('matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

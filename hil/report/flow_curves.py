@@ -1,0 +1,72 @@
+"""The flow curve: both branches with their uncertainty, the laws fitted to them, the width of the loop."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.report.field import Curve, array, needed, unit_of
+from hil.report.figure import AMBER, BLUE, FAINT, GREEN, INK, RED, SOFT, drawn, legend_on_top, thinned
+from hil.report.section import Listing, Section
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NEEDED = ("command", "rising", "falling")
+
+
+def flow_curve_section(curve: Curve) -> Section:
+    """Static characteristic of the valve."""
+
+    def draw(figure: Figure) -> None:
+        above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
+        _branches(above, curve)
+        _loop(below, curve)
+        below.set_xlabel(f"command{unit_of(curve, 'command_unit')}")
+        below.margins(x=0.0)
+
+    shaded = " Shaded: dead band." if curve.get("dead_band") is not None else ""
+    caption = (
+        f"Above: mean response while the command rises and while it falls; bands: ±U (k = 2).{shaded} "
+        "Below: width of the loop."
+    )
+    text = curve.get("polynomial_text")
+    listings = (Listing("Coefficients of the polynomial", str(text)),) if text else ()
+    return Section("Flow curve", figures=(drawn("flow-curve", 4.9, draw, caption),), listings=listings)
+
+
+def _branches(axes: Axes, curve: Curve) -> None:
+    command, std = needed(curve, "command"), array(curve, "std")
+    for key, color, dash in (("rising", BLUE, "-"), ("falling", RED, "--")):
+        y = needed(curve, key)
+        axes.plot(*thinned(command, y), color=color, ls=dash, label=key)
+        if std is not None:
+            axes.fill_between(
+                command, y - COVERAGE_FACTOR * std, y + COVERAGE_FACTOR * std, color=color, alpha=0.2, lw=0
+            )
+    for key, label, color, dash in (("spline", "monotone spline", INK, ":"), ("polynomial", "polynomial", GREEN, "-.")):
+        law = array(curve, key)
+        if law is not None:
+            axes.plot(*thinned(command, law), color=color, ls=dash, lw=1.0, label=label)
+    half = curve.get("half_speed")
+    if half:
+        for key, name in (("rising", "at half speed"), ("falling", "")):
+            axes.plot(*thinned(needed(half, "command"), needed(half, key)), color=AMBER, lw=0.9, label=name)
+    band = curve.get("dead_band")
+    if band is not None:
+        axes.axvspan(float(band[0]), float(band[1]), color=FAINT, lw=0.0, zorder=0)
+    axes.set_ylabel(f"response{unit_of(curve, 'response_unit')}")
+    axes.margins(x=0.0)
+    legend_on_top(axes)
+
+
+def _loop(axes: Axes, curve: Curve) -> None:
+    command, width = needed(curve, "command"), needed(curve, "falling") - needed(curve, "rising")
+    std = array(curve, "std")
+    axes.axhline(0.0, color=SOFT, lw=0.7)
+    axes.plot(*thinned(command, width), color=INK, lw=1.0)
+    if std is not None:
+        expanded = COVERAGE_FACTOR * 2.0**0.5 * std
+        axes.fill_between(command, width - expanded, width + expanded, color=INK, alpha=0.15, lw=0.0)
+    axes.set_ylabel(f"falling − rising{unit_of(curve, 'response_unit')}".replace(" [", "\n["))

@@ -1,0 +1,221 @@
+"""Frequency responses: Bode diagrams by bias and amplitude, distortion, sine fits, transfer functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.report.field import Curve, array, label_of, needed, unit_of
+from hil.report.figure import (
+    AMBER,
+    BLUE,
+    DASHES,
+    INK,
+    MARKERS,
+    RED,
+    SERIES,
+    SOFT,
+    Picture,
+    drawn,
+    legend_above,
+    legend_on_top,
+    thinned,
+)
+from hil.report.figure import plain_log as plain_log_axis
+from hil.report.number import number
+from hil.report.section import Listing, Section, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NEEDED = ("frequency_hz", "magnitude_db", "phase_deg")
+_SIDE_BY_SIDE = 2
+_MOST_OVERLAY_ROWS = 8
+_DISTORTED_PERCENT = 5.0
+_SMALL = 200  # columns of a drawing a third as wide as the page
+
+
+def responses_section(curves: Sequence[Curve]) -> Section:
+    """Everything about the responses of a run."""
+    figures = [*_bodes(curves), *_distortions(curves), *_overlays(curves)]
+    models = [(label_of(c), model) for c in curves for model in (c.get("model"), c.get("alternative")) if model]
+    texts = [f"{label}: {model['text']}" for label, model in models if model.get("text")]
+    return Section(
+        "Frequency response",
+        figures=tuple(figures),
+        tables=_models(curves),
+        listings=(Listing("Coefficients with 95 % intervals, poles and zeros", "\n\n".join(texts)),) if texts else (),
+    )
+
+
+def _bodes(curves: Sequence[Curve]) -> list[Picture]:
+    """Amplitude ratio and phase, the amplitudes about one bias together."""
+    groups = _by_bias(curves)
+    pairs = [groups[i : i + _SIDE_BY_SIDE] for i in range(0, len(groups), _SIDE_BY_SIDE)]
+    return [_bode(f"bode-{k}", pair) for k, pair in enumerate(pairs)]
+
+
+def _by_bias(curves: Sequence[Curve]) -> list[list[Curve]]:
+    groups: dict[object, list[Curve]] = {}
+    for curve in curves:
+        groups.setdefault(curve.get("bias"), []).append(curve)
+    return list(groups.values())
+
+
+def _bode(name: str, groups: Sequence[Sequence[Curve]]) -> Picture:
+    distorted = any(array(c, "thd_percent") is not None for group in groups for c in group)
+    ratios = (2.0, 1.6, 0.8) if distorted else (2.0, 1.6)
+
+    def draw(figure: Figure) -> None:
+        rows = figure.subplots(len(ratios), len(groups), sharex=True, sharey="row", squeeze=False, height_ratios=ratios)
+        for column, group in enumerate(groups):
+            for k, curve in enumerate(group):
+                _response(rows[0][column], curve, "magnitude_db", "magnitude_std_db", k)
+                _response(rows[1][column], curve, "phase_deg", "phase_std_deg", k)
+                if distorted:
+                    _thd(rows[2][column], curve, k)
+            _frame(list(rows[:, column]), group)
+        rows[0][0].set_ylabel("amplitude ratio [dB]")
+        rows[1][0].set_ylabel("phase [°]")
+        if distorted:
+            rows[2][0].set_ylabel("THD [%]")
+
+    caption = (
+        "Bode diagram. Points: measured, bars: ±U (k = 2). Lines: fitted transfer function with its 95 % band. "
+        "0 dB is the gain at the reference frequency. Dotted: −3 dB and −90°."
+    )
+    if distorted:
+        caption += f" Below: harmonics 2 to 5 over the fundamental; dotted: {_DISTORTED_PERCENT:g} %."
+    return drawn(name, 1.2 + 1.0 * sum(ratios), draw, caption)
+
+
+def _response(axes: Axes, curve: Curve, key: str, std_key: str, k: int) -> None:
+    color, marker = SERIES[k % len(SERIES)], MARKERS[k % len(MARKERS)]
+    std = array(curve, std_key)
+    bars = None if std is None else COVERAGE_FACTOR * np.nan_to_num(std, posinf=0.0)
+    axes.errorbar(needed(curve, "frequency_hz"), needed(curve, key), bars, ls="", marker=marker, color=color, ms=3.4,
+                  elinewidth=0.8, capsize=1.6, capthick=0.8, label=label_of(curve))  # fmt: skip
+    model = curve.get("model")
+    if model:
+        _model_line(axes, model, key, std_key, color, k)
+
+
+def _model_line(axes: Axes, model: Curve, key: str, std_key: str, color: str, k: int) -> None:
+    f, y, std = needed(model, "frequency_hz"), needed(model, key), array(model, std_key)
+    axes.plot(f, y, color=color, ls=DASHES[k % len(DASHES)], lw=1.0)  # type: ignore[arg-type]
+    if std is not None:
+        axes.fill_between(f, y - 1.96 * std, y + 1.96 * std, color=color, alpha=0.15, lw=0.0)
+
+
+def _thd(axes: Axes, curve: Curve, k: int) -> None:
+    thd = array(curve, "thd_percent")
+    if thd is not None:
+        axes.plot(needed(curve, "frequency_hz"), thd, color=SERIES[k % len(SERIES)], marker=MARKERS[k % len(MARKERS)],
+                  ms=2.8, lw=0.7)  # fmt: skip
+    axes.axhline(_DISTORTED_PERCENT, color=SOFT, lw=0.8, ls=":")
+    axes.set_ylim(bottom=0.0)
+
+
+def _frame(column: Sequence[Axes], group: Sequence[Curve]) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    for axes, level in zip(column, (-3.0, -90.0), strict=False):
+        axes.axhline(level, color=SOFT, lw=0.8, ls=":")
+    f = np.concatenate([needed(curve, "frequency_hz") for curve in group])
+    for axes in column:
+        axes.set_xscale("log")
+        axes.set_xlim(0.9 * float(f.min()), 1.1 * float(f.max()))
+        plain_log_axis(axes)
+    column[1].yaxis.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 4.5, 9, 10]))
+    column[-1].set_xlabel("frequency [Hz]")
+    legend_above(column[0], 3)
+
+
+def _distortions(curves: Sequence[Curve]) -> list[Picture]:
+    """Response, noise, and odd and even distortion on one scale."""
+    shown = [c for c in curves if array(c, "odd_db") is not None or array(c, "noise_db") is not None]
+    pairs = [shown[i : i + _SIDE_BY_SIDE] for i in range(0, len(shown), _SIDE_BY_SIDE)]
+    return [_distortion(f"distortion-{k}", pair) for k, pair in enumerate(pairs)]
+
+
+_LEVELS = (
+    ("magnitude_db", "response", INK, "-", "o"), ("odd_db", "odd distortion", RED, "--", "v"),
+    ("even_db", "even distortion", AMBER, "-.", "^"), ("noise_db", "noise", BLUE, ":", ""),
+)  # fmt: skip
+
+
+def _distortion(name: str, curves: Sequence[Curve]) -> Picture:
+    def draw(figure: Figure) -> None:
+        for axes, curve in zip(figure.subplots(1, len(curves), sharey=True, squeeze=False)[0], curves, strict=True):
+            for key, label, color, dash, marker in _LEVELS:
+                level = array(curve, key)
+                if level is not None:
+                    axes.plot(needed(curve, "frequency_hz"), level, color=color, ls=dash, marker=marker, ms=2.6, lw=1.1,
+                              label=label)  # fmt: skip
+            axes.set_xscale("log")
+            plain_log_axis(axes)
+            axes.set_xlabel("frequency [Hz]")
+            axes.annotate(label_of(curve), (1.0, 1.0), xycoords="axes fraction", ha="right", va="top", color=SOFT)
+        figure.axes[0].set_ylabel("level [dB]")
+        legend_on_top(figure.axes[0])
+
+    return drawn(name, 3.0, draw, "Best linear approximation beside what is not linear, on the scale of the amplitude "
+                 "ratio: noise of the mean over the periods, odd and even distortion.")  # fmt: skip
+
+
+def _overlays(curves: Sequence[Curve]) -> list[Picture]:
+    """Sine fits over the samples that they were fitted to."""
+    rows = [c for c in curves if c.get("overlays")][:_MOST_OVERLAY_ROWS]
+    if not rows:
+        return []
+    columns = max(len(c["overlays"]) for c in rows)
+
+    def draw(figure: Figure) -> None:
+        grid = figure.subplots(len(rows), columns, squeeze=False)
+        for line, curve in zip(grid, rows, strict=True):
+            for axes in line[len(curve["overlays"]) :]:
+                axes.set_visible(False)
+            for axes, overlay in zip(line, curve["overlays"], strict=False):
+                _overlay(axes, overlay)
+            line[0].set_ylabel(f"{label_of(curve)}{unit_of(curve, 'response_unit')}".replace(" [", "\n["))
+        for axes in grid[-1]:
+            axes.set_xlabel("time [s]")
+        legend_on_top(grid[0][0])
+
+    return [drawn("sine-fits", 0.6 + 0.95 * len(rows), draw, "Sine fits: samples, and the sine with its harmonics that "
+                  "was fitted to them.")]  # fmt: skip
+
+
+def _overlay(axes: Axes, overlay: Curve) -> None:
+    time_s = needed(overlay, "time_s")
+    axes.plot(*thinned(time_s, needed(overlay, "measured"), _SMALL), color="#aeb6bf", lw=2.6, label="measured")
+    axes.plot(*thinned(time_s, needed(overlay, "fitted"), _SMALL), color=BLUE, lw=0.9, label="fitted")
+    axes.set_title(f"{number(float(overlay['frequency_hz']))} Hz", fontweight="normal", pad=2.0, loc="right")
+    axes.margins(x=0.0)
+    axes.locator_params(nbins=4)
+
+
+def _models(curves: Sequence[Curve]) -> tuple[Table, ...]:
+    remarks = (("model", ""), ("alternative", ", no zero in the right half plane"))
+    rows = [
+        (f"{label_of(curve)}{remark}", str(model.get("formula", "")), _fit(model), _dead_time(model))
+        for curve in curves
+        for key, remark in remarks
+        if (model := curve.get(key))
+    ]
+    heads = ("Response", "Transfer function", "Fit [%]", "Dead time [s]")
+    return (Table("Fitted transfer functions", heads, tuple(rows), text_columns=(1,)),) if rows else ()
+
+
+def _fit(model: Curve) -> str:
+    value = model.get("fit_percent")
+    return "—" if value is None else f"{float(value):.2f}"
+
+
+def _dead_time(model: Curve) -> str:
+    value = model.get("dead_time_s")
+    return "—" if value is None else number(float(value), 3)

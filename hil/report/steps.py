@@ -1,0 +1,89 @@
+"""Step responses: samples, fitted model and the figures read from them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.report.field import Curve, array, label_of, needed, unit_of
+from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned
+from hil.report.number import with_uncertainty
+from hil.report.section import Section, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+NEEDED = ("time_s", "measured", "start", "final")
+_COLUMNS = 2
+_MOST_STEPS = 12
+_FIGURES = (
+    ("dead_time_s", "Dead time [s]"), ("rise_s", "Rise 10…90 % [s]"), ("response_s", "To 90 % [s]"),
+    ("settling_s", "Settling [s]"), ("reaches_s", "First in band [s]"), ("overshoot_percent", "Overshoot [%]"),
+)  # fmt: skip
+
+
+def steps_section(curves: Sequence[Curve]) -> Section:
+    """Every step with its figures."""
+    shown = curves[:_MOST_STEPS]
+    tables = [table for table in (_figures(curves), _models(curves)) if table.rows]
+    return Section("Step response", figures=(_picture(shown),), tables=tuple(tables))
+
+
+def _picture(curves: Sequence[Curve]) -> Picture:
+    columns = min(_COLUMNS, len(curves))
+    rows = -(-len(curves) // columns)
+
+    def draw(figure: Figure) -> None:
+        grid = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, curve in zip(grid, curves, strict=False):
+            _step(axes, curve)
+        for axes in grid[len(curves) :]:
+            axes.set_visible(False)
+        legend_on_top(grid[0])
+
+    caption = (
+        "Time counts from the step of the command, which is drawn to the scale of the response. Dotted: 10 % and "
+        "90 % of the change."
+    )
+    return drawn("steps", 0.5 + 2.3 * rows, draw, caption)
+
+
+def _step(axes: Axes, curve: Curve) -> None:
+    time_s, start, final = needed(curve, "time_s"), float(curve["start"]), float(curve["final"])
+    axes.plot(*thinned(time_s, needed(curve, "measured")), color="#8b949e", lw=1.0, label="measured")
+    fitted, command = array(curve, "fitted"), array(curve, "command")
+    if fitted is not None:
+        axes.plot(*thinned(time_s, fitted), color=BLUE, lw=1.2, label="fitted model")
+    if command is not None and command[0] != command[-1]:
+        scaled = start + (command - command[0]) / (command[-1] - command[0]) * (final - start)
+        axes.plot(*thinned(time_s, scaled), color=INK, lw=0.8, ls="--", label="command")
+    for share in (0.1, 0.9):
+        axes.axhline(start + share * (final - start), color=SOFT, lw=0.8, ls=":")
+    axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
+    axes.set_ylabel(f"response{unit_of(curve, 'response_unit')}")
+    axes.set_xlabel("time [s]")
+    axes.margins(x=0.0)
+
+
+def _figures(curves: Sequence[Curve]) -> Table:
+    rows = tuple(
+        (label_of(c), *(_value(c["figures"].get(key)) for key, _head in _FIGURES)) for c in curves if c.get("figures")
+    )
+    return Table("Figures of each step with ±U (k = 2)", ("Step", *(head for _key, head in _FIGURES)), rows)
+
+
+def _value(pair: Any) -> str:
+    if pair is None or pair[0] is None:
+        return "—"
+    value, std = pair
+    if std is not None and not math.isfinite(std):
+        return "not determined"
+    return with_uncertainty(float(value), None if std is None else COVERAGE_FACTOR * float(std))
+
+
+def _models(curves: Sequence[Curve]) -> Table:
+    rows = tuple((label_of(c), str(c["fitted_text"])) for c in curves if c.get("fitted_text"))
+    return Table("Fitted models", ("Step", "Model"), rows, text_columns=(1,))
