@@ -35,7 +35,7 @@ def _assembled() -> typer.Typer:
     for found in pkgutil.iter_modules(cli.__path__):
         module = importlib.import_module(f"{cli.__name__}.{found.name}")
         if hasattr(module, "command"):
-            app.command(name=found.name.rstrip("_"))(module.command)
+            app.command(name=found.name.rstrip("_").replace("_", "-"))(module.command)
     return app
 
 

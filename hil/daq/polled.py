@@ -7,7 +7,6 @@ measured.
 
 from __future__ import annotations
 
-import math
 import threading
 import time
 from collections import deque
@@ -103,7 +102,9 @@ class PolledDaq:
     """Devices behind links, polled in one loop: one time base, a stamp for each sample (see `hil.daq.contract.Daq`).
 
     In each sample the outputs are driven first, link by link, then the inputs are read. A sample that begins more
-    than half an interval late counts as `late` and moves all that follow: no output changes faster than planned.
+    than half an interval late counts as `late`. Those after it come up to twice as fast as planned until they are on
+    time again, so that a sine stays the sine that was asked for; after a stall of more than a second the rest is
+    played later instead.
 
     Args:
         links: by name of the device; the DAQ closes them.
@@ -257,17 +258,19 @@ class PolledDaq:
         rows = list(zip(*(values.tolist() for values in waveform.outputs.values()), strict=True))
         names = tuple(waveform.outputs)
         taken = _Taken(list(self.outputs), list(self.inputs))
+        soonest_s = due_s
         try:
             for row in rows:
-                if task.stop.wait(max(0.0, due_s - time.monotonic())):
+                if task.stop.wait(max(0.0, max(due_s, soonest_s) - time.monotonic())):
                     break
-                late_s = time.monotonic() - due_s
-                if late_s > 0.5 * interval_s:
-                    taken.late += max(1, math.floor(late_s / interval_s))
-                    due_s += late_s
+                now_s = time.monotonic()
+                taken.late += now_s - due_s > 0.5 * interval_s
+                if now_s - due_s > _BEHIND_S:
+                    due_s = now_s
                 with self._lock:
                     self._sample({**self.levels, **dict(zip(names, row, strict=True))}, taken)
                 due_s += interval_s
+                soonest_s = now_s + 0.5 * interval_s
         finally:
             if taken.time_s:
                 task.done.put(taken.block())

@@ -12,8 +12,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Block, Daq, Waveform, joined
 from hil.errors import RangeError
 
-
-TIMED_BY_THEMSELVES = sorted(n for n, path in benches().items() if 'simulated = "in_process"' in path.read_text("utf-8"))
+TIMED_BY_THEMSELVES = sorted(n for n, path in benches().items() if "in_process" in path.read_text(encoding="utf-8"))
 
 
 @pytest.fixture(params=TIMED_BY_THEMSELVES)

@@ -1,0 +1,477 @@
+"""Modbus TCP and RTU: analogue I/O modules and flow meters, each a register map in this file."""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal, NoReturn
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+
+from hil.daq.channel import Direction, Kind, Terminal, Wiring
+from hil.daq.polled import PolledDaq
+from hil.errors import DeviceLostError, LinkError
+
+Format = Literal["u16", "s16", "f32"]
+WordOrder = Literal["big", "little"]
+_CHECK_S = 0.5  # how often outputs are read back: another master, or a device that restarted
+_IMPLAUSIBLE = 10.0  # a float so many times its full scale, or so small, was put together in the wrong order
+
+
+@dataclass(frozen=True, slots=True)
+class Register:
+    """Where a terminal stands in the registers of a device: value = slope · count + offset.
+
+    Attributes:
+        table: `input` (read by function 4) or `holding` (3, 6, 16).
+        address: counted from 0, as it stands on the wire.
+        read_back: address of an output's read-back in the holding registers, where that is another one.
+    """
+
+    direction: Direction
+    kind: Kind
+    unit: str
+    low: float
+    high: float
+    table: Literal["input", "holding"]
+    address: int
+    format: Format = "u16"
+    slope: float = 1.0
+    offset: float = 0.0
+    read_back: int | None = None
+
+    @property
+    def words(self) -> int:
+        """Registers that it takes."""
+        return 2 if self.format == "f32" else 1
+
+    def count_of(self, value: float) -> int:
+        """A value as the register takes it, 0 … 65535."""
+        count = round((value - self.offset) / self.slope)
+        return max(-0x8000, min(0x7FFF, count)) & 0xFFFF if self.format == "s16" else max(0, min(0xFFFF, count))
+
+    def value_of(self, words: Sequence[int], order: WordOrder) -> float:
+        """What registers say."""
+        if self.format == "f32":
+            return float32(words, order)
+        count = words[0] - 0x10000 if self.format == "s16" and words[0] >= 0x8000 else words[0]
+        return self.slope * count + self.offset
+
+
+def float32(words: Sequence[int], order: WordOrder) -> float:
+    """Two registers as a floating-point number, the high word first (`big`) or last."""
+    from pymodbus.client.mixin import ModbusClientMixin as Mixin
+
+    return float(Mixin.convert_from_registers(list(words), Mixin.DATATYPE.FLOAT32, word_order=order))  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A kind of device.
+
+    Attributes:
+        registers: by terminal.
+        watchdog: how its watchdog is armed over Modbus: registers and values, `{tenths}` being its time; empty
+            when it is set by other means, and the bench file then only says how it was set.
+        safe_status, clear_safe: first coil of the flags by output that say that the device has made it safe, and of
+            those that end it.
+    """
+
+    registers: Mapping[str, Register]
+    watchdog: Sequence[tuple[int, int | str]] = ()
+    safe_status: int | None = None
+    clear_safe: int | None = None
+    word_order: WordOrder = "big"
+
+
+def _analogue(
+    count: int, prefix: str, direction: Direction, table: Literal["input", "holding"], first: int, **more: Any
+) -> dict[str, Register]:
+    """Neighbouring registers of the same kind."""
+    step = 2 if more.get("format") == "f32" else 1
+    back = more.pop("read_back", None)
+    return {
+        f"{prefix}{i}": Register(
+            direction, more.get("kind", "voltage"), more.get("unit", "V"), more["low"], more["high"], table,
+            first + step * i, more.get("format", "u16"), more.get("slope", 1.0), more.get("offset", 0.0),
+            None if back is None else back + i,
+        )
+        for i in range(count)
+    }  # fmt: skip
+
+
+MODELS: Mapping[str, Model] = {
+    # WAGO 750-352 with 750-557 (4 AO) and 750-457 (4 AI): ±10 V are ±0x7FFF in two's complement, inputs from 0x0000,
+    # outputs from 0x0000 and read back from 0x0200. Unless the watchdog is armed, outputs keep their last value when
+    # the link fails; the alternative one (0x100A) starts with the first request and sets outputs to zero.
+    "wago-750": Model(
+        {
+            **_analogue(4, "ao", "out", "holding", 0x0000, low=-10.0, high=10.0, format="s16",
+                        slope=10.0 / 0x7FFF, read_back=0x0200),
+            **_analogue(4, "ai", "in", "input", 0x0000, low=-10.0, high=10.0, format="s16", slope=10.0 / 0x7FFF),
+        },
+        watchdog=((0x1008, 0xAA55), (0x1000, "{tenths}"), (0x100A, 1)),
+    ),
+    # Moxa ioLogik E1241: 4 AO of 12 bit, 0 … 10 V; its watchdog and safe values are set on its web page.
+    "iologik-e1241": Model(
+        _analogue(4, "ao", "out", "holding", 0x0400, low=0.0, high=10.0, slope=10.0 / 4095),
+        safe_status=0x1010, clear_safe=0x1020,
+    ),
+    # Moxa ioLogik E1240: 8 AI of 16 bit, 0 … 10 V.
+    "iologik-e1240": Model(_analogue(8, "ai", "in", "input", 0x0000, low=0.0, high=10.0, slope=10.0 / 0xFFFF)),
+    # A flow meter with floats: flow [l/min] and oil temperature [°C] in two input registers each.
+    "flow-meter": Model(
+        {
+            "flow": Register("in", "value", "l/min", -500.0, 500.0, "input", 0, "f32"),
+            "temperature": Register("in", "value", "degC", -50.0, 200.0, "input", 2, "f32"),
+        }
+    ),
+}  # fmt: skip
+
+
+class Settings(BaseModel):
+    """What `[devices.NAME]` may say.
+
+    Attributes:
+        model: which register map.
+        transport: `tcp`, or `rtu` on a serial line.
+        address: `host:port` for tcp; a serial port or `socket://host:port` (serial server) for rtu.
+        unit_id: of the device on its line.
+        baud, parity: of a serial line.
+        timeout_s: an answer that takes longer counts as none.
+        longest_reply_s: after a failure on a serial line nothing is asked for so long, so that a late answer passes
+            and is not taken for the next one. No answer may come later than that.
+        watchdog_s: the device makes its outputs safe after so long without a request. Armed by this driver where
+            the device allows it; else it says how the device was set.
+        word_order: of floats: `big` is the high word first.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    model: Literal["wago-750", "iologik-e1241", "iologik-e1240", "flow-meter"]
+    transport: Literal["tcp", "rtu"] = "tcp"
+    address: str
+    unit_id: PositiveInt = Field(1, le=247)
+    baud: PositiveInt = 19200
+    parity: Literal["N", "E", "O"] = "N"
+    timeout_s: PositiveFloat = 0.2
+    longest_reply_s: PositiveFloat = 1.0
+    watchdog_s: PositiveFloat | None = None
+    word_order: WordOrder | None = None
+
+
+def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What is wrong beyond the types."""
+    model = MODELS[settings.model]
+    if settings.transport == "tcp" and _host_and_port(settings.address) is None:
+        yield ("address",), f"'{settings.address}' is not host:port, such as 192.168.1.10:502"
+    if settings.watchdog_s is not None and not any(r.direction == "out" for r in model.registers.values()):
+        yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"
+    if settings.watchdog_s is not None and not 0.1 <= settings.watchdog_s <= 6553.5:
+        yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the device counts 0.1 … 6553.5 s"
+    if settings.longest_reply_s < settings.timeout_s:
+        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
+
+
+def terminals(settings: Settings) -> dict[str, Terminal]:
+    """The register map of the model, as terminals."""
+    return {
+        name: Terminal(register.direction, register.kind, register.unit, register.low, register.high)
+        for name, register in MODELS[settings.model].registers.items()
+    }
+
+
+def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
+    """The device, connected, its watchdog armed."""
+    return ModbusLink(settings, wiring)
+
+
+def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
+    """The device alone as a DAQ."""
+    return PolledDaq({settings.model: open_link(settings, wiring)}, {settings.model: wiring})
+
+
+@dataclass(slots=True)
+class Stretch:
+    """Neighbouring registers that go in one request."""
+
+    first: int
+    terminals: dict[str, Register] = field(default_factory=dict)
+
+    @property
+    def count(self) -> int:
+        """Registers from the first to the last."""
+        last = max(self.terminals.values(), key=lambda register: register.address)
+        return last.address + last.words - self.first
+
+
+def stretches(registers: Mapping[str, Register]) -> list[Stretch]:
+    """Registers in as few requests as possible without asking for any that lie between (some devices refuse)."""
+    found: list[Stretch] = []
+    for name, register in sorted(registers.items(), key=lambda item: item[1].address):
+        if not found or found[-1].first + found[-1].count != register.address:
+            found.append(Stretch(register.address))
+        found[-1].terminals[name] = register
+    return found
+
+
+class ModbusLink:
+    """A device on Modbus (see `hil.daq.polled.Link`).
+
+    Raises:
+        DeviceLostError: nothing answers at the address.
+    """
+
+    def __init__(self, settings: Settings, wiring: Wiring) -> None:
+        model = MODELS[settings.model]
+        self.watchdog_s = settings.watchdog_s
+        self.keep_alive_s = settings.watchdog_s / 3.0 if settings.watchdog_s is not None else None
+        self._settings, self._model = settings, model
+        self._order: WordOrder = settings.word_order or model.word_order
+        used = {c.terminal for c in wiring.outputs.values()} | {c.terminal for c in wiring.inputs.values()}
+        chosen = {name: register for name, register in model.registers.items() if name in used}
+        self._out = stretches({name: r for name, r in chosen.items() if r.direction == "out"})
+        self._in = stretches({name: r for name, r in chosen.items() if r.direction == "in"})
+        self._driven: dict[str, int] = {}
+        self._checked_s = self._heard_s = time.monotonic()
+        self._quiet_until_s = 0.0
+        self._client = _client(settings)
+        try:
+            self._connect()
+            self._arm()
+            self._leave_safe_mode({c.terminal: c.safe for c in wiring.outputs.values()})
+        except BaseException:
+            self.close()
+            raise
+
+    def standing(self) -> dict[str, float]:
+        """Where the outputs stand, read back."""
+        return {name: register.value_of([count], self._order) for name, register, count in self._read_back()}
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Write the outputs, neighbours in one request.
+
+        Raises:
+            LinkError: also when the device's watchdog must have expired meanwhile, so that outputs stand elsewhere.
+        """
+        late = time.monotonic() < self._quiet_until_s
+        if late:  # a safe value shall not wait: sent at once, and once more when the line is clean
+            self._write_blindly(values)
+        self._watchdog_has_not_expired()
+        for stretch, counts in self._counts(values):
+            self._ask(16, stretch.first, values=counts)
+            self._driven.update(dict(zip(stretch.terminals, counts, strict=True)))
+
+    def read(self) -> dict[str, float]:
+        """Every input, and now and then whether outputs still stand where they were driven."""
+        self._watchdog_has_not_expired()
+        readings: dict[str, float] = {}
+        for stretch in self._in:
+            function = 4 if next(iter(stretch.terminals.values())).table == "input" else 3
+            words = self._ask(function, stretch.first, count=stretch.count)
+            for name, register in stretch.terminals.items():
+                at = register.address - stretch.first
+                readings[name] = self._plausible(name, register, words[at : at + register.words])
+        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
+            self._outputs_stand()
+        return readings
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._client.close()
+
+    def _connect(self) -> None:
+        if not self._client.connect():
+            raise DeviceLostError(f"{self._settings.model} at {self._settings.address}: cannot be reached")
+
+    def _arm(self) -> None:
+        if self.watchdog_s is None:
+            return
+        for address, value in self._model.watchdog:
+            tenths = max(1, round(10.0 * self.watchdog_s))
+            self._ask(6, address, values=[tenths if isinstance(value, str) else value])
+
+    def _leave_safe_mode(self, safe: Mapping[str, float]) -> None:
+        """A device that made its outputs safe in an earlier run takes commands again, from the safe values on."""
+        if self._model.safe_status is None or self._model.clear_safe is None or not self._in_safe_mode():
+            return
+        for stretch, counts in self._counts(safe):
+            self._ask(16, stretch.first, values=counts)
+        for stretch in self._out:
+            for register in stretch.terminals.values():
+                self._ask(5, self._model.clear_safe + register.address - self._first_output, values=[1])
+
+    @property
+    def _first_output(self) -> int:
+        return min(r.address for r in self._model.registers.values() if r.direction == "out")
+
+    def _in_safe_mode(self) -> list[str]:
+        """Outputs that the device itself has made safe."""
+        flagged: list[str] = []
+        if self._model.safe_status is None:
+            return flagged
+        for stretch in self._out:
+            flags = self._ask(1, self._model.safe_status + stretch.first - self._first_output, count=stretch.count)
+            flagged += [name for name, flag in zip(stretch.terminals, flags, strict=False) if flag]
+        return flagged
+
+    def _counts(self, values: Mapping[str, float]) -> Iterable[tuple[Stretch, list[int]]]:
+        """What to write; an output that is not given keeps what was driven before."""
+        for stretch in self._out:
+            counts = {name: self._driven.get(name, 0) for name in stretch.terminals}
+            counts |= {name: r.count_of(values[name]) for name, r in stretch.terminals.items() if name in values}
+            yield stretch, list(counts.values())
+
+    def _read_back(self) -> Iterator[tuple[str, Register, int]]:
+        for stretch in self._out:
+            first = next(iter(stretch.terminals.values()))
+            at = stretch.first if first.read_back is None else first.read_back
+            counts = self._ask(3, at, count=stretch.count)
+            yield from ((name, r, count) for (name, r), count in zip(stretch.terminals.items(), counts, strict=True))
+
+    def _outputs_stand(self) -> None:
+        self._checked_s = time.monotonic()
+        if safe := self._in_safe_mode():
+            raise LinkError(
+                f"{', '.join(safe)}: the device itself has made it safe; its watchdog expired, or it was told to"
+            )
+        for name, register, count in self._read_back():
+            if name in self._driven and count != self._driven[name]:
+                stands, driven = (register.value_of([c], self._order) for c in (count, self._driven[name]))
+                raise LinkError(
+                    f"{name} stands at {stands:.4g} {register.unit}, not at {driven:.4g} as it was driven: the device "
+                    f"restarted, its watchdog expired, or another master writes to it"
+                )
+
+    def _watchdog_has_not_expired(self) -> None:
+        silent_s = time.monotonic() - self._heard_s
+        if self.watchdog_s is not None and self._driven and silent_s > self.watchdog_s:
+            self._heard_s = time.monotonic()
+            raise LinkError(
+                f"nothing was asked for {silent_s:.3g} s, longer than its watchdog of {self.watchdog_s:g} s: the "
+                f"device has made its outputs safe"
+            )
+
+    def _plausible(self, name: str, register: Register, words: Sequence[int]) -> float:
+        """A reading within the terminal's range; what is a little beyond stands at its end.
+
+        Raises:
+            LinkError: not a number, or one that only the wrong word order explains.
+        """
+        value = register.value_of(words, self._order)
+        full = max(abs(register.low), abs(register.high))
+        if register.format == "f32":
+            denormal = value != 0.0 and abs(value) < 1e-20
+            if math.isnan(value):
+                raise LinkError(f"{name} reads NaN: no valid measurement, or check word_order (now {self._order})")
+            if denormal or abs(value) > _IMPLAUSIBLE * full:
+                raise LinkError(
+                    f"{name} reads {value:.3g} {register.unit}, beyond anything plausible: check word_order "
+                    f"(now {self._order})"
+                )
+        return min(max(value, register.low), register.high)
+
+    def _write_blindly(self, values: Mapping[str, float]) -> None:
+        """Send values without waiting for what the device says to them."""
+        try:
+            self._connect()
+            for stretch, counts in self._counts(values):
+                self._client.write_registers(
+                    stretch.first, counts, device_id=self._settings.unit_id, no_response_expected=True
+                )
+        except Exception:  # the checked writing that follows says what is wrong
+            pass
+        finally:
+            self._client.close()
+
+    def _ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
+        """One request and its answer, which is checked to be the answer to just this request."""
+        from pymodbus.exceptions import ConnectionException, ModbusException
+
+        self._wait_until_clean()
+        try:
+            answer = _request(self._client, function, address, count, values, self._settings.unit_id)
+        except ConnectionException as error:
+            self._fail(error, DeviceLostError, "the connection is lost")
+        except (ModbusException, OSError) as error:
+            self._fail(error, LinkError, f"no valid answer within {self._settings.timeout_s:g} s")
+        self._heard_s = time.monotonic()
+        if answer.isError():
+            raise LinkError(
+                f"function {function} at register {address:#06x} is refused with exception {answer.exception_code}"
+                f"{_EXCEPTIONS.get(answer.exception_code, '')}"
+            )
+        if not _belongs(answer, function, address, count, values):
+            self._fail(None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}")
+        return [int(bit) for bit in answer.bits[:count]] if function == 1 else list(answer.registers)
+
+    def _wait_until_clean(self) -> None:
+        """On a serial line, let a late answer pass before the next request, then begin with an empty buffer."""
+        wait_s = self._quiet_until_s - time.monotonic()
+        if wait_s > 0.0:
+            time.sleep(wait_s)
+        self._quiet_until_s = 0.0
+
+    def _fail(self, error: Exception | None, kind: type[Exception], text: str) -> NoReturn:
+        """Drop the connection: what arrives on it from now on belongs to nobody."""
+        self._client.close()
+        if self._settings.transport == "rtu":
+            self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
+        raise kind(text) from error
+
+
+_EXCEPTIONS = {
+    1: " (unknown function)",
+    2: " (no such register)",
+    3: " (value not allowed)",
+    4: " (device failure)",
+    6: " (device busy)",
+}
+
+
+def _client(settings: Settings) -> Any:
+    from pymodbus import FramerType
+    from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+
+    logging.getLogger("pymodbus.logging").addHandler(logging.NullHandler())  # what matters is raised
+    common: dict[str, Any] = {"timeout": settings.timeout_s, "retries": 0}
+    if settings.transport == "tcp":
+        host, port = _host_and_port(settings.address) or ("", 0)
+        return ModbusTcpClient(host, port=port, **common)
+    if settings.address.startswith("socket://"):
+        host, port = _host_and_port(settings.address.removeprefix("socket://")) or ("", 0)
+        return ModbusTcpClient(host, port=port, framer=FramerType.RTU, **common)
+    return ModbusSerialClient(settings.address, baudrate=settings.baud, parity=settings.parity, **common)
+
+
+def _request(client: Any, function: int, address: int, count: int, values: Sequence[int], unit_id: int) -> Any:
+    ask: dict[int, Callable[[], Any]] = {
+        1: lambda: client.read_coils(address, count=count, device_id=unit_id),
+        3: lambda: client.read_holding_registers(address, count=count, device_id=unit_id),
+        4: lambda: client.read_input_registers(address, count=count, device_id=unit_id),
+        5: lambda: client.write_coil(address, bool(values[0]), device_id=unit_id),
+        6: lambda: client.write_register(address, values[0], device_id=unit_id),
+        16: lambda: client.write_registers(address, list(values), device_id=unit_id),
+    }
+    return ask[function]()
+
+
+def _belongs(answer: Any, function: int, address: int, count: int, values: Sequence[int]) -> bool:
+    """Whether an answer can be the one to a request: same function, same length or same echo."""
+    if answer.function_code != function:
+        return False
+    if function in (3, 4):
+        return len(answer.registers) == count
+    if function == 1:
+        return len(answer.bits) >= count
+    if function == 16:
+        return bool(answer.address == address and answer.count == len(values))
+    return bool(answer.address == address)
+
+
+def _host_and_port(text: str) -> tuple[str, int] | None:
+    host, colon, port = text.rpartition(":")
+    return (host, int(port)) if colon and host and port.isdecimal() and 0 < int(port) < 65536 else None

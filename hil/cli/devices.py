@@ -1,0 +1,87 @@
+"""`hil devices`: the devices of a bench, simulated, in a process of their own."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from hil.bench.read import BenchFile
+
+
+def command(
+    bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+    quirks: list[str] = typer.Option(
+        [], "--quirk", metavar="DEVICE.KEY=VALUE", help="Misbehaviour on demand, such as io.late_s=0.3; again for more."
+    ),
+    for_s: float = typer.Option(0.0, "--for", metavar="SECONDS", help="End after so long; 0: at Ctrl-C."),
+) -> None:
+    """Serve the devices of a bench, simulated, where its drivers will look for them. Ctrl-C ends it.
+
+    The plant of the bench runs behind them in real time. In another terminal, `hil run … --bench BENCH.toml`
+    then drives them as it would drive real ones.
+    """
+    import threading
+    from contextlib import ExitStack, suppress
+
+    from hil.bench.find import find_bench
+    from hil.bench.read import read_bench
+    from hil.safety.interrupt import terminable
+
+    path = find_bench(bench)
+    found = read_bench(path)
+    with suppress(KeyboardInterrupt), terminable(), ExitStack() as stack:
+        for name, served in serve(found, path.parent, _chosen(quirks, found)).items():
+            stack.callback(served.close)
+            typer.echo(f"{name}: {found.bench.devices[name].driver} at {served.where}")
+        typer.echo("simulated; Ctrl-C ends it")
+        threading.Event().wait(for_s or None)
+
+
+def serve(file: BenchFile, folder: Path, quirks: dict[str, dict[str, str]]) -> dict[str, Any]:
+    """Start the twin of every device of a bench, one plant behind them all; by name, to be closed by the caller.
+
+    Raises:
+        SettingError: a device that cannot be served, or a simulation that cannot be run.
+    """
+    from hil.bench.device import simulation_of
+    from hil.catalog import find
+    from hil.errors import SettingError
+
+    devices = file.bench.devices
+    for name, device in devices.items():
+        if not device.driver:
+            raise SettingError(
+                f"device '{name}' is simulated = \"{device.simulated}\", within the program that runs the bench; only "
+                f'devices with driver = "…" are served'
+            )
+    twins = {name: find("devices", device.driver).load() for name, device in devices.items()}
+    wirings = {name: device.wiring(file.bench.channels) for name, device in file.devices.items()}
+    world = next(iter(twins.values())).world(simulation_of(list(devices), file.bench, folder), wirings)
+    served: dict[str, Any] = {}
+    try:
+        for name, twin in twins.items():
+            settings = devices[name].settings
+            served[name] = twin.serve(settings, world.side(name), twin.quirks(quirks.get(name, {})))
+    except BaseException:
+        for started in served.values():
+            started.close()
+        raise
+    return served
+
+
+def _chosen(quirks: list[str], file: BenchFile) -> dict[str, dict[str, str]]:
+    """Quirks by device."""
+    from hil.errors import SettingError
+
+    chosen: dict[str, dict[str, str]] = {}
+    for text in quirks:
+        place, equals, value = text.partition("=")
+        device, dot, key = place.partition(".")
+        if not equals or not dot or device not in file.devices:
+            raise SettingError(f"--quirk {text}: say DEVICE.KEY=VALUE; devices here: {', '.join(file.devices)}")
+        chosen.setdefault(device, {})[key] = value
+    return chosen

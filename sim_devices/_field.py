@@ -1,0 +1,155 @@
+"""The field side of simulated devices: terminals with a plant behind them that runs as time goes on."""
+
+from __future__ import annotations
+
+import math
+import threading
+from collections.abc import Mapping
+
+import numpy as np
+
+from hil.clock import Clock, RealClock
+from hil.daq.channel import OutputChannel, Wiring
+from sim_devices._chain import InputStages, OutputStage
+from sim_devices._lines import lines_of
+from sim_devices._quirks import Quirks
+from sim_devices._settings import Settings
+from sim_devices._simulation import Simulation, model_of
+from sim_devices._world import Signals, World
+
+_BITS = 24  # the protocol rounds, not a converter
+_TICKS_AT_ONCE = 1 << 14
+_LONGEST_S = 5.0  # a plant that nobody looked at has settled after so long; more is not computed
+
+
+class Field:
+    """One plant behind the terminals of one or several devices, brought up to the clock at each access.
+
+    May be used from several threads. `now_s` and everything that a device times go by the same clock, so a test
+    may turn time by hand.
+
+    Args:
+        simulation: the plant, its effects, and an instrument for each channel.
+        wirings: by device, what is connected to its terminals.
+        by: the clock; real time if not given.
+        clock_hz: the plant's inputs may change so often.
+    """
+
+    def __init__(
+        self, simulation: Simulation, wirings: Mapping[str, Wiring], by: Clock | None = None, clock_hz: float = 1000.0
+    ) -> None:
+        self.clock: Clock = by or RealClock()
+        outputs = {name: c for wiring in wirings.values() for name, c in wiring.outputs.items()}
+        inputs = {name: c for wiring in wirings.values() for name, c in wiring.inputs.items()}
+        model = model_of(simulation)
+        lines, instruments = lines_of(model), simulation.instruments
+        fitted = {name: (instrument, lines.get(instrument.signal)) for name, instrument in instruments.items()}
+        self._wirings = wirings
+        self._lock = threading.RLock()
+        self._hz = clock_hz
+        self._stages = {name: OutputStage(c, *fitted[name], _BITS) for name, c in outputs.items()}
+        self._inputs = InputStages(
+            inputs, fitted, Settings.model_validate({"simulation": simulation, "bits": _BITS, "clock_hz": clock_hz})
+        )
+        self._levels = {name: _found(channel) for name, channel in outputs.items()}
+        rest = {signal: values[0] for signal, values in self._driven(1, 0).items()}
+        self._world = World(model, 1.0 / clock_hz, rest)
+        self._zero_s = self.clock.now_s
+        self._seen, self._samples = self._advanced(1), 1
+
+    def side(self, device: str) -> Side:
+        """The terminals of one device."""
+        return Side(self, self._wirings[device])
+
+    @property
+    def levels(self) -> dict[str, float]:
+        """Where each output stands, by channel, in the terminal's unit."""
+        with self._lock:
+            return dict(self._levels)
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Put outputs, by channel, at these values from now on."""
+        with self._lock:
+            self._catch_up()
+            self._levels.update(values)
+
+    def read(self) -> dict[str, float]:
+        """Every input now, by channel, in the terminal's unit."""
+        with self._lock:
+            self._catch_up()
+            readings = self._inputs.read(self._seen, float(self._samples), 1, 1)
+            return {name: float(values[0]) for name, values in readings.items()}
+
+    def _catch_up(self) -> None:
+        behind = math.floor((self.clock.now_s - self._zero_s) * self._hz + 1e-6) - self._world.ticks
+        if behind > _LONGEST_S * self._hz:  # nobody looked; time that nobody saw is left out
+            left_out = behind - round(_LONGEST_S * self._hz)
+            self._zero_s += left_out / self._hz
+            behind -= left_out
+        while behind > 0:
+            some = min(behind, _TICKS_AT_ONCE)
+            self._seen, self._samples = self._advanced(some), some
+            behind -= some
+
+    def _advanced(self, ticks: int) -> Signals:
+        return self._world.advance(self._driven(ticks, self._world.ticks))
+
+    def _driven(self, ticks: int, first: int) -> dict[str, np.ndarray]:
+        return {
+            stage.signal: stage.drive(np.full(ticks, self._levels[name]), 1, first, 1.0 / self._hz)
+            for name, stage in self._stages.items()
+            if stage.signal
+        }
+
+
+class Side:
+    """The terminals of one device on a `Field`. What is not connected reads 0 and drives nothing.
+
+    Attributes:
+        quirks: those in force; inputs that are stuck or no numbers are so here, the rest is the device's.
+    """
+
+    def __init__(self, field: Field, wiring: Wiring) -> None:
+        self._field = field
+        self._outputs = {channel.terminal: name for name, channel in wiring.outputs.items()}
+        self._inputs = {channel.terminal: name for name, channel in wiring.inputs.items()}
+        self._loose: dict[str, float] = {}
+        self._held: dict[str, float] = {}
+        self.quirks = Quirks()
+
+    @property
+    def clock(self) -> Clock:
+        """By which the field runs."""
+        return self._field.clock
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Put outputs, by terminal, at these values."""
+        mine = {self._outputs[terminal]: value for terminal, value in values.items() if terminal in self._outputs}
+        self._loose.update({terminal: value for terminal, value in values.items() if terminal not in self._outputs})
+        if mine:
+            self._field.drive(mine)
+
+    def read(self) -> dict[str, float]:
+        """Every connected input by terminal."""
+        if not (self.quirks.stuck and self._held):
+            readings = self._field.read()
+            self._held = {terminal: readings[name] for terminal, name in self._inputs.items()}
+        if self.quirks.not_a_number:
+            return dict.fromkeys(self._held, math.nan)
+        return dict(self._held)
+
+    def number(self, terminal: str) -> float:
+        """One input for a protocol that knows no NaN: 0 then, and where nothing is connected."""
+        value = self.read().get(terminal, 0.0)
+        return 0.0 if math.isnan(value) else value
+
+    def standing(self, terminal: str) -> float:
+        """Where an output stands."""
+        if terminal in self._outputs:
+            return self._field.levels[self._outputs[terminal]]
+        return self._loose.get(terminal, 0.0)
+
+
+def _found(channel: OutputChannel) -> float:
+    """Where an output stands when the device is switched on: at zero, or as near as its range lets it."""
+    return min(max(0.0, channel.low), channel.high)

@@ -1,0 +1,217 @@
+"""Byte streams on which simulated devices answer: a TCP port, or one end of a pseudo terminal."""
+
+from __future__ import annotations
+
+import os
+import select
+import socket
+import threading
+import time
+import tty
+from collections.abc import Callable
+from contextlib import suppress
+from pathlib import Path
+from typing import Protocol
+
+from hil.errors import FileError
+from sim_devices._field import Side
+from sim_devices._quirks import Behaviour, Quirks
+
+_CHUNK = 4096
+_TICK_S = 0.01
+_LONGEST_REQUEST = 4096  # bytes without a whole request in them are thrown away beyond this
+
+
+class Device(Protocol):
+    """What is behind a stream: it answers requests."""
+
+    def request_in(self, received: bytes) -> tuple[bytes, bytes]:
+        """The first whole request in what was received, and what is left; empty while none is whole."""
+        ...
+
+    def answer(self, request: bytes) -> bytes:
+        """The answer to one request, empty if there is none."""
+        ...
+
+    def restart(self) -> None:
+        """Be as after power-on."""
+        ...
+
+    def tick(self) -> None:
+        """Look at the clock; called all the time, whether anybody asks or not."""
+        ...
+
+
+class StreamServer:
+    """Serves one device to whoever connects, in threads of its own, until it is closed.
+
+    Attributes:
+        where: where it listens, as a driver's settings name it.
+        behaviour: its quirks, which may be changed at any time.
+    """
+
+    def __init__(self, device: Device, side: Side, quirks: Quirks, where: str) -> None:
+        self.where = where
+        self.behaviour = Behaviour(quirks)
+        self._device = device
+        self._side = side
+        self._busy = threading.Lock()
+        self._ended = threading.Event()
+        self._threads: list[threading.Thread] = []
+        self._start(self._tick)
+
+    def close(self) -> None:
+        """Stop answering. May be called twice."""
+        self._ended.set()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(2.0)
+
+    def _start(self, run: Callable[..., None], *args: object) -> None:
+        thread = threading.Thread(target=run, args=args, name="hil-device", daemon=True)
+        self._threads = [other for other in self._threads if other.is_alive()] + [thread]
+        thread.start()
+
+    def _tick(self) -> None:
+        while not self._ended.wait(_TICK_S):
+            with self._busy:
+                self._device.tick()
+
+    def _serve(self, read: Callable[[], bytes | None], write: Callable[[bytes], object]) -> None:
+        """Answer on one stream until it ends (`read` gives None)."""
+        received = b""
+        while not self._ended.is_set():
+            more = read()
+            if more is None:
+                return
+            received += more
+            while True:
+                request, received = self._device.request_in(received)
+                if not request:
+                    break
+                self._pace(len(request))
+                self._reply(request, write)
+            if len(received) > _LONGEST_REQUEST:
+                received = b""
+
+    def _reply(self, request: bytes, write: Callable[[bytes], object]) -> None:
+        quirks = self.behaviour.next_answer()
+        with self._busy:
+            self._side.quirks = quirks
+            if quirks.reboot:
+                self._device.restart()
+                return
+            answer = self._device.answer(request)
+        if quirks.late_s and self._ended.wait(quirks.late_s):
+            return
+        told = self.behaviour.mangled(answer, quirks)
+        self._pace(len(told))
+        if told:
+            write(told)
+
+    def _pace(self, count: int) -> None:
+        """The time that so many bytes take on a line of limited speed."""
+        baud = self.behaviour.quirks.baud
+        if baud is not None and count:
+            time.sleep(10.0 * count / baud)
+
+
+class TcpServer(StreamServer):
+    """A device on a TCP port; several clients may connect, their requests are answered one after the other.
+
+    Raises:
+        FileError: the port is taken.
+    """
+
+    def __init__(self, device: Device, side: Side, quirks: Quirks, host: str, port: int) -> None:
+        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
+        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            self._listener.bind((host, port))
+        except OSError as error:
+            self._listener.close()
+            raise FileError(f"{host}:{port}: cannot listen there: {error.strerror}") from None
+        self._listener.listen()
+        self._listener.settimeout(0.2)
+        self.host, self.port = self._listener.getsockname()
+        super().__init__(device, side, quirks, f"{self.host}:{self.port}")
+        self._clients: list[socket.socket] = []
+        self._start(self._accept)
+
+    def close(self) -> None:
+        """Stop listening and drop every client."""
+        self._ended.set()
+        self._listener.close()
+        self.drop()
+        super().close()
+
+    def drop(self) -> None:
+        """Drop every client, as when a cable is pulled."""
+        for client in self._clients:
+            with suppress(OSError):
+                client.shutdown(socket.SHUT_RDWR)
+            client.close()
+        self._clients = []
+
+    def _accept(self) -> None:
+        while not self._ended.is_set():
+            try:
+                client, _ = self._listener.accept()
+            except TimeoutError:
+                continue
+            except OSError:
+                return
+            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            client.settimeout(0.2)
+            self._clients.append(client)
+            self._start(self._serve_client, client)
+
+    def _serve_client(self, client: socket.socket) -> None:
+        def read() -> bytes | None:
+            try:
+                return client.recv(_CHUNK) or None
+            except TimeoutError:
+                return b""
+            except OSError:
+                return None
+
+        with suppress(OSError), client:
+            self._serve(read, client.sendall)
+
+
+class PtyServer(StreamServer):
+    """A device on a pseudo terminal, reached through a link of the asked name, as a serial port has one.
+
+    Raises:
+        FileError: something of that name exists already.
+    """
+
+    def __init__(self, device: Device, side: Side, quirks: Quirks, name: str) -> None:
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._master)
+        tty.setraw(self._slave)
+        self._name = Path(name)
+        try:
+            self._name.symlink_to(os.ttyname(self._slave))
+        except OSError as error:
+            os.close(self._master)
+            os.close(self._slave)
+            raise FileError(f"{name}: cannot be made a serial port: {error.strerror}") from None
+        super().__init__(device, side, quirks, name)
+        self._start(self._serve, self._read, lambda answer: os.write(self._master, answer))
+
+    def close(self) -> None:
+        """Take the port away."""
+        first = not self._ended.is_set()
+        super().close()
+        if first:
+            self._name.unlink(missing_ok=True)
+            os.close(self._master)
+            os.close(self._slave)
+
+    def _read(self) -> bytes | None:
+        ready, _, _ = select.select([self._master], [], [], 0.2)
+        try:
+            return os.read(self._master, _CHUNK) if ready else b""
+        except OSError:
+            return None

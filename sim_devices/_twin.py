@@ -1,0 +1,173 @@
+"""A simulated device that speaks a real protocol: what every one of them has in common.
+
+The module `sim_devices/NAME.py` is the twin of the driver of the same name. It says how the device is served; this
+module makes of it what a bench file can name: `simulated = "NAME"` serves the device within the program and
+drives it through its real driver, byte by byte. `hil devices BENCH.toml` serves the devices of a bench whose file
+says `driver = "NAME"` in a process of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from types import ModuleType
+from typing import Any, Protocol
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from hil.catalog import find
+from hil.daq.channel import Terminal, Wiring
+from hil.daq.contract import Daq
+from hil.daq.polled import PolledDaq
+from hil.errors import SettingError
+from sim_devices import _simulation
+from sim_devices._field import Field, Side
+from sim_devices._quirks import Behaviour, Quirks
+from sim_devices._simulation import Place, Simulation
+
+
+class Served(Protocol):
+    """A device that is being served.
+
+    Attributes:
+        where: as the driver's `address` names it.
+        behaviour: its quirks.
+    """
+
+    where: str
+    behaviour: Behaviour
+
+    def close(self) -> None:
+        """Stop. May be called twice."""
+        ...
+
+
+Serve = Callable[[Mapping[str, Any], Side, Quirks], Served]
+"""Serves a device with these settings (those of its driver) and terminals."""
+
+
+class TwinSettings(BaseModel):
+    """What `[devices.NAME]` may say: everything that its driver takes, and `quirks`."""
+
+    model_config = ConfigDict(extra="allow", frozen=True)
+
+    simulation: Simulation
+    quirks: Quirks = Quirks()
+
+
+@dataclass(frozen=True, slots=True)
+class Twin:
+    """A simulated device behind its driver.
+
+    Attributes:
+        driver: its name.
+        serve: how it is served.
+        example: an address as its driver takes it.
+        free: where it is served within a program if nothing is said: wherever there is room.
+    """
+
+    driver: str
+    serve: Serve
+    example: str
+    free: str
+
+    def faults(self, settings: TwinSettings) -> Iterator[tuple[Place, str]]:
+        """What is wrong with the driver's settings and with the simulation."""
+        for place, text in _simulation.faults(settings.simulation):
+            yield ("simulation", *place), text
+        try:
+            checked = self._checked(settings)
+        except ValidationError as error:
+            for found in error.errors():
+                yield tuple(found["loc"]), found["msg"]
+        else:
+            yield from self._module.faults(checked)
+
+    def terminals(self, settings: TwinSettings) -> dict[str, Terminal]:
+        """Those of the driver; none while its settings have faults."""
+        try:
+            found: dict[str, Terminal] = self._module.terminals(self._checked(settings))
+        except ValidationError:
+            return {}
+        return found
+
+    def open_daq(self, settings: TwinSettings, wiring: Wiring) -> Daq:
+        """The device, served in this process, and its driver connected to it."""
+        told = settings.model_extra or {}
+        served = self.serve(
+            {"address": self.free, **told}, world(settings.simulation, {"": wiring}).side(""), settings.quirks
+        )
+        try:
+            link = self._module.open_link(
+                self._module.Settings.model_validate({**told, "address": served.where}), wiring
+            )
+            return PolledDaq({self.driver: _Owning(link, served)}, {self.driver: wiring})
+        except BaseException:
+            served.close()
+            raise
+
+    @property
+    def _module(self) -> ModuleType:
+        return find("drivers", self.driver).load()
+
+    def _checked(self, settings: TwinSettings) -> BaseModel:
+        checked: BaseModel = self._module.Settings.model_validate(
+            {"address": self.example, **(settings.model_extra or {})}
+        )
+        return checked
+
+
+def world(simulation: Simulation | Mapping[str, Any], wirings: Mapping[str, Wiring]) -> Field:
+    """The plant behind the devices of a bench, by the name of each device.
+
+    Raises:
+        SettingError: it cannot be simulated.
+    """
+    try:
+        checked = Simulation.model_validate(simulation)
+    except ValidationError as error:
+        found = error.errors()[0]
+        raise SettingError(f"simulation: {'.'.join(map(str, found['loc']))}: {found['msg']}") from None
+    for place, text in _simulation.faults(checked):
+        raise SettingError(f"simulation.{'.'.join(map(str, place))}: {text}")
+    return Field(checked, wirings)
+
+
+def quirks(told: Mapping[str, Any]) -> Quirks:
+    """Quirks by name, as text or as values.
+
+    Raises:
+        SettingError: one that there is not.
+    """
+    try:
+        return Quirks.model_validate(dict(told))
+    except ValidationError as error:
+        found = error.errors()[0]
+        known = ", ".join(Quirks.model_fields)
+        raise SettingError(f"quirk {'.'.join(map(str, found['loc']))}: {found['msg']}; there are: {known}") from None
+
+
+class _Owning:
+    """A driver's link that takes the served device along when it is closed."""
+
+    def __init__(self, link: Any, served: Served) -> None:
+        self._link, self._served = link, served
+        self.watchdog_s: float | None = link.watchdog_s
+        self.keep_alive_s: float | None = link.keep_alive_s
+
+    def standing(self) -> Mapping[str, float]:
+        """Where the outputs stand."""
+        return self._link.standing()  # type: ignore[no-any-return]
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Put outputs at these values."""
+        self._link.drive(values)
+
+    def read(self) -> Mapping[str, float]:
+        """Every input."""
+        return self._link.read()  # type: ignore[no-any-return]
+
+    def close(self) -> None:
+        """Let go of the device, then end it."""
+        self._link.close()
+        self._served.close()

@@ -1,0 +1,413 @@
+"""The Modbus driver and its twin: against frames from the specification, and against each other in trouble."""
+
+from __future__ import annotations
+
+import socket
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import modbus
+from hil.clock import VirtualClock
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.errors import DeviceLostError, HardwareError, LinkError
+from sim_devices import modbus as twin
+from sim_devices._field import Side
+from sim_devices._modbus_frames import RtuFrames, TcpFrames, answered, crc16
+from sim_devices._quirks import Quirks
+
+SIMULATION = {
+    "plant": "brevini-hpv41",
+    "instruments": {
+        "command": {"direction": "out", "signal": "command", "unit": "%", "slope": 10.0},
+        "read back": {"signal": "command", "unit": "%", "slope": 10.0},
+        "flow": {"signal": "command", "unit": "%", "slope": 1.0},
+        "level": {"signal": "command", "unit": "%", "slope": 10.0},
+    },
+}
+OUT = {"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}
+IN = {"read back": InputChannel("read back", "ai0", "voltage", "V", -10.0, 10.0)}
+WAGO = Wiring(OUT, IN)
+
+
+def side(wiring: Wiring = WAGO, clock: VirtualClock | None = None) -> Side:
+    return twin.world(SIMULATION, {"io": wiring}).side("io") if clock is None else _turned(wiring, clock)
+
+
+def _turned(wiring: Wiring, clock: VirtualClock) -> Side:
+    from sim_devices._field import Field
+    from sim_devices._simulation import Simulation
+
+    return Field(Simulation.model_validate(SIMULATION), {"io": wiring}, clock).side("io")
+
+
+@contextmanager
+def linked(
+    wiring: Wiring = WAGO, quirks: Quirks | None = None, **settings: Any
+) -> Iterator[tuple[modbus.ModbusLink, Any, Side]]:
+    """A driver's link to a served twin."""
+    given_settings = {
+        "model": "wago-750",
+        "timeout_s": 0.1,
+        "longest_reply_s": 0.4,
+        "address": "127.0.0.1:0",
+        **settings,
+    }
+    terminals = side(wiring)
+    served = twin.serve(given_settings, terminals, quirks or Quirks())
+    try:
+        link = modbus.open_link(modbus.Settings.model_validate({**given_settings, "address": served.where}), wiring)
+        try:
+            yield link, served, terminals
+        finally:
+            link.close()
+    finally:
+        served.close()
+
+
+class Manual:
+    """Registers as in the examples of the Modbus application protocol specification V1.1b3, section 6."""
+
+    def __init__(self) -> None:
+        self.written: dict[int, int] = {}
+        self.table = {107: 0x022B, 108: 0x0000, 109: 0x0064}
+
+    def holding(self, address: int) -> int:
+        return self.table[address]
+
+    def input(self, address: int) -> int:
+        return {8: 0x000A}[address]
+
+    def coil(self, address: int) -> bool:
+        bits = 0b101_01101011_11001101  # 20 … 27, 28 … 35, 36 … 38
+        return bool(bits >> (address - 19) & 1)
+
+    def may_write(self, address: int, count: int) -> None:
+        pass
+
+    def write(self, address: int, count: int) -> None:
+        self.written[address] = count
+
+    def write_coil(self, address: int, on: bool) -> None:
+        self.written[address] = on
+
+    def heard(self) -> None:
+        pass
+
+    restart = tick = heard
+
+
+EXAMPLES = {  # request and answer as printed in the specification
+    "read coils": ("01 00 13 00 13", "01 03 CD 6B 05"),
+    "read holding registers": ("03 00 6B 00 03", "03 06 02 2B 00 00 00 64"),
+    "read input register": ("04 00 08 00 01", "04 02 00 0A"),
+    "write single coil": ("05 00 AC FF 00", "05 00 AC FF 00"),
+    "write single register": ("06 00 01 00 03", "06 00 01 00 03"),
+    "write multiple registers": ("10 00 01 00 02 04 00 0A 01 02", "10 00 01 00 02"),
+}
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_twin_answers_as_the_specification_prints(name: str) -> None:
+    request, answer = (bytes.fromhex(text) for text in EXAMPLES[name])
+    assert answered(request, Manual()).hex(" ") == answer.hex(" ")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("name", EXAMPLES)
+def test_driver_sends_and_understands_what_the_specification_prints(name: str) -> None:
+    """Against a socket that knows nothing but this one exchange."""
+    request, answer = (bytes.fromhex(text) for text in EXAMPLES[name])
+    heard: list[bytes] = []
+
+    def exchange(listener: socket.socket) -> None:
+        client, _ = listener.accept()
+        with client:
+            frame = client.recv(300)
+            heard.append(frame)
+            client.sendall(frame[:4] + struct.pack(">HB", len(answer) + 1, frame[6]) + answer)
+            client.recv(1)
+
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=exchange, args=(listener,))
+        thread.start()
+        client = modbus._client(modbus.Settings(model="wago-750", address=f"127.0.0.1:{listener.getsockname()[1]}"))
+        client.connect()
+        function, address, rest = request[0], *struct.unpack(">HH", request[1:5])
+        values = [0x000A, 0x0102] if function == 16 else [rest]
+        got = modbus._request(client, function, address, rest, values, 1)
+        client.close()
+        thread.join()
+    assert heard[0][7:].hex(" ") == request.hex(" ")
+    assert modbus._belongs(got, function, address, 3 if function == 3 else 1, values)
+    if function in (3, 4):
+        assert got.registers == list(struct.unpack(f">{answer[1] // 2}H", answer[2:]))
+    if function == 1:
+        assert [bool(0x056BCD >> k & 1) for k in range(19)] == got.bits[:19]
+
+
+def test_checksum_and_frame_of_the_serial_line_guide() -> None:
+    """02 07 → CRC 41 12, low byte first: appendix B of the Modbus serial line guide V1.02."""
+    assert crc16(bytes.fromhex("02 07")).hex(" ") == "41 12"
+    frames = RtuFrames(Manual(), 0x11)  # type: ignore[arg-type]
+    request = bytes.fromhex("11 03 00 6B 00 03 76 87")
+    noise = b"\x00\xff\x11"
+    assert frames.request_in(noise + request + b"\x11") == (request, b"\x11")
+    answer = frames.answer(request)
+    assert answer == bytes.fromhex("11 03 06 02 2B 00 00 00 64") + crc16(answer[:-2])
+
+
+def test_floats_in_both_word_orders() -> None:
+    assert modbus.float32([0x3F9E, 0x0651], "big") == pytest.approx(1.2345678, rel=1e-7)
+    assert modbus.float32([0x0651, 0x3F9E], "little") == pytest.approx(1.2345678, rel=1e-7)
+
+
+def test_full_scale_counts_of_the_coupler() -> None:
+    register = modbus.MODELS["wago-750"].registers["ao0"]
+    assert [register.count_of(volts) for volts in (10.0, 0.0, -10.0)] == [0x7FFF, 0, 0x8001]
+    assert register.value_of([0x8001], "big") == pytest.approx(-10.0)
+
+
+LINES = {"tcp": {}, "rtu over a serial server": {"transport": "rtu", "address": "socket://127.0.0.1:0"}}
+
+
+@pytest.fixture(params=[*LINES, "rtu on a port"])
+def line(request: pytest.FixtureRequest, tmp_path: Any) -> dict[str, Any]:
+    return LINES.get(request.param) or ({} if request.param == "tcp" else
+                                        {"transport": "rtu", "address": str(tmp_path / "tty")})  # fmt: skip
+
+
+def test_what_is_driven_is_read(line: dict[str, Any]) -> None:
+    with linked(**line) as (link, _, terminals):
+        assert link.standing() == {"ao0": 0.0}
+        for volts in (2.5, -10.0, 0.0):
+            link.drive({"ao0": volts})
+            time.sleep(0.003)
+            assert link.read()["ai0"] == pytest.approx(volts, abs=1e-3)
+            assert terminals.standing("ao0") == pytest.approx(volts, abs=1e-3)
+            assert link.standing()["ao0"] == pytest.approx(volts, abs=1e-3)
+
+
+@pytest.mark.parametrize("quirk", ["late_s", "silent", "garbled", "cut"])
+def test_bad_answer_is_an_error_and_the_next_one_is_right(line: dict[str, Any], quirk: str) -> None:
+    if quirk == "garbled" and not line:
+        pytest.skip("a frame on TCP has no checksum of its own")
+    with linked(**line) as (link, served, _):
+        link.drive({"ao0": 5.0})
+        served.behaviour.quirks = Quirks.model_validate({quirk: 0.2 if quirk == "late_s" else True, "answers": 1})
+        with pytest.raises(HardwareError):
+            link.read()
+        link.drive({"ao0": -5.0})
+        time.sleep(0.003)
+        assert link.read()["ai0"] == pytest.approx(-5.0, abs=1e-3)
+
+
+def test_late_answer_is_never_taken_for_the_next_one(tmp_path: Any) -> None:
+    """On a serial line an answer has no number. The library alone takes the old reading for the new one."""
+    from pymodbus.client import ModbusSerialClient
+    from pymodbus.exceptions import ModbusIOException
+
+    late = Quirks(late_s=0.15, answers=1)
+    with linked(transport="rtu", address=str(tmp_path / "tty")) as (link, served, terminals):
+        terminals.drive({"ao0": 5.0})
+        time.sleep(0.003)
+        served.behaviour.quirks = late
+        with pytest.raises(LinkError, match=r"no valid answer within 0\.1 s"):
+            link.read()
+        terminals.drive({"ao0": -5.0})
+        assert link.read()["ai0"] == pytest.approx(-5.0, abs=1e-3)
+        link.close()
+
+        bare = ModbusSerialClient(served.where, timeout=0.1, retries=0)
+        served.behaviour.quirks = late
+        with pytest.raises(ModbusIOException):
+            bare.read_input_registers(0)
+        terminals.drive({"ao0": 5.0})
+        time.sleep(0.003)
+        stale = bare.read_input_registers(0).registers[0]
+        bare.close()
+        assert stale == 0x10000 - round(0.5 * 0x7FFF)
+
+
+def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(tmp_path: Any) -> None:
+    with linked(transport="rtu", address=str(tmp_path / "tty")) as (link, served, terminals):
+        link.drive({"ao0": 5.0})
+        served.behaviour.quirks = Quirks(silent=True, answers=1)
+        with pytest.raises(LinkError):
+            link.read()
+        begun_s = time.monotonic()
+        thread = threading.Thread(target=link.drive, args=({"ao0": 0.0},))
+        thread.start()
+        while terminals.standing("ao0") != 0.0 and time.monotonic() - begun_s < 1.0:
+            time.sleep(0.002)
+        reached_s = time.monotonic() - begun_s
+        thread.join()
+        assert reached_s < 0.1
+
+
+def test_watchdog_of_the_coupler_makes_safe_by_itself_and_the_driver_notices() -> None:
+    with linked(watchdog_s=0.2) as (link, _, terminals):
+        link.drive({"ao0": 5.0})
+        time.sleep(0.35)
+        assert terminals.standing("ao0") == 0.0
+        with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s"):
+            link.read()
+
+
+def test_without_a_watchdog_the_coupler_keeps_its_output() -> None:
+    with linked() as (link, _, terminals):
+        link.drive({"ao0": 5.0})
+        link.close()
+        time.sleep(0.1)
+        assert terminals.standing("ao0") == pytest.approx(5.0, abs=1e-3)
+
+
+def test_restart_of_the_device_is_noticed() -> None:
+    with linked() as (link, served, _):
+        link.drive({"ao0": 5.0})
+        served.behaviour.quirks = Quirks(reboot=True, answers=1)
+        with pytest.raises(LinkError, match="no valid answer"):
+            link.read()
+        link._checked_s = 0.0  # as after half a second
+        with pytest.raises(LinkError, match="ao0 stands at 0 V, not at 5 as it was driven: the device restarted"):
+            link.read()
+
+
+def test_cable_that_is_pulled_is_a_lost_device() -> None:
+    with linked() as (link, served, _):
+        served.close()
+        with pytest.raises(DeviceLostError, match="the connection is lost"):
+            link.read()
+
+
+def test_nobody_at_the_address_is_said_at_once() -> None:
+    with pytest.raises(DeviceLostError, match="cannot be reached"):
+        modbus.open_link(modbus.Settings(model="wago-750", address="127.0.0.1:1"), WAGO)
+
+
+METER = Wiring(OUT, {"flow": InputChannel("flow", "flow", "value", "l/min", -500.0, 500.0)})
+
+
+def test_float_in_the_wrong_word_order_is_not_believed() -> None:
+    with linked(METER, model="flow-meter") as (link, served, terminals):
+        terminals.drive({"ao0": 3.3})
+        time.sleep(0.003)
+        assert link.read()["flow"] == pytest.approx(33.0, rel=1e-3)
+        served.behaviour.quirks = Quirks(word_order=True)
+        with pytest.raises(LinkError, match=r"flow reads .* check word_order \(now big\)"):
+            link.read()
+
+
+def test_float_in_the_word_order_of_the_bench_file() -> None:
+    with linked(METER, model="flow-meter", word_order="little") as (link, _, terminals):
+        terminals.drive({"ao0": 3.3})
+        time.sleep(0.003)
+        assert link.read()["flow"] == pytest.approx(33.0, rel=1e-3)
+
+
+def test_no_number_is_no_reading() -> None:
+    with (
+        linked(METER, Quirks(not_a_number=True), model="flow-meter") as (link, _, _),
+        pytest.raises(LinkError, match="flow reads NaN"),
+    ):
+        link.read()
+
+
+E1241 = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", 0.0, 10.0)}, {})
+
+
+def test_outputs_in_safe_mode_are_noticed_and_left_from_the_safe_value() -> None:
+    settings = {"model": "iologik-e1241", "watchdog_s": 0.15}
+    with linked(E1241, **settings) as (link, served, terminals):
+        link.drive({"ao0": 7.0})
+        time.sleep(0.3)
+        assert terminals.standing("ao0") == 0.0
+        link._heard_s = time.monotonic()
+        with pytest.raises(LinkError, match="ao0: the device itself has made it safe"):
+            link._outputs_stand()
+        again = modbus.open_link(modbus.Settings.model_validate({**settings, "address": served.where}), E1241)
+        assert terminals.standing("ao0") == 0.0
+        again.drive({"ao0": 3.0})
+        assert terminals.standing("ao0") == pytest.approx(3.0, abs=2e-3)
+        again.close()
+
+
+def test_inputs_of_the_e1240() -> None:
+    wiring = Wiring(OUT, {"level": InputChannel("level", "ai3", "voltage", "V", 0.0, 10.0)})
+    with linked(wiring, model="iologik-e1240") as (link, _, terminals):
+        terminals.drive({"ao0": 4.2})
+        time.sleep(0.003)
+        assert link.read()["ai3"] == pytest.approx(4.2, abs=1e-3)
+
+
+def test_refusal_says_which_register_and_why() -> None:
+    with (
+        linked() as (link, _, _),
+        pytest.raises(LinkError, match=r"function 3 at register 0x0999 .* exception 2 \(no such"),
+    ):
+        link._ask(3, 0x0999, count=1)
+
+
+def test_speed_of_the_line_is_kept() -> None:
+    with linked(transport="rtu", address="socket://127.0.0.1:0", quirks=Quirks(baud=9600)) as (link, _, _):
+        begun_s = time.monotonic()
+        link.read()
+        assert time.monotonic() - begun_s >= 10.0 * (8 + 7) / 9600
+
+
+FRAMES = st.lists(
+    st.binary(max_size=40) | st.sampled_from([bytes.fromhex(e[0]) for e in EXAMPLES.values()]), max_size=6
+)
+
+
+@given(FRAMES, st.booleans())
+def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(pieces: list[bytes], tcp: bool) -> None:
+    terminals = HOSTILE_SIDE
+    bank = twin.Wago750(terminals, {})
+    frames = TcpFrames(bank, 1) if tcp else RtuFrames(bank, 1)
+    writes = 0
+    received = b""
+    for piece in pieces:
+        received += piece
+        for _ in range(len(received) + 1):
+            request, received = frames.request_in(received)
+            if not request:
+                break
+            pdu = request[7:] if tcp else request[1:-2]
+            writes += pdu[0] in (6, 16)
+            answer = frames.answer(request)
+            assert len(answer) <= 260
+        else:
+            pytest.fail("the same bytes are looked at for ever")
+    assert writes or terminals.standing("ao0") == 0.0
+
+
+HOSTILE_SIDE = side(clock=VirtualClock())
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"address": "nowhere"}, "not host:port"),
+        ({"model": "flow-meter", "watchdog_s": 1.0}, "no outputs"),
+        ({"watchdog_s": 0.01}, "0.1 … 6553.5"),
+        ({"longest_reply_s": 0.1}, "shorter than timeout_s"),
+    ],
+)
+def test_settings_that_cannot_be_are_told(changes: dict[str, Any], text: str) -> None:
+    settings = modbus.Settings.model_validate({"model": "wago-750", "address": "10.0.0.1:502", **changes})
+    assert any(text in fault for _, fault in modbus.faults(settings))
+
+
+def test_refused_value_writes_nothing() -> None:
+    terminals = side(clock=VirtualClock())
+    bank = twin.IoLogikE1241(terminals, {})
+    answer = answered(bytes.fromhex("10 04 00 00 02 04 01 00 FF FF"), bank)
+    assert answer == bytes.fromhex("90 03")
+    assert bank.holding(0x0400) == 0
