@@ -13,6 +13,8 @@ from hil.signals.ramps import ramp
 
 _PIECE_S = 5.0  # of a long command: how often the operator hears about it
 
+_LATE_SHARE = 0.05  # of the expected time
+
 
 class Course:
     """A procedure on its way.
@@ -59,7 +61,8 @@ class Course:
         passed_s = float(recording.time_s[-1])
         share = min(passed_s / self._expected_s, 0.99)
         left_s = self._expected_s - passed_s
-        left = f"{time_text(left_s)} left" if left_s > 0.0 else "longer than expected"
+        late = "almost done" if left_s > -_LATE_SHARE * self._expected_s else "longer than expected"
+        left = f"{time_text(left_s)} left" if left_s > 0.0 else late
         self._rig.progress(share, f"{text}; {left}")
 
     def finish(self) -> None:

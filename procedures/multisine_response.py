@@ -1,8 +1,8 @@
 """Frequency response by multisine: all frequencies at once, with noise and distortion told apart.
 
-Odd random-phase multisine about a bias, repeated: what changes between periods is noise, what answers on lines that were
-not driven is distortion, even or odd. About a tenth of the bench time of stepped sines
-(`frequency_response`), at a lower amplitude of each line.
+Odd random-phase multisine about a bias, repeated: what changes between periods is noise, what answers on lines that
+were not driven is distortion, even or odd. It takes about a fifth of the bench time of stepped sines
+(`frequency_response`) for the same frequencies, with less amplitude in each line.
 """
 
 from __future__ import annotations
@@ -24,9 +24,11 @@ from procedures._scale import about_levels, check_above, check_at_least, check_f
 
 NOISE = Measurement("noise", "%", "noise of the mean over the periods, median over the lines, in % of the response")
 ODD = Measurement(
-    "odd_distortion", "%", "odd distortion (friction, dead band, saturation), median, in % of the response"
+    "odd_distortion", "%", "odd distortion (friction, saturation), median over the lines, in % of the response"
 )
-EVEN = Measurement("even_distortion", "%", "even distortion (asymmetry, curvature), median, in % of the response")
+EVEN = Measurement(
+    "even_distortion", "%", "even distortion (asymmetry, curvature), median over the lines, in % of the response"
+)
 MEASUREMENTS = (*MEASURED, NOISE, ODD, EVEN)
 
 

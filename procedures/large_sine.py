@@ -1,0 +1,125 @@
+"""Large sine: a few slow sines over the whole range; amplitude, phase and distortion where the valve is not linear.
+
+The HPV41 paper verifies its model with 70 l/min at 0.1, 0.3 and 0.5 Hz; `hil compare` holds a model against the
+recording that this leaves.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hil.identify.sine_segments import declared_segments
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Recording
+from hil.rig import Rig
+from hil.signals.sine_fit import SineFit, sine_fit
+from hil.signals.stepped_sine import check_frequencies, sine
+from procedures._course import Course, joined
+from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
+from procedures._recorded import calibration_std, departures, parts_of, roles_of
+from procedures._scale import Scale, check_above, check_at_least, scale_of
+
+AMPLITUDE = Measurement("amplitude", "", "amplitude of the response's fundamental")
+PHASE = Measurement("phase", "deg", "phase of the response's fundamental against the command")
+OFFSET = Measurement("offset", "", "mean of the response")
+THD = Measurement("thd", "%", "harmonics 2 to 5 over the fundamental")
+MEASUREMENTS = (AMPLITUDE, PHASE, OFFSET, THD)
+
+
+def run(
+    rig: Rig,
+    *,
+    frequencies: tuple[float, ...] = (0.1, 0.3, 0.5),
+    amplitude: float | None = None,
+    bias: float | None = None,
+    cycles: int = 3,
+    warm_up_s: float = 0.0,
+    full_command: float | None = None,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the sines.
+
+    Args:
+        rig: the bench.
+        frequencies: in Hz, rising.
+        amplitude: in % of full command; as far as the range goes about the bias when not given.
+        bias: in % of full command from neutral; neutral when not given, the middle of the range for a command
+            that goes one way.
+        cycles: periods of each that are measured, after at least one to settle.
+        warm_up_s: time at the bias before anything is measured, in s.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given. At least 20 times the top frequency.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_frequencies(frequencies, rate_hz)
+    check_at_least("cycles", 1, cycles)
+    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
+    middle, size = _level(scale_of(rig, full_command), amplitude, bias)
+    settling = [max(1, math.ceil(rig.settling_s * f)) for f in frequencies]
+    waves = [
+        sine(f, size, rate_hz, settle + cycles, bias=middle) for f, settle in zip(frequencies, settling, strict=True)
+    ]
+    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, waves), {"amplitude": size, "bias": middle})
+    course.warm_up(middle, warm_up_s)
+    for f, settle, wave in zip(frequencies, settling, waves, strict=True):
+        course.go_to(middle)
+        course.play(wave, f"{f:g} Hz, {middle:+.3g} ± {size:.3g} {rig.command.unit}")
+        measured = len(wave) - round(settle * rate_hz / f)
+        rig.mark(measured, {"kind": "sine", "frequency_hz": f, "amplitude": size, "bias": middle})
+    course.finish()
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Amplitude, phase, mean and distortion at each frequency."""
+    parts_of(recording, "sine")
+    command, response = roles_of(recording)
+    measured: list[Measured] = []
+    curves = []
+    for segment in declared_segments(recording):
+        rows = segment.samples
+        time_s = recording.time_s[rows]
+        given, answer = (
+            sine_fit(time_s, channel.values[rows], segment.frequency_hz, harmonics=HARMONICS)
+            for channel in (command, response)
+        )
+        measured += _measured(recording, given, answer)
+        shown = shown_samples(time_s, segment.frequency_hz)
+        picked = slice(0, shown, thinning(shown))
+        curves.append({
+            "label": f"{segment.frequency_hz:g} Hz", "frequency_hz": segment.frequency_hz,
+            "amplitude": segment.amplitude, "bias": segment.bias,
+            "command_unit": command.unit, "response_unit": response.unit,
+            "time_s": time_s[picked] - time_s[0], "command": command.values[rows][picked],
+            "measured": response.values[rows][picked], "fitted": synthesised(answer, time_s[picked]),
+            "harmonics_percent": 100.0 * np.abs(answer.phasors[1:]) / answer.amplitude,
+        })  # fmt: skip
+    return Findings(tuple(measured), {"large_sines": curves}, (), departures(recording))
+
+
+def _level(scale: Scale, amplitude: float | None, bias: float | None) -> tuple[float, float]:
+    """(bias, amplitude) in the unit of the command."""
+    middle = scale.centre if bias is None else scale.level("bias", bias)
+    if amplitude is None:
+        size = min(scale.command.high - middle, middle - scale.command.low)
+        check_above("bias", 0.0, size, scale.command.unit)
+        return middle, size
+    size = scale.size("amplitude", amplitude)
+    scale.within("amplitude", f"{amplitude:g} %", middle - size, middle + size)
+    return middle, size
+
+
+def _measured(recording: Recording, given: SineFit, answer: SineFit) -> list[Measured]:
+    _, response = roles_of(recording)
+    place = f"{given.frequency_hz:g} Hz"
+    turned = answer.phasor / given.phasor
+    phase_std_deg = math.degrees(math.hypot(given.phase_std_rad, answer.phase_std_rad))
+    harmonic_std = math.sqrt(float(np.trace(answer.phasor_covariance())) / 2.0) / answer.amplitude
+    level_std = calibration_std(response)
+    return [
+        AMPLITUDE.at(place, response.unit).of(answer.amplitude, answer.amplitude_std),
+        PHASE.at(place).of(math.degrees(math.atan2(turned.imag, turned.real)), phase_std_deg),
+        OFFSET.at(place, response.unit).of(answer.offset, math.hypot(answer.offset_std, level_std)),
+        THD.at(place).of(100.0 * answer.distortion, 100.0 * harmonic_std),
+    ]

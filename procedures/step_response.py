@@ -1,0 +1,182 @@
+"""Step response: dead time, rise, response and settling time, overshoot, and the models that a step alone supports."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+from typing import Any, Literal
+
+import numpy as np
+
+from hil.errors import InputError, SettingError
+from hil.identify.step_response import MeasuredStep, measured_steps
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
+from procedures._course import Course, joined
+from procedures._recorded import departures, parts_of, roles_of
+from procedures._scale import check_above, check_at_least, scale_of
+from procedures._step_model import step_model
+
+DEAD_TIME = Measurement("dead_time", "ms", "until the response has moved by more than noise and 2 % of its change")
+RISE = Measurement("rise", "ms", "from 10 % to 90 % of the change")
+RESPONSE = Measurement("response", "ms", "until 90 % of the change")
+SETTLING = Measurement("settling", "ms", "after which the response stays within the band about its final value")
+REACHES = Measurement(
+    "reaches", "ms", "until the response first comes within the band: the HPV41 paper's settling time"
+)
+OVERSHOOT = Measurement("overshoot", "%", "beyond the final value, in % of the change")
+CHANGE = Measurement("change", "", "final value minus the value before the step")
+MEASUREMENTS = (DEAD_TIME, RISE, RESPONSE, SETTLING, REACHES, OVERSHOOT, CHANGE)
+
+_HOLD_SETTLINGS = 2.0
+_BEFORE = 0.1  # of a step's time, shown before it
+_MOST_POINTS = 1500
+_BY_NOISE = 2.5  # standard deviations of a sample: the largest of thousands of smoothed ones
+
+
+def run(
+    rig: Rig,
+    *,
+    sequence: Literal["paper", "small", "half", "full", "reversal", "inner", "quarter"] = "paper",
+    levels: tuple[float, ...] | None = None,
+    hold_s: float | None = None,
+    repeats: int = 1,
+    band: float = 2.0,
+    warm_up_s: float = 0.0,
+    full_command: float | None = None,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the steps.
+
+    Args:
+        rig: the bench.
+        sequence: of levels: paper 0 80 0; small 0 10 0 -10 0; half 0 50 0 -50 0; full 0 100 0 -100 0; reversal
+            -90 90 -90; inner 10 90 10; quarter 25 75 25, in % of full command from neutral.
+        levels: other levels instead, in % of full command from neutral.
+        hold_s: time at each level, in s; twice the settling time of the valve when not given.
+        repeats: how often the sequence is driven.
+        band: about the final value within which a response counts as settled, in % of its change.
+        warm_up_s: time at the first level before anything is measured, in s.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    held_s = _HOLD_SETTLINGS * rig.settling_s if hold_s is None else hold_s
+    check_above("hold_s", 0.0, held_s, "s")
+    check_at_least("repeats", 1, repeats)
+    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
+    if not 0.0 < band < 50.0:
+        raise SettingError(f"setting band: {band:g} %; it must lie between 0 and 50 %")
+    asked = CUSTOMARY_STEPS[sequence] if levels is None else levels
+    if len(asked) < 2:
+        raise SettingError(f"setting levels: {len(asked)} given; a step needs at least two")
+    scale = scale_of(rig, full_command)
+    name = "sequence" if levels is None else "levels"
+    values = [scale.level(name, percent) for percent in asked] * repeats
+    steps = [step_sequence([level], held_s, rate_hz) for level in values]
+    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, [np.concatenate(steps)]), {"levels": values})
+    course.warm_up(values[0], warm_up_s)
+    before = values[0]
+    for level, piece in zip(values, rig.stream(iter(steps), rate_hz), strict=True):
+        rig.mark(len(piece), {"kind": "level", "from": before, "to": level})
+        course.heard(piece, f"{before:.4g} → {level:.4g} {rig.command.unit}")
+        before = level
+    course.finish()
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Figures of every step with uncertainty, and a first-order model with dead time beside each."""
+    band = float(recording.meta["settings"]["band"])
+    measured: list[Measured] = []
+    curves, notes = [], []
+    for number, (part, before) in enumerate(_steps(recording), start=1):
+        label = _label(recording, part, number)
+        try:
+            found = _one(recording, part, before, band)
+        except InputError as error:
+            notes.append(f"{label}: no figures: {_reason(error)}.")
+            continue
+        measured += _measured(label, found, roles_of(recording)[1].unit)
+        curves.append(_curve(recording, part, before, label, found))
+    return Findings(tuple(measured), {"steps": curves}, tuple(notes), departures(recording))
+
+
+def _steps(recording: Recording) -> list[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    """(the part after a step, the part before it)."""
+    parts = parts_of(recording, "level")
+    return [(after, before) for before, after in pairwise(parts) if after["from"] != after["to"]]
+
+
+def _one(recording: Recording, part: Mapping[str, Any], before: Mapping[str, Any], band: float) -> MeasuredStep:
+    command, response = roles_of(recording)
+    rows = recording.rows(before["first"], before["count"] + part["count"])
+    (found,) = measured_steps(rows, command.name, response.name, band=band / 100.0)
+    return found
+
+
+def _label(recording: Recording, part: Mapping[str, Any], number: int) -> str:
+    """`0 → 80 %`, numbered where the same step is driven more than once."""
+    command, _ = roles_of(recording)
+    text = f"{part['from']:.4g} → {part['to']:.4g} {command.unit}"
+    same = [p for p, _ in _steps(recording) if (p["from"], p["to"]) == (part["from"], part["to"])]
+    return text if len(same) == 1 else f"{text} ({number})"
+
+
+def _measured(label: str, found: MeasuredStep, unit: str) -> list[Measured]:
+    value, std = found.figures, found.std
+    times = [
+        (DEAD_TIME, value.dead_time_s, std.dead_time_s), (RISE, value.rise_s, std.rise_s),
+        (RESPONSE, value.response_s, std.response_s), (SETTLING, value.settling_s, std.settling_s),
+        (REACHES, value.reaches_s, std.reaches_s),
+    ]  # fmt: skip
+    change_std = float(np.hypot(std.start, std.final))
+    return [
+        *(_time(what.at(label), at_s, at_std_s) for what, at_s, at_std_s in times),
+        _overshoot(OVERSHOOT.at(label), found),
+        CHANGE.at(label, unit).of(value.final - value.start, change_std),
+    ]
+
+
+def _overshoot(what: Measurement, found: MeasuredStep) -> Measured:
+    """The overshoot, or what noise alone can make of the largest of many samples."""
+    value, change = found.figures.overshoot, abs(found.figures.final - found.figures.start)
+    least = _BY_NOISE * found.noise_std / change
+    if value < least:
+        return what.of(round(100.0 * least, 2), 0.0, relation="<")
+    return what.of(100.0 * value, 100.0 * found.std.overshoot)
+
+
+def _time(what: Measurement, value_s: float, std_s: float) -> Measured:
+    known = bool(np.isfinite(value_s))
+    if not known or not np.isfinite(std_s):
+        return what.of(round(1e3 * value_s) if known else None)
+    return what.of(1e3 * value_s, 1e3 * std_s)
+
+
+def _curve(
+    recording: Recording, part: Mapping[str, Any], before: Mapping[str, Any], label: str, found: MeasuredStep
+) -> dict[str, Any]:
+    command, response = roles_of(recording)
+    lead = min(int(before["count"]), round(_BEFORE * part["count"]))
+    rows = slice(part["first"] - lead, part["first"] + part["count"])
+    every = max(1, (rows.stop - rows.start) // _MOST_POINTS)
+    time_s: Array = recording.time_s[rows] - recording.time_s[part["first"]]
+    model = step_model(time_s, response.values[rows], found.figures)
+    shown = slice(None, None, every)
+    figures = {
+        name: (getattr(found.figures, name), getattr(found.std, name))
+        for name in ("dead_time_s", "rise_s", "response_s", "settling_s", "reaches_s")
+    }
+    return {
+        "label": label, "command_unit": command.unit, "response_unit": response.unit,
+        "time_s": time_s[shown], "command": command.values[rows][shown], "measured": response.values[rows][shown],
+        "fitted": model.response[shown], "fitted_text": model.text,
+        "start": found.figures.start, "final": found.figures.final,
+        "figures": {**figures, "overshoot_percent": (100.0 * found.figures.overshoot, 100.0 * found.std.overshoot)},
+    }  # fmt: skip
+
+
+def _reason(error: InputError) -> str:
+    return str(error).removeprefix("step response: ")
