@@ -224,6 +224,8 @@ class _Timed:
         if e.grid_s is not None or self.floor <= 0.0 or self.error(0) < 1.5 * self.floor:
             return 0
         most = min(len(e.output) // 4, int(2.0 / e.drive.interval_s))
+        if most < 1:
+            return 0
         size = 1 << (2 * len(self.simulated) - 1).bit_length()
         measured, expected = e.output - e.output.mean(), self.simulated - self.simulated.mean()
         correlation = np.fft.irfft(np.fft.rfft(measured, size) * np.conj(np.fft.rfft(expected, size)), size)

@@ -30,6 +30,8 @@ _SEPARATED = 10.0
 _ENOUGH = 30.0
 _COMPETITORS = 3
 _BOUND_MARGIN = 0.9
+# The menu's tests last seconds: a plant that is sampled slower than this has no use for them.
+_SLOWEST_SAMPLING_S = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +114,9 @@ def next_test(
     rivals: Sequence[Sequence[str]],
     unseen: Sequence[str],
 ) -> NextTest | None:
-    """The test that tells most for its time; None when there is nothing left to tell."""
+    """The test that tells most for its time; None when there is nothing left to tell, or no test for such a plant."""
+    if _interval_s(problem) > _SLOWEST_SAMPLING_S:
+        return None
     span = span_of(problem)
     tests = menu(span)
     if verdict == "consistent":
@@ -210,8 +214,7 @@ def _simulated(problem: Problem, planned: Experiment, f: Fitted) -> Array:
 
 
 def _planned(problem: Problem, test: MenuTest, span: Span) -> Experiment:
-    like = problem.experiments[0]
-    interval_s = float(np.median(np.diff(like.time_s)))
+    like, interval_s = problem.experiments[0], _interval_s(problem)
     wave = span.neutral + span.full * test.shape(1.0 / interval_s)
     inputs = np.vstack([wave, *(np.full(len(wave), float(np.median(row))) for row in like.drive.inputs[1:])])
     drive = Drive(inputs, float(like.output[0]), interval_s, like.drive.read_at)
@@ -221,8 +224,12 @@ def _planned(problem: Problem, test: MenuTest, span: Span) -> Experiment:
     )  # fmt: skip
 
 
+def _interval_s(problem: Problem) -> float:
+    return float(np.median(np.diff(problem.experiments[0].time_s)))
+
+
 def _bench_s(problem: Problem, test: MenuTest) -> float:
-    interval_s = float(np.median(np.diff(problem.experiments[0].time_s)))
+    interval_s = _interval_s(problem)
     return len(test.shape(1.0 / interval_s)) * interval_s
 
 

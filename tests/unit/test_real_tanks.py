@@ -1,0 +1,36 @@
+"""A plant sampled every few seconds: diagnosed from end to end, with no test of a valve proposed for it."""
+
+import numpy as np
+
+from hil.diagnose.diagnose import diagnose
+from hil.identify.experiment import experiment
+from hil.identify.grey_box import fit_plant, starting_model
+from hil.physics.compose import plant
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import Recording, recording
+
+INTERVAL_S = 4.0
+
+
+def recorded(name: str, *effects: ActiveEffect) -> Recording:
+    generator = np.random.default_rng(11)
+    k = np.arange(600)
+    voltage = 3.0 + 1.2 * np.sin(k / 21.0) + 0.9 * np.sin(k / 9.0) + 0.6 * np.sin(k / 57.0)
+    tanks = plant("cascaded-tanks")
+    values = tanks.typical | {"pump": 0.05, "drain_upper": 0.06, "drain_lower": 0.06}
+    level = simulate(tanks, values, Drive(voltage[None, :], 5.0, INTERVAL_S), effects)[0]
+    level += 0.01 * generator.standard_normal(len(level))
+    return recording(name, INTERVAL_S * k, {"pump voltage [V]": voltage, "lower tank level [V]": level})
+
+
+def test_an_overflow_is_found_and_no_valve_test_is_proposed():
+    start = starting_model("cascaded-tanks")
+    nominal = fit_plant(start, [experiment(recorded("healthy"), start.definition)]).model
+    spills = ActiveEffect("overflow", "upper", {"brim": 6.5, "caught": 0.4})
+    found = diagnose(nominal, [experiment(recorded("spills", spills), start.definition)])
+    assert found.diagnosis.verdict == "explained"
+    assert [effect.name for effect in found.corrected.effects] == ["overflow"]
+    values = {name: value.value for name, value in found.corrected.effects[0].parameters.items()}
+    assert abs(values["brim"] - 6.5) < 0.1
+    assert abs(values["caught"] - 0.4) < 0.05
+    assert found.diagnosis.next_test is None
