@@ -144,7 +144,9 @@ def _even(recording: Recording, inputs: Array) -> tuple[Array | None, Array, flo
     interval_s = recording.interval_s / _GRID_PER_UNEVEN_SAMPLE
     start, stop = recording.time_s[0], recording.time_s[-1]
     grid_s = start + interval_s * np.arange(int(np.ceil((stop - start) / interval_s)) + 1)
-    held = np.clip(np.searchsorted(recording.time_s, grid_s, side="right") - 1, 0, len(recording) - 1)
+    # A stamp that falls on the grid must not miss it by a rounding error: its input would come a step late.
+    reached = np.searchsorted(recording.time_s, grid_s + 1e-6 * interval_s, side="right")
+    held = np.clip(reached - 1, 0, len(recording) - 1)
     return grid_s, np.ascontiguousarray(inputs[:, held]), interval_s
 
 

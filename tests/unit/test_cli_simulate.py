@@ -97,6 +97,19 @@ def test_simulate_needs_no_output_at_all(hil: Run, tmp_path: Path) -> None:
     assert len(read_recording(tmp_path / "out.csv")) == len(made)
 
 
+def test_uneven_stamps_give_what_even_ones_do(hil: Run, tmp_path: Path) -> None:
+    save_model(unit(), tmp_path / "model.json")
+    made = np.repeat(command(2), 4)
+    time_s = 0.137 + np.cumsum(np.full(len(made), 0.004))
+    kept = np.flatnonzero((np.arange(len(made)) < 2000) | (np.arange(len(made)) % 4 == 0))  # the second part is coarser
+    for name, rows in (("even", np.arange(len(made))), ("uneven", kept)):
+        columns = {"command [%]": made[rows]}
+        write_recording(recording("x", time_s[rows], columns), tmp_path / f"{name}.csv")
+        hil("simulate", "--model", "model.json", "--input", f"{name}.csv", "--out", f"{name}-out.csv")
+    even, uneven = (read_recording(tmp_path / f"{name}-out.csv").values("flow") for name in ("even", "uneven"))
+    assert np.abs(uneven - even[kept]).max() < 1e-3 * np.ptp(even)
+
+
 def test_simulate_takes_other_names_and_units(hil: Run, tmp_path: Path) -> None:
     save_model(unit(), tmp_path / "model.json")
     made = command(2)
