@@ -1,0 +1,229 @@
+"""The documentation is true: generated pages are up to date, links lead somewhere, code and commands run."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import ModuleType
+from unittest.mock import patch
+
+import pytest
+
+from hil.__main__ import main
+from hil.bench.find import benches
+from hil.bench.read import read_bench
+from hil.catalog import entries, find
+from hil.physics.compose import effects, kernel, plant
+from hil.physics.model import load_model
+from hil.session.procedure import load_procedure
+from hil.session.run import run_procedure
+
+ROOT = Path(__file__).parents[2]
+DOCS = ROOT / "docs"
+PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
+WITH_COMMANDS = [ROOT / "README.md", *sorted((DOCS / "tutorial").glob("*.md")), *sorted((DOCS / "how-to").glob("*.md"))]
+Install = Callable[[str, str, str], None]
+
+
+def generator() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("docs_generate", DOCS / "generate.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.mark.parametrize("name", ["command-line.md", "plants.md", "effects.md"])
+def test_generated_pages_are_up_to_date(name: str) -> None:
+    written = (DOCS / "reference" / name).read_text(encoding="utf-8")
+    assert written == generator().pages()[name], "run: python docs/generate.py"
+
+
+def anchors(page: Path) -> set[str]:
+    headings = re.findall(r"^#+ +(.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8")):
+        if target.startswith(("http", "mailto:")):
+            continue
+        file, _, anchor = target.partition("#")
+        found = (page.parent / file).resolve() if file else page
+        assert found.exists(), target
+        assert not anchor or anchor in anchors(found), target
+
+
+# -- code --------------------------------------------------------------------------------------------------
+
+
+def fenced(page: Path, language: str) -> list[str]:
+    return re.findall(rf"^```{language}\n(.*?)^```", page.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE)
+
+
+@pytest.fixture
+def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """Puts the code of a how-to into a package of its own and installs it for one test."""
+
+    def installed(group: str, module: str, page: str) -> None:
+        package = f"acme_{group.rpartition('.')[2]}"
+        (code,) = fenced(DOCS / "how-to" / page, "python")
+        (declared,) = fenced(DOCS / "how-to" / page, "toml")
+        assert f'"{group}"' in declared and f'"{package}"' in declared and f"holds {module}.py" in declared
+        folder = tmp_path / package
+        folder.mkdir()
+        (folder / "__init__.py").write_text("", encoding="utf-8")
+        (folder / f"{module}.py").write_text(code, encoding="utf-8")
+        about = tmp_path / f"{package}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")
+        (about / "entry_points.txt").write_text(f"[{group}]\nacme = {package}\n", encoding="utf-8")
+        monkeypatch.syspath_prepend(str(tmp_path))
+        forget()
+
+    forget()
+    yield installed
+    forget()
+
+
+def forget() -> None:
+    for remembered in (entries, effects, kernel, plant):
+        remembered.cache_clear()
+
+
+def test_the_effect_of_the_how_to(install: Install) -> None:
+    install("hil.effects", "edge_wear", "add-an-effect.md")
+    effect = find("effects", "edge_wear").load().EFFECT
+    assert effect in effects()
+    assert ("edge_wear", "opening") in [site.key for site in kernel("brevini-hpv41").sites]
+    assert effect.transform.py_func(50.0, 0.0, 5.0) == 50.0
+    assert effect.transform.py_func(1.0, 0.3, 5.0) > 1.2
+    (example,) = fenced(DOCS / "how-to" / "add-an-effect.md", "json")
+    (shown,) = json.loads("{" + example + "}")["effects"]
+    assert set(shown["parameters"]) == {parameter.name for parameter in effect.parameters}
+
+
+def test_the_plant_of_the_how_to(install: Install) -> None:
+    install("hil.plants", "relief_valve", "add-a-plant.md")
+    found = plant("relief-valve")
+    compiled = kernel("relief-valve")
+    assert {hook.name for hook in found.hooks} == {site.hook.name for site in compiled.sites}
+    assert compiled.states == tuple(found.states)
+    steady = found.coefficients(found.typical, float("inf"))
+    assert list(steady) == list(compiled.coefficients)
+
+
+def test_the_procedure_of_the_how_to(install: Install, tmp_path: Path) -> None:
+    install("hil.procedures", "level_check", "add-a-procedure.md")
+    procedure = load_procedure("level_check")
+    bench = read_bench(benches()["brevini-hpv41"])
+    outcome = run_procedure(procedure, bench, {"levels": "40,80", "hold_s": "0.5"}, tmp_path / "run")
+    found = {measured.name: measured for measured in outcome.findings.measured}
+    assert set(found) == {"level, 40", "spread, 40", "level, 80", "spread, 80"}
+    assert found["level, 80"].value > found["level, 40"].value > 1.0
+    assert found["level, 80"].unit == "l/min"
+
+
+def test_the_model_file_of_the_reference(tmp_path: Path) -> None:
+    (example,) = fenced(DOCS / "reference" / "model-file.md", "json")
+    (tmp_path / "model.json").write_text(example, encoding="utf-8")
+    model = load_model(tmp_path / "model.json")
+    assert model.effects[0].name == "friction"
+    assert model.values["full_flow"] == plant("brevini-hpv41").typical["full_flow"]
+
+
+# -- commands ----------------------------------------------------------------------------------------------
+
+
+def commands(page: Path) -> list[str]:
+    """Every `hil …` line of the fenced blocks of a page."""
+    lines = [line for block in fenced(page, "(?:console|sh|text)?") for line in block.splitlines()]
+    return [line.removeprefix("$ ") for line in lines if line.startswith(("$ hil ", "hil "))]
+
+
+def said(words: list[str]) -> int:
+    """Run the command line; gives its exit status."""
+    with patch.object(sys, "argv", words), pytest.raises(SystemExit) as ended:
+        main()
+    return int(ended.value.code or 0)
+
+
+EVERY = [(page, line) for page in WITH_COMMANDS for line in commands(page)]
+
+
+@pytest.mark.parametrize(("page", "line"), EVERY, ids=[line for _, line in EVERY])
+def test_every_command_shown_exists_with_its_options(page: Path, line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = shlex.split(line, comments=True)[1:]
+    assert said(["hil", *words[:1], "--help"]) == 0
+    told = capsys.readouterr().out
+    if words[0] == "run" and words[1] not in ("level_check", "PROCEDURE"):
+        procedure = load_procedure(words[1])
+        given = [words[i + 1].partition("=")[0] for i, word in enumerate(words) if word == "--set"]
+        assert set(given) <= set(procedure.settings)
+    for option in (word.partition("=")[0] for word in words[1:] if word.startswith("--")):
+        assert option in told, f"{page.name}: {line}"
+
+
+def steps(page: Path) -> Iterator[tuple[str, list[str]]]:
+    """Commands of the `console` blocks, each with the lines of output that are shown below it."""
+    for block in fenced(page, "console"):
+        command, shown = "", list[str]()
+        for line in block.splitlines():
+            if line.startswith("$ "):
+                if command:
+                    yield command, shown
+                command, shown = line.removeprefix("$ "), []
+            else:
+                shown.append(line)
+        yield command, shown
+
+
+NUMBER = re.compile(r"[-+−]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+
+
+def alike(shown: str, printed: str) -> bool:
+    """Whether a line is what was printed: words to the letter, numbers to a twentieth, `…` for anything."""
+    pattern = ".*".join(re.escape(part) for part in NUMBER.sub("0", " ".join(shown.split())).split("…"))
+    if not re.fullmatch(pattern, NUMBER.sub("0", " ".join(printed.split()))):
+        return False
+    if "…" in shown:
+        return True
+    pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=True)
+    values = [(float(a.replace("−", "-")), float(b.replace("−", "-"))) for a, b in pairs]
+    return all(abs(a - b) <= 0.05 * abs(a) + 0.02 for a, b in values)
+
+
+def test_the_tutorial_does_what_it_shows(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every command but the long last one in order, in an empty folder; what is shown is what is printed."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "sim_devices").symlink_to(ROOT / "sim_devices")
+    for command, shown in steps(DOCS / "tutorial" / "first-test.md"):
+        words = shlex.split(command, comments=True)
+        if words[:2] == ["hil", "diagnose"]:  # half a minute; tests of the diagnosis see to it
+            continue
+        if words[0] == "hil":
+            status = said(words)
+            printed = capsys.readouterr()
+            assert status == 0, f"{command}: {printed.err}"
+            lines = printed.out.splitlines()
+        elif words[0] != "source":
+            done = subprocess.run(command, shell=True, check=True, capture_output=True, encoding="utf-8")
+            lines = done.stdout.splitlines()
+        for line in shown:
+            assert line.strip() == "…" or any(alike(line, other) for other in lines), f"{command}: {line}"
+
+
+def test_alike() -> None:
+    assert alike("  fit   99.1 %  run", "  fit   99.3 %  run")
+    assert not alike("  fit   99.1 %  run", "  fit   80.0 %  run")
+    assert not alike("  fit   99.1 %  run", "  fit   99.1 %  other")
+    assert alike("note: …", "note: anything at all")
