@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -113,13 +114,13 @@ def _default_biases(scale: Scale) -> list[tuple[float, float]]:
 
 def check_above(setting: str, least: float, value: float, unit: str = "") -> None:
     """Raise `SettingError` unless a value is above what it must exceed."""
-    if not value > least:
+    if not least < value < math.inf:
         raise SettingError(f"setting {setting}: {value:g}{unit and ' '}{unit}; it must be above {least:g}")
 
 
 def check_at_least(setting: str, least: float, value: float, unit: str = "") -> None:
     """Raise `SettingError` unless a value is at least so much."""
-    if not value >= least:
+    if not least <= value < math.inf:
         raise SettingError(f"setting {setting}: {value:g}{unit and ' '}{unit}; it must be at least {least:g}")
 
 

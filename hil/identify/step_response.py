@@ -168,16 +168,20 @@ def _measured(
     noise = float(np.std(y - smooth)) / math.sqrt(1.0 - _SMOOTHED_VARIANCE)
     start, start_std = float(np.mean(rest)), noise * math.sqrt(colour_factor(y - smooth) / len(rest))
 
+    inner = slice(0, max(1, len(y) - _WINDOW // 2))  # the last samples are hardly smoothed
+
+    left = noise * math.sqrt(_SMOOTHED_VARIANCE)
+
     def evaluate(response: Array, level: float) -> StepFigures:
-        return step_figures(time_s, response, start=level, band=band, noise_std=noise * math.sqrt(_SMOOTHED_VARIANCE))
+        return step_figures(time_s[inner], response, start=level, band=band, noise_std=left)
 
     rng = np.random.default_rng(0)
     again = _smoothed(smooth + noise * rng.normal(size=(_DRAWS, len(y))))
     levels = start + start_std * rng.normal(size=_DRAWS)
-    drawn = [astuple(evaluate(response, float(level))) for response, level in zip(again, levels, strict=True)]
+    drawn = [astuple(evaluate(response[inner], float(level))) for response, level in zip(again, levels, strict=True)]
     spread = [float(np.std(column)) if np.all(np.isfinite(column)) else math.inf for column in zip(*drawn, strict=True)]
     return MeasuredStep(
-        evaluate(smooth, start), replace(StepFigures(*spread), band=band), noise,
+        evaluate(smooth[inner], start), replace(StepFigures(*spread), band=band), noise,
         float(command[first - 1]), float(command[first]),
     )  # fmt: skip
 
