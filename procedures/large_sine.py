@@ -10,6 +10,7 @@ import math
 
 import numpy as np
 
+from hil.errors import SettingError
 from hil.identify.sine_segments import declared_segments
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
@@ -19,7 +20,7 @@ from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
-from procedures._scale import Scale, check_above, check_at_least, scale_of
+from procedures._scale import Scale, check_at_least, scale_of
 
 AMPLITUDE = Measurement("amplitude", "", "amplitude of the response's fundamental")
 PHASE = Measurement("phase", "deg", "phase of the response's fundamental against the command")
@@ -103,7 +104,8 @@ def _level(scale: Scale, amplitude: float | None, bias: float | None) -> tuple[f
     middle = scale.centre if bias is None else scale.level("bias", bias)
     if amplitude is None:
         size = min(scale.command.high - middle, middle - scale.command.low)
-        check_above("bias", 0.0, size, scale.command.unit)
+        if not size > 0.0:
+            raise SettingError(f"setting bias: {bias:g} % is an end of the range and leaves no room for an amplitude")
         return middle, size
     size = scale.size("amplitude", amplitude)
     scale.within("amplitude", f"{amplitude:g} %", middle - size, middle + size)

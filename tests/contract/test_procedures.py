@@ -1,0 +1,95 @@
+"""What holds for every installed procedure, and for ours on every installed bench."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.catalog import entries
+from hil.record.folder import read
+from hil.session.procedure import load_procedure
+from hil.session.setting import parse_settings
+
+NAMES = sorted(entry.name for entry in entries("procedures"))
+DOCUMENTED = (Path(__file__).parents[2] / "docs" / "reference" / "procedures.md").read_text(encoding="utf-8")
+BENCHES = ("brevini-hpv41", "cummins-efc", "hydraforce-sp08-47c")
+BIAS = {"brevini-hpv41": "60", "cummins-efc": "72", "hydraforce-sp08-47c": "20"}
+SHORT = {
+    "flow_curve": {"cycle_s": "12"},
+    "frequency_response": {"frequencies": "0.5,1,2,4", "amplitudes": "4", "measure_s": "1"},
+    "multisine_response": {"low_hz": "0.5", "high_hz": "4.5", "base_hz": "0.5", "amplitudes": "4", "periods": "3"},
+    "step_response": {"levels": "40,80"},
+    "large_sine": {"frequencies": "0.5", "cycles": "1"},
+}
+
+
+@pytest.fixture(scope="module", params=[(name, bench) for name in SHORT for bench in BENCHES], ids="-".join)
+def done(request, tmp_path_factory):
+    """A short run of a procedure on a bench in virtual time, evaluated: (procedure, recording, findings)."""
+    name, bench = request.param
+    procedure = load_procedure(name)
+    given = SHORT[name] | ({"biases": BIAS[bench]} if "biases" in procedure.settings else {})
+    values = parse_settings(procedure.settings, given)
+    folder = tmp_path_factory.mktemp(name) / "run"
+    about = {"procedure": name, "settings": values}
+    with open_rig(read_bench(benches()[bench]), folder, about, lambda _done, _text: None) as rig:
+        procedure.run(rig, **values)
+    recording = read(folder)
+    return procedure, recording, procedure.evaluate(recording)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_procedure_says_what_it_is_takes_and_measures(name):
+    procedure = load_procedure(name)
+    assert procedure.doc.splitlines()[0].endswith(".")
+    assert procedure.measurements
+    assert all(m.meaning for m in procedure.measurements)
+    assert len({m.name for m in procedure.measurements}) == len(procedure.measurements)
+    undescribed = [setting.name for setting in procedure.settings.values() if not setting.meaning]
+    assert not undescribed
+
+
+def test_ours_are_installed():
+    assert set(SHORT) <= set(NAMES)
+
+
+def test_what_is_found_was_declared_and_is_a_number(done):
+    procedure, _, findings = done
+    declared = {m.name for m in procedure.measurements}
+    assert findings.measured
+    for measured in findings.measured:
+        assert measured.quantity in declared
+        assert measured.value is not None
+        assert math.isfinite(measured.value), measured
+        assert measured.std is None or math.isfinite(measured.std), measured
+        assert measured.verdict is None
+
+
+def test_curves_are_those_that_the_reference_describes(done):
+    _, _, findings = done
+    for name, curve in findings.curves.items():
+        section = DOCUMENTED.split(f"## `{name}`")[1].split("\n## ")[0]
+        rows = [row.split("|")[1] for row in section.splitlines() if row.startswith("| `")]
+        keys = {key for row in rows for key in re.findall(r"`(\w+)`", row)}
+        for entry in curve if isinstance(curve, list) else [curve]:
+            assert set(entry) == keys
+
+
+def test_the_limits_are_narrowed_to_the_path_before_it_is_driven(done):
+    _, recording, _ = done
+    command = recording.values(recording.meta["roles"]["command"])
+    (tightened,) = [event["details"] for event in recording.meta["events"] if event["event"] == "limits tightened"]
+    assert tightened["low"] == pytest.approx(float(command.min()), abs=1e-3 * float(command.max() - command.min()))
+    assert tightened["high"] == pytest.approx(float(command.max()), abs=1e-3 * float(command.max() - command.min()))
+
+
+def test_it_begins_and_ends_at_neutral(done):
+    _, recording, _ = done
+    command = recording.values(recording.meta["roles"]["command"])
+    assert command[-1] == 0.0

@@ -1,0 +1,111 @@
+"""Settings that cannot be: refused with one clear line before the rig is asked for anything that moves."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.errors import SettingError
+from hil.rig import RoleChannel
+from hil.session.procedure import load_procedure
+
+BOTH_WAYS = RoleChannel("command", "%", -100.0, 100.0)
+ONE_WAY = RoleChannel("current", "A", 0.0, 2.2)
+
+
+class Still:
+    """A rig that says what it is, and fails the test when it is asked to do anything."""
+
+    def __init__(self, command: RoleChannel) -> None:
+        self.command = command
+        self.response = RoleChannel("flow", "l/min", -100.0, 100.0)
+        self.rate_hz, self.settling_s = 1000.0, 2.0
+
+    def actual_rate_hz(self, asked_hz: float) -> float:
+        return asked_hz
+
+    def __getattr__(self, name: str) -> None:
+        raise AssertionError(f"'{name}' was asked for")
+
+
+SINES, MULTISINE, FLOW, STEP, LARGE = (
+    "frequency_response", "multisine_response", "flow_curve", "step_response", "large_sine",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "says"),
+    [
+        (SINES, {"frequencies": ()}, "frequencies: none given"),
+        (SINES, {"frequencies": (1.0, 0.5)}, "0.5 Hz must come before 1 Hz; sort them"),
+        (SINES, {"frequencies": (-1.0, 0.5)}, "-1 Hz must be above 0"),
+        (SINES, {"frequencies": (math.nan,)}, "nan Hz must be above 0"),
+        (SINES, {"rate_hz": 90.0}, "90 Hz is below 20 × the top frequency 4.9 Hz; at least 98 Hz"),
+        (SINES, {"amplitudes": (5.0, 60.0)}, "setting amplitudes: 60 % about 50 % needs -10 … 110 %; 'command' may go"),
+        (SINES, {"amplitudes": (0.0,)}, "setting amplitudes: 0 % of full command; it must be above 0 %"),
+        (SINES, {"amplitudes": ()}, "at least one of each is needed"),
+        (SINES, {"amplitudes": (math.nan,)}, "setting amplitudes: nan %"),
+        (SINES, {"biases": (130.0,)}, "setting biases: 130 % needs 130 %; 'command' may go -100 … 100 %"),
+        (SINES, {"measure_periods": 1}, "setting measure_periods: 1; it must be at least 2"),
+        (SINES, {"tolerance": 0.0}, "setting tolerance: 0 %; it must be above 0"),
+        (SINES, {"longest_wait_s": -1.0}, "setting longest_wait_s: -1 s; it must be at least 0"),
+        (SINES, {"measure_s": math.inf}, "setting measure_s: inf s"),
+        (SINES, {"full_command": -5.0}, "setting full_command: -5; it must be above 0"),
+        (SINES, {"poles": 6}, "setting poles: 6; allowed are 1 to 5"),
+        (SINES, {"poles": 2, "zeros": 3}, "setting zeros: 3; allowed are 0 to 2"),
+        (MULTISINE, {"high_hz": 0.05}, "setting high_hz: 0.05 Hz; it must be above low_hz, 0.1 Hz"),
+        (MULTISINE, {"base_hz": 0.0}, "setting base_hz: 0 Hz; it must be above 0"),
+        (MULTISINE, {"base_hz": 0.3}, "one period must be whole samples at 1000 Hz"),
+        (MULTISINE, {"rate_hz": 90.0}, "90 Hz is below 20 × the top frequency"),
+        (MULTISINE, {"periods": 1}, "setting periods: 1; it must be at least 2"),
+        (MULTISINE, {"amplitudes": (51.0,)}, "51 % about 50 % needs -1 … 101 %"),
+        (FLOW, {"low": 50.0, "high": 40.0}, "from 50 % to 40 %; high must be above low"),
+        (FLOW, {"high": 120.0}, "setting high: 120 % needs 120 %; 'command' may go -100 … 100 %"),
+        (FLOW, {"cycle_s": 5.0}, "setting cycle_s: 5 s; it must be at least 8"),
+        (FLOW, {"cycles": 0}, "setting cycles: 0; it must be at least 1"),
+        (STEP, {"levels": (0.0,)}, "setting levels: 1 given; a step needs at least two"),
+        (STEP, {"levels": (0.0, 101.0)}, "setting levels: 101 % needs 101 %"),
+        (STEP, {"hold_s": 0.0}, "setting hold_s: 0 s; it must be above 0"),
+        (STEP, {"band": 60.0}, "setting band: 60 %; it must lie between 0 and 50 %"),
+        (LARGE, {"amplitude": 101.0}, "setting amplitude: 101 % needs -101 … 101 %"),
+        (LARGE, {"bias": 100.0}, "setting bias: 100 % is an end of the range"),
+        (LARGE, {"frequencies": (0.5, 0.1)}, "0.1 Hz must come before 0.5 Hz"),
+        (LARGE, {"rate_hz": 5.0}, "5 Hz is below 20 × the top frequency 0.5 Hz"),
+    ],
+)
+def test_refused_before_anything_moves(name, settings, says):
+    with pytest.raises(SettingError) as refused:
+        load_procedure(name).run(Still(BOTH_WAYS), **settings)
+    assert says in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("name", "settings", "says"),
+    [
+        (SINES, {"amplitudes": (60.0,)}, "60 % about 50 % needs -0.22 … 2.42 A; 'current' may go 0 … 2.2 A"),
+        (STEP, {"sequence": "small"}, "setting sequence: -10 % needs -0.22 A"),
+        (LARGE, {"amplitude": 51.0}, "51 % needs -0.022 … 2.222 A"),
+    ],
+)
+def test_a_command_that_goes_one_way_is_asked_in_its_own_unit(name, settings, says):
+    with pytest.raises(SettingError) as refused:
+        load_procedure(name).run(Still(ONE_WAY), **settings)
+    assert says in str(refused.value)
+
+
+def test_everything_that_is_checked_by_nothing_but_the_rig_is_checked_whole_and_first():
+    class Refusing(Still):
+        def check(self, command: np.ndarray, rate_hz: float) -> None:
+            self.path = command
+            raise SettingError("checked")
+
+    for name in (SINES, MULTISINE, FLOW, STEP, LARGE):
+        rig = Refusing(BOTH_WAYS)
+        with pytest.raises(SettingError, match="checked"):
+            load_procedure(name).run(rig)
+        assert rig.path[-1] == 0.0
+        assert np.ptp(rig.path) >= 80.0
+        assert len(rig.path) > 10_000
