@@ -33,7 +33,8 @@ def flow_curve_section(curve: Curve) -> Section:
     )
     text = curve.get("polynomial_text")
     listings = (Listing("Coefficients of the polynomial", str(text)),) if text else ()
-    return Section("Flow curve", figures=(drawn("flow-curve", 4.9, draw, caption),), listings=listings)
+    title = "Flow curve" if str(curve.get("response_unit", "l/min")).endswith("/min") else "Characteristic curve"
+    return Section(title, figures=(drawn("flow-curve", 4.9, draw, caption),), listings=listings)
 
 
 def _branches(axes: Axes, curve: Curve) -> None:
@@ -52,7 +53,8 @@ def _branches(axes: Axes, curve: Curve) -> None:
     half = curve.get("half_speed")
     if half:
         for key, name in (("rising", "at half speed"), ("falling", "")):
-            axes.plot(*thinned(needed(half, "command"), needed(half, key)), color=AMBER, lw=0.9, label=name)
+            axes.plot(*thinned(needed(half, "command"), needed(half, key)), color=AMBER, lw=2.4, alpha=0.6,
+                      zorder=1.5, label=name)  # fmt: skip
     band = curve.get("dead_band")
     if band is not None:
         axes.axvspan(float(band[0]), float(band[1]), color=FAINT, lw=0.0, zorder=0)

@@ -26,6 +26,14 @@ def words(name: str, *, capital: bool = False) -> str:
     return text[:1].upper() + text[1:] if capital else text
 
 
+def quantity_words(name: str) -> str:
+    """`bandwidth 3 dB` from `bandwidth_3db`."""
+    text = name.replace("_", " ")
+    for ending, unit in (("db", " dB"), ("deg", "°"), ("hz", " Hz")):
+        text = re.sub(rf"(?<=\d){ending}\b", unit, text)
+    return re.sub(r"\b(thd|efc)\b", lambda found: found[0].upper(), text)
+
+
 def picture_name(*texts: str) -> str:
     """A name for a picture that an identifier may hold."""
     return re.sub(r"[^A-Za-z0-9]+", "-", "-".join(texts)).strip("-").lower() or "picture"

@@ -24,20 +24,15 @@ def overview(recording: Recording) -> list[Section]:
         return []
 
     def draw(figure: Figure) -> None:
-        for axes, channels in zip(
-            figure.subplots(len(strips), 1, sharex=True, squeeze=False)[:, 0], strips, strict=True
-        ):
+        rows = figure.subplots(len(strips), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, channels in zip(rows, strips, strict=True):
             for k, channel in enumerate(channels):
-                axes.plot(
-                    *thinned(recording.time_s, channel.values),
-                    color=SERIES[k % len(SERIES)],
-                    lw=0.8,
-                    label=channel.name,
-                )
+                line = thinned(recording.time_s, channel.values)
+                axes.plot(*line, color=SERIES[k % len(SERIES)], lw=0.8, zorder=3.0 - 0.1 * k, label=channel.name)
             axes.set_ylabel(channels[0].unit)
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6)
             axes.margins(x=0.0)
-        axes.set_xlabel("time [s]")
+        rows[-1].set_xlabel("time [s]")
 
     caption = "Every channel as recorded; where samples lie closer than the drawing can show, their span is drawn."
     return [Section("Recording", figures=(drawn("overview", 0.5 + 1.15 * len(strips), draw, caption),))]

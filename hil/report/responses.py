@@ -36,6 +36,7 @@ NEEDED = ("frequency_hz", "magnitude_db", "phase_deg")
 _SIDE_BY_SIDE = 2
 _MOST_OVERLAY_ROWS = 8
 _DISTORTED_PERCENT = 5.0
+_BELOW_NOISE_DB = 15.0
 _SMALL = 200  # columns of a drawing a third as wide as the page
 
 
@@ -159,12 +160,19 @@ def _distortion(name: str, curves: Sequence[Curve]) -> Picture:
             axes.set_xscale("log")
             plain_log_axis(axes)
             axes.set_xlabel("frequency [Hz]")
+            axes.set_ylim(bottom=_least_level(curves))
             axes.annotate(label_of(curve), (1.0, 1.0), xycoords="axes fraction", ha="right", va="top", color=SOFT)
         figure.axes[0].set_ylabel("level [dB]")
         legend_on_top(figure.axes[0])
 
     return drawn(name, 3.0, draw, "Best linear approximation beside what is not linear, on the scale of the amplitude "
                  "ratio: noise of the mean over the periods, odd and even distortion.")  # fmt: skip
+
+
+def _least_level(curves: Sequence[Curve]) -> float | None:
+    """A little below the noise: what lies lower is zero, and would squeeze everything else together."""
+    noises = [float(np.nanmin(noise)) for c in curves if (noise := array(c, "noise_db")) is not None]
+    return min(noises) - _BELOW_NOISE_DB if noises else None
 
 
 def _overlays(curves: Sequence[Curve]) -> list[Picture]:
@@ -218,4 +226,4 @@ def _fit(model: Curve) -> str:
 
 def _dead_time(model: Curve) -> str:
     value = model.get("dead_time_s")
-    return "—" if value is None else number(float(value), 3)
+    return "—" if value is None else f"{float(value):.4f}"

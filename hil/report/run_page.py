@@ -14,7 +14,7 @@ from hil.record.header import read_end
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured
 from hil.record.recording import Channel, Recording
 from hil.report.curves import sections
-from hil.report.name import split_unit
+from hil.report.name import quantity_words, split_unit
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
 from hil.report.page import write_page
 from hil.report.section import Table
@@ -29,18 +29,18 @@ def write_run_report(recording: Recording, findings: Findings, path: Path) -> No
         StorageError: it cannot be written.
     """
     meta = recording.meta
-    procedure = str(meta.get("procedure") or "run").replace("_", " ")
+    procedure = _capital(quantity_words(str(meta.get("procedure") or "run")))
     write_page(
         "run.html", path,
         kicker="Test report",
-        title=f"{procedure.capitalize()}: {_valve_name(meta)}",
+        title=f"{procedure}: {_valve_name(meta)}",
         verdict=_verdict(findings, meta),
         summary=_summary(recording),
         groups=_groups(findings.measured),
         judged=findings.verdict is not None,
         sections=sections(recording, findings),
-        notes=findings.notes,
-        deviations=findings.deviations,
+        notes=[with_minus(note) for note in findings.notes],
+        deviations=[with_minus(deviation) for deviation in findings.deviations],
         conditions=_conditions(meta),
         settings=_facts(meta.get("settings", {})),
         instruments=[_instrument(instrument) for instrument in meta.get("instruments", ())],
@@ -80,7 +80,7 @@ def _missed(m: Measured) -> str:
     value = "not determined" if m.value is None else sign + with_uncertainty(m.value, _expanded(m), m.unit)
     place = f" at {_place(m)}" if _place(m) else ""
     limit = f"limit {limits_text(m.low, m.high)} {unit_text(m.unit)}".strip()
-    return f"{_capital(m.verdict or '')}: {_meaning(m)}{place} is {value}, {limit}."
+    return f"{_capital(m.verdict or '')}: {quantity_words(m.quantity)}{place} is {value}, {limit}."
 
 
 def _summary(recording: Recording) -> list[tuple[str, str]]:
@@ -107,14 +107,8 @@ def _groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:
     found = []
     for quantity, members in groupby(_together(measured), key=lambda m: m.quantity):
         rows = list(members)
-        meaning = _meaning(rows[0])
-        if len(rows) == 1:
-            place = _place(rows[0])
-            label = f"{meaning}, {place}" if place else meaning
-            found.append({"head": "", "name": quantity, "rows": [_row(rows[0], _capital(label), quantity)]})
-        else:
-            named = [_row(m, _place(m) or _capital(meaning), "") for m in rows]
-            found.append({"head": _capital(meaning), "name": quantity, "rows": named})
+        group = {"name": _capital(quantity_words(quantity)), "meaning": rows[0].meaning, "several": len(rows) > 1}
+        found.append({**group, "rows": [_row(m, _place(m)) for m in rows]})
     return found
 
 
@@ -122,10 +116,6 @@ def _together(measured: Iterable[Measured]) -> list[Measured]:
     rows = list(measured)
     order = {quantity: i for i, quantity in reversed(list(enumerate(m.quantity for m in rows)))}
     return sorted(rows, key=lambda m: order[m.quantity])
-
-
-def _meaning(m: Measured) -> str:
-    return m.meaning or m.quantity.replace("_", " ")
 
 
 def _place(m: Measured) -> str:
@@ -140,12 +130,11 @@ def _expanded(m: Measured) -> float | None:
     return None if m.std is None else COVERAGE_FACTOR * m.std
 
 
-def _row(m: Measured, label: str, name: str) -> dict[str, Any]:
+def _row(m: Measured, place: str) -> dict[str, Any]:
     value, uncertainty = rounded(m.value, _expanded(m))
     sign = "" if m.relation == "=" or m.value is None else f"{m.relation} "
     return {
-        "label": label,
-        "name": name,
+        "place": place,
         "value": "not determined" if m.value is None else sign + value,
         "uncertainty": uncertainty,
         "unit": unit_text(m.unit),

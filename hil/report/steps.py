@@ -6,7 +6,10 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.recording import Array
 from hil.report.field import Curve, array, label_of, needed, unit_of
 from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned
 from hil.report.number import with_uncertainty
@@ -29,10 +32,10 @@ def steps_section(curves: Sequence[Curve]) -> Section:
     """Every step with its figures."""
     shown = curves[:_MOST_STEPS]
     tables = [table for table in (_figures(curves), _models(curves)) if table.rows]
-    return Section("Step response", figures=(_picture(shown),), tables=tuple(tables))
+    return Section("Step response", figures=(_picture(shown, len(curves) - len(shown)),), tables=tuple(tables))
 
 
-def _picture(curves: Sequence[Curve]) -> Picture:
+def _picture(curves: Sequence[Curve], left_out: int) -> Picture:
     columns = min(_COLUMNS, len(curves))
     rows = -(-len(curves) // columns)
 
@@ -48,6 +51,8 @@ def _picture(curves: Sequence[Curve]) -> Picture:
         "Time counts from the step of the command, which is drawn to the scale of the response. Dotted: 10 % and "
         "90 % of the change."
     )
+    if left_out:
+        caption += f" {left_out} more steps are in the table only."
     return drawn("steps", 0.5 + 2.3 * rows, draw, caption)
 
 
@@ -57,8 +62,8 @@ def _step(axes: Axes, curve: Curve) -> None:
     fitted, command = array(curve, "fitted"), array(curve, "command")
     if fitted is not None:
         axes.plot(*thinned(time_s, fitted), color=BLUE, lw=1.2, label="fitted model")
-    if command is not None and command[0] != command[-1]:
-        scaled = start + (command - command[0]) / (command[-1] - command[0]) * (final - start)
+    if command is not None and (change := _step_of(time_s, command)):
+        scaled = start + (command - command[0]) / change * (final - start)
         axes.plot(*thinned(time_s, scaled), color=INK, lw=0.8, ls="--", label="command")
     for share in (0.1, 0.9):
         axes.axhline(start + share * (final - start), color=SOFT, lw=0.8, ls=":")
@@ -66,6 +71,12 @@ def _step(axes: Axes, curve: Curve) -> None:
     axes.set_ylabel(f"response{unit_of(curve, 'response_unit')}")
     axes.set_xlabel("time [s]")
     axes.margins(x=0.0)
+
+
+def _step_of(time_s: Array, command: Array) -> float:
+    """By how much the command steps at time zero; it may go back later."""
+    after = min(int(np.searchsorted(time_s, 0.0, side="right")), len(command) - 1)
+    return float(command[after] - command[0])
 
 
 def _figures(curves: Sequence[Curve]) -> Table:

@@ -43,6 +43,7 @@ def test_values_stand_with_as_many_digits_as_are_known(tmp_path: Path) -> None:
     found = Findings((bandwidth.at("+50 ± 5 %").of(1.26912, 0.00612), bandwidth.at("−50 ± 5 %").of(0.9, 0.08)))
     write_run_report(a_recording(), found, tmp_path / "report.html")
     text = read_page(tmp_path / "report.html").text
+    assert "Bandwidth 3 dB frequency of −3 dB" in text
     assert "+50 ± 5 % 1.269 ± 0.012 Hz ≥ 1 pass" in text
     assert "−50 ± 5 % 0.90 ± 0.16 Hz ≥ 1 cannot tell" in text
 
@@ -158,8 +159,8 @@ def test_missed_limits_are_told_beside_the_verdict(tmp_path: Path) -> None:
     found = Findings((gain.at("-100 %").of(52.31, 0.4), gain.at("+100 %").of(None)))
     text = page_of(found, tmp_path).text
     assert "Fail At least one limit is missed." in text
-    assert "Fail: flow at full opening at −100 % is 52.31 ± 0.80 l/min, limit 60 … 75 l/min." in text
-    assert "Cannot tell: flow at full opening at +100 % is not determined" in text
+    assert "Fail: gain at −100 % is 52.31 ± 0.80 l/min, limit 60 … 75 l/min." in text
+    assert "Cannot tell: gain at +100 % is not determined" in text
 
 
 def test_conditions_instruments_and_identity_of_a_run_folder(tmp_path: Path) -> None:
