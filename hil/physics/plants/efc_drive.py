@@ -71,8 +71,10 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     resistance = c.resistance * (1.0 + c.copper * (x.warm + c.ambient - c.reference))
     keep = math.exp(-c.over_inductance * resistance)
     reached = driven(demand, x.current, c.follow, keep, resistance, c.supply_voltage)
-    # the mean voltage that makes this step of the current; across a short it is next to nothing
+    # the mean voltage that makes this step of the current; instruments average both over the PWM, alike
     voltage = resistance * (reached - keep * x.current) / (1.0 - keep)
+    x.shown_voltage = c.a_keep * x.shown_voltage + (1.0 - c.a_keep) * voltage
+    x.shown_current = c.a_keep * x.shown_current + c.a_old * x.current + c.a_new * reached
     x.force = c.f_keep * x.force + c.f_old * x.current + c.f_new * reached
     x.current = reached
     x.warm = c.warm_keep * x.warm + (1.0 - c.warm_keep) * c.warming * resistance * reached * reached
@@ -90,18 +92,19 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     supply = hook.supply(c.supply, share)
     pressure = (c.closed_pressure + c.span * share) * (supply / c.rated_supply)
     pressure = hook.flow(pressure, share)
-    leak = (c.leakage * (1.0 - share) + c.open_flow * share) * (supply / c.rated_supply)
+    leak = (c.leakage * (1.0 - share) * (supply - pressure) + c.open_flow * share * supply) / c.rated_supply
     x.meter = c.m_keep * x.meter + c.m_old * x.pressure + c.m_new * pressure
     x.pressure = pressure
     reading = hook.sensor(x.meter)
     temperature = x.warm + c.ambient
-    return reading, x.current, voltage, temperature, leak, supply
+    return reading, x.shown_current, x.shown_voltage, temperature, leak, supply
 
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step from the physical parameters."""
     names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
     rotor = dict(zip(names, second_order(p["rotor_frequency"], p["rotor_damping"], step_s), strict=True))
+    averaging = first_order(p["averaging_lag"], step_s)
     force = first_order(p["coil_lag"], step_s)
     meter = first_order(p["sensor_lag"], step_s)
     return rotor | {
@@ -112,6 +115,9 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
         "reference": COPPER_REFERENCE_C,
         "over_inductance": min(step_s / p["inductance"], 1e9),
         "follow": held_first_order(1.0 / p["loop_bandwidth"], step_s),
+        "a_keep": averaging[0],
+        "a_old": averaging[1],
+        "a_new": averaging[2],
         "supply_voltage": p["supply_voltage"],
         "warm_keep": held_first_order(p["warming_time"], step_s),
         "warming": p["warming"],
@@ -154,6 +160,7 @@ def _parameters() -> tuple[Parameter, ...]:
         Parameter("rotor_damping", "1", 0.8, 0.05, 5.0, "damping ratio of the rotor", hook="position"),
         Parameter("curve_shift", "A", 0.0, -1.0, 1.0, "shift of the pressure curve", hook="opening"),
         Parameter("curve_stretch", "1", 1.0, 0.2, 5.0, "width of the pressure curve, 1 as usual", hook="opening"),
+        Parameter("averaging_lag", "s", 0.004, 0.0, 0.1, "of the instruments of coil current and voltage", fixed=True),
         Parameter("normally_open", "1", 0.0, 0.0, 1.0, "1 for a valve that current closes", fixed=True),
         Parameter("pressure_span", "psi", 207.0, 10.0, 400.0, "pressure between closed and open", hook="flow"),
         Parameter("leakage", "ml/min", _RATED_LEAKAGE, 0.0, 2000.0, "through the closed valve at 220 psi",
@@ -188,7 +195,18 @@ PLANT = Plant(
         Hook("flow", "load", "psi", 200.0, extra="opening"),
         Hook("sensor", "sensor", "psi", 200.0),
     ),
-    states={"current": 1, "warm": 1, "force": 1, "torque": 1, "angle": 1, "speed": 1, "pressure": 1, "meter": 1},
+    states={
+        "current": 1,
+        "shown_current": 1,
+        "shown_voltage": 1,
+        "warm": 1,
+        "force": 1,
+        "torque": 1,
+        "angle": 1,
+        "speed": 1,
+        "pressure": 1,
+        "meter": 1,
+    },
     lines_s={"line": 0.2},
     equations=equations,
     coefficients=coefficients,

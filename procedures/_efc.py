@@ -1,0 +1,76 @@
+"""What the procedures of the Cummins EFC share: channels by name, what instruments are known to, and playing."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hil.errors import FileError
+from hil.record.recording import Array, Channel, Recording
+from hil.rig import Rig
+
+COIL_CURRENT, COIL_VOLTAGE, COIL_TEMPERATURE = "coil current", "coil voltage", "coil temperature"
+THROUGH_FLOW, SUPPLY_PRESSURE = "through flow", "supply pressure"
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """A piece of command that is played without a gap, what the operator reads, and what the record says it is."""
+
+    command: Array
+    text: str
+    part: Mapping[str, Any]
+
+
+def play(rig: Rig, stages: Sequence[Stage], rate_hz: float) -> list[Recording]:
+    """Check every stage, then play one after the other, each from a ramp to where it begins; ends at the safe value.
+
+    The limits of the command stay as they are, so that another procedure may follow in the same run.
+
+    Raises:
+        RangeError: a stage would leave the envelope; nothing has moved.
+    """
+    for stage in stages:
+        rig.check(stage.command, rate_hz)
+    made = []
+    at: float | None = None
+    for i, stage in enumerate(stages):
+        rig.progress(i / len(stages), stage.text)
+        if at != stage.command[0]:
+            rig.ramp_to(float(stage.command[0]), rate_hz)
+        made.append(rig.play(stage.command, rate_hz, part=stage.part))
+        at = float(stage.command[-1])
+    if at != rig.command.safe:
+        rig.ramp_to(rig.command.safe, rate_hz)
+    rig.progress(1.0, "done")
+    return made
+
+
+def channel(recording: Recording, name: str, unit: str, needed_for: str) -> Channel:
+    """A channel that is known by its name.
+
+    Raises:
+        FileError: there is none; says what it is needed for.
+    """
+    if name not in recording.channels:
+        raise FileError(f"{recording.name}: {needed_for} needs a channel '{name}' [{unit}]; the bench has none")
+    return recording.channel(name)
+
+
+def part_recordings(recording: Recording, kind: str) -> list[tuple[Mapping[str, Any], Recording]]:
+    """Every part of a kind with its samples; empty when the run ended before it."""
+    found = [part for part in recording.meta.get("parts", ()) if part.get("kind") == kind]
+    return [(part, recording.rows(part["first"], part["count"])) for part in found]
+
+
+def instrument_std(of: Channel) -> float:
+    """Standard uncertainty that the calibration states, 0 where it states none; calibrations state k = 2."""
+    return float(of.calibration.get("uncertainty") or 0.0) / 2.0
+
+
+def held(level: float, duration_s: float, rate_hz: float) -> Array:
+    """A command that stands."""
+    return np.full(max(1, round(duration_s * rate_hz)), level)

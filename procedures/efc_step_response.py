@@ -1,0 +1,139 @@
+"""Step response of an EFC: 1.2, 1.4, 1.6, 1.8 and 2.0 A from no current, three repeats each.
+
+Dead time, rise, settling and overshoot of the rail pressure for every current; currents and repeats are those of the
+EFC thesis, section 3.1.3.2. Repeats tell the scatter of a valve that sticks.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identify.step_response import MeasuredStep, measured_steps
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Recording
+from hil.rig import Rig
+from procedures._efc import Stage, held, instrument_std, part_recordings, play
+from procedures._recorded import roles_of
+from procedures._scale import check_above, check_at_least
+
+FINAL = Measurement("step_pressure", "psi", "steady pressure at the end of the step")
+RISE = Measurement("rise", "ms", "from 10 % to 90 % of the change")
+DEAD_TIME = Measurement("dead_time", "ms", "until the pressure has moved")
+SETTLING = Measurement("settling", "ms", "after which the pressure stays within 5 % of its change")
+OVERSHOOT = Measurement("overshoot", "%", "beyond the final pressure, of the change")
+MEASUREMENTS = (FINAL, RISE, DEAD_TIME, SETTLING, OVERSHOOT)
+KIND = "efc-step"
+
+_BAND = 0.05
+_LEAST_CHANGE = 6.0  # psi, below which a step tells no times
+
+
+def run(
+    rig: Rig,
+    *,
+    currents: tuple[float, ...] = (1.2, 1.4, 1.6, 1.8, 2.0),
+    repeats: int = 3,
+    from_current: float = 0.0,
+    hold_s: float = 1.5,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the steps.
+
+    Args:
+        rig: the bench.
+        currents: to which the current steps, in A.
+        repeats: of each step.
+        from_current: where each step begins, in A.
+        hold_s: time at each level, in s.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_at_least("repeats", 1, repeats)
+    check_at_least("hold_s", 0.2, hold_s, "s")
+    for current in currents:
+        check_above("currents", from_current, current, "A")
+    base = held(from_current, hold_s, rate_hz)
+    stages = [
+        Stage(
+            np.concatenate((base, held(current, hold_s, rate_hz), base)),
+            f"step to {current:g} A, {i + 1} of {repeats}",
+            {"kind": KIND, "current": current, "repeat": i},
+        )
+        for current in currents for i in range(repeats)
+    ]  # fmt: skip
+    play(rig, stages, rate_hz)
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Figures for each current: mean over the repeats, with what their scatter and the noise say."""
+    found = part_recordings(recording, KIND)
+    if not found:
+        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=("No step was measured.",))
+    command, response = roles_of(recording)
+    by_current: dict[float, list[MeasuredStep | None]] = {}
+    curves, notes = [], []
+    for part, samples in found:
+        step = first_step(samples, command.name, response.name)
+        by_current.setdefault(float(part["current"]), []).append(step)
+        if step is not None:
+            curves.append(_curve(part, samples, command.name, response.name, step))
+    measured: list[Measured] = []
+    for current, steps in by_current.items():
+        usable = [step for step in steps if step is not None]
+        if len(usable) < len(steps):
+            notes.append(
+                f"{current:g} A: {len(steps) - len(usable)} of {len(steps)} steps move the pressure too little."
+            )
+        if usable:
+            measured += _figures(f"{current:g} A", usable, instrument_std(response))
+    return Findings(tuple(measured), {"steps": curves} if curves else {}, tuple(notes))
+
+
+def first_step(samples: Recording, command: str, response: str) -> MeasuredStep | None:
+    """The step up; None where the pressure hardly changes."""
+    rise = np.flatnonzero(np.diff(samples.values(command)) > 0.0)
+    fall = np.flatnonzero(np.diff(samples.values(command)) < 0.0)
+    if not rise.size or not fall.size:
+        return None
+    try:
+        step = measured_steps(samples.rows(0, int(fall[0]) + 1), command, response, band=_BAND)[0]
+    except InputError:
+        return None
+    return step if abs(step.figures.final - step.figures.start) >= _LEAST_CHANGE else None
+
+
+def _figures(place: str, steps: list[MeasuredStep], pressure_std: float) -> list[Measured]:
+    made = []
+    for measurement, name, scale, floor in (
+        (FINAL, "final", 1.0, pressure_std), (RISE, "rise_s", 1e3, 0.0), (DEAD_TIME, "dead_time_s", 1e3, 0.0),
+        (SETTLING, "settling_s", 1e3, 0.0), (OVERSHOOT, "overshoot", 100.0, 0.0),
+    ):  # fmt: skip
+        values = np.array([getattr(step.figures, name) for step in steps])
+        stds = np.array([getattr(step.std, name) for step in steps])
+        scatter = float(values.std(ddof=1)) if len(values) > 1 else 0.0
+        within = float(np.sqrt(np.mean(stds**2)))
+        std = math.hypot(max(scatter, within) / math.sqrt(len(values)), floor / scale)
+        value = float(values.mean())
+        known = math.isfinite(value) and math.isfinite(std)
+        made.append(measurement.at(place).of(scale * value if known else None, scale * std if known else None))
+    return made
+
+
+def _curve(
+    part: Mapping[str, Any], samples: Recording, command: str, response: str, step: MeasuredStep
+) -> dict[str, Any]:
+    figures = step.figures
+    first = int(np.flatnonzero(np.diff(samples.values(command)) > 0.0)[0]) + 1
+    return {
+        "label": f"{part['current']:g} A, {part['repeat'] + 1}", "time_s": samples.time_s - samples.time_s[first],
+        "measured": samples.values(response), "command": samples.values(command),
+        "start": figures.start, "final": figures.final, "rise_s": figures.rise_s, "dead_time_s": figures.dead_time_s,
+        "response_s": figures.response_s, "settling_s": figures.settling_s, "reaches_s": figures.reaches_s,
+        "overshoot_percent": 100.0 * figures.overshoot,
+        "command_unit": samples.channel(command).unit, "response_unit": samples.channel(response).unit,
+    }  # fmt: skip

@@ -1,0 +1,191 @@
+"""Electrical check of an EFC coil: resistance at 72 °F and inductance, from small steps of the current.
+
+The current goes up and down between rests, far below the coil's rating; voltage and current at the terminal posts
+give both numbers whatever drives the coil. Limits are those of the EFC thesis, section 3.1.2.2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+
+from hil.errors import SettingError
+from hil.identify.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Recording
+from hil.rig import Rig
+from hil.signals.ramps import ramp
+from procedures._efc import (
+    COIL_CURRENT,
+    COIL_TEMPERATURE,
+    COIL_VOLTAGE,
+    Stage,
+    channel,
+    held,
+    instrument_std,
+    part_recordings,
+    play,
+)
+from procedures._scale import check_above, check_at_least
+
+RESISTANCE = Measurement("coil_resistance", "ohm", "resistance of the coil at 72 °F", 1.7, 2.5)
+INDUCTANCE = Measurement("coil_inductance", "mH", "inductance of the coil", None, 120.0)
+MEASUREMENTS = (
+    RESISTANCE,
+    INDUCTANCE,
+    Measurement("coil_temperature", "degC", "temperature at which the resistance was measured"),
+    Measurement("test_voltage", "V", "voltage at the test current"),
+)
+SPECIFIED_OHM = {"12": (2.1, 0.4), "24": (7.2, 0.4)}
+KIND = "coil"
+
+_REFERENCE_C = (72.0 - 32.0) / 1.8
+_STATED_TEMPERATURE_STD_K = 2.0
+_PROOF_VOLTAGE = 1.33
+
+
+def run(
+    rig: Rig,
+    *,
+    voltage: Literal["12", "24"] = "12",
+    test_current: float = 0.5,
+    rise_s: float = 0.02,
+    hold_s: float = 0.6,
+    repeats: int = 5,
+    coil_temperature: float | None = None,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the steps.
+
+    Args:
+        rig: the bench.
+        voltage: nominal voltage of the coil; its specification is judged.
+        test_current: to which the current steps, in A; 133 % of the nominal voltage over the resistance is the most.
+        rise_s: time of the step's flank, in s; a flank longer than the sample interval lets samples see its area.
+        hold_s: rest after each flank, in s.
+        repeats: how often it goes up and down.
+        coil_temperature: in °C; from the channel "coil temperature" or the fluid's when not given.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    drive(rig, voltage, test_current, rise_s, hold_s, repeats, coil_temperature, rate_hz)
+
+
+def drive(
+    rig: Rig,
+    voltage: str = "12",
+    test_current: float = 0.5,
+    rise_s: float = 0.02,
+    hold_s: float = 0.6,
+    repeats: int = 5,
+    coil_temperature: float | None = None,
+    rate_hz: float | None = None,
+) -> Recording:
+    """The same; returns what was recorded, so that a sequence can decide whether to go on."""
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    ohm, tolerance = SPECIFIED_OHM[voltage]
+    most = _PROOF_VOLTAGE * float(voltage) / (ohm + tolerance)
+    check_above("test_current", 0.0, test_current, "A")
+    if test_current > most:
+        raise SettingError(
+            f"setting test_current: {test_current:g} A; a {voltage} V coil takes {most:.3g} A at most (133 % of its "
+            "voltage)"
+        )
+    check_at_least("repeats", 2, repeats)
+    check_at_least("hold_s", 0.4, hold_s, "s")
+    check_at_least("rise_s", 2.0 / rate_hz, rise_s, "s")
+    low, high = held(0.0, hold_s, rate_hz), held(test_current, hold_s, rate_hz)
+    up = ramp(0.0, test_current, rise_s, rate_hz)[1:-1]
+    command = np.concatenate([low, *([up, high, up[::-1], low] * repeats)])
+    part = {"kind": KIND, "voltage": voltage, "coil_temperature": coil_temperature}
+    (made,) = play(rig, [Stage(command, f"coil at {test_current:g} A", part)], rate_hz)
+    return made
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Resistance at 72 °F, inductance, and what they say about the coil."""
+    found = part_recordings(recording, KIND)
+    if not found:
+        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=("The coil was not tested.",))
+    part, samples = found[0]
+    return judged(samples, part, recording.meta.get("conditions", {}))
+
+
+def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str, Any]) -> Findings:
+    """Findings of the samples of one test."""
+    command = (
+        samples.channel(samples.meta["roles"]["command"]) if "roles" in samples.meta else samples.channel("current")
+    )
+    current = channel(samples, COIL_CURRENT, "A", "the electrical check")
+    voltage = channel(samples, COIL_VOLTAGE, "V", "the electrical check")
+    coil = fit_coil(
+        CoilReadings(
+            samples.time_s, samples.values(command.name, "A"), samples.values(current.name, "A"),
+            samples.values(voltage.name, "V"),
+        )
+    )  # fmt: skip
+    temperature_c, temperature_std, source = _temperature(samples, part, conditions)
+    factor = copper_factor(temperature_c, _REFERENCE_C)
+    ohm, tolerance = SPECIFIED_OHM[str(part["voltage"])]
+    resistance = replace(RESISTANCE, low=ohm - tolerance, high=ohm + tolerance)
+    scale = math.hypot(
+        instrument_std(current) / max(abs(coil.current_a), 1e-9),
+        instrument_std(voltage) / max(abs(coil.voltage_v), 1e-9),
+    )
+    measured: tuple[Measured, ...]
+    if coil.is_open:
+        least = coil.voltage_v / (abs(coil.current_a) + 2.0 * max(instrument_std(current), 1e-6)) / factor
+        measured = (resistance.of(least, 0.0, relation=">"), INDUCTANCE.of(None))
+    else:
+        std = math.hypot(coil.resistance_std_ohm, scale * coil.resistance_ohm, COPPER_PER_K * temperature_std * ohm)
+        henry_std = math.hypot(coil.inductance_std_h, scale * coil.inductance_h)
+        measured = (
+            resistance.of(coil.resistance_ohm / factor, std / factor),
+            INDUCTANCE.of(1e3 * coil.inductance_h, 1e3 * henry_std),
+        )
+    return Findings(
+        (
+            *measured,
+            MEASUREMENTS[2].of(temperature_c, temperature_std),
+            MEASUREMENTS[3].of(coil.voltage_v, instrument_std(voltage)),
+        ),
+        notes=(*_notes(coil, coil.resistance_ohm / factor, str(part["voltage"])), source),
+    )
+
+
+def _temperature(
+    samples: Recording, part: Mapping[str, Any], conditions: Mapping[str, Any]
+) -> tuple[float, float, str]:
+    """Temperature of the copper in °C, its standard uncertainty, and where it is from."""
+    if part.get("coil_temperature") is not None:
+        given = float(part["coil_temperature"])
+        return given, _STATED_TEMPERATURE_STD_K, f"Coil temperature as set: {given:g} °C."
+    if COIL_TEMPERATURE in samples.channels:
+        values = samples.values(COIL_TEMPERATURE, "degC")
+        std = math.hypot(instrument_std(samples.channel(COIL_TEMPERATURE)), 0.5)
+        return float(values.mean()), std, "Coil temperature measured at its housing; ± 0.5 K are granted to the copper."
+    if conditions.get("fluid_temperature_c") is not None:
+        given = float(conditions["fluid_temperature_c"])
+        return given, _STATED_TEMPERATURE_STD_K, f"Coil temperature taken to be the fluid's, {given:g} °C."
+    return _REFERENCE_C, 10.0, "Coil temperature not known; 72 °F ± 18 °F assumed. State it with coil_temperature."
+
+
+def _notes(coil: Coil, ohm: float, voltage: str) -> list[str]:
+    """What the numbers mean, where it is not plain."""
+    if coil.is_open:
+        return [
+            f"Coil or its wiring open: {coil.current_a:.3g} A of {coil.asked_a:g} A flow at {coil.voltage_v:.3g} V."
+        ]
+    nominal, _ = SPECIFIED_OHM[voltage]
+    other = "24" if voltage == "12" else "12"
+    notes = []
+    if ohm < 0.0:
+        notes.append("Voltage and current have opposite signs: the sense leads of one of them are swapped.")
+    elif ohm < 0.3 * nominal:
+        notes.append(f"Coil or its wiring shorted: {coil.voltage_v:.3g} V drive {coil.current_a:.3g} A.")
+    elif abs(ohm - SPECIFIED_OHM[other][0]) <= SPECIFIED_OHM[other][1]:
+        notes.append(f"The resistance is that of a {other} V coil.")
+    return notes

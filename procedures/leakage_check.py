@@ -1,0 +1,101 @@
+"""Leakage check of an EFC: flow through the closed valve at 220 psi, which must be 35…125 ml/min.
+
+Some leakage is wanted: it cools, lubricates and cleans. The flow through a clearance is proportional to the pressure
+across it, so it is stated at 220 psi whatever the supply gave; limits are those of the EFC thesis, section 3.1.2.3.
+"""
+
+from __future__ import annotations
+
+import math
+
+from hil.record.measurement import Findings, Measurement
+from hil.record.recording import Recording
+from hil.rig import Rig
+from procedures._efc import (
+    SUPPLY_PRESSURE,
+    THROUGH_FLOW,
+    Stage,
+    channel,
+    held,
+    instrument_std,
+    part_recordings,
+    play,
+)
+from procedures._recorded import roles_of
+from procedures._scale import check_above, check_at_least
+
+LEAKAGE = Measurement("leakage", "ml/min", "flow through the closed valve, at 220 psi across it", 35.0, 125.0)
+MEASUREMENTS = (
+    LEAKAGE,
+    Measurement("supply_pressure", "psi", "pressure before the valve"),
+    Measurement("return_pressure", "psi", "pressure behind the valve"),
+)
+KIND = "leakage"
+
+_RATED_PSI, _TOLERANCE_PSI = 220.0, 3.0
+_FARTHEST = 0.2  # of the rated pressure, up to which the flow is scaled
+_FULL = 0.98  # of a flow meter's range: beyond it may be anything
+
+
+def run(
+    rig: Rig,
+    *,
+    closing_current: float = 0.0,
+    settle_s: float = 2.0,
+    hold_s: float = 5.0,
+    rate_hz: float | None = None,
+) -> None:
+    """Hold the valve closed.
+
+    Args:
+        rig: the bench.
+        closing_current: that closes the valve, in A: 0 for a normally closed one.
+        settle_s: at this current before anything is measured, in s.
+        hold_s: time over which the flow is averaged, in s.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_at_least("closing_current", 0.0, closing_current, "A")
+    check_at_least("settle_s", 0.0, settle_s, "s")
+    check_above("hold_s", 0.0, hold_s, "s")
+    wait = Stage(held(closing_current, settle_s, rate_hz), "valve closed", {"kind": "settling"})
+    measure = Stage(held(closing_current, hold_s, rate_hz), "leakage", {"kind": KIND, "current": closing_current})
+    play(rig, [wait, measure], rate_hz)
+
+
+def evaluate(recording: Recording) -> Findings:
+    """The flow at 220 psi, and whether it is one through a closed valve."""
+    found = part_recordings(recording, KIND)
+    if not found:
+        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=("Leakage was not measured.",))
+    _, samples = found[0]
+    _, response = roles_of(recording)
+    flow = channel(samples, THROUGH_FLOW, "ml/min", "the leakage check")
+    supply = channel(samples, SUPPLY_PRESSURE, "psi", "the leakage check")
+    means = [float(samples.values(name, unit).mean())
+             for name, unit in ((flow.name, "ml/min"), (supply.name, "psi"), (response.name, "psi"))]  # fmt: skip
+    stds = [math.hypot(instrument_std(c), float(c.values.std()) / math.sqrt(len(samples)))
+            for c in (flow, supply, samples.channel(response.name))]  # fmt: skip
+    across = means[1] - means[2]
+    notes, deviations = [], []
+    full = any(e.get("event") == "reading at the end of its range" and e.get("details", {}).get("channel") == flow.name
+               for e in recording.meta.get("events", ()))  # fmt: skip
+    if full:
+        leakage = LEAKAGE.of(means[0] * _FULL, stds[0], relation=">")
+        notes.append("The flow meter is at the end of its range: the valve is open at this current.")
+    elif abs(across / _RATED_PSI - 1.0) > _FARTHEST:
+        leakage = LEAKAGE.of(None)
+        notes.append(
+            f"{across:.4g} psi across the valve, not 220: no supply pressure, or the valve is open at this current."
+        )
+    else:
+        factor = _RATED_PSI / across
+        std = math.hypot(stds[0], means[0] * math.hypot(stds[1], stds[2]) / across)
+        leakage = LEAKAGE.of(means[0] * factor, std * factor)
+    for name, value, rated in (("before", means[1], _RATED_PSI), ("behind", means[2], 0.0)):
+        if abs(value - rated) > _TOLERANCE_PSI:
+            deviations.append(f"{value:.4g} psi {name} the valve; {rated:g} ± {_TOLERANCE_PSI:g} psi is specified.")
+    return Findings(
+        (leakage, MEASUREMENTS[1].of(means[1], stds[1]), MEASUREMENTS[2].of(means[2], stds[2])),
+        notes=tuple(notes), deviations=tuple(deviations),
+    )  # fmt: skip

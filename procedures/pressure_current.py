@@ -1,0 +1,145 @@
+"""Pressure over current of an EFC: the curve of the maker's inspection, with hysteresis, lag and direction.
+
+Sweeps of the current up and down, once fast and once at half speed: what widens the loop with speed is the valve's lag,
+what stays is hysteresis, twice the friction. The currents are those of the EFC thesis, figure 3.2 and section 3.1.3.2.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identify.pressure_curve import PressureCurve, Sweep, pressure_curve
+from hil.record.measurement import Findings, Measurement
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.ramps import triangle
+from procedures._efc import Stage, held, instrument_std, part_recordings, play
+from procedures._recorded import roles_of
+from procedures._scale import check_above
+
+PRESSURE = Measurement("pressure", "psi", "pressure at a current, middle of the loop")
+SPAN = Measurement(
+    "pressure_span", "psi", "change of pressure over the sweep, in the direction of the valve's type", 100.0
+)
+HYSTERESIS = Measurement("hysteresis", "mA", "width of the loop along the current that no speed explains")
+LAG = Measurement("lag", "ms", "lag that widens the loop with the sweep's speed")
+HALF = Measurement("current_half", "A", "current at half of the change of pressure")
+STEEPEST = Measurement("slope_largest", "psi/A", "steepest slope of the curve")
+MEASUREMENTS = (PRESSURE, SPAN, HYSTERESIS, LAG, HALF, STEEPEST)
+KIND = "pressure-current"
+
+_POINTS_A = (1.2, 1.4, 1.6, 1.8, 2.0)
+_SMOOTHED = 5
+
+
+def run(
+    rig: Rig,
+    *,
+    top_current: float = 2.0,
+    cycle_s: float = 20.0,
+    normally_open: bool = False,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the sweeps.
+
+    Args:
+        rig: the bench.
+        top_current: to which the current goes, in A.
+        cycle_s: time of the first sweep up and down, in s; the second takes twice as long.
+        normally_open: whether current closes the valve.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    drive(rig, top_current, cycle_s, normally_open, rate_hz)
+
+
+def drive(
+    rig: Rig,
+    top_current: float = 2.0,
+    cycle_s: float = 20.0,
+    normally_open: bool = False,
+    rate_hz: float | None = None,
+) -> list[Recording]:
+    """The same; returns the sweeps, so that a sequence can go on from the curve."""
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_above("top_current", 0.0, top_current, "A")
+    check_above("cycle_s", 0.0, cycle_s, "s")
+    stages = []
+    for duration_s in (cycle_s, 2.0 * cycle_s):
+        sweep = triangle(0.0, top_current, duration_s, rate_hz)
+        part = {"kind": KIND, "speed_per_s": 2.0 * top_current / duration_s, "normally_open": normally_open}
+        stages.append(Stage(np.concatenate((held(0.0, 0.5, rate_hz), sweep)), f"sweep of {duration_s:g} s", part))
+    made = play(rig, stages, rate_hz)
+    return [replace(piece, meta={**piece.meta, "sweep": stage.part})
+            for piece, stage in zip(made, stages, strict=True)]  # fmt: skip
+
+
+def curve_of(name: str, pieces: Sequence[tuple[float, Recording]], command: str, response: str) -> PressureCurve:
+    """The curve of sweeps with their speeds."""
+    return pressure_curve(
+        name, [Sweep(p.values(command, "A"), p.values(response, "psi"), speed) for speed, p in pieces]
+    )
+
+
+def evaluate(recording: Recording) -> Findings:
+    """The curve, its figures, and whether pressure follows current as the valve's type asks."""
+    found = part_recordings(recording, KIND)
+    if len(found) < 2:
+        return Findings(tuple(m.of(None) for m in MEASUREMENTS), notes=("The pressure curve was not measured.",))
+    command, response = roles_of(recording)
+    pieces = [(float(part["speed_per_s"]), samples) for part, samples in found]
+    direction = -1.0 if found[0][0]["normally_open"] else 1.0
+    curve = curve_of(recording.name, pieces, command.name, response.name)
+    span = direction * curve.span
+    per_pressure, per_current = instrument_std(response), instrument_std(command)
+    measured = [SPAN.of(span, math.hypot(curve.span_std, per_pressure))]
+    notes = list(_notes(curve, span, direction))
+    if abs(span) > 10.0 * curve.span_std:
+        slope = np.convolve(np.gradient(curve.nominal, curve.current), np.full(_SMOOTHED, 1.0 / _SMOOTHED), "same")
+        steepest = float(slope[int(np.argmax(np.abs(slope)))])
+        half = curve.current_at(float(curve.nominal[0]) + curve.span / 2.0)
+        half_std = math.hypot(per_current, per_pressure / abs(steepest))
+        pressure_std = math.hypot(float(np.median(curve.std)), per_pressure)
+        measured += [
+            *(PRESSURE.at(f"{i:g} A").of(curve.pressure_at(i), pressure_std)
+              for i in _POINTS_A if curve.current[0] <= i <= curve.current[-1] + 0.02),
+            HYSTERESIS.of(1e3 * curve.hysteresis_a, 1e3 * curve.hysteresis_std_a),
+            LAG.of(1e3 * curve.lag_s, 1e3 * curve.lag_std_s),
+            HALF.of(half, half_std),
+            STEEPEST.of(steepest, pressure_std / (0.05 * float(np.ptp(curve.current)))),
+        ]  # fmt: skip
+    return Findings(
+        tuple(measured), curves={"flow_curve": _curve(curve, command.unit, response.unit)}, notes=tuple(notes)
+    )
+
+
+def _notes(curve: PressureCurve, span: float, direction: float) -> list[str]:
+    if abs(curve.span) <= max(10.0 * curve.span_std, 5.0):
+        return ["Pressure does not follow the current: sensor stuck, valve stuck, or no supply pressure."]
+    if span < 0.0:
+        is_, stated = ("closes", "open") if direction > 0.0 else ("opens", "close")
+        return [f"Current {is_} this valve; it was tested as one that current is to {stated}: the type is mistaken."]
+    return []
+
+
+def _curve(curve: PressureCurve, command_unit: str, response_unit: str) -> dict[str, str | Array]:
+    return {
+        "command_unit": command_unit, "response_unit": response_unit, "command": curve.current,
+        "rising": curve.rising, "falling": curve.falling, "std": curve.std,
+    }  # fmt: skip
+
+
+def checked_current(curve: PressureCurve, pressure: float, setting: str) -> float:
+    """The current for a pressure.
+
+    Raises:
+        InputError: the curve does not reach it; names the setting that asked for it.
+    """
+    try:
+        return curve.current_at(pressure)
+    except InputError as error:
+        raise InputError(f"setting {setting}: {error}") from None

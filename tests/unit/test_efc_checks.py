@@ -1,0 +1,237 @@
+"""Electrical check, leakage check, pressure curve and steps of the EFC: numbers of a known valve, and bad input."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.read import read_bench
+from hil.errors import FileError, InputError, RangeError, SettingError, TrippedError
+from hil.identify.coil import CoilReadings, copper_factor, fit_coil
+from hil.identify.pressure_curve import Sweep, pressure_curve
+from hil.record.measurement import Findings
+from hil.record.read import read_recording
+from hil.session.procedure import load_procedure
+from hil.session.run import run_procedure
+from hil.signals.ramps import triangle
+
+BENCH = benches()["cummins-efc-acceptance"].read_text(encoding="utf-8")
+WORLD = "[simulation]\nseed = 1\n"
+STUCK = {"pressure = { noise = 0.5 }": "pressure = { value = 60.0, noise = 0.01 }"}
+
+
+def valve(parameters: str = "", effects: str = "") -> dict[str, str]:
+    return {WORLD: f"{WORLD}parameters = {{ {parameters} }}\neffects = [{effects}]\n"}
+
+
+def run(tmp_path: Path, procedure: str, changes: dict[str, str] | None = None, **settings: object) -> Findings:
+    tmp_path.mkdir(exist_ok=True)
+    text = BENCH
+    for old, new in (changes or {}).items():
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    return run_procedure(load_procedure(procedure), read_bench(path), settings, tmp_path / "run").findings
+
+
+def value(findings: Findings, name: str) -> float:
+    (found,) = (m for m in findings.measured if m.name == name)
+    assert found.value is not None
+    return found.value
+
+
+def std(findings: Findings, name: str) -> float:
+    (found,) = (m for m in findings.measured if m.name == name)
+    assert found.std is not None
+    return found.std
+
+
+def verdict(findings: Findings, name: str) -> str | None:
+    (found,) = (m for m in findings.measured if m.name == name)
+    return found.verdict
+
+
+# -- coil --------------------------------------------------------------------------------------------------
+
+
+def coil_readings(ohm: float, henry: float, rate_hz: float = 5000.0, noise: float = 0.0) -> CoilReadings:
+    """A first-order current loop (50 rad/s) on an RL coil; the voltage follows from the current exactly."""
+    t = np.arange(round(3.0 * rate_hz)) / rate_hz
+    demand = np.where((t > 0.6) & (t < 1.2) | (t > 1.8) & (t < 2.4), 0.5, 0.0)
+    current = np.zeros_like(t)
+    keep = math.exp(-50.0 / rate_hz)
+    for i in range(1, len(t)):
+        current[i] = demand[i - 1] + keep * (current[i - 1] - demand[i - 1])
+    voltage = ohm * current + henry * 50.0 * (demand - current)
+    rng = np.random.default_rng(0)
+    return CoilReadings(t, demand, current + noise * rng.normal(size=len(t)), voltage + noise * rng.normal(size=len(t)))
+
+
+@pytest.mark.parametrize(("ohm", "henry"), [(2.1, 0.09), (7.2, 0.12), (2.1, 0.01)])
+def test_resistance_and_inductance_of_a_known_coil(ohm: float, henry: float) -> None:
+    coil = fit_coil(coil_readings(ohm, henry))
+    assert coil.resistance_ohm == pytest.approx(ohm, rel=1e-3)
+    assert coil.inductance_h == pytest.approx(henry, rel=0.02)
+
+
+def test_noise_of_a_coil_is_in_its_uncertainty() -> None:
+    coil = fit_coil(coil_readings(2.1, 0.09, noise=0.01))
+    assert abs(coil.resistance_ohm - 2.1) < 3.0 * coil.resistance_std_ohm + 2e-3
+    assert abs(coil.inductance_h - 0.09) < 3.0 * coil.inductance_std_h + 2e-3
+    assert coil.inductance_std_h < 3e-3
+
+
+def test_coil_needs_a_current_that_moves() -> None:
+    readings = coil_readings(2.1, 0.09)
+    still = CoilReadings(readings.time_s, np.zeros(len(readings.time_s)), readings.current_a, readings.voltage_v)
+    with pytest.raises(InputError, match="must rise and fall"):
+        fit_coil(still)
+
+
+def test_copper_at_220_fahrenheit() -> None:
+    # 2.78 Ω of a coil with 2.1 Ω at 72 °F, from the temperature coefficient at 20 °C
+    assert 2.1 * copper_factor((220 - 32) / 1.8, (72 - 32) / 1.8) == pytest.approx(2.78, abs=0.01)
+
+
+def test_electrical_check_of_the_usual_coil(tmp_path: Path) -> None:
+    found = run(tmp_path, "electrical_check")
+    assert found.verdict == "pass"
+    assert value(found, "coil_resistance") == pytest.approx(2.1, abs=3 * std(found, "coil_resistance"))
+    assert value(found, "coil_inductance") == pytest.approx(90.0, abs=3 * std(found, "coil_inductance"))
+    assert std(found, "coil_resistance") < 0.02 and std(found, "coil_inductance") < 1.0
+    assert np.abs(read_recording(tmp_path / "run").values("current")).max() <= 0.5
+
+
+@pytest.mark.parametrize(
+    ("parameters", "settings", "says", "judged"),
+    [
+        ("resistance = 0.05, inductance = 0.001", {}, "shorted", "fail"),
+        ("resistance = 1e5", {}, "open", "fail"),
+        ("resistance = 7.2", {}, "that of a 24 V coil", "fail"),
+        ("resistance = 7.2", {"voltage": "24"}, "", "pass"),
+    ],
+)
+def test_electrical_verdicts(
+    tmp_path: Path, parameters: str, settings: dict[str, object], says: str, judged: str
+) -> None:
+    found = run(tmp_path, "electrical_check", valve(parameters), repeats=2, **settings)
+    assert verdict(found, "coil_resistance") == judged
+    assert not says or any(says in note for note in found.notes)
+
+
+def test_current_above_the_coil_s_rating_is_refused_before_anything_moves(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match=r"takes 6\.38 A at most"):
+        run(tmp_path / "a", "electrical_check", test_current=6.5)
+    with pytest.raises(RangeError, match=r"outside 0 … 2\.2 A"):
+        run(tmp_path, "efc_step_response", currents=(2.5,))
+    with pytest.raises(FileError, match="0 samples"):
+        read_recording(tmp_path / "run")
+
+
+def test_a_coil_that_is_open_trips_before_the_current_is_far_up(tmp_path: Path) -> None:
+    with pytest.raises(TrippedError, match="coil-open"):
+        run(tmp_path, "pressure_current", valve("resistance = 1e5"), cycle_s=8.0)
+    # 0.5 s and a block of 1 s after 0.7 A, at 0.5 A/s
+    assert read_recording(tmp_path / "run").values("current").max() < 0.7 + 0.75 + 1e-3
+
+
+def test_bench_without_a_voltmeter_says_what_is_missing(tmp_path: Path) -> None:
+    start, stop = BENCH.index('[channels."coil voltage"]'), BENCH.index('[channels."coil temperature"]')
+    changes = {BENCH[start:stop]: "", '"coil voltage" = { noise = 0.02 }\n': ""}
+    with pytest.raises(FileError, match=r"needs a channel 'coil voltage' \[V\]"):
+        run(tmp_path, "electrical_check", changes)
+
+
+# -- leakage -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameters", "judged", "says"),
+    [
+        ("leakage = 80", "pass", ""),
+        ("leakage = 160", "fail", ""),
+        ("leakage = 125.5", "cannot tell", ""),
+        ("normally_open = 1", "fail", "the valve is open at this current"),
+        ("supply_pressure = 100", "cannot tell", "no supply pressure"),
+    ],
+)
+def test_leakage_verdicts(tmp_path: Path, parameters: str, judged: str, says: str) -> None:
+    found = run(tmp_path, "leakage_check", valve(parameters), settle_s=0.5, hold_s=1.0)
+    assert verdict(found, "leakage") == judged
+    assert not says or any(says in note for note in found.notes)
+    if judged == "pass":
+        assert value(found, "leakage") == pytest.approx(80.0, abs=3 * std(found, "leakage"))
+
+
+# -- pressure curve ----------------------------------------------------------------------------------------
+
+
+def played(width: float, lag_s: float) -> list[Sweep]:
+    """A tanh curve with a backlash-like loop of known width and a lag."""
+    made = []
+    for cycle_s in (8.0, 16.0):
+        u = triangle(0.0, 2.0, cycle_s, 1000.0)
+        up = np.gradient(u) > 0.0
+        speed = 4.0 / cycle_s
+        at = u - np.where(up, 1.0, -1.0) * (width / 2.0 + lag_s * speed)
+        made.append(Sweep(u, 100.0 * (1.0 + np.tanh((at - 1.2) / 0.2)), speed))
+    return made
+
+
+@pytest.mark.parametrize(("width", "lag_s"), [(0.0, 0.0), (0.05, 0.0), (0.0, 0.03), (0.05, 0.03)])
+def test_hysteresis_and_lag_are_told_apart(width: float, lag_s: float) -> None:
+    curve = pressure_curve("played", played(width, lag_s))
+    assert curve.hysteresis_a == pytest.approx(width, abs=1e-3)
+    assert curve.lag_s == pytest.approx(lag_s, abs=1e-3)
+    assert curve.current_at(100.0) == pytest.approx(1.2, abs=5e-3)
+    assert curve.pressure_at(1.2) == pytest.approx(100.0, abs=2.0)
+
+
+def test_pressure_curve_needs_two_speeds_and_a_pressure_that_is_reached() -> None:
+    sweeps = played(0.0, 0.0)
+    with pytest.raises(InputError, match="two speeds"):
+        pressure_curve("played", sweeps[:1])
+    with pytest.raises(InputError, match="pressure 300 psi"):
+        pressure_curve("played", sweeps).current_at(300.0)
+
+
+def test_pressure_curve_of_a_valve_that_sticks(tmp_path: Path) -> None:
+    friction = '{ name = "friction", parameters = { coulomb = 0.03, stiction = 1.0 } }'
+    found = run(tmp_path, "pressure_current", valve(effects=friction), cycle_s=8.0)
+    assert found.verdict == "pass"
+    assert value(found, "hysteresis") == pytest.approx(60.0, abs=3.0)
+    assert value(found, "pressure, 1.6 A") == pytest.approx(119.0, abs=6.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [(valve("normally_open = 1"), "the type is mistaken"), (STUCK, "sensor stuck, valve stuck, or no supply")],
+)
+def test_curve_that_is_none(tmp_path: Path, changes: dict[str, str], says: str) -> None:
+    found = run(tmp_path, "pressure_current", changes, cycle_s=8.0)
+    assert found.verdict == "fail"
+    assert any(says in note for note in found.notes)
+
+
+def test_valve_that_current_closes_passes_as_such(tmp_path: Path) -> None:
+    found = run(tmp_path, "pressure_current", valve("normally_open = 1"), cycle_s=8.0, normally_open=True)
+    assert (found.verdict, found.notes) == ("pass", ())
+    assert value(found, "slope_largest") < 0.0
+
+
+# -- steps -------------------------------------------------------------------------------------------------
+
+
+def test_steps_reach_the_pressures_of_the_thesis(tmp_path: Path) -> None:
+    found = run(tmp_path, "efc_step_response", hold_s=1.0, repeats=2)
+    for current, pressure in ((1.4, 26.0), (1.6, 120.0), (1.8, 160.0), (2.0, 210.0)):
+        assert value(found, f"step_pressure, {current:g} A") == pytest.approx(pressure, abs=3.0)
+    assert 10.0 < value(found, "rise, 1.6 A") < 60.0
+    assert any(note.startswith("1.2 A: 2 of 2 steps move the pressure too little") for note in found.notes)
+    assert len(json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))["measured"]) > 15
