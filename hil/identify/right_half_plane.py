@@ -105,9 +105,10 @@ def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: Freque
 
 
 def _preference(fit: TransferFunctionFit, other: TransferFunctionFit, response: FrequencyResponse) -> str:
-    with_zero, with_delay = (float(np.mean(held_out(response, f))) for f in (fit, other))
-    if not (math.isfinite(with_zero) and math.isfinite(with_delay)):
+    errors = [held_out(response, f) for f in (fit, other)]
+    if not all(e.size and np.isfinite(e).all() for e in errors):
         return "too few lines to hold some out"
+    with_zero, with_delay = (float(np.mean(e)) for e in errors)
     ratio = math.sqrt(with_delay / with_zero) if with_zero else math.inf
     if 0.9 < ratio < 1.1:
         return "held-out lines prefer neither"
