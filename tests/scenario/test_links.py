@@ -16,7 +16,7 @@ from hil.signals.sine_fit import sine_fit
 from tests.links import served
 from tests.simulated import hpv41
 
-BENCHES = ["hpv41-modbus-tcp", "hpv41-modbus-rtu"]
+BENCHES = ["hpv41-modbus-tcp", "hpv41-modbus-rtu", "hpv41-serial"]
 FREQUENCY_HZ = 2.0
 RATE_HZ = 100.0
 SECONDS = 1.5

@@ -1,0 +1,196 @@
+"""ASCII I/O modules in the ADAM-4000 style on RS-485: `#AA` reads, `#AACn` sets, with the module's watchdog."""
+
+from __future__ import annotations
+
+import re
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+
+from drivers._line import Line
+from hil.daq.channel import Terminal, Wiring
+from hil.daq.polled import PolledDaq
+from hil.errors import LinkError
+
+_CHECK_S = 0.5  # how often outputs are read back
+_VALUE = re.compile(r"[+-]\d+\.\d+")
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A kind of module: how many channels, their range, and the name that it gives itself."""
+
+    name: str
+    prefix: Literal["ao", "ai"]
+    count: int
+    low: float = -10.0
+    high: float = 10.0
+
+
+MODELS: Mapping[str, Model] = {
+    "adam-4017": Model("4017", "ai", 8),
+    "adam-4024": Model("4024", "ao", 4),
+}
+
+
+class Settings(BaseModel):
+    """What `[devices.NAME]` may say.
+
+    Attributes:
+        model: which module.
+        address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
+        module: its address on the line, 0 … 255.
+        baud: of the line.
+        timeout_s: an answer that takes longer counts as none. A module does not answer what it does not understand.
+        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
+        watchdog_s: the module makes its outputs safe when it hears nothing for so long, 0.1 … 999.9 s.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    model: Literal["adam-4017", "adam-4024"]
+    address: str
+    module: int = Field(default=1, ge=0, le=255)
+    baud: PositiveInt = 9600
+    timeout_s: PositiveFloat = 0.2
+    longest_reply_s: PositiveFloat = 1.0
+    watchdog_s: PositiveFloat | None = None
+
+
+def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What is wrong beyond the types."""
+    if settings.longest_reply_s < settings.timeout_s:
+        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
+    if settings.watchdog_s is None:
+        return
+    if MODELS[settings.model].prefix == "ai":
+        yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"
+    elif not 0.1 <= settings.watchdog_s <= 999.9:
+        yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the module counts 0.1 … 999.9 s"
+
+
+def terminals(settings: Settings) -> dict[str, Terminal]:
+    """Those of the model."""
+    model = MODELS[settings.model]
+    direction: Literal["out", "in"] = "out" if model.prefix == "ao" else "in"
+    return {
+        f"{model.prefix}{i}": Terminal(direction, "voltage", "V", model.low, model.high) for i in range(model.count)
+    }
+
+
+def open_link(settings: Settings, wiring: Wiring) -> AsciiModuleLink:
+    """The module, recognised, its watchdog armed."""
+    return AsciiModuleLink(settings, wiring)
+
+
+def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
+    """The module alone as a DAQ."""
+    return PolledDaq({settings.model: open_link(settings, wiring)}, {settings.model: wiring})
+
+
+class AsciiModuleLink:
+    """A module on its line (see `hil.daq.polled.Link`).
+
+    Raises:
+        LinkError: another module answers than the one that was named.
+    """
+
+    def __init__(self, settings: Settings, wiring: Wiring) -> None:
+        self._model = MODELS[settings.model]
+        self.watchdog_s = settings.watchdog_s
+        self.keep_alive_s = settings.watchdog_s / 3.0 if settings.watchdog_s is not None else None
+        self._line = Line(settings.address, settings.baud, "\r", settings.timeout_s, settings.longest_reply_s)
+        self._at = f"{settings.module:02X}"
+        self._inputs = [channel.terminal for channel in wiring.inputs.values()]
+        self._outputs = [channel.terminal for channel in wiring.outputs.values()]
+        self._driven: dict[str, float] = {}
+        self._heard_s = self._checked_s = time.monotonic()
+        try:
+            self._recognise()
+            if self.watchdog_s is not None:
+                self._ask(f"$%X{round(10.0 * self.watchdog_s):04d}", "!%")
+        except BaseException:
+            self.close()
+            raise
+
+    def standing(self) -> dict[str, float]:
+        """Where the outputs stand, read back."""
+        return {name: self._read_back(name) for name in self._outputs}
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Set the outputs one after the other; the module acknowledges each."""
+        requests = {name: f"#%C{name[2:]}{value:+07.3f}" for name, value in values.items()}
+        if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
+            for request in requests.values():
+                self._line.tell(request.replace("%", self._at))
+        self._watchdog_has_not_expired()
+        for name, request in requests.items():
+            self._ask(request, "!%")
+            self._driven[name] = float(request[-7:])
+
+    def read(self) -> dict[str, float]:
+        """All inputs in one answer, and now and then whether outputs still stand where they were driven."""
+        self._watchdog_has_not_expired()
+        readings: dict[str, float] = {}
+        if self._inputs:
+            numbers = _VALUE.findall(self._ask("#%", ">"))
+            if len(numbers) != self._model.count:
+                raise self._line.failed(f"{len(numbers)} readings of {self._model.count}: {' '.join(numbers)}")
+            values = {f"ai{i}": float(number) for i, number in enumerate(numbers)}
+            readings = {name: min(max(values[name], self._model.low), self._model.high) for name in self._inputs}
+        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
+            self.check_outputs()
+        return readings
+
+    def check_outputs(self) -> None:
+        """See that outputs still stand where they were driven.
+
+        Raises:
+            LinkError: one does not.
+        """
+        self._checked_s = time.monotonic()
+        for name, driven in self._driven.items():
+            stands = self._read_back(name)
+            if abs(stands - driven) > 2e-3:
+                raise LinkError(
+                    f"{name} stands at {stands:.4g} V, not at {driven:.4g} as it was driven: the module restarted, its "
+                    f"watchdog expired, or another master writes to it"
+                )
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _recognise(self) -> None:
+        name = self._ask("$%M", "!%")
+        if name != self._model.name:
+            raise LinkError(f"module {self._at} is a '{name}', not a {self._model.name}")
+
+    def _read_back(self, name: str) -> float:
+        text = self._ask(f"$%8C{name[2:]}", "!%")
+        if not _VALUE.fullmatch(text):
+            raise self._line.failed(f"no number in the read-back '{text}'")
+        return float(text)
+
+    def _ask(self, request: str, begins: str) -> str:
+        """The answer without its beginning; `%` stands for the module's address."""
+        request, begins = request.replace("%", self._at), begins.replace("%", self._at)
+        answer = self._line.ask(request)
+        if answer.startswith("?"):
+            raise LinkError(f"the module refuses {request}")
+        if not answer.startswith(begins):
+            raise self._line.failed(f"'{answer}' is no answer to {request}")
+        self._heard_s = time.monotonic()
+        return answer.removeprefix(begins)
+
+    def _watchdog_has_not_expired(self) -> None:
+        silent_s = time.monotonic() - self._heard_s
+        if self.watchdog_s is not None and self._driven and silent_s > self.watchdog_s:
+            self._heard_s = time.monotonic()
+            raise LinkError(
+                f"nothing was asked for {silent_s:.3g} s, longer than its watchdog of {self.watchdog_s:g} s: the "
+                f"module has made its outputs safe"
+            )

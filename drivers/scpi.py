@@ -1,0 +1,184 @@
+"""SCPI instruments on a serial line or socket: sources and meters; every command is acknowledged by the error queue."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
+
+from drivers._line import Line
+from hil.daq.channel import Terminal, Wiring
+from hil.daq.polled import PolledDaq
+from hil.errors import LinkError
+
+_NOT_A_NUMBER = 9.91e37  # as SCPI writes it; 9.9e37 is infinity
+_ERROR = re.compile(r'([+-]?\d+),"(.*)"')
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """A terminal that is set: how, and how it is asked where it stands."""
+
+    terminal: Terminal
+    tell: str
+    ask: str
+
+
+@dataclass(frozen=True, slots=True)
+class Input:
+    """A terminal that is read."""
+
+    terminal: Terminal
+    ask: str
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A kind of instrument."""
+
+    outputs: Mapping[str, Output]
+    inputs: Mapping[str, Input]
+
+
+MODELS: Mapping[str, Model] = {
+    # A scanner main frame with a module of two outputs, ±12 V, and a multiplexer of twenty inputs, ±10 V.
+    "scanner": Model(
+        {
+            f"dac{n}": Output(
+                Terminal("out", "voltage", "V", -12.0, 12.0),
+                f"SOUR:VOLT {{value:.5f}},(@20{n})", f"SOUR:VOLT? (@20{n})",
+            )
+            for n in (4, 5)
+        },
+        {f"in{n}": Input(Terminal("in", "voltage", "V", -10.0, 10.0), f"MEAS:VOLT:DC? (@{100 + n})")
+         for n in range(1, 21)},
+    ),
+    # A direct-current source for a coil: set current, measured current and voltage.
+    "dc-source": Model(
+        {"current": Output(Terminal("out", "current", "A", 0.0, 3.0), "SOUR:CURR {value:.5f}", "SOUR:CURR?")},
+        {
+            "coil current": Input(Terminal("in", "current", "A", 0.0, 3.2), "MEAS:CURR?"),
+            "coil voltage": Input(Terminal("in", "voltage", "V", 0.0, 36.0), "MEAS:VOLT?"),
+        },
+    ),
+}  # fmt: skip
+
+
+class Settings(BaseModel):
+    """What `[devices.NAME]` may say.
+
+    Attributes:
+        model: which instrument.
+        address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
+        baud: of a serial port.
+        timeout_s: an answer that takes longer counts as none.
+        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    model: Literal["scanner", "dc-source"]
+    address: str
+    baud: PositiveInt = 115200
+    timeout_s: PositiveFloat = 0.5
+    longest_reply_s: PositiveFloat = 2.0
+
+
+def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What is wrong beyond the types."""
+    if settings.longest_reply_s < settings.timeout_s:
+        yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
+
+
+def terminals(settings: Settings) -> dict[str, Terminal]:
+    """Those of the model."""
+    model = MODELS[settings.model]
+    return {name: output.terminal for name, output in model.outputs.items()} | {
+        name: place.terminal for name, place in model.inputs.items()
+    }
+
+
+def open_link(settings: Settings, wiring: Wiring) -> ScpiLink:
+    """The instrument, identified, its error queue empty."""
+    return ScpiLink(settings, wiring)
+
+
+def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
+    """The instrument alone as a DAQ."""
+    return PolledDaq({settings.model: open_link(settings, wiring)}, {settings.model: wiring})
+
+
+class ScpiLink:
+    """An instrument that speaks SCPI (see `hil.daq.polled.Link`). It has no watchdog.
+
+    Every message ends with `SYST:ERR?`, so that each has an answer, and one that says whether it was understood.
+
+    Raises:
+        LinkError: what answers is no SCPI instrument.
+    """
+
+    watchdog_s: float | None = None
+    keep_alive_s: float | None = None
+
+    def __init__(self, settings: Settings, wiring: Wiring) -> None:
+        model = MODELS[settings.model]
+        self._line = Line(settings.address, settings.baud, "\n", settings.timeout_s, settings.longest_reply_s)
+        self._outputs = {c.terminal: model.outputs[c.terminal] for c in wiring.outputs.values()}
+        self._inputs = {c.terminal: model.inputs[c.terminal] for c in wiring.inputs.values()}
+        try:
+            identity = self._line.ask("*CLS;*IDN?")
+            if identity.count(",") != 3:
+                raise LinkError(f"'{identity}' is not the identity of a SCPI instrument (maker,model,serial,version)")
+        except BaseException:
+            self.close()
+            raise
+
+    def standing(self) -> dict[str, float]:
+        """Where the outputs stand, as the instrument tells."""
+        values = self._numbers([output.ask for output in self._outputs.values()])
+        return dict(zip(self._outputs, values, strict=True))
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Set the outputs in one message, and see that the instrument has taken it."""
+        told = [self._outputs[terminal].tell.format(value=value) for terminal, value in values.items()]
+        if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
+            self._line.tell(";:".join(told))
+        self._asked(told)
+
+    def read(self) -> dict[str, float]:
+        """Measure every input, in one message."""
+        values = self._numbers([place.ask for place in self._inputs.values()])
+        readings: dict[str, float] = {}
+        for (name, place), value in zip(self._inputs.items(), values, strict=True):
+            if not abs(value) < _NOT_A_NUMBER:
+                raise LinkError(f"{name} reads no number: the instrument has no valid measurement")
+            readings[name] = min(max(value, place.terminal.low), place.terminal.high)
+        return readings
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    def _numbers(self, queries: list[str]) -> list[float]:
+        texts = self._asked(queries)
+        if len(texts) != len(queries):
+            raise self._line.failed(f"{len(texts)} answers to {len(queries)} questions: {';'.join(texts)}")
+        try:
+            return [float(text) for text in texts]
+        except ValueError:
+            raise self._line.failed(f"no number in the answer {';'.join(texts)}") from None
+
+    def _asked(self, messages: list[str]) -> list[str]:
+        """The answers to messages that are sent together; an error of the instrument is raised."""
+        answer = self._line.ask(";:".join([*messages, "SYST:ERR?"]))
+        *texts, error = answer.split(";")
+        found = _ERROR.fullmatch(error)
+        if found is None:
+            raise self._line.failed(f"{error!r} is not an entry of the error queue")
+        if int(found[1]) != 0:
+            self._line.tell("*CLS")
+            raise LinkError(f"the instrument refused {';'.join(messages)}: {found[1]} {found[2]}")
+        return texts

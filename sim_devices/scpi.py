@@ -1,0 +1,188 @@
+"""SCPI instruments with an error queue and a plant behind their terminals; the twin of the driver."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import deque
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from sim_devices._field import Side
+from sim_devices._lines_of_text import TextDevice, serve_text
+from sim_devices._quirks import Quirks
+from sim_devices._stream import StreamServer
+from sim_devices._twin import Twin, TwinSettings, quirks, world
+
+__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+
+_QUEUE = 20
+_TEXTS = {
+    -102: "Syntax error", -108: "Parameter not allowed", -109: "Missing parameter", -113: "Undefined header",
+    -121: "Invalid character in number", -222: "Data out of range", -350: "Queue overflow",
+}  # fmt: skip
+
+
+class _Wrong(Exception):
+    """What goes into the error queue."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+class Instrument(TextDevice):
+    """What every instrument understands: the common commands and the error queue. Subclasses add their own.
+
+    The queue keeps the oldest errors; one too many takes the place of the last as −350. `*CLS` empties it, `*RST`
+    does not.
+    """
+
+    model = ""
+
+    def __init__(self, side: Side) -> None:
+        super().__init__(side)
+        self.errors: deque[int] = deque()
+
+    def commands(self) -> Mapping[str, Callable[[str], str | None]]:
+        """By header in its long form, the short one in capitals: what is done with the parameters."""
+        return {}
+
+    def answer_to(self, request: str) -> str | None:
+        """All answers of a message, in one line; None when there is none."""
+        answers: list[str] = []
+        for unit in request.strip().split(";"):
+            try:
+                answer = self._done(unit.strip())
+            except _Wrong as wrong:
+                self._queue(wrong.code)
+            else:
+                answers += [] if answer is None else [answer]
+        return ";".join(answers) or None
+
+    def restart(self) -> None:
+        """After power-on: outputs zero, no errors."""
+        self.errors.clear()
+        self.reset()
+
+    def reset(self) -> None:
+        """As `*RST`."""
+
+    def _done(self, unit: str) -> str | None:
+        if not unit:
+            return None
+        header, _, parameters = unit.lstrip(":").partition(" ")
+        common: Mapping[str, Callable[[], str | None]] = {
+            "*IDN?": lambda: f"valve-hil,{self.model},0,1.0", "*CLS": self.errors.clear, "*RST": self.reset,
+            "*OPC?": lambda: "1", "SYST:ERR?": self._next_error, "SYSTEM:ERROR?": self._next_error,
+        }  # fmt: skip
+        if header.upper() in common:
+            if parameters:
+                raise _Wrong(-108)
+            return common[header.upper()]()
+        for pattern, done in self.commands().items():
+            if _is(header, pattern):
+                return done(parameters.strip())
+        raise _Wrong(-113)
+
+    def _next_error(self) -> str:
+        code = self.errors.popleft() if self.errors else 0
+        return f'{code:+d},"{_TEXTS[code]}"' if code else '+0,"No error"'
+
+    def _queue(self, code: int) -> None:
+        if len(self.errors) < _QUEUE:
+            self.errors.append(code)
+        else:
+            self.errors[-1] = -350
+
+    def measured(self, terminal: str) -> str:
+        """A reading as SCPI writes it."""
+        value = self.side.read().get(terminal, 0.0)
+        return "9.91E37" if math.isnan(value) else f"{value:+.8E}"
+
+
+class Scanner(Instrument):
+    """Two outputs of ±12 V in slot 2, twenty inputs in slot 1."""
+
+    model = "scanner"
+
+    def commands(self) -> Mapping[str, Callable[[str], str | None]]:
+        """Set and ask outputs, measure inputs."""
+        return {"SOURce:VOLTage": self._set, "SOURce:VOLTage?": self._stands, "MEASure:VOLTage:DC?": self._measure}
+
+    def reset(self) -> None:
+        """Outputs zero."""
+        self.side.drive({"dac4": 0.0, "dac5": 0.0})
+
+    def _set(self, parameters: str) -> None:
+        value, comma, channels = parameters.partition(",")
+        if not comma:
+            raise _Wrong(-109)
+        volts = _number(value, -12.0, 12.0)
+        self.side.drive({f"dac{n - 200}": volts for n in _channels(channels, range(204, 206))})
+
+    def _stands(self, parameters: str) -> str:
+        stands = [self.side.standing(f"dac{n - 200}") for n in _channels(parameters, range(204, 206))]
+        return ",".join(f"{value:+.8E}" for value in stands)
+
+    def _measure(self, parameters: str) -> str:
+        return ",".join(self.measured(f"in{n - 100}") for n in _channels(parameters, range(101, 121)))
+
+
+class DcSource(Instrument):
+    """A current source for a coil."""
+
+    model = "dc-source"
+
+    def commands(self) -> Mapping[str, Callable[[str], str | None]]:
+        """Set and ask the current, measure it and the voltage."""
+        return {
+            "SOURce:CURRent": self._set, "SOURce:CURRent?": lambda _: f"{self.side.standing('current'):+.8E}",
+            "MEASure:CURRent?": lambda _: self.measured("coil current"),
+            "MEASure:VOLTage?": lambda _: self.measured("coil voltage"),
+        }  # fmt: skip
+
+    def reset(self) -> None:
+        """No current."""
+        self.side.drive({"current": 0.0})
+
+    def _set(self, parameters: str) -> None:
+        self.side.drive({"current": _number(parameters, 0.0, 3.0)})
+
+
+def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
+    """Serve the instrument where the driver will look for it."""
+    return serve_text({"scanner": Scanner, "dc-source": DcSource}[settings["model"]], settings, side, behave)
+
+
+def _is(header: str, pattern: str) -> bool:
+    """Whether a header is a pattern's, each word in its long or its short form."""
+    words, forms = header.split(":"), pattern.split(":")
+    return len(words) == len(forms) and all(
+        word.upper() in (form.upper(), re.sub("[a-z]", "", form)) for word, form in zip(words, forms, strict=True)
+    )
+
+
+def _number(text: str, low: float, high: float) -> float:
+    if not text.strip():
+        raise _Wrong(-109)
+    if not re.fullmatch(r"\s*[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d{1,3})?\s*", text):
+        raise _Wrong(-121)
+    value = float(text)
+    if not low <= value <= high:
+        raise _Wrong(-222)
+    return value
+
+
+def _channels(text: str, allowed: range) -> list[int]:
+    found = re.fullmatch(r"\(@(\d{3}(?:,\d{3})*)\)", text.strip())
+    if found is None:
+        raise _Wrong(-109 if not text else -102)
+    numbers = [int(number) for number in found[1].split(",")]
+    if not all(number in allowed for number in numbers):
+        raise _Wrong(-222)
+    return numbers
+
+
+_twin = Twin("scpi", serve, example="socket://127.0.0.1:5025", free="socket://127.0.0.1:0")
+Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq

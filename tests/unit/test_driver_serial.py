@@ -1,0 +1,248 @@
+"""The serial drivers and their twins: lines as manuals print them, late and garbled answers, watchdog, error queue."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import ModuleType
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import ascii_module, scpi
+from hil.clock import VirtualClock
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.errors import DeviceLostError, LinkError
+from sim_devices import ascii_module as module_twin
+from sim_devices import scpi as scpi_twin
+from sim_devices._field import Field, Side
+from sim_devices._quirks import Quirks
+from sim_devices._simulation import Simulation
+
+INSTRUMENTS = {
+    "command": {"direction": "out", "signal": "command", "unit": "%", "slope": 10.0},
+    "read back": {"signal": "command", "unit": "%", "slope": 10.0},
+}
+SIMULATION = Simulation.model_validate({"plant": "brevini-hpv41", "instruments": INSTRUMENTS})
+MODULE = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
+INPUTS = Wiring(
+    {"command": OutputChannel("command", "unused", "voltage", "V", -10.0, 10.0)},
+    {"read back": InputChannel("read back", "ai2", "voltage", "V", -10.0, 10.0)},
+)
+SCANNER = Wiring(
+    {"command": OutputChannel("command", "dac4", "voltage", "V", -12.0, 12.0)},
+    {"read back": InputChannel("read back", "in3", "voltage", "V", -10.0, 10.0)},
+)
+QUICK = {"timeout_s": 0.1, "longest_reply_s": 0.3}
+
+
+def by_hand(wiring: Wiring) -> Side:
+    return Field(SIMULATION, {"": wiring}, VirtualClock()).side("")
+
+
+@contextmanager
+def linked(
+    driver: ModuleType, twin: ModuleType, wiring: Wiring, quirks: Quirks | None = None, **settings: Any
+) -> Iterator[tuple[Any, Any, Side]]:
+    side = twin.world(SIMULATION, {"": wiring}).side("")
+    told = {"address": "socket://127.0.0.1:0", **QUICK, **settings}
+    served = twin.serve(told, side, quirks or Quirks())
+    told["address"] = served.where
+    try:
+        link = driver.open_link(driver.Settings.model_validate(told), wiring)
+        try:
+            yield link, served, side
+        finally:
+            link.close()
+    finally:
+        served.close()
+
+
+def module(**settings: Any) -> Any:
+    return linked(ascii_module, module_twin, MODULE, model="adam-4024", **settings)
+
+
+def scanner(**settings: Any) -> Any:
+    return linked(scpi, scpi_twin, SCANNER, model="scanner", **settings)
+
+
+def test_lines_of_the_module_as_its_manual_prints_them() -> None:
+    side = by_hand(MODULE)
+    told = module_twin.Module(side, "4024", 4, 0, 0x0A)
+    conversation = [
+        ("$0AM", "!0A4024"), ("#0AC0+07.456", "!0A"), ("$0A8C0", "!0A+07.456"), ("$0AX0100", "!0A"),
+        ("#0AC4+01.000", "?0A"), ("#0AC0+7.456", None), ("$0BM", None), ("", None), ("#0A", None),
+    ]  # fmt: skip
+    for request, answer in conversation:
+        assert told.answer_to(request) == answer, request
+    assert side.standing("ao0") == 7.456
+
+
+def test_readings_of_all_eight_inputs_in_one_line() -> None:
+    answer = module_twin.Module(by_hand(INPUTS), "4017", 0, 8, 1).answer_to("#01")
+    assert answer == ">" + 8 * "+00.000"
+
+
+def test_module_is_driven_and_read_back() -> None:
+    with module() as (link, _, side):
+        link.drive({"ao0": -3.25})
+        assert side.standing("ao0") == -3.25
+        assert link.standing() == {"ao0": -3.25}
+
+
+def test_module_with_inputs_is_read() -> None:
+    with linked(ascii_module, module_twin, INPUTS, model="adam-4017") as (link, _, side):
+        side.drive({"unused": 4.5})
+        time.sleep(0.003)
+        link._outputs = []
+        assert link.read() == {"ai2": pytest.approx(4.5, abs=2e-3)}
+
+
+def test_another_module_than_the_one_that_was_named_is_refused() -> None:
+    side = module_twin.world(SIMULATION, {"": MODULE}).side("")
+    served = module_twin.serve({"model": "adam-4017", "address": "socket://127.0.0.1:0"}, side, Quirks())
+    with pytest.raises(LinkError, match="module 01 is a '4017', not a 4024"):
+        ascii_module.open_link(ascii_module.Settings(model="adam-4024", address=served.where), MODULE)
+    served.close()
+
+
+def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices() -> None:
+    with module(watchdog_s=0.2) as (link, _, side):
+        link.drive({"ao0": 5.0})
+        time.sleep(0.35)
+        assert side.standing("ao0") == 0.0
+        with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s"):
+            link.read()
+        with pytest.raises(LinkError, match="ao0 stands at 0 V, not at 5 as it was driven"):
+            link.check_outputs()
+
+
+def test_scanner_is_driven_and_read() -> None:
+    with scanner() as (link, _, side):
+        link.drive({"dac4": 6.5})
+        time.sleep(0.003)
+        assert link.read() == {"in3": pytest.approx(6.5, abs=1e-3)}
+        assert link.standing() == {"dac4": pytest.approx(6.5)}
+        assert side.standing("dac4") == 6.5
+
+
+def test_scanner_on_a_serial_port(tmp_path: Any) -> None:
+    with scanner(address=str(tmp_path / "tty")) as (link, _, _):
+        link.drive({"dac4": 1.5})
+        time.sleep(0.003)
+        assert link.read() == {"in3": pytest.approx(1.5, abs=1e-3)}
+
+
+def test_error_queue_keeps_the_oldest_and_says_when_it_ran_over() -> None:
+    instrument = scpi_twin.Scanner(by_hand(SCANNER))
+    for _ in range(25):
+        assert instrument.answer_to("NONSENSE 1") is None
+    instrument.answer_to("*RST")
+    errors = [instrument.answer_to("SYST:ERR?") for _ in range(21)]
+    assert errors == [*19 * ['-113,"Undefined header"'], '-350,"Queue overflow"', '+0,"No error"']
+
+
+@pytest.mark.parametrize(
+    ("message", "code"),
+    [
+        ("SOUR:VOLT 13,(@204)", -222), ("SOUR:VOLT 1", -109), ("SOUR:VOLT x,(@204)", -121),
+        ("SOURCE:VOLTAGE 1,(@206)", -222), ("sour:volt 1,204", -102), ("*CLS 1", -108), ("SOU:VOLT 1,(@204)", -113),
+    ],
+)  # fmt: skip
+def test_errors_by_their_numbers_in_the_standard(message: str, code: int) -> None:
+    side = by_hand(SCANNER)
+    instrument = scpi_twin.Scanner(side)
+    assert str(instrument.answer_to(f"{message};:SYST:ERR?")).startswith(f"{code},")
+    assert side.standing("dac4") == 0.0
+
+
+def test_refused_command_is_raised_with_the_error_of_the_instrument() -> None:
+    with scanner() as (link, _, _):
+        with pytest.raises(LinkError, match=r"refused SOUR:VOLT 13\.00000,\(@204\): -222 Data out of range"):
+            link.drive({"dac4": 13.0})
+        link.drive({"dac4": 1.0})
+
+
+def test_meter_without_a_measurement_is_an_error() -> None:
+    with scanner() as (link, served, _):
+        served.behaviour.quirks = Quirks(not_a_number=True)
+        with pytest.raises(LinkError, match="in3 reads no number"):
+            link.read()
+
+
+@pytest.mark.parametrize("quirk", ["late_s", "silent", "garbled", "cut"])
+@pytest.mark.parametrize("make", [scanner, module], ids=["scpi", "module"])
+def test_bad_answer_is_an_error_and_the_next_one_is_right(make: Any, quirk: str) -> None:
+    with make() as (link, served, side):
+        (terminal,) = link.standing()
+        link.drive({terminal: 5.0})
+        late = 0.15  # after the next request, were it sent at once
+        served.behaviour.quirks = Quirks.model_validate({quirk: late if quirk == "late_s" else True, "answers": 1})
+        if quirk == "garbled":  # one bit may still make a number; what counts is that the line stays in step
+            served.behaviour.mangled = lambda answer, quirks: b"\xff" + answer if quirks.garbled else answer
+        with pytest.raises(LinkError):
+            link.standing()
+        side.drive({terminal: -5.0})
+        assert link.standing() == {terminal: pytest.approx(-5.0)}
+
+
+@pytest.mark.parametrize("make", [scanner, module], ids=["scpi", "module"])
+def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(make: Any) -> None:
+    with make() as (link, served, side):
+        (terminal,) = link.standing()
+        link.drive({terminal: 5.0})
+        served.behaviour.quirks = Quirks(silent=True, answers=1)
+        with pytest.raises(LinkError):
+            link.standing()
+        begun_s = time.monotonic()
+        thread = threading.Thread(target=link.drive, args=({terminal: 0.0},))
+        thread.start()
+        while side.standing(terminal) != 0.0 and time.monotonic() - begun_s < 1.0:
+            time.sleep(0.002)
+        reached_s = time.monotonic() - begun_s
+        thread.join()
+        assert reached_s < 0.1
+
+
+def test_line_that_is_gone_is_a_lost_device() -> None:
+    with scanner() as (link, served, _):
+        served.close()
+        with pytest.raises(DeviceLostError):
+            link.read()
+
+
+def test_no_port_is_said_at_once(tmp_path: Any) -> None:
+    settings = scpi.Settings(model="scanner", address=str(tmp_path / "none"))
+    with pytest.raises(DeviceLostError, match="cannot be opened"):
+        scpi.open_link(settings, SCANNER)
+
+
+WORDS = st.sampled_from(
+    ["SOUR:VOLT", "MEAS:VOLT:DC?", "(@204)", "*IDN?", ";", ":", " 1e999,(@204)", "$01", "#01C0", "\n"]
+)
+HOSTILE = st.lists(st.binary(max_size=30) | WORDS.map(str.encode), max_size=8).map(b"".join)
+TARGETS = [scpi_twin.Scanner(by_hand(SCANNER)), module_twin.Module(by_hand(MODULE), "4024", 4, 0, 1)]
+
+
+@given(HOSTILE, st.sampled_from(TARGETS))
+def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(received: bytes, target: Any) -> None:
+    received += target.end
+    for _ in range(len(received) + 1):
+        request, received = target.request_in(received)
+        if not request:
+            break
+        target.answer(request)
+    assert not received or target.end not in received
+    assert target.side.standing("dac4") == target.side.standing("ao0") == 0.0
+
+
+@pytest.mark.parametrize("driver", [scpi, ascii_module])
+def test_settings_that_cannot_be_are_told(driver: ModuleType) -> None:
+    model = {"scpi": "scanner", "ascii_module": "adam-4017"}[driver.__name__.removeprefix("drivers.")]
+    told = {"model": model, "address": "x", "timeout_s": 3.0, **({"watchdog_s": 1.0} if "adam" in model else {})}
+    found = [text for _, text in driver.faults(driver.Settings.model_validate(told))]
+    assert "shorter than timeout_s" in found[0] and len(found) == (2 if "adam" in model else 1)
