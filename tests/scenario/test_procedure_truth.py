@@ -1,0 +1,166 @@
+"""What the procedures find on the simulated HPV41 is what its physics says, within the stated uncertainty."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.identify.measuring_chain import MeasuringChain
+from hil.identify.sine_test import sine_test
+from hil.identify.step_response import step_figures
+from hil.physics.compose import plant
+from hil.physics.simulate import Drive, simulate
+from hil.record.folder import read
+from hil.session.procedure import load_procedure
+from hil.session.setting import parse_settings
+
+BENCH = "brevini-hpv41"
+VALVE = plant(BENCH)
+TRUTH = VALVE.typical
+RATE_HZ = 1000.0
+SENSOR = MeasuringChain(sensor_lag_s=TRUTH["sensor_lag"])
+
+
+@pytest.fixture
+def measure(tmp_path):
+    """Findings of a procedure on the bench, without a report."""
+
+    def run(name, bench=None, **given):
+        procedure = load_procedure(name)
+        values = parse_settings(procedure.settings, given)
+        folder = tmp_path / name
+        file = read_bench(bench or benches()[BENCH])
+        with open_rig(file, folder, {"settings": values}, lambda _done, _text: None) as rig:
+            procedure.run(rig, **values)
+        return procedure.evaluate(read(folder))
+
+    return run
+
+
+def described(frequencies, amplitude, bias):
+    """The describing function of the plant without noise, its flow meter taken out."""
+    return sine_test(frequencies, amplitude, bias).response(VALVE, TRUTH) / SENSOR.at(np.array(frequencies))
+
+
+def near(measured, truth, *, factor=4.0):
+    assert abs(measured.value - truth) < factor * measured.std, (measured.name, measured.value, measured.std, truth)
+
+
+def by_name(findings):
+    return {measured.quantity: measured for measured in findings.measured}
+
+
+def test_stepped_sines_give_the_describing_function_dead_time_and_bandwidths(measure):
+    frequencies = (0.1, 0.3, 0.7, 1.1, 1.5, 1.9, 2.5, 3.3, 4.1, 4.9)
+    findings = measure("frequency_response", frequencies=frequencies, amplitudes="10", biases="50,-50")
+    for curve, bias in zip(findings.curves["responses"], (50.0, -50.0), strict=True):
+        truth = described(frequencies, 10.0, bias)
+        off = np.concatenate((
+            (curve["gain"] - np.abs(truth)) / curve["gain_std"],
+            (curve["phase_deg"] - np.degrees(np.unwrap(np.angle(truth)))) / curve["phase_std_deg"],
+        ))  # fmt: skip
+        assert np.max(np.abs(off)) < 4.5
+        assert 0.4 < np.sqrt(np.mean(off**2)) < 1.6
+        model = curve["model"]
+        assert abs(model["dead_time_s"] - TRUTH["dead_time"]) < 4.0 * model["dead_time_std_s"]
+        assert model["fit_percent"] > 99.0
+        assert [overlay["frequency_hz"] for overlay in curve["overlays"]] == [0.1, 1.9, 4.9]
+        for overlay in curve["overlays"]:
+            assert np.std(overlay["measured"] - overlay["fitted"]) < 0.35
+    grid = np.linspace(0.1, 3.0, 30)
+    fine = described(tuple(grid), 10.0, 50.0)
+    measured = by_name(findings)
+    down_3db = np.interp(3.0, -20.0 * np.log10(np.abs(fine / fine[0])), grid)
+    near(measured["bandwidth_3db"], float(down_3db), factor=6.0)  # the crossing is read from a line, not a spline
+    assert measured["thd"].value < 3.0
+
+
+def test_the_reference_of_the_standard_is_measured_below_the_lowest_frequency(measure):
+    findings = measure(
+        "frequency_response", frequencies="0.5,1,2,3", amplitudes="10", biases="50", reference="standard"
+    )
+    (curve,) = findings.curves["responses"]
+    quarter_hz = curve["bandwidth_90deg_hz"]
+    assert curve["reference_hz"] == pytest.approx(0.05 * quarter_hz, rel=0.1)  # judged while it runs, from a few lines
+    assert curve["frequency_hz"][0] == curve["reference_hz"]
+
+
+def test_a_multisine_agrees_with_the_sines_and_sees_the_curved_edge_as_even_distortion(measure):
+    findings = measure("multisine_response", amplitudes="10", biases="50")
+    (curve,) = findings.curves["responses"]
+    truth = described(tuple(curve["frequency_hz"]), 5.0, 50.0)
+    assert np.max(np.abs(curve["gain"] / np.abs(truth) - 1.0)) < 0.05
+    assert np.max(np.abs(curve["phase_deg"] - np.degrees(np.unwrap(np.angle(truth))))) < 3.0
+    measured = by_name(findings)
+    assert measured["even_distortion"].value > 3.0 * measured["noise"].value
+    assert measured["odd_distortion"].value < measured["even_distortion"].value / 2.0
+
+
+def test_the_flow_curve_has_the_dead_band_the_rated_flow_and_no_hysteresis(measure):
+    findings = measure("flow_curve")
+    measured = by_name(findings)
+    near(measured["dead_band_positive"], TRUTH["dead_band"])
+    near(measured["dead_band_negative"], -TRUTH["dead_band"])
+    near(measured["response_high"], TRUTH["full_flow"])
+    near(measured["response_low"], -TRUTH["full_flow"])
+    near(measured["leakage"], 0.0)
+    assert measured["hysteresis"].value < 0.1
+    delays = ("dead_time", "sensor_lag")
+    spool_s = 2.0 * TRUTH["spool_damping"] / TRUTH["spool_frequency"]
+    near(measured["lag"], 1e3 * (sum(TRUTH[d] for d in delays) + 1.0 / TRUTH["pilot_rate"] + spool_s + 0.5 / RATE_HZ))
+    curve = findings.curves["flow_curve"]
+    over = np.maximum(np.abs(curve["command"]) - TRUTH["dead_band"], 0.0) / (100.0 - TRUTH["dead_band"])
+    flow = np.sign(curve["command"]) * TRUTH["full_flow"] * over ** TRUTH["curve_exponent"]
+    assert np.max(np.abs(curve["spline"] - flow)) < 0.6
+    assert np.all(np.diff(curve["spline"]) >= 0.0)
+
+
+def test_a_valve_with_play_shows_its_hysteresis_and_its_lag_apart(measure, tmp_path):
+    text = benches()[BENCH].read_text(encoding="utf-8")
+    effect = 'effects = [{ name = "backlash", hook = "opening", parameters = { half_width = 2.0 } }]'
+    worn = tmp_path / "worn.toml"
+    worn.write_text(text.replace("[simulation]\n", f"[simulation]\n{effect}\n"), encoding="utf-8")
+    measured = by_name(measure("flow_curve", worn, cycle_s=40))
+    assert measured["hysteresis"].value == pytest.approx(2.0, abs=0.3)  # 4 % of 200 %; the largest width errs upwards
+    assert measured["lag"].value == pytest.approx(202.0, abs=8.0)
+
+
+def test_step_figures_are_those_of_the_plant_without_noise(measure):
+    findings = measure("step_response", levels="30,80,30")
+    held = round(RATE_HZ * 4.0)
+    command = np.repeat([30.0, 80.0, 30.0], held)
+    flow = simulate(VALVE, TRUTH, Drive(command[None, :], math.nan, 1.0 / RATE_HZ))[0]
+    time_s = np.arange(held) / RATE_HZ
+    for k, label in ((1, "30 → 80 %"), (2, "80 → 30 %")):
+        rows = slice(k * held, (k + 1) * held)
+        truth = step_figures(time_s, flow[rows], start=float(flow[rows.start - 1]))
+        measured = {m.quantity: m for m in findings.measured if m.name.endswith(label)}
+        for name, value_s in (("rise", truth.rise_s), ("response", truth.response_s), ("reaches", truth.reaches_s)):
+            near(measured[name], 1e3 * value_s)
+        near(measured["change"], truth.final - truth.start)
+        assert measured["overshoot"].relation == "<"
+    up = findings.curves["steps"][0]
+    assert np.std(up["measured"] - up["fitted"]) < 0.05 * (up["final"] - up["start"])
+
+
+def test_a_step_that_does_nothing_is_told_and_the_others_are_kept(measure):
+    findings = measure("step_response", levels="0,10,80")
+    assert [curve["label"] for curve in findings.curves["steps"]] == ["10 → 80 %"]
+    assert any(note.startswith("0 → 10 %: no figures") for note in findings.notes)
+
+
+def test_large_sines_give_amplitude_phase_and_distortion_of_the_whole_stroke(measure):
+    findings = measure("large_sine", frequencies="0.1,0.5", amplitude="100")
+    for frequency_hz, curve in zip((0.1, 0.5), findings.curves["large_sines"], strict=True):
+        truth = sine_test([frequency_hz], 100.0, 0.0).response(VALVE, TRUTH)[0]
+        truth *= MeasuringChain(hold_s=1.0 / RATE_HZ).at(np.array([frequency_hz]))[0]
+        measured = {m.quantity: m for m in findings.measured if m.name.endswith(curve["label"])}
+        near(measured["amplitude"], 100.0 * abs(truth))
+        near(measured["phase"], math.degrees(np.angle(truth)))
+        near(measured["offset"], 0.0)
+        assert measured["thd"].value > 15.0  # the dead band
