@@ -38,6 +38,7 @@ _WIDE = 4.0  # noise standard deviations that a residual axis shows at least
 _EVERYWHERE = 0.85  # of a recording: beyond this share, shading says nothing
 _BEFORE: dict[str, Any] = {"color": RED, "lw": 1.1, "ls": (0, (5, 1.6))}
 _AFTER: dict[str, Any] = {"color": BLUE, "lw": 1.1, "ls": "-"}
+_PALE = "#eb9b62"  # the nominal model where lines lie too close for dashes; lighter than the other in grey, too
 _BEFORE_NAME, _AFTER_NAME = "nominal model", "corrected model"
 
 
@@ -205,9 +206,8 @@ def stage_curves(stages: Sequence[StageShare], name: str) -> Picture:
             )
             axes.set_title(f"{s.hook} ({s.stage}): {100 * s.share:.0f} %")
             axes.set_xlabel(f"value there{unit}")
-        axes = figure.axes[0]
-        axes.set_ylabel(f"added there{f' [{stages[0].unit}]' if stages[0].unit not in ('', '1') else ''}")
-        axes.legend(loc="best")
+            axes.set_ylabel(f"added there{unit}")
+        legend_on_top(figure.axes[0])
 
     caption = (
         "Without a law: the disturbance that would explain most of it if it entered at this place, as a function of "
@@ -231,7 +231,7 @@ def _residuals(axes: Axes, strip: Strip, *, corrected: bool) -> None:
     noise = noise_of(strip)
     before, after = (strip.measured - strip.nominal) / noise, (strip.measured - strip.corrected) / noise
     axes.axhspan(-2.0, 2.0, color=FAINT, lw=0.0, zorder=0)
-    axes.plot(*thinned(strip.time_s, before), **{**_BEFORE, "ls": "-", "lw": 0.8})
+    axes.plot(*thinned(strip.time_s, before), color=_PALE, lw=0.8)
     if corrected:
         axes.plot(*thinned(strip.time_s, after), **{**_AFTER, "lw": 0.8})
     axes.margins(x=0.0)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 NEEDED = ("time_s", "measured", "start", "final")
-_COLUMNS = 2
+_FEW = 4  # steps that are drawn two beside each other, more of them three
 _MOST_STEPS = 12
 _FIGURES = (
     ("dead_time_s", "Dead time [s]"), ("rise_s", "Rise 10…90 % [s]"), ("response_s", "To 90 % [s]"),
@@ -36,13 +36,17 @@ def steps_section(curves: Sequence[Curve]) -> Section:
 
 
 def _picture(curves: Sequence[Curve], left_out: int) -> Picture:
-    columns = min(_COLUMNS, len(curves))
+    columns = min(2 if len(curves) <= _FEW else 3, len(curves))
     rows = -(-len(curves) // columns)
 
     def draw(figure: Figure) -> None:
         grid = figure.subplots(rows, columns, squeeze=False).ravel()
         for axes, curve in zip(grid, curves, strict=False):
             _step(axes, curve)
+        for axes in grid[::columns]:
+            axes.set_ylabel(f"response{unit_of(curves[0], 'response_unit')}")
+        for axes in grid[max(0, len(curves) - columns) : len(curves)]:
+            axes.set_xlabel("time [s]")
         for axes in grid[len(curves) :]:
             axes.set_visible(False)
         legend_on_top(grid[0])
@@ -53,7 +57,7 @@ def _picture(curves: Sequence[Curve], left_out: int) -> Picture:
     )
     if left_out:
         caption += f" {left_out} more steps are in the table only."
-    return drawn("steps", 0.5 + 2.3 * rows, draw, caption)
+    return drawn("steps", 0.5 + (2.3 if columns < 3 else 1.75) * rows, draw, caption)
 
 
 def _step(axes: Axes, curve: Curve) -> None:
@@ -68,8 +72,6 @@ def _step(axes: Axes, curve: Curve) -> None:
     for share in (0.1, 0.9):
         axes.axhline(start + share * (final - start), color=SOFT, lw=0.8, ls=":")
     axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
-    axes.set_ylabel(f"response{unit_of(curve, 'response_unit')}")
-    axes.set_xlabel("time [s]")
     axes.margins(x=0.0)
 
 
