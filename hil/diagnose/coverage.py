@@ -19,7 +19,9 @@ _VISIBLE_SIGMAS = 5.0
 class Limit:
     """The upper limit (95 %) on the first parameter of an effect that was not found.
 
-    `visible`: whether an effect of typical size would have been seen; if not, nothing can be said of it.
+    What is itself a limit (saturation, a rate) does nothing at infinity: `upper` is then the typical value where that
+    would have been seen, infinity where not. `visible`: whether an effect of typical size would have been seen; if
+    not, nothing can be said of it.
     """
 
     effect: str
@@ -34,11 +36,11 @@ class Limit:
 def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
     """Upper limits for effects beside what is accepted; one for each effect, at its most visible place."""
     found: dict[str, Limit] = {}
-    asked = [term for term in terms if term.kind == "effect" and np.isfinite(term.null)]
+    asked = [term for term in terms if term.kind == "effect"]
     without = adapted_residuals(place, None)
     for term, limit in zip(asked, pool().map(lambda term: _limit(place, term, without), asked), strict=True):
         known = found.get(term.name)
-        if known is None or limit.upper < known.upper:
+        if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
             found[term.name] = limit
     return tuple(found[name] for name in sorted(found))
 
@@ -46,6 +48,12 @@ def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
 def _limit(place: Around, term: Term, without: Array) -> Limit:
     """From one small step in the effect's strength, all else adapting."""
     first = term.unknowns[0]
+    if not np.isfinite(term.null):
+        typical = tuple(u.start for u in term.unknowns)
+        change = adapted_residuals(place, (term, typical), coarse=True) - without
+        seen = bool(np.linalg.norm(change) > _VISIBLE_SIGMAS)
+        upper = first.start if seen else float("inf")
+        return Limit(term.name, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
     size = abs(start[0] - term.null)
     step = adapted_residuals(place, (term, start), coarse=True) - without

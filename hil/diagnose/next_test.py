@@ -104,7 +104,9 @@ def _sweep(low: float, high: float, cycle_s: float) -> MenuTest:
         wave: Array = triangle(low / 100.0, high / 100.0, cycle_s, rate_hz, start=low / 100.0)
         return wave
 
-    return MenuTest("flow_curve", {"low": round(low, 3), "high": round(high, 3), "cycle_s": cycle_s}, shape)
+    return MenuTest(
+        "flow_curve", {"low": round(low, 3), "high": round(high, 3), "cycle_s": cycle_s, "half_speed": False}, shape
+    )
 
 
 def next_test(

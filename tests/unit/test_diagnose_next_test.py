@@ -1,0 +1,47 @@
+"""The menu of next tests is made of installed procedures and settings that they take."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.diagnose.diagnose import diagnose
+from hil.diagnose.next_test import Span, menu
+from hil.identify.experiment import Experiment, for_model
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import recording
+from hil.session.procedure import load_procedure
+from hil.session.setting import parse_settings
+from tests.concealed import NOISE, RATE_HZ, nominal
+
+BOTH_WAYS, ONE_WAY = Span(0.0, 100.0, -90.0, 90.0), Span(0.0, 2.0, 1.1, 1.9)
+
+
+@pytest.mark.parametrize("span", [BOTH_WAYS, ONE_WAY], ids=["both ways", "one way"])
+def test_every_test_of_the_menu_can_be_run_and_stays_in_its_span(span: Span) -> None:
+    for test in menu(span):
+        settings = parse_settings(load_procedure(test.procedure).settings, {**test.settings, "full_command": span.full})
+        assert settings["full_command"] == span.full
+        driven = span.neutral + span.full * test.shape(RATE_HZ)
+        assert driven.min() >= span.low - 1e-3 * span.full
+        assert driven.max() <= span.high + 1e-3 * span.full
+
+
+def small_sine() -> Experiment:
+    """The paper's practice: a small sine about half opening."""
+    model = nominal()
+    time_s = np.arange(0.0, 20.0, 1.0 / RATE_HZ)
+    command = 50.0 + 5.0 * np.sin(2.0 * np.pi * 0.5 * time_s)
+    drive = Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0)
+    flow = simulate(model.definition, model.values, drive, factor=4.0)[0]
+    flow = flow + NOISE * np.random.default_rng(3).standard_normal(len(flow))
+    return for_model(model, recording("small sine", time_s, {"command [%]": command, "flow [l/min]": flow}))
+
+
+def test_a_small_sine_shows_little_and_says_so() -> None:
+    found = diagnose(nominal(), [small_sine()]).diagnosis
+    assert found.verdict == "consistent"
+    hidden = {limit.effect for limit in found.limits if not limit.visible}
+    assert {"deadband", "rate_limit", "saturation"} & hidden
+    assert found.next_test is not None
+    assert found.next_test.bench_s <= 60.0
