@@ -33,6 +33,7 @@ MEASUREMENTS = (DEAD_TIME, RISE, RESPONSE, SETTLING, REACHES, OVERSHOOT, CHANGE)
 _HOLD_SETTLINGS = 2.0
 _BEFORE = 0.1  # of a step's time, shown before it
 _MOST_POINTS = 1500
+_TAIL, _CLEAR = 4, 3.0  # the last quarter of a level is steady; a change of so many noise deviations can be read
 _BY_NOISE = 2.5  # standard deviations of a sample: the largest of thousands of smoothed ones
 
 
@@ -111,6 +112,10 @@ def _steps(recording: Recording) -> list[tuple[Mapping[str, Any], Mapping[str, A
 
 def _one(recording: Recording, part: Mapping[str, Any], before: Mapping[str, Any], band: float) -> MeasuredStep:
     command, response = roles_of(recording)
+    ends = [recording.rows(p["first"], p["count"]).values(response.name) for p in (before, part)]
+    start, final = (values[-max(1, len(values) // _TAIL) :] for values in ends)
+    if abs(float(final.mean() - start.mean())) < _CLEAR * float(np.hypot(start.std(), final.std())):
+        raise InputError("the response does not follow it beyond the noise")
     rows = recording.rows(before["first"], before["count"] + part["count"])
     (found,) = measured_steps(rows, command.name, response.name, band=band / 100.0)
     return found

@@ -151,7 +151,7 @@ def test_step_figures_are_those_of_the_plant_without_noise(measure):
 def test_a_step_that_does_nothing_is_told_and_the_others_are_kept(measure):
     findings = measure("step_response", levels="0,10,80")
     assert [curve["label"] for curve in findings.curves["steps"]] == ["10 → 80 %"]
-    assert any(note.startswith("0 → 10 %: no figures") for note in findings.notes)
+    assert findings.notes == ("0 → 10 %: no figures: the response does not follow it beyond the noise.",)
 
 
 def test_large_sines_give_amplitude_phase_and_distortion_of_the_whole_stroke(measure):
