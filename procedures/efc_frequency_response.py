@@ -1,0 +1,113 @@
+"""Frequency response of an EFC by stepped sine at the thesis's three pressure levels: low, medium and high.
+
+The names are levels, not amplitudes: "low" swings between 19 and 21 psi, "medium" between 20 and 140 psi, "high"
+between 133 and 147 psi (EFC thesis, section 3.1.3.1). Sweeps of the current first tell which currents these are for
+this valve; the sines and their evaluation are those of `frequency_response`.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Literal
+
+from hil.errors import SettingError
+from hil.identify.pressure_curve import PressureCurve
+from hil.record.measurement import Findings
+from hil.record.recording import Recording
+from hil.rig import Rig
+from procedures import frequency_response, pressure_current
+
+MEASUREMENTS = frequency_response.MEASUREMENTS
+LEVELS_PSI = {"low": (19.0, 21.0), "medium": (20.0, 140.0), "high": (133.0, 147.0)}
+
+_FREQUENCIES_HZ = (0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0)
+_AMPERE = 100.0  # % of a full command of 1 A
+
+
+def run(
+    rig: Rig,
+    *,
+    levels: tuple[Literal["low", "medium", "high"], ...] = ("low", "medium", "high"),
+    frequencies: tuple[float, ...] = _FREQUENCIES_HZ,
+    measure_periods: int = 3,
+    measure_s: float = 2.0,
+    top_current: float = 2.0,
+    cycle_s: float = 20.0,
+    normally_open: bool = False,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive two sweeps, then the sines of each level.
+
+    Args:
+        rig: the bench.
+        levels: which of the three.
+        frequencies: in Hz, rising.
+        measure_periods: least number of whole periods that are measured, 2 or more.
+        measure_s: least time that is measured, in s.
+        top_current: to which the sweeps go, in A.
+        cycle_s: time of the first sweep, in s.
+        normally_open: whether current closes the valve.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    pieces = pressure_current.drive(rig, top_current, cycle_s, normally_open, rate_hz)
+    drive(rig, curve_of(rig, pieces), levels, frequencies, measure_periods, measure_s, rate_hz)
+
+
+def curve_of(rig: Rig, pieces: Sequence[Recording]) -> PressureCurve:
+    """The curve of the sweeps that have just been driven."""
+    with_speed = [(float(piece.meta["sweep"]["speed_per_s"]), piece) for piece in pieces]
+    return pressure_current.curve_of("sweeps", with_speed, rig.command.name, rig.response.name)
+
+
+def drive(
+    rig: Rig,
+    curve: PressureCurve,
+    levels: Sequence[str],
+    frequencies: tuple[float, ...] = _FREQUENCIES_HZ,
+    measure_periods: int = 3,
+    measure_s: float = 2.0,
+    rate_hz: float | None = None,
+) -> None:
+    """The sines about the currents that a known curve gives for each level.
+
+    Raises:
+        SettingError: no level, or one that is not known.
+        InputError: the curve does not reach a level's pressures.
+    """
+    unknown = [level for level in levels if level not in LEVELS_PSI]
+    if unknown or not levels:
+        raise SettingError(f"setting levels: {', '.join(unknown) or 'none'}; allowed are {', '.join(LEVELS_PSI)}")
+    swings = {}
+    for level in levels:
+        low, high = sorted(pressure_current.checked_current(curve, p, "levels") for p in LEVELS_PSI[level])
+        swings[level] = (low, high)
+    # the limits of the command only ever become narrower, so the level that goes highest comes first
+    for level, (low, high) in sorted(swings.items(), key=lambda item: -item[1][1]):
+        rig.note("level", level=level, low_a=round(low, 5), high_a=round(high, 5), psi=LEVELS_PSI[level])
+        frequency_response.run(
+            rig, frequencies=frequencies, amplitudes=(_AMPERE * (high - low) / 2.0,),
+            biases=(_AMPERE * ((low + high) / 2.0 - rig.command.safe),), full_command=1.0,
+            measure_periods=measure_periods, measure_s=measure_s, rate_hz=rate_hz,
+        )  # fmt: skip
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Responses, bandwidths and transfer functions of every level, and which label is which level."""
+    own = recording.meta.get("settings", {})
+    settings: dict[str, Any] = {**_general_settings(), **own}
+    found = frequency_response.evaluate(replace(recording, meta={**recording.meta, "settings": settings}))
+    told = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
+    notes = tuple(
+        f"Level {one['level']}: {one['psi'][0]:g} to {one['psi'][1]:g} psi, {one['low_a']:.4g} to "
+        f"{one['high_a']:.4g} A."
+        for one in told
+    )
+    return replace(found, notes=(*notes, *found.notes))
+
+
+def _general_settings() -> dict[str, Any]:
+    """Defaults of the general procedure, which its evaluation asks for."""
+    arguments = inspect.signature(frequency_response.run).parameters.values()
+    return {a.name: a.default for a in arguments if a.default is not a.empty}
