@@ -2,8 +2,9 @@
 
     python benchmarks [NAME]...
 
-Times are medians in ms, ratios are over the first row of each task, which is ours. What the machine was doing
-meanwhile is printed first, because ratios of a busy machine say less.
+Times are in ms; ratios are over the first row of each task, which is ours. What only computes is timed by the processor
+and the best of several counts; what starts processes, writes files or runs a test is timed by the clock on the wall.
+The load of the machine is printed first, because wall times of a busy machine say less.
 """
 
 from __future__ import annotations

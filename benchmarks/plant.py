@@ -60,19 +60,28 @@ static double metered(double opening, double dead_band, double full_flow, double
     return opening > 0.0 ? flow : -flow;
 }
 
+static double slipping(double free, double drive, double grip, double wear) {
+    double along = drive >= 0.0 ? free : -free;
+    double linear = 1.0 + grip - wear * along;
+    double root = sqrt(linear * linear + 4.0 * wear * fabs(drive));
+    double speed = linear > 0.0 ? 2.0 * fabs(drive) / (linear + root) : (root - linear) / (2.0 * wear);
+    return copysign(speed, drive);
+}
+
+static double level_at(double speed, const double *p) {
+    double ratio = speed / p[2];
+    return p[0] * (1.0 + (p[1] - 1.0) * exp(-ratio * ratio));
+}
+
 static double friction(double free, double mobility, double step, double *z, const double *p) {
-    double coulomb = p[0], stiction = p[1], stribeck = p[2], stiffness = p[0] / p[3];
-    double speed = free, deflection = *z;
-    for (int k = 0; k < 6; k++) {
-        double ratio = speed / stribeck;
-        double level = coulomb * (1.0 + (stiction - 1.0) * exp(-ratio * ratio));
-        double slip = 1.0 + step * stiffness * fabs(speed) / level;
-        double share = mobility * stiffness / slip;
-        speed = (free - share * *z) / (1.0 + share * step);
-        deflection = (*z + step * speed) / slip;
-    }
-    *z = deflection;
-    return stiffness * deflection;
+    double stiffness = p[0] / p[3];
+    double grip = mobility * stiffness;
+    double drive = free - grip * *z;
+    double speed = slipping(free, drive, grip * step, step * stiffness / level_at(free, p));
+    double wear = step * stiffness / level_at(speed, p);
+    speed = slipping(free, drive, grip * step, wear);
+    *z = (*z + step * speed) / (1.0 + wear * fabs(speed));
+    return stiffness * *z;
 }
 
 void run(const double *command, long n, long sub_steps, double step, const coefficients *c,
