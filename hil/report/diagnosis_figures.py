@@ -58,7 +58,7 @@ def before_and_after(strip: Strip, output: str, where: Where | None, *, correcte
         f"{short_name(strip.name)}, whole recording. Below: recording minus simulation, in standard deviations of "
         f"the noise; the grey band is ±2.{shaded}"
     )
-    return drawn("overlay", 4.3, draw, caption)
+    return drawn("overlay", 3.7, draw, caption)
 
 
 def close_up(strip: Strip, command: str, output: str, *, corrected: bool) -> Picture | None:
@@ -78,7 +78,7 @@ def close_up(strip: Strip, command: str, output: str, *, corrected: bool) -> Pic
         below.margins(x=0.0)
 
     caption = f"{short_name(strip.name)}, the stretch in which the nominal model is farthest off, and its command."
-    return drawn("close-up", 4.9, draw, caption)
+    return drawn("close-up", 4.2, draw, caption)
 
 
 def worst_stretch(strip: Strip) -> tuple[int, int]:

@@ -81,7 +81,8 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path) -> None:
         regions=_regions(d, corrected=corrected),
         chain=_chain(d),
         candidates=_candidates(d.candidates, d.effects),
-        not_separable=[" or ".join(names) for names in d.not_separable],
+        not_separable=_rivals(d, "or"),
+        settled=d.verdict not in ("partly_explained", "unexplained") and not d.not_separable,
         left=_left(d),
         limits=_limits(d.limits),
         next_test=_next_test(d.next_test),
@@ -102,7 +103,12 @@ def _details(d: Diagnosis) -> list[str]:
         if _is_corrected(d)
         else f"On data kept back the model fits {_percent(f.nominal)}; noise allows {_percent(f.ceiling)}."
     )
-    return [fit] if math.isfinite(f.ceiling) and math.isfinite(f.nominal) else []
+    fits = [fit] if math.isfinite(f.ceiling) and math.isfinite(f.nominal) else []
+    return [*fits, *(f"These data cannot tell {names} apart." for names in _rivals(d, "and"))]
+
+
+def _rivals(d: Diagnosis, word: str) -> list[str]:
+    return [f" {word} ".join(name.replace("_", " ") for name in names) for names in d.not_separable]
 
 
 def _percent(value: float) -> str:
@@ -226,14 +232,16 @@ def _regions(d: Diagnosis, *, corrected: bool) -> Picture | None:
 def _chain(d: Diagnosis) -> dict[str, Any]:
     """The signal's way: stages in order, each with its places, their share of the misfit, and what was found there."""
     shares = {s.hook: s.share for s in d.stage_shares}
-    found: dict[str, list[str]] = {}
-    for f in d.effects:
-        found.setdefault(f.hook, []).append(f.title)
     stages = []
     for stage, members in groupby(d.chain, key=lambda pair: pair[1]):
-        hooks = [{"name": hook, "share": shares.get(hook), "found": found.get(hook, [])} for hook, _stage in members]
-        named = any(hook["found"] for hook in hooks) or any(f.stage == stage and not f.hook for f in d.effects)
-        stages.append({"name": stage, "hooks": hooks, "named": named})
+        names = [hook for hook, _stage in members]
+        hooks = [
+            {"name": name, "share": shares.get(name), "found": [f.title for f in d.effects if f.hook == name]}
+            for name in names
+        ]
+        elsewhere = [f.title for f in d.effects if f.stage == stage and f.hook not in names]
+        named = bool(elsewhere) or any(hook["found"] for hook in hooks)
+        stages.append({"name": stage, "hooks": hooks, "found": elsewhere, "named": named})
     return {"input": d.input, "output": d.output, "stages": stages, "shares": bool(shares)}
 
 

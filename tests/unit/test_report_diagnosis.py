@@ -75,6 +75,11 @@ def a_diagnosis(**changes: Any) -> Diagnosis:
     return replace(made, **changes)
 
 
+def undrawn(**changes: Any) -> Diagnosis:
+    """The same without what takes time to draw."""
+    return a_diagnosis(strips=(), spectra=(), mismatch=None, **changes)
+
+
 def page_of(diagnosis: Diagnosis, folder: Path) -> Page:
     write_diagnosis_report(diagnosis, folder / "report.html")
     return read_page(folder / "report.html")
@@ -96,7 +101,7 @@ def test_explained_says_what_where_and_how_well(tmp_path: Path) -> None:
 
 
 def test_limits_on_what_cannot_be_seen_come_first(tmp_path: Path) -> None:
-    text = page_of(a_diagnosis(), tmp_path).text
+    text = page_of(undrawn(), tmp_path).text
     assert text.index("coil heating") < text.index("leakage load")
 
 
@@ -120,7 +125,7 @@ def test_unexplained_hands_over_what_is_left_without_a_name(tmp_path: Path) -> N
 
 def test_changed_parameter_at_its_bound_is_a_warning(tmp_path: Path) -> None:
     changed = ChangedParameter("gain", 1.5, 1.80123, 0.0151, "l/min", "flow at full opening", at_bound=True)
-    page = page_of(a_diagnosis(verdict="parameter_change", effects=(), changed_parameters=(changed,)), tmp_path)
+    page = page_of(undrawn(verdict="parameter_change", effects=(), changed_parameters=(changed,)), tmp_path)
     assert "gain 1.5 1.801 ± 0.030 l/min flow at full opening at its bound" in page.text
     assert "not physics" in page.text
 
@@ -128,10 +133,11 @@ def test_changed_parameter_at_its_bound_is_a_warning(tmp_path: Path) -> None:
 def test_rivals_next_test_and_warnings_are_shown(tmp_path: Path) -> None:
     test = NextTest("step_response", {"levels": (10.0, 80.0), "note": "a b"}, "Steps tell them apart.", 20.0)
     page = page_of(
-        a_diagnosis(next_test=test, not_separable=(("friction", "backlash"),), warnings=("clipped at 10 V",)), tmp_path
+        undrawn(next_test=test, not_separable=(("friction", "dead_time"),), warnings=("clipped at 10 V",)), tmp_path
     )
     assert "hil run step_response --set levels=10,80 --set 'note=a b' --bench BENCH.toml" in page.text
-    assert "friction or backlash" in page.text
+    assert "friction or dead time" in page.text
+    assert "These data cannot tell friction and dead time apart." in page.text
     assert "clipped at 10 V" in page.text
 
 
@@ -185,3 +191,17 @@ def test_equations_have_a_line_for_each_law_and_indices_below() -> None:
         [("base", "y = x"), ("below", "ab"), ("base", " + 1")],
     ]
     assert equation_lines("") == []
+
+
+def test_the_chain_marks_the_stage_of_an_effect_that_has_no_hook(tmp_path: Path) -> None:
+    effect = replace(a_diagnosis().effects[0], hook="", stage="sensor", title="drift of the sensor")
+    write_diagnosis_report(undrawn(effects=(effect,)), tmp_path / "report.html")
+    content = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert content.count('class="stage named"') == 1
+    assert '<div class="named-effect">drift of the sensor</div>' in content
+
+
+def test_an_open_question_without_a_test_is_not_called_settled(tmp_path: Path) -> None:
+    text = page_of(undrawn(not_separable=(("friction", "backlash"),)), tmp_path).text
+    assert "No further test is needed" not in text
+    assert "would tell more" in text
