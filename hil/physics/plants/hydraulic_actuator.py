@@ -16,7 +16,9 @@ def equations(opening: Any, x: Any, c: Any, hook: Any) -> Any:
     mass with drag and a load.
     """
     opening = hook.opening(c.null - opening)
-    flow = hook.flow(opening, opening)
+    flow = opening
+    if opening < 0.0:
+        flow = c.lowering * opening
     flow = hook.edge(flow, x.oil)
     x.oil += c.squeeze * (flow - x.speed)
     free_speed = c.keep * (x.speed + c.push * (x.oil - c.load))
@@ -35,6 +37,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     keep = 1.0 / (1.0 + push * p["drag"])
     return {
         "null": p["null"],
+        "lowering": p["lowering_ratio"],
         "squeeze": p["oil_stiffness"] * step,
         "push": push,
         "keep": keep,
@@ -66,12 +69,12 @@ PLANT = Plant(
             hook="edge",
         ),
         Parameter("drag", "1", 1.0, 0.0, 50.0, "pressure that moves the arm steadily at full opening", hook="force"),
+        Parameter("lowering_ratio", "1", 1.0, 0.1, 10.0, "speed down over speed up", change="asymmetry", hook="edge"),
         Parameter("null", "1", 0.0, -1.0, 1.0, "opening reading at which nothing flows", hook="opening"),
         Parameter("load", "1", 0.0, -3.0, 3.0, "pressure that holds the arm", hook="force"),
     ),
     hooks=(
         Hook("opening", "orifice", "1", 1.0),
-        Hook("flow", "flow", "1", 1.0, extra="opening"),
         Hook("edge", "orifice", "1", 1.0, extra="load_pressure"),
         Hook("force", "arm", "1", 3.0, extra="mobility"),
         Hook("line", "lines", "1", 3.0, extra="mobility"),

@@ -14,7 +14,6 @@ def equations(reference: Any, x: Any, c: Any, hook: Any) -> Any:
 
     The controller works at its own clock and holds the voltage in between.
     """
-    reference = hook.command(reference)
     if x.due <= 0.5 * c.step:
         voltage = c.speed_gain * (c.position_gain * (reference - x.place) - x.speed)
         x.voltage = min(max(voltage, -c.limit), c.limit)
@@ -69,9 +68,9 @@ PLANT = Plant(
         Parameter("mass", "kg", 100.0, 0.1, 1e5, "moved mass, motor and screw included", hook="force"),
         Parameter("viscous", "N*s/m", 200.0, 0.0, 1e6, "viscous friction of guide and screw", hook="force"),
         Parameter(
-            "position_gain", "1/s", 160.18, 0.1, 1e5, "speed asked for per position error", fixed=True, hook="command"
+            "position_gain", "1/s", 160.18, 0.1, 1e5, "speed asked for per position error", fixed=True, hook="coil"
         ),
-        Parameter("speed_gain", "V*s/m", 243.45, 0.1, 1e6, "voltage per speed error", fixed=True, hook="command"),
+        Parameter("speed_gain", "V*s/m", 243.45, 0.1, 1e6, "voltage per speed error", fixed=True, hook="coil"),
         Parameter("motor_gain", "N/V", 35.1507, 0.01, 1e5, "force per drive voltage", fixed=True, hook="coil"),
         Parameter(
             "controller_period",
@@ -81,12 +80,11 @@ PLANT = Plant(
             1.0,
             "time between two updates of the controller",
             fixed=True,
-            hook="command",
+            hook="coil",
         ),
         Parameter("voltage_limit", "V", 10.0, 0.1, 1e3, "largest drive voltage", fixed=True, hook="coil"),
     ),
     hooks=(
-        Hook("command", "command", "m", 0.25),
         Hook("coil", "drive", "N", 350.0),
         Hook("force", "guide", "N", 500.0, extra="mobility", motion_unit="m", motion_scale=0.25),
         Hook("position", "screw", "m", 0.25),

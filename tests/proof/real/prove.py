@@ -1,0 +1,124 @@
+"""One set of real recordings: nominal model, diagnosis, and the fit on what neither has seen."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from hil.diagnose.diagnose import diagnose
+from hil.errors import FileError, HilError
+from hil.identify.experiment import Experiment, experiment
+from hil.identify.grey_box import fit_plant, starting_model
+from hil.physics.model import Model, Value
+from hil.physics.plant import Plant
+from hil.record.read import read_recording
+from hil.record.recording import Recording
+
+from .sets import RealSet
+
+
+@dataclass(frozen=True, slots=True)
+class Fits:
+    """Mean fit % of the nominal and the corrected model over recordings, and their number."""
+
+    nominal: float
+    corrected: float
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What came of a set.
+
+    Attributes:
+        verdict: of the diagnosis. `named`: effects that it names. `described`: those that the corrected model
+            holds, named or not.
+        values: parameters of these effects, and base parameters, by label.
+        left: share of the misfit that stays.
+        seen, unseen: fits on what was used and on what was kept back; None where nothing was.
+        uneven: recordings with uneven time stamps.
+        seconds: of the diagnosis. `failure`: why there is no diagnosis.
+    """
+
+    real: RealSet
+    verdict: str = ""
+    named: tuple[str, ...] = ()
+    described: tuple[str, ...] = ()
+    effects: tuple[tuple[str, Value], ...] = ()
+    base: tuple[tuple[str, Value], ...] = ()
+    left: float = float("nan")
+    seen: Fits | None = None
+    unseen: Fits | None = None
+    uneven: int = 0
+    warnings: tuple[str, ...] = ()
+    seconds: float = 0.0
+    failure: str = ""
+
+
+def prove(real: RealSet, recordings: Path) -> Outcome:
+    """Diagnose a set; an error of the tool is an outcome too."""
+    try:
+        return _proved(real, recordings / real.folder)
+    except HilError as error:
+        return Outcome(real, failure=str(error))
+
+
+def _proved(real: RealSet, folder: Path) -> Outcome:
+    files = sorted(folder.glob("*.csv"))
+    fitted = [read_recording(path) for path in files if path.match(real.fitted)]
+    if not fitted:
+        raise FileError(f"{folder}: no recording of the set '{real.name}'")
+    start = starting_model(real.plant)
+    plant = start.definition
+    others = [read_recording(path) for path in files if not path.match(real.fitted)]
+    others = [r for r in others if all(s.name in r.channels for s in (*plant.inputs, plant.output))]
+    used = [experiment(r.rows(0, _count(r, real)), plant) for r in fitted]
+    started = time.perf_counter()
+    nominal = fit_plant(start, used).model
+    found = diagnose(nominal, used)
+    seconds = time.perf_counter() - started
+    corrected, said = found.corrected, found.diagnosis
+    models = (nominal, corrected)
+    kept_back = [_kept_back(models, experiment(r, plant), _count(r, real)) for r in fitted if real.share < 1.0]
+    kept_back += [_kept_back(models, experiment(r, plant), 0) for r in others]
+    effects = tuple(
+        (f"{e.name} at {plant.hook(e.hook).stage}: {name}", value)
+        for e in corrected.effects
+        for name, value in e.parameters.items()
+    )
+    return Outcome(
+        real, said.verdict, tuple(e.name for e in said.effects), tuple(e.name for e in corrected.effects), effects,
+        _free(plant, corrected), said.left.share, _mean([_kept_back(models, e, 0) for e in used]), _mean(kept_back),
+        sum(not r.is_even() for r in fitted), said.warnings, seconds,
+    )  # fmt: skip
+
+
+def _count(recording: Recording, real: RealSet) -> int:
+    return round(real.share * len(recording))
+
+
+def _free(plant: Plant, model: Model) -> tuple[tuple[str, Value], ...]:
+    return tuple((p.name, model.parameters[p.name]) for p in plant.parameters if not p.fixed)
+
+
+def _kept_back(models: Sequence[Model], whole: Experiment, first: int) -> tuple[float, ...]:
+    """Fits of models that run freely through a recording from its start, counted from a sample on."""
+    measured = whole.output[first:]
+    fits = []
+    for model in models:
+        moved = whole.reading_at(model.read_at)
+        simulated = moved.respond(model.definition, model.values, model.active_effects)[0][first:]
+        spread = np.linalg.norm(measured - measured.mean())
+        fits.append(float(100.0 * (1.0 - np.linalg.norm(measured - simulated) / spread)))
+    return tuple(fits)
+
+
+def _mean(fits: Sequence[tuple[float, ...]]) -> Fits | None:
+    if not fits:
+        return None
+    nominal, corrected = np.mean(fits, axis=0)
+    return Fits(float(nominal), float(corrected), len(fits))

@@ -1,0 +1,70 @@
+"""The table of real recordings, for a terminal and for the documentation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from hil.physics.model import Value
+
+from .prove import Fits, Outcome
+
+HEADINGS = ("set", "verdict", "effects in the corrected model", "fitted part", "kept back", "reference", "s")
+START, STOP = "<!-- measured: python -m tests.proof.real --page -->", "<!-- end of what was measured -->"
+
+
+def cells(outcome: Outcome) -> tuple[str, ...]:
+    """A row of the table."""
+    before, after = outcome.real.reference
+    reference = f"{before:g} → {after:g}"
+    if outcome.failure:
+        return (outcome.real.name, f"failed: {outcome.failure}", "", "", "", reference, "")
+    return (
+        outcome.real.name, outcome.verdict.replace("_", " "), _effects(outcome), _fits(outcome.seen),
+        _fits(outcome.unseen), reference, f"{outcome.seconds:.0f}",
+    )  # fmt: skip
+
+
+def _effects(outcome: Outcome) -> str:
+    named = set(outcome.named)
+    shown = [name.replace("_", " ") if name in named else f"({name.replace('_', ' ')})" for name in outcome.described]
+    return " + ".join(shown) or "none"
+
+
+def _fits(fits: Fits | None) -> str:
+    if fits is None:
+        return "nothing kept back"
+    return f"{fits.nominal:.1f} → {fits.corrected:.1f}"
+
+
+def number(value: Value) -> str:
+    """A value with its standard uncertainty and unit, in as many digits as that supports."""
+    unit = "" if value.unit == "1" else f" {value.unit}"
+    if value.std is None or not math.isfinite(value.std) or value.std <= 0.0:
+        return f"{value.value:.3g}{unit}"
+    digits = max(0, 1 - math.floor(math.log10(value.std)))
+    return f"{value.value:.{digits}f} ± {value.std:.{digits}f}{unit}"
+
+
+def parameters(outcome: Outcome) -> str:
+    """Parameters in physical units with their standard uncertainty."""
+    return "; ".join(f"{label} {number(value)}" for label, value in (*outcome.effects, *outcome.base))
+
+
+def markdown(outcomes: Sequence[Outcome]) -> str:
+    """Both tables for the documentation: verdicts with fits, and parameters."""
+    lines = [_line(HEADINGS), _line(["---"] * len(HEADINGS)), *(_line(cells(o)) for o in outcomes), ""]
+    lines += [_line(("set", "parameters ± standard uncertainty")), _line(["---"] * 2)]
+    lines += [_line((o.real.name, parameters(o))) for o in outcomes if not o.failure]
+    return "\n".join(lines)
+
+
+def inserted(page: str, table: str) -> str:
+    """A page with the table between its marks."""
+    before, _, rest = page.partition(START)
+    after = rest.partition(STOP)[2]
+    return f"{before}{START}\n\n{table}\n\n{STOP}{after}"
+
+
+def _line(cells: Sequence[str]) -> str:
+    return "| " + " | ".join(cells) + " |"

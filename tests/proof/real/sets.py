@@ -1,0 +1,67 @@
+"""What is known of each set of recordings: its plant, what a simple model leaves out, and a fit to beat."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True)
+class RealSet:
+    """A set of recordings.
+
+    Attributes:
+        name: as in the table. `folder`: below the folder of all recordings. `plant`: of the library.
+        fitted: pattern of the files that are fitted. Every other file of the folder that has the plant's channels is
+            kept back.
+        share: of each fitted recording, from its start; the rest of it is kept back.
+        left_out: effects that the obvious model is known to leave out, under the names of the library.
+        reference: fit % before and after, as published or by a quick fit; on whatever part it was given for.
+        reference_of: what that fit is of.
+    """
+
+    name: str
+    folder: str
+    plant: str
+    fitted: str
+    share: float
+    left_out: tuple[str, ...]
+    reference: tuple[float, float]
+    reference_of: str
+
+
+SETS = (
+    RealSet(
+        "axis, force in", "emps", "linear-axis", "closed-loop.csv", 0.5,
+        ("friction", "load_force"), (-4.0, 95.0), "position, open loop, validation record",
+    ),
+    RealSet(
+        "axis in its loop", "emps", "servo-axis", "closed-loop.csv", 0.5,
+        ("friction", "load_force", "sensor_offset"), (82.0, 94.0), "force, validation record",
+    ),
+    RealSet(
+        "cascaded tanks", "cascaded-tanks", "cascaded-tanks", "estimation.csv", 0.6,
+        ("overflow",), (68.0, 84.0), "validation record",
+    ),
+    RealSet(
+        "crane", "hydraulic-actuator", "hydraulic-actuator", "first-half.csv", 2 / 3,
+        ("asymmetry", "orifice", "saturation", "turbulent_loss"), (36.0, 61.0), "second half",
+    ),
+    RealSet(
+        "electro-hydraulic", "electro-hydraulic-actuator", "electro-hydraulic-actuator",
+        "load[123]-stroke[13].csv", 1.0,
+        ("internal_leakage", "compliance", "asymmetry"), (70.5, 86.0), "higher loads",
+    ),
+    RealSet(
+        "servo valve, flow", "servovalve-static", "servo-valve", "flow-gain.csv", 1.0,
+        ("hysteresis", "supply_droop", "saturation"), (94.2, 97.3), "the sweep itself",
+    ),
+    RealSet(
+        "servo valve, pressure", "servovalve-static", "servo-valve-blocked", "pressure-gain.csv",
+        1.0, ("hysteresis", "land_leakage"), (91.9, 99.0), "the sweep itself",
+    ),
+    RealSet(
+        "pneumatic seal", "pneumatic-cylinder", "pneumatic-cylinder",
+        "nap310-[37]bar.csv", 0.5,
+        ("seal_friction",), (28.0, 81.0), "other pressures, the worse of two",
+    ),
+)  # fmt: skip
