@@ -101,14 +101,15 @@ def characteristic(recording: Recording, part: Mapping[str, Any], lag_s: float) 
         InputError: the response does not follow the command beyond the noise.
     """
     neutral = float(part["neutral"])
+    span = float(part["span"])
     moving = _moving(recording, part, lag_s, _TRANSIENT * lag_s or float(part["settling_s"]))
     levels, rising, falling, std = branches(recording.name, *moving)
     ends = _ends(recording, part)
-    reach = _A_SIDE * (ends[-1].command - ends[0].command)
+    reach = _A_SIDE * span
     if ends[0].command < neutral - reach and ends[-1].command > neutral + reach:
-        made = _both_ways(recording, moving, neutral)
+        made = _both_ways(recording, moving, neutral, span)
     else:
-        made = _one_way(recording, levels, rising, falling, std)
+        made = _one_way(recording, levels, rising, falling, std, span)
     return _with_ends(recording, made, ends)
 
 
@@ -184,21 +185,21 @@ def _with_ends(recording: Recording, made: Characteristic, ends: tuple[_End, _En
     )
 
 
-def _both_ways(recording: Recording, moving: tuple[Array, Array], neutral: float) -> Characteristic:
+def _both_ways(recording: Recording, moving: tuple[Array, Array], neutral: float, span: float) -> Characteristic:
     command, response = roles_of(recording)
     time_s = recording.interval_s * np.arange(len(moving[0]), dtype=np.float64)
     columns = {command.heading: moving[0] - neutral, response.heading: moving[1]}
     found = flow_curve(made_recording(recording.name, time_s, columns), command.name, response.name)
     low, high = (neutral + edge.value for edge in (found.dead_band_negative, found.dead_band_positive))
-    figures = _both_figures(found, neutral, calibration_std(command))
+    figures = _both_figures(found, neutral, span, calibration_std(command))
     return Characteristic(neutral + found.command, found.rising, found.falling, found.std, figures, (low, high))
 
 
-def _both_figures(found: FlowCurve, neutral: float, command_std: float) -> dict[str, Figure]:
+def _both_figures(found: FlowCurve, neutral: float, span: float, command_std: float) -> dict[str, Figure]:
     per = f"{found.output_unit} per {found.input_unit}"
     positive, negative = found.dead_band_positive, found.dead_band_negative
     numbers: dict[str, Number] = {
-        "hysteresis": found.hysteresis,
+        "hysteresis": _hysteresis(found, span),
         "dead_band_positive": Number(neutral + positive.value, math.hypot(positive.std, command_std), positive.unit),
         "dead_band_negative": Number(neutral + negative.value, math.hypot(negative.std, command_std), negative.unit),
         "gain_positive": replace(found.gain_positive, unit=per),
@@ -209,7 +210,15 @@ def _both_figures(found: FlowCurve, neutral: float, command_std: float) -> dict[
     return {name: (number.value, number.std, number.unit) for name, number in numbers.items()}
 
 
-def _one_way(recording: Recording, levels: Array, rising: Array, falling: Array, std: Array) -> Characteristic:
+def _hysteresis(found: FlowCurve, span: float) -> Number:
+    slope = _smooth(np.gradient(found.nominal, found.command))
+    width, std, _ = _largest_width(found.command, found.rising, found.falling, found.std, slope)
+    return Number(100.0 * width / span, 100.0 * std / span, "%")
+
+
+def _one_way(
+    recording: Recording, levels: Array, rising: Array, falling: Array, std: Array, span: float
+) -> Characteristic:
     command, response = roles_of(recording)
     nominal = (rising + falling) / 2.0
     change = float(nominal[-1] - nominal[0])
@@ -224,7 +233,6 @@ def _one_way(recording: Recording, levels: Array, rising: Array, falling: Array,
     response_std = math.hypot(noise, calibration_std(response))
     half_std = math.hypot(response_std / abs(float(np.interp(half, levels, slope))), calibration_std(command))
     width, width_std, at = _largest_width(levels, rising, falling, std, slope)
-    span = float(np.ptp(levels))
     per = f"{response.unit} per {command.unit}"
     figures = {
         "hysteresis": (100.0 * width / span, 100.0 * width_std / span, "%"),
@@ -256,9 +264,12 @@ def _mean_width(levels: Array, rising: Array, falling: Array, std: Array) -> tup
 def _largest_width(
     levels: Array, rising: Array, falling: Array, std: Array, slope: Array
 ) -> tuple[float, float, float]:
-    """Largest width along the command where the curve is steep, its uncertainty, and where it is."""
+    """Largest distance of the branches along the command where the curve is steep, its uncertainty, and where it is."""
     steep = np.flatnonzero(np.abs(slope) > _STEEP * float(np.max(np.abs(slope))))
-    widths = np.abs(_smooth(falling - rising)[steep] / slope[steep])
+    sign = 1.0 if rising[-1] > rising[0] else -1.0
+    wanted = sign * (rising + falling)[steep] / 2.0
+    up, down = (np.interp(wanted, np.maximum.accumulate(sign * branch), levels) for branch in (rising, falling))
+    widths = np.abs(_smooth(up - down))
     worst = int(np.argmax(widths))
     at = int(steep[worst])
     return float(widths[worst]), 2.0 * float(std[at]) / abs(float(slope[at])) / math.sqrt(_SMOOTHED), float(levels[at])

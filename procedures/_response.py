@@ -50,7 +50,7 @@ class Evaluated:
             crossed(BANDWIDTH_3DB.at(self.label), self.bandwidth.amplitude),
             crossed(BANDWIDTH_90DEG.at(self.label), self.bandwidth.phase),
         ]
-        return (*found, MODEL_FIT.at(self.label).of(None if self.fit is None else round(self.fit.fit_percent, 2)))
+        return (*found, MODEL_FIT.at(self.label).of(None if self.fit is None else round(self.fit.fit_percent, 2), 0.0))
 
     def curve(self, **more: Any) -> dict[str, Any]:
         """The entry of `responses` (docs/reference/procedures.md)."""

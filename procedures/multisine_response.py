@@ -7,6 +7,8 @@ were not driven is distortion, even or odd. It takes about a fifth of the bench 
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -97,7 +99,7 @@ def run(
 def evaluate(recording: Recording) -> Findings:
     """Best linear approximations with uncertainty, bandwidths, transfer functions, noise and distortion."""
     command, response = roles_of(recording)
-    parts_of(recording, "multisine")
+    parts = parts_of(recording, "multisine")
     linear = best_linear_approximation(recording, command.name, response.name, settle_periods=0)
     found = evaluated(recording, [one.response for one in linear])
     notes, deviations = chain_notes(recording, found[0].response.frequency_hz)
@@ -105,8 +107,8 @@ def evaluate(recording: Recording) -> Findings:
     return Findings(
         measured=tuple(
             measured
-            for one, bla in zip(found, linear, strict=True)
-            for measured in (*one.measured(), *_levels(one, bla))
+            for one, bla, part in zip(found, linear, parts, strict=True)
+            for measured in (*one.measured(), *_levels(one, bla, part))
         ),
         curves={"responses": [_curve(one, bla) for one, bla in zip(found, linear, strict=True)]},
         notes=(*notes, *sentences, *(note for one in found for note in one.notes)),
@@ -129,12 +131,17 @@ def _lead(wave: Multisine, settling_s: float) -> Array:
     return made
 
 
-def _levels(one: Evaluated, bla: BestLinearApproximation) -> tuple[Measured, ...]:
+def _levels(one: Evaluated, bla: BestLinearApproximation, part: Mapping[str, Any]) -> tuple[Measured, ...]:
+    """Noise and distortion with the uncertainty that follows from how many lines they were read from."""
     amplitude = bla.response.output_amplitude
+    noise, odd, even = (
+        100.0 * float(np.median(level / amplitude)) for level in (bla.noise_std, bla.odd_std, bla.even_std)
+    )
+    seen = len(bla.response) * (bla.periods - 1), len(part["odd_detection"]), len(part["even_detection"])
     label = label_of(one.response)
     return tuple(
-        what.at(label).of(round(100.0 * float(np.median(level / amplitude)), 3))
-        for what, level in ((NOISE, bla.noise_std), (ODD, bla.odd_std), (EVEN, bla.even_std))
+        what.at(label).of(level, (level**2 + noise**2) / (2.0 * max(level, noise, 1e-12) * math.sqrt(max(lines, 1))))
+        for what, level, lines in zip((NOISE, ODD, EVEN), (noise, odd, even), seen, strict=True)
     )
 
 

@@ -1,4 +1,4 @@
-"""Step response: dead time, rise, response and settling time, overshoot, and the models that a step alone supports."""
+"""Step response: dead time, rise, response and settling time, overshoot, first-order model with dead time."""
 
 from __future__ import annotations
 

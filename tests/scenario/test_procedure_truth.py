@@ -90,6 +90,21 @@ def test_the_reference_of_the_standard_is_measured_below_the_lowest_frequency(me
     assert curve["frequency_hz"][0] == curve["reference_hz"]
 
 
+def test_what_did_not_become_steady_in_time_is_measured_all_the_same_and_told(measure):
+    findings = measure("frequency_response", frequencies="0.4,1,2", amplitudes="40", longest_wait_s="0", measure_s="0")
+    assert any(
+        text.startswith("Measured before the response was steady: 0.4 Hz at +50") for text in findings.deviations
+    )
+    assert any("distortion above 5 %" in note for note in findings.notes)
+
+
+def test_without_correction_the_chain_is_a_deviation(measure):
+    findings = measure("frequency_response", frequencies="0.4,1,2", amplitudes="10", biases="50", correct_chain="no")
+    assert any(
+        "The measuring chain changes the response by more than 1 % from 0.4 Hz on" in d for d in findings.deviations
+    )
+
+
 def test_a_multisine_agrees_with_the_sines_and_sees_the_curved_edge_as_even_distortion(measure):
     findings = measure("multisine_response", amplitudes="10", biases="50")
     (curve,) = findings.curves["responses"]
@@ -126,7 +141,7 @@ def test_a_valve_with_play_shows_its_hysteresis_and_its_lag_apart(measure, tmp_p
     worn = tmp_path / "worn.toml"
     worn.write_text(text.replace("[simulation]\n", f"[simulation]\n{effect}\n"), encoding="utf-8")
     measured = by_name(measure("flow_curve", worn, cycle_s=40))
-    assert measured["hysteresis"].value == pytest.approx(2.0, abs=0.3)  # 4 % of 200 %; the largest width errs upwards
+    assert measured["hysteresis"].value == pytest.approx(2.0, abs=0.15)  # 4 % of 200 %
     assert measured["lag"].value == pytest.approx(202.0, abs=8.0)
 
 
