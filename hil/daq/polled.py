@@ -309,10 +309,10 @@ class PolledDaq:
             threading.Thread(target=self._beat, args=(min(beats),), name="hil-keep-alive", daemon=True).start()
 
     def _beat(self, every_s: float) -> None:
-        """Between tasks, drive again what stands, so that no watchdog takes a pause for a dead program."""
+        """In a pause, drive again what stands, so that no watchdog takes it for a dead program."""
         while not self._ended.wait(every_s):
             idle_s = time.monotonic() - self._used_s
-            if self._task is not None or self._failed is not None or not every_s <= idle_s < _IDLE_S:
+            if self._failed is not None or not every_s <= idle_s < _IDLE_S:
                 continue
             with self._lock:
                 try:

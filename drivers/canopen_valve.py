@@ -1,0 +1,297 @@
+"""Proportional valves on CANopen, device profile CiA 408: state machine, set point, actual value, heartbeat, EMCY."""
+
+from __future__ import annotations
+
+import logging
+import struct
+import threading
+import time
+from collections.abc import Iterator, Mapping
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+
+from drivers._can import bus_fault, open_bus
+from hil.daq.channel import Terminal, Wiring
+from hil.daq.polled import PolledDaq
+from hil.errors import DeviceLostError, LinkError
+
+PROFILE = 408
+FULL = 16384  # ±100 %
+MASTER = 127  # node that sends our heartbeat
+CLIMB = (0x0000, 0x0001, 0x0003, 0x0007)  # control words from INIT over DISABLED and HOLD to ACTIVE
+STATES = {
+    0b0000: "NOT_READY or FAULT_INIT", 0b1000: "INIT", 0b1001: "DISABLED", 0b1011: "HOLD", 0b1111: "ACTIVE",
+    0b0011: "FAULT_HOLD", 0b0111: "FAULT_REACTION", 0b0001: "FAULT_DISABLED",
+}  # fmt: skip
+"""By the low four bits of the status word: ready, active, hold, disabled."""
+_REACHED = (0b1000, 0b1001, 0b1011, 0b1111)
+_PATIENCE_S = 0.5  # for the device to follow a control word
+
+
+class Settings(BaseModel):
+    """What `[devices.NAME]` may say.
+
+    Attributes:
+        address: of the bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:host:port`, `virtual:name`.
+        node: of the valve.
+        bitrate: of the bus.
+        timeout_s: an answer that takes longer counts as none.
+        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
+        watchdog_s: the valve goes to its fault state when it misses our heartbeat for so long.
+        ramp_s: its set point takes so long from 0 to 100 %; 0 switches ramps off. Left as it is if not given, as
+            are the others.
+        dither_amplitude, dither_hz: of its dither, as the object dictionary has them (‰ of full current is common).
+        dead_band_a, dead_band_b: compensation on either side, in %.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    node: int = Field(default=1, ge=1, le=126)
+    bitrate: PositiveInt = 250_000
+    timeout_s: PositiveFloat = 0.1
+    longest_reply_s: PositiveFloat = 0.5
+    watchdog_s: PositiveFloat = 0.5
+    ramp_s: float | None = Field(default=None, ge=0.0)
+    dither_amplitude: int | None = Field(default=None, ge=0, le=0xFFFF)
+    dither_hz: float | None = Field(default=None, ge=0.0)
+    dead_band_a: float | None = Field(default=None, ge=0.0, le=100.0)
+    dead_band_b: float | None = Field(default=None, ge=0.0, le=100.0)
+
+
+def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What is wrong beyond the types."""
+    if text := bus_fault(settings.address):
+        yield ("address",), text
+    if settings.watchdog_s > 65.535:
+        yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the valve counts up to 65.535 s"
+
+
+def terminals(_settings: Settings) -> dict[str, Terminal]:
+    """Set point and actual value, in % of the reference value."""
+    return {
+        "set point": Terminal("out", "value", "%", -100.0, 100.0),
+        "actual value": Terminal("in", "value", "%", -200.0, 199.99),
+    }
+
+
+def open_link(settings: Settings, wiring: Wiring) -> CanopenValveLink:
+    """The valve, active, its set point at the safe value."""
+    return CanopenValveLink(settings, wiring)
+
+
+def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
+    """The valve alone as a DAQ."""
+    return PolledDaq({"valve": open_link(settings, wiring)}, {"valve": wiring})
+
+
+class CanopenValveLink:
+    """A valve on CANopen (see `hil.daq.polled.Link`).
+
+    The set point goes out in RPDO 4 with the control word; SYNC asks for status word and actual value, which come
+    back in TPDO 1. Our heartbeat goes with every set point, so that it ends when the program does; the valve
+    watches it from the first one on.
+
+    Raises:
+        DeviceLostError: the bus cannot be opened, or nobody answers at this node.
+        LinkError: it is no valve of this profile, or does not become active.
+    """
+
+    def __init__(self, settings: Settings, wiring: Wiring) -> None:
+        import canopen
+
+        logging.getLogger("canopen").setLevel(logging.CRITICAL)  # what matters is raised
+        logging.getLogger("can").setLevel(logging.CRITICAL)
+        self.watchdog_s: float | None = settings.watchdog_s
+        self.keep_alive_s: float | None = settings.watchdog_s / 4.0
+        self._settings = settings
+        self._came = threading.Condition()
+        self._pdo: bytes | None = None
+        self._emergency: tuple[int, int] | None = None
+        self._beat_s: float | None = None
+        self._quiet_until_s = 0.0
+        self._network = canopen.Network(open_bus(settings.address, settings.bitrate))
+        self._network.connect()
+        self._node = self._network.add_node(settings.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+        self._node.sdo.RESPONSE_TIMEOUT = settings.timeout_s
+        self._closed = False
+        try:
+            for base, heard in ((0x080, self._on_emergency), (0x180, self._on_pdo), (0x700, self._on_heartbeat)):
+                self._network.subscribe(base + settings.node, heard)
+            self._recognise()
+            self._configure()
+            self._activate([c.safe for c in wiring.outputs.values()])
+        except BaseException:
+            self.close()
+            raise
+
+    def standing(self) -> dict[str, float]:
+        """Where the set point stands."""
+        return {"set point": 100.0 * self._signed(0x6300, 1) / FULL}
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Send the set point, and our heartbeat."""
+        counts = max(-FULL, min(FULL, round(values["set point"] * FULL / 100.0)))
+        self._send(0x700 + MASTER, b"\x05")
+        self._send(0x500 + self._settings.node, struct.pack("<Hhh", CLIMB[-1], counts, 0))
+
+    def read(self) -> dict[str, float]:
+        """Ask with SYNC for status and actual value.
+
+        Raises:
+            LinkError: no answer, the valve is not active any more, or it has sent an emergency.
+        """
+        status, actual = self._synchronised()
+        self._look_at(status)
+        return {"actual value": 100.0 * actual / FULL}
+
+    def close(self) -> None:
+        """Leave the bus."""
+        if not self._closed:
+            self._closed = True
+            self._network.disconnect()
+
+    def _recognise(self) -> None:
+        """See that a valve is there, and make it operational."""
+        import canopen
+
+        try:
+            profile = self._unsigned(0x1000, 0) & 0xFFFF
+        except canopen.SdoCommunicationError:
+            raise DeviceLostError(f"node {self._settings.node} on {self._settings.address} does not answer") from None
+        if profile != PROFILE:
+            raise LinkError(f"node {self._settings.node} is of device profile {profile}, not {PROFILE}")
+
+    def _configure(self) -> None:
+        """Heartbeats both ways, TPDO 1 by SYNC, the functions of the valve that the bench file names."""
+        told, beat_ms = self._settings, round(1000.0 * self._settings.watchdog_s)
+        self._network.send_message(0x000, bytes([0x80, told.node]))  # pre-operational
+        self._write(0x1017, 0, max(10, beat_ms // 4), "<H")
+        self._write(0x1016, 1, MASTER << 16 | beat_ms, "<I")
+        self._write(0x1800, 1, 0x80000180 + told.node, "<I")
+        self._write(0x1800, 2, 1, "<B")
+        self._write(0x1A00, 0, 0, "<B")
+        self._write(0x1A00, 1, 0x60410010, "<I")
+        self._write(0x1A00, 2, 0x63010110, "<I")
+        self._write(0x1A00, 0, 2, "<B")
+        self._write(0x1800, 1, 0x180 + told.node, "<I")
+        self._write(0x6042, 0, 1, "<b")
+        if told.ramp_s is not None:
+            self._write(0x6331, 1, self._scaled(0x6331, told.ramp_s), "<H")
+            self._write(0x6330, 0, 1 if told.ramp_s else 0, "<b")
+        if told.dither_amplitude is not None:
+            self._write(0x6361, 1, told.dither_amplitude, "<H")
+            self._write(0x6360, 0, 1 if told.dither_amplitude else 0, "<b")
+        if told.dither_hz is not None:
+            self._write(0x6362, 1, self._scaled(0x6362, told.dither_hz), "<H")
+        for index, percent in ((0x6343, told.dead_band_a), (0x6344, told.dead_band_b)):
+            if percent is not None:
+                self._write(index, 1, round(percent * FULL / 100.0), "<h")
+                self._write(0x6342, 0, 1, "<b")
+        self._network.send_message(0x000, bytes([0x01, told.node]))  # operational
+
+    def _activate(self, safe: list[float]) -> None:
+        """Reset a fault, then climb state by state, the set point safe."""
+        if safe:
+            self._write(0x6300, 1, round(safe[0] * FULL / 100.0), "<h")
+        if not self._unsigned(0x6041, 0) & 0b1000:
+            self._write(0x6040, 0, 0, "<H")
+            self._write(0x6040, 0, 0b1000, "<H")
+        for word, reached in zip(CLIMB, _REACHED, strict=True):
+            self._write(0x6040, 0, word, "<H")
+            self._wait_for(reached)
+        self._emergency = None
+
+    def _wait_for(self, state: int) -> None:
+        until_s = time.monotonic() + _PATIENCE_S
+        while (now := self._unsigned(0x6041, 0) & 0b1111) != state:
+            if time.monotonic() > until_s:
+                raise LinkError(f"the valve stays in {STATES.get(now, f'{now:04b}')}, it should be in {STATES[state]}")
+            time.sleep(0.005)
+
+    def _synchronised(self) -> tuple[int, int]:
+        """Status word and actual value of this SYNC."""
+        wait_s = self._quiet_until_s - time.monotonic()
+        if wait_s > 0.0:  # a late answer to an earlier SYNC looks like one to this
+            time.sleep(wait_s)
+        self._quiet_until_s = 0.0
+        with self._came:
+            self._pdo = None
+            self._send(0x080, b"")
+            if not self._came.wait_for(lambda: self._pdo is not None, self._settings.timeout_s):
+                self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
+                raise LinkError(f"no actual value within {self._settings.timeout_s:g} s of SYNC{self._heard()}")
+            data = self._pdo or b""
+        if len(data) != 4:
+            raise LinkError(f"TPDO 1 has {len(data)} bytes, not 4: another program changed its mapping")
+        return struct.unpack("<Hh", data)
+
+    def _look_at(self, status: int) -> None:
+        """Raise `LinkError` unless the valve is active and obeys the bus."""
+        if self._emergency is not None:
+            (code, register), self._emergency = self._emergency, None
+            raise LinkError(f"emergency {code:#06x}, error register {register:#04x}{_EMERGENCIES.get(code, '')}")
+        if status & 0x10:
+            raise LinkError("the valve is switched to local operation and does not obey the bus")
+        if status & 0b1111 != 0b1111:
+            name = STATES.get(status & 0b1111, f"{status & 0b1111:04b}")
+            raise LinkError(f"the valve is in {name}, not ACTIVE: its set point has no effect")
+
+    def _heard(self) -> str:
+        if self._beat_s is None:
+            return "; it has sent no heartbeat"
+        return f"; its last heartbeat came {time.monotonic() - self._beat_s:.2g} s ago"
+
+    def _on_pdo(self, _identifier: int, data: bytearray, _time_s: float) -> None:
+        with self._came:
+            self._pdo = bytes(data)
+            self._came.notify_all()
+
+    def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
+        if len(data) >= 3 and (code := data[0] | data[1] << 8):
+            self._emergency = code, data[2]
+
+    def _on_heartbeat(self, _identifier: int, _data: bytearray, _time_s: float) -> None:
+        self._beat_s = time.monotonic()
+
+    def _scaled(self, index: int, value: float) -> int:
+        """A value in the unit and prefix that the object itself has."""
+        return max(0, min(0xFFFF, round(value / 10.0 ** self._signed(index, 3))))
+
+    def _unsigned(self, index: int, sub: int) -> int:
+        return int.from_bytes(self._sdo("upload", index, sub), "little")
+
+    def _signed(self, index: int, sub: int) -> int:
+        return int.from_bytes(self._sdo("upload", index, sub), "little", signed=True)
+
+    def _write(self, index: int, sub: int, value: int, form: str) -> None:
+        self._sdo("download", index, sub, struct.pack(form, value))
+
+    def _sdo(self, kind: str, index: int, sub: int, *data: bytes) -> bytes:
+        import canopen
+
+        try:
+            answer: bytes = getattr(self._node.sdo, kind)(index, sub, *data)
+        except canopen.SdoAbortedError as error:
+            raise LinkError(f"object {index:04X}.{sub}: {kind} refused, abort code {error.code:#010x}") from None
+        except canopen.SdoCommunicationError as error:
+            if index == 0x1000:
+                raise
+            raise LinkError(f"object {index:04X}.{sub}: {error}") from None
+        return answer
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        import can
+
+        try:
+            self._network.send_message(identifier, data)
+        except (can.CanError, OSError) as error:
+            raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+
+
+_EMERGENCIES = {
+    0x8130: " (it missed our heartbeat)",
+    0x3000: " (supply voltage)",
+    0x4200: " (temperature of the electronics)",
+    0x5000: " (hardware)",
+}

@@ -1,0 +1,262 @@
+"""The CANopen valve and its twin: frames after CiA 301, state machine of CiA 408, heartbeat, emergency, late PDOs."""
+
+from __future__ import annotations
+
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import canopen_valve
+from hil.clock import VirtualClock
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.errors import DeviceLostError, LinkError
+from sim_devices import canopen_valve as twin
+from sim_devices._can_bus import Hub
+from sim_devices._field import Field, Side
+from sim_devices._quirks import Quirks
+from sim_devices._simulation import Simulation
+
+SIMULATION = Simulation.model_validate({
+    "plant": "brevini-hpv41",
+    "instruments": {
+        "command": {"direction": "out", "signal": "command", "unit": "%"},
+        "spool": {"signal": "command", "unit": "%"},
+    },
+})  # fmt: skip
+WIRING = Wiring(
+    {"command": OutputChannel("command", "set point", "value", "%", -100.0, 100.0)},
+    {"spool": InputChannel("spool", "actual value", "value", "%", -200.0, 199.99)},
+)
+SDO_ANSWER = 0x581
+
+
+class Bus:
+    """A valve whose clock is turned by hand, and what it sends."""
+
+    def __init__(self) -> None:
+        self.clock = VirtualClock()
+        self.side: Side = Field(SIMULATION, {"": WIRING}, self.clock).side("")
+        self.valve = twin.Valve(self.side, 1)
+
+    def send(self, identifier: int, text: str) -> list[tuple[int, str]]:
+        return [(i, data.hex(" ")) for i, data in self.valve.on_frame(identifier, bytes.fromhex(text))]
+
+    def wait(self, seconds: float) -> list[tuple[int, str]]:
+        frames = []
+        for _ in range(round(seconds * 100)):
+            self.clock.sleep_until(self.clock.now_s + 0.01)
+            frames += [(i, data.hex(" ")) for i, data in self.valve.tick()]
+        return frames
+
+    def control(self, word: int) -> int:
+        self.send(0x601, f"2b 40 60 00 {word:02x} 00 00 00")
+        ((_, answer),) = self.send(0x601, "40 41 60 00 00 00 00 00")
+        return int(answer.split()[4], 16)
+
+
+@contextmanager
+def linked(bus: str, quirks: Quirks | None = None, **settings: Any) -> Iterator[tuple[Any, Any, Side]]:
+    side = twin.world(SIMULATION, {"": WIRING}).side("")
+    told = {"address": f"virtual:{bus}", "longest_reply_s": 0.2, "timeout_s": 0.1, **settings}
+    served = twin.serve(told, side, quirks or Quirks())
+    try:
+        link = canopen_valve.open_link(canopen_valve.Settings.model_validate({**told, "address": served.where}), WIRING)
+        try:
+            yield link, served, side
+        finally:
+            link.close()
+    finally:
+        served.close()
+
+
+@pytest.fixture
+def bus(request: pytest.FixtureRequest) -> str:
+    return str(request.node.name)
+
+
+@pytest.mark.parametrize(
+    ("request_", "answer"),
+    [
+        ("40 00 10 00 00 00 00 00", "43 00 10 00 98 01 00 00"),  # device type 408, four bytes
+        ("40 17 10 00 00 00 00 00", "4b 17 10 00 00 00 00 00"),  # two bytes
+        ("40 01 10 00 00 00 00 00", "4f 01 10 00 00 00 00 00"),  # one byte
+        ("2b 17 10 00 e8 03 00 00", "60 17 10 00 00 00 00 00"),  # heartbeat each second
+        ("22 17 10 00 e8 03 00 00", "60 17 10 00 00 00 00 00"),  # the same without a size
+        ("23 17 10 00 e8 03 00 00", "80 17 10 00 10 00 07 06"),  # length does not match
+        ("40 00 20 00 00 00 00 00", "80 00 20 00 00 00 02 06"),  # no such object
+        ("40 18 10 07 00 00 00 00", "80 18 10 07 11 00 09 06"),  # no such sub-index
+        ("2b 41 60 00 00 00 00 00", "80 41 60 00 02 00 01 06"),  # read only
+        ("2b 00 63 01 01 40 00 00", "80 00 63 01 30 00 09 06"),  # beyond 100 %
+        ("60 00 10 00 00 00 00 00", "80 00 10 00 01 00 04 05"),  # no such command
+    ],
+)  # fmt: skip
+def test_sdo_frames_after_cia_301(request_: str, answer: str) -> None:
+    assert Bus().send(0x601, request_) == [(SDO_ANSWER, answer)]
+
+
+def test_state_machine_climbs_step_by_step_and_only_active_moves_the_spool() -> None:
+    bus = Bus()
+    bus.send(0x601, "2b 00 63 01 00 20 00 00")
+    assert bus.control(0x7) == 0b1000  # no leap from INIT
+    reached = [(bus.control(word), bus.side.standing("set point")) for word in (0x0, 0x1, 0x3, 0x7, 0x3, 0x1, 0x0)]
+    assert reached == [
+        (0b1000, 0.0), (0b1001, 0.0), (0b1011, 0.0), (0b1111, 50.0), (0b1011, 0.0), (0b1001, 0.0), (0b1000, 0.0),
+    ]  # fmt: skip
+
+
+def test_missed_heartbeat_is_a_fault_with_an_emergency_until_it_is_reset() -> None:
+    bus = Bus()
+    bus.send(0x601, "23 16 10 01 64 00 7f 00")  # node 127, 100 ms
+    bus.send(0x601, "2b 00 63 01 00 20 00 00")
+    for word in (0x0, 0x1, 0x3, 0x7):
+        bus.control(word)
+    bus.send(0x77F, "05")
+    assert bus.wait(0.09) == [] and bus.side.standing("set point") == 50.0
+    assert bus.wait(0.03) == [(0x081, "30 81 11 00 00 00 00 00")]
+    assert bus.side.standing("set point") == 0.0
+    assert bus.control(0x7) == 0b0011
+    assert bus.control(0x8) == 0b1000
+
+
+def test_ramp_limits_the_set_point() -> None:
+    bus = Bus()
+    bus.send(0x601, "2b 31 63 01 e8 03 00 00")  # 1000 ms
+    bus.send(0x601, "2f 30 63 00 01 00 00 00")
+    bus.send(0x601, "2b 00 63 01 00 40 00 00")
+    for word in (0x0, 0x1, 0x3, 0x7):
+        bus.control(word)
+    bus.wait(0.5)
+    assert bus.side.standing("set point") == pytest.approx(50.0, abs=2.0)
+    bus.wait(0.6)
+    assert bus.side.standing("set point") == 100.0
+
+
+def test_valve_is_made_active_and_driven(bus: str) -> None:
+    with linked(bus) as (link, _, side):
+        assert link.standing() == {"set point": 0.0}
+        for percent in (37.5, -100.0, 0.0):
+            link.drive({"set point": percent})
+            time.sleep(0.005)
+            assert side.standing("set point") == pytest.approx(percent, abs=0.01)
+            assert link.read() == {"actual value": pytest.approx(percent, abs=0.02)}
+
+
+def test_what_the_bench_file_says_stands_in_the_valve(bus: str) -> None:
+    with linked(bus, ramp_s=0.25, dither_amplitude=30, dither_hz=120.0, dead_band_a=10.0, dead_band_b=20.0) as (
+        _,
+        s,
+        _,
+    ):
+        values = s._node.values
+        places = [
+            (0x6330, 0),
+            (0x6331, 1),
+            (0x6360, 0),
+            (0x6361, 1),
+            (0x6362, 1),
+            (0x6342, 0),
+            (0x6343, 1),
+            (0x6344, 1),
+        ]
+        assert [values[place] for place in places] == [1, 250, 1, 30, 120, 1, 1638, 3277]
+
+
+def test_silent_program_is_a_fault_of_the_valve_and_the_driver_says_so(bus: str) -> None:
+    with linked(bus, watchdog_s=0.15) as (link, _, side):
+        link.drive({"set point": 50.0})
+        time.sleep(0.3)
+        assert side.standing("set point") == 0.0
+        with pytest.raises(LinkError, match=r"emergency 0x8130, error register 0x11 \(it missed our heartbeat\)"):
+            link.read()
+        with pytest.raises(LinkError, match="the valve is in FAULT_HOLD, not ACTIVE"):
+            link.read()
+
+
+def test_fault_is_reset_when_the_valve_is_opened_again(bus: str) -> None:
+    with linked(bus, watchdog_s=0.15) as (link, served, _):
+        link.drive({"set point": 50.0})
+        time.sleep(0.3)
+        link.close()
+        again = canopen_valve.open_link(canopen_valve.Settings(address=served.where), WIRING)
+        assert again.standing() == {"set point": 0.0}
+        again.drive({"set point": 20.0})
+        assert again.read()["actual value"] == pytest.approx(20.0, abs=0.02)
+        again.close()
+
+
+def test_late_actual_value_is_never_taken_for_the_next_one(bus: str) -> None:
+    with linked(bus) as (link, served, side):
+        link.drive({"set point": 50.0})
+        time.sleep(0.005)
+        served.behaviour.quirks = Quirks(late_s=0.15, answers=1)
+        with pytest.raises(LinkError, match=r"no actual value within 0\.1 s of SYNC"):
+            link.read()
+        link.drive({"set point": -50.0})
+        assert link.read() == {"actual value": pytest.approx(-50.0, abs=0.02)}
+
+
+def test_restart_of_the_valve_is_noticed(bus: str) -> None:
+    with linked(bus) as (link, served, side):
+        link.drive({"set point": 50.0})
+        served.behaviour.quirks = Quirks(reboot=True, answers=1)
+        with pytest.raises(LinkError, match="no actual value"):
+            link.read()
+        assert side.standing("set point") == 0.0
+
+
+def test_nobody_at_the_node_is_said(bus: str) -> None:
+    with pytest.raises(DeviceLostError, match=f"node 5 on virtual:.*{bus[:8]}.* does not answer"):
+        canopen_valve.open_link(canopen_valve.Settings(address=f"virtual:{bus}", node=5, timeout_s=0.05), WIRING)
+
+
+def test_no_bus_is_said_at_once() -> None:
+    begun_s = time.monotonic()
+    with pytest.raises(DeviceLostError, match="this bus cannot be opened"):
+        canopen_valve.open_link(canopen_valve.Settings(address="socketcand:127.0.0.1:1"), WIRING)
+    assert time.monotonic() - begun_s < 2.0
+
+
+@pytest.mark.parametrize("address", ["can0", "socketcand:can0", "socketcan:"])
+def test_address_that_is_none_is_told(address: str) -> None:
+    ((place, text),) = canopen_valve.faults(canopen_valve.Settings(address=address))
+    assert place == ("address",) and address in text
+
+
+FRAMES = st.lists(
+    st.tuples(st.sampled_from([0x000, 0x080, 0x601, 0x501, 0x77F, 0x123]), st.binary(max_size=8)), max_size=30
+)
+
+
+@given(FRAMES)
+def test_hostile_frames_neither_crash_nor_move_the_spool_unless_it_is_active(frames: list[tuple[int, bytes]]) -> None:
+    for identifier, data in frames:
+        for answer in HOSTILE.valve.on_frame(identifier, data):
+            assert len(answer[1]) <= 8
+        list(HOSTILE.valve.tick())
+        if HOSTILE.valve._state not in (0b1111, 0b1011, 0b0011):
+            assert HOSTILE.side.standing("set point") == 0.0
+
+
+HOSTILE = Bus()
+
+
+def test_hub_passes_frames_on_and_survives_nonsense() -> None:
+    import can
+
+    hub = Hub("127.0.0.1", 0)
+    buses = [can.Bus(interface="socketcand", channel="can0", host=hub.host, port=hub.port) for _ in range(2)]
+    with socket.create_connection((hub.host, hub.port)) as stranger:
+        stranger.sendall(b"< send zz 9 1 2 > <> < rawmode > \xff\xff < send 7ff 1 >" + b"x" * 9000)
+        buses[0].send(can.Message(arbitration_id=0x18FE3001, data=b"\x01\xff", is_extended_id=True))
+        got = buses[1].recv(1.0)
+    assert got is not None and got.arbitration_id == 0x18FE3001 and bytes(got.data) == b"\x01\xff"
+    for member in buses:
+        member.shutdown()
+    hub.close()
+    assert not any(thread.is_alive() for thread in hub._threads)
