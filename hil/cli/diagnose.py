@@ -8,8 +8,8 @@ import typer
 
 
 def command(
-    recordings: list[Path] = typer.Argument(..., metavar="RECORDING...", help="Recordings of the unit."),
-    model: Path = typer.Option(..., "--model", help="Nominal model file."),
+    recordings: list[Path] = typer.Argument(None, metavar="RECORDING...", help="Recordings of the unit."),
+    model: Path | None = typer.Option(None, "--model", help="Nominal model file."),
     out: Path = typer.Option(..., "--out", help="Folder for diagnosis.json, corrected.json and report.html."),
     input_name: str = typer.Option("", "--input", help="Input channel, if not the model's own."),
     output_name: str = typer.Option("", "--output", help="Output channel, if not the model's own."),
@@ -17,8 +17,25 @@ def command(
         "", "--bench", metavar="BENCH.toml", help="Run the tests that are still needed on this bench, and conclude."
     ),
     budget_s: float = typer.Option(60.0, "--budget", min=0.0, help="Bench time that those tests may take, in s."),
+    units: list[Path] = typer.Option(
+        [],
+        "--unit",
+        metavar="FOLDER",
+        help="Instead of recordings: a unit's folder of CSV files, with its own "
+        "nominal.json or the --model; may be given again. Each gets a folder of its own in --out.",
+    ),
+    scheduler: str = typer.Option("", "--scheduler", metavar="tcp://…", help="Dask scheduler that does the units."),
 ) -> None:
     """Locate a mismatch, name the physics that was left out, model it, and show the fit improve."""
+    if units:
+        _diagnose_units(units, model, out, scheduler)
+        return
+    if model is None or not recordings:
+        raise typer.BadParameter("give --model and recordings, or units by --unit")
+    if scheduler:
+        raise typer.BadParameter(
+            "spreads units (--unit) over machines; one unit is done on this one", param_hint="--scheduler"
+        )
     from hil.cli.progress import shown
     from hil.diagnose.diagnose import diagnose
     from hil.identify.experiment import for_model
@@ -39,3 +56,26 @@ def command(
     report = write_diagnosis(found, out)
     typer.echo(found.diagnosis.as_text())
     typer.echo(f"report: {report}")
+
+
+def _diagnose_units(folders: list[Path], model: Path | None, out: Path, scheduler: str) -> None:
+    from hil.cli.progress import shown
+    from hil.physics.model import load_model
+    from hil.session.diagnosis import write_diagnosis
+    from hil.session.fleet import diagnose_units, read_unit
+
+    nominal = load_model(model) if model is not None else None
+    units = [read_unit(folder, nominal) for folder in folders]
+    with shown() as progress:
+        answers = list(diagnose_units(units, scheduler, progress))
+    failed = 0
+    for unit, answer in answers:
+        if isinstance(answer, str):
+            failed += 1
+            typer.echo(f"{unit.name}: not diagnosed: {answer}")
+        else:
+            write_diagnosis(answer, out / unit.name)
+            names = ", ".join(effect.name for effect in answer.diagnosis.effects)
+            typer.echo(f"{unit.name}: {answer.diagnosis.verdict}{': ' if names else ''}{names}")
+    if failed:
+        raise typer.Exit(2)
