@@ -9,18 +9,22 @@ from hil.physics.model import Value
 
 from .prove import Fits, Outcome
 
-HEADINGS = ("set", "verdict", "effects in the corrected model", "fitted part", "kept back", "reference", "s")
+HEADINGS = (
+    "set", "known to be left out", "verdict", "effects in the corrected model", "fitted part", "kept back", "reference",
+    "s",
+)  # fmt: skip
 START, STOP = "<!-- measured: python -m tests.proof.real --page -->", "<!-- end of what was measured -->"
 
 
 def cells(outcome: Outcome) -> tuple[str, ...]:
     """A row of the table."""
     before, after = outcome.real.reference
-    reference = f"{before:g} → {after:g}"
+    reference = f"{before:g} → {after:g} ({outcome.real.reference_of})"
+    known = ", ".join(name.replace("_", " ") for name in outcome.real.left_out)
     if outcome.failure:
-        return (outcome.real.name, f"failed: {outcome.failure}", "", "", "", reference, "")
+        return (outcome.real.name, known, f"failed: {outcome.failure}", "", "", "", reference, "")
     return (
-        outcome.real.name, outcome.verdict.replace("_", " "), _effects(outcome), _fits(outcome.seen),
+        outcome.real.name, known, outcome.verdict.replace("_", " "), _effects(outcome), _fits(outcome.seen),
         _fits(outcome.unseen), reference, f"{outcome.seconds:.0f}",
     )  # fmt: skip
 

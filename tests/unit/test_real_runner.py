@@ -1,0 +1,84 @@
+"""The runner of real recordings, on recordings made up for it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer import Typer
+from typer.testing import CliRunner
+
+from hil.physics.compose import plant
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.read import write_recording
+from hil.record.recording import recording
+from tests.proof.real.__main__ import main
+from tests.proof.real.prove import prove
+from tests.proof.real.publish import START, STOP, cells, inserted, parameters
+from tests.proof.real.sets import SETS
+
+SEAL = next(real for real in SETS if real.name == "pneumatic seal")
+FILES = {"nap310-3bar.csv": 3.0, "nap310-7bar.csv": 7.0, "nap310-5bar.csv": 5.0}
+
+
+@pytest.fixture(scope="module")
+def recordings(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the files of one set: two to be fitted, one to be kept back."""
+    folder = tmp_path_factory.mktemp("recordings")
+    (folder / SEAL.folder).mkdir()
+    cylinder = plant(SEAL.plant)
+    seal = ActiveEffect("seal_friction", "seal", {"share": 0.02, "constant": 0.8, "presliding": 0.3})
+    generator = np.random.default_rng(4)
+    time_s = 0.01 * np.arange(1600)
+    for name, bar in FILES.items():
+        inputs = np.vstack([17.0 - 19.0 * np.cos(time_s), bar + 0.05 * np.sin(0.9 * time_s)])
+        force = simulate(cylinder, cylinder.typical, Drive(inputs, np.nan, 0.01), [seal])[0]
+        force += 0.05 * generator.standard_normal(len(force))
+        columns = {"displacement [mm]": inputs[0], "pressure [bar]": inputs[1], "force [N]": force}
+        write_recording(recording(name, time_s, columns), folder / SEAL.folder / name)
+    return folder
+
+
+@pytest.fixture
+def run() -> Typer:
+    app = Typer()
+    app.command()(main)
+    return app
+
+
+def test_a_set_is_fitted_and_judged_on_what_was_kept_back(recordings: Path) -> None:
+    outcome = prove(SEAL, recordings)
+    assert outcome.failure == ""
+    assert outcome.verdict == "explained"
+    assert outcome.named == ("seal_friction",)
+    assert outcome.seen is not None and outcome.seen.count == 2
+    assert outcome.unseen is not None and outcome.unseen.count == 3  # the rest of two files, and a third one
+    assert outcome.unseen.nominal < 60.0 < 97.0 < outcome.unseen.corrected
+    assert "seal friction" in cells(outcome)[3]
+    assert "N" in parameters(outcome)
+
+
+def test_an_absent_folder_is_one_line_and_status_two(run: Typer, tmp_path: Path) -> None:
+    absent = tmp_path / "nowhere"
+    result = CliRunner().invoke(run, ["--recordings", str(absent)])
+    assert result.exit_code == 2
+    assert result.stderr.strip().splitlines() == [result.stderr.strip()]
+    assert str(absent) in result.stderr
+    empty = CliRunner().invoke(run, ["--recordings", str(tmp_path)])
+    assert empty.exit_code == 2
+    assert "emps" in empty.stderr
+
+
+def test_a_broken_recording_fails_its_set_and_no_other(tmp_path: Path) -> None:
+    (tmp_path / SEAL.folder).mkdir()
+    (tmp_path / SEAL.folder / "nap310-3bar.csv").write_text("time [s],displacement [mm]\n0,1\n0.01,2\n")
+    outcome = prove(SEAL, tmp_path)
+    assert "nap310-3bar.csv" in outcome.failure
+    assert "failed" in cells(outcome)[2]
+
+
+def test_the_tables_go_between_their_marks() -> None:
+    page = f"# Title\n\n{START}\nold\n{STOP}\n\nrest\n"
+    assert inserted(page, "new") == f"# Title\n\n{START}\n\nnew\n\n{STOP}\n\nrest\n"
+    assert inserted(inserted(page, "new"), "newer") == inserted(page, "newer")
