@@ -148,23 +148,12 @@ def test_valve_is_made_active_and_driven(bus: str) -> None:
 
 
 def test_what_the_bench_file_says_stands_in_the_valve(bus: str) -> None:
-    with linked(bus, ramp_s=0.25, dither_amplitude=30, dither_hz=120.0, dead_band_a=10.0, dead_band_b=20.0) as (
-        _,
-        s,
-        _,
-    ):
-        values = s._node.values
-        places = [
-            (0x6330, 0),
-            (0x6331, 1),
-            (0x6360, 0),
-            (0x6361, 1),
-            (0x6362, 1),
-            (0x6342, 0),
-            (0x6343, 1),
-            (0x6344, 1),
-        ]
-        assert [values[place] for place in places] == [1, 250, 1, 30, 120, 1, 1638, 3277]
+    told = {"ramp_s": 0.25, "dither_amplitude": 30, "dither_hz": 120.0, "dead_band_a": 10.0, "dead_band_b": 20.0}
+    with linked(bus, **told) as (_, served, _):
+        values = served._node.values
+    types, numbers = (0x6330, 0x6360, 0x6342), (0x6331, 0x6361, 0x6362, 0x6343, 0x6344)
+    assert [values[index, 0] for index in types] == [1, 1, 1]
+    assert [values[index, 1] for index in numbers] == [250, 30, 120, 1638, 3277]
 
 
 def test_silent_program_is_a_fault_of_the_valve_and_the_driver_says_so(bus: str) -> None:
@@ -186,12 +175,13 @@ def test_fault_is_reset_when_the_valve_is_opened_again(bus: str) -> None:
         again = canopen_valve.open_link(canopen_valve.Settings(address=served.where), WIRING)
         assert again.standing() == {"set point": 0.0}
         again.drive({"set point": 20.0})
+        time.sleep(0.005)
         assert again.read()["actual value"] == pytest.approx(20.0, abs=0.02)
         again.close()
 
 
 def test_late_actual_value_is_never_taken_for_the_next_one(bus: str) -> None:
-    with linked(bus) as (link, served, side):
+    with linked(bus) as (link, served, _):
         link.drive({"set point": 50.0})
         time.sleep(0.005)
         served.behaviour.quirks = Quirks(late_s=0.15, answers=1)
