@@ -49,3 +49,8 @@ def short_names(paths: Iterable[str]) -> dict[str, str]:
     paths = list(paths)
     last = [short_name(path) for path in paths]
     return dict(zip(paths, last if len(set(last)) == len(set(paths)) else paths, strict=True))
+
+
+def capital(text: str) -> str:
+    """The text with its first letter large, the others as they are."""
+    return text[:1].upper() + text[1:]

@@ -1,0 +1,135 @@
+"""Tables of a diagnosis: fits, effects with their parameters, explanations, limits."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from hil.diagnose.coverage import Limit
+from hil.diagnose.diagnosis import Candidate, ChangedParameter, Diagnosis, Finding, Fit, Quantity
+from hil.diagnose.locate import Where
+from hil.report.equation import equation_lines
+from hil.report.name import capital, short_names
+from hil.report.number import MINUS, grouped, number, rounded, unit_text
+from hil.report.section import Table
+
+_COVERAGE_95 = 1.96
+_MOST_CANDIDATES = 12
+_LEAST_GAP = 0.5  # points of fit: a smaller gap is mostly chance, and no share of it is stated
+
+
+def fit_rows(d: Diagnosis) -> list[dict[str, str]]:
+    """Fit of each recording and of the data kept back: nominal, corrected, ceiling."""
+    names = short_names(d.recordings)
+    rows = [_fit(names[name], fit) for name, fit in d.recordings.items()]
+    return [*rows, _fit("data kept back", d.held_out)]
+
+
+def _fit(name: str, fit: Fit) -> dict[str, str]:
+    return {
+        "name": name, "nominal": decimals(fit.nominal), "corrected": decimals(fit.corrected),
+        "ceiling": decimals(fit.ceiling), "closed": _closed(fit),
+    }  # fmt: skip
+
+
+def decimals(value: float) -> str:
+    """A fit in per cent, to two decimals."""
+    return f"{value:.2f}".replace("-", MINUS) if math.isfinite(value) else number(value)
+
+
+def _closed(fit: Fit) -> str:
+    """The share of the gap to the ceiling that the correction closes."""
+    gap = fit.ceiling - fit.nominal
+    return f"{100.0 * (fit.corrected - fit.nominal) / gap:.0f} %".replace("-", MINUS) if gap > _LEAST_GAP else ""
+
+
+def effect_entry(f: Finding) -> dict[str, Any]:
+    """What the page says about an effect that was left out."""
+    return {
+        "title": capital(f.title),
+        "name": f.name,
+        "probability": _probability(f.probability),
+        "stage": f.stage,
+        "hook": f.hook,
+        "sentence": f.sentence,
+        "equation": equation_lines(f.equation),
+        "source": f.source,
+        "parameters": [_parameter(name, q) for name, q in f.parameters.items()],
+        "place": place_facts(f.where),
+    }
+
+
+def _parameter(name: str, q: Quantity) -> dict[str, Any]:
+    value, width = rounded(q.value, None if q.std is None else _COVERAGE_95 * q.std)
+    return {"name": name, "meaning": q.meaning, "value": value, "width": width, "unit": unit_text(q.unit),
+            "at_bound": False}  # fmt: skip
+
+
+def _probability(p: float) -> str:
+    return "above 99 %" if p > 0.99 else "below 1 %" if p < 0.01 else f"{100 * p:.0f} %"
+
+
+def place_facts(where: Where | None) -> list[tuple[str, str]]:
+    """Where a difference shows: region, frequency, time."""
+    if where is None:
+        return []
+    low, high = where.frequency_hz
+    times = ", ".join(f"{number(start)}…{number(stop)} s" for start, stop in where.time_s)
+    return [
+        ("Operating region", where.region),
+        ("Frequency", f"{number(low, 2)} … {number(high, 2)} Hz" if high > 0.0 else "—"),
+        (
+            "Time",
+            f"{times} of {next(iter(short_names([where.recording]).values()))}" if times else "no stretch of its own",
+        ),
+    ]
+
+
+def changed_rows(changed: Iterable[ChangedParameter]) -> list[dict[str, Any]]:
+    """Base parameters that have changed, with what they were."""
+    return [
+        {
+            **_parameter(c.name, Quantity(c.after, c.std, c.unit, c.meaning)),
+            "before": number(c.before),
+            "at_bound": c.at_bound,
+        }
+        for c in changed
+    ]
+
+
+def candidate_rows(candidates: Sequence[Candidate], effects: Sequence[Finding]) -> list[dict[str, Any]]:
+    """Explanations that were fitted, best first, with their evidence and how far it is behind the best."""
+    most = max((c.evidence for c in candidates), default=0.0)
+    named = {f.name for f in effects}
+    return [
+        {
+            "name": c.name, "stage": c.stage, "fit": decimals(c.fit_held_out), "evidence": grouped(c.evidence),
+            "behind": grouped(most - c.evidence) if c.evidence < most else "best",
+            "share": max(0.0, min(1.0, c.evidence / most)) if most > 0.0 else 0.0,
+            "probability": _probability(c.probability), "named": c.name in named,
+        }
+        for c in candidates[:_MOST_CANDIDATES]
+    ]  # fmt: skip
+
+
+def limit_table(limits: Sequence[Limit]) -> Table | None:
+    """Effects that were not found: those that the data can speak of first."""
+    if not limits:
+        return None
+    rows = [
+        (
+            limit.effect.replace("_", " "), limit.stage, limit.parameter.replace("_", " "),
+            with_unit(limit.upper, limit.unit) if math.isfinite(limit.upper) else "no limit",
+            with_unit(limit.typical, limit.unit),
+            "would have been seen" if limit.visible else "cannot be seen in these data",
+        )
+        for limit in sorted(limits, key=lambda limit: (limit.visible, limit.effect))
+    ]  # fmt: skip
+    heads = ("Effect", "Stage", "Parameter", "At most (95 %)", "Typical size", "At its typical size it")
+    return Table("", heads, tuple(rows), text_columns=(1, 2, 5))
+
+
+def with_unit(value: float, unit: str) -> str:
+    """A number without stated uncertainty, with its unit; a pure number has none."""
+    return f"{number(value, 3)} {unit_text(unit)}".rstrip()

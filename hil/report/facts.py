@@ -1,0 +1,38 @@
+"""Entries of a header in words: `fluid_temperature_c: 40` becomes `Fluid temperature`, `40 °C`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hil.report.name import capital, split_unit
+from hil.report.number import number
+
+
+def facts_of(values: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Every entry that says something, as (label, text)."""
+    return [fact_of(name, value) for name, value in values.items() if value not in (None, "", [], {})]
+
+
+def fact_of(name: str, value: Any) -> tuple[str, str]:
+    """(`Fluid temperature`, `40 °C`) from `fluid_temperature_c`."""
+    label, unit = split_unit(name)
+    if unit and isinstance(value, int | float) and not isinstance(value, bool):
+        return capital(label), f"{number(value, 6)} {unit}"
+    if unit and isinstance(value, Mapping):
+        return capital(label), "; ".join(f"{key} {text_of(v)} {unit}" for key, v in value.items())
+    return capital(name.replace("_", " ")), text_of(value)
+
+
+def text_of(value: Any) -> str:
+    """A JSON value in words."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, int | float):
+        return str(value) if isinstance(value, int) else number(value, 6)
+    if isinstance(value, Mapping):
+        facts = (fact_of(str(name), v) for name, v in value.items() if v not in (None, ""))
+        return "; ".join(f"{label.lower()} {text}" for label, text in facts)
+    if isinstance(value, list | tuple):
+        return ", ".join(text_of(v) for v in value)
+    return "—" if value is None else str(value)

@@ -1,0 +1,75 @@
+"""Measured values as the verdict and the table of results that a report begins with."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from itertools import groupby
+from typing import Any
+
+from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured
+from hil.report.name import capital, quantity_words
+from hil.report.number import limits_text, rounded, unit_text, with_minus, with_uncertainty
+
+_WORDS = {
+    "pass": ("good", "Pass", "Every limit is met for certain."),
+    "fail": ("bad", "Fail", "At least one limit is missed."),
+    "cannot tell": ("open", "Cannot tell", "No limit is missed for certain, but not all of them are met for certain."),
+    None: ("", "Measured", "No limits were given; the results are stated as measured."),
+}
+
+
+def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
+    """The verdict in words, with every limit that is not met for certain and whatever went wrong."""
+    tone, word, sentence = _WORDS[findings.verdict]
+    details = [_missed(m) for m in findings.measured if m.verdict in ("fail", "cannot tell")]
+    if missing := meta.get("incomplete"):
+        details.append(f"The recording is incomplete: {missing}.")
+    outcome = str(meta.get("outcome", "completed"))
+    if outcome not in ("completed", "written"):
+        details.append(f"The run did not end as planned: {outcome}.")
+    return {"tone": tone, "word": word, "sentence": sentence, "details": details}
+
+
+def _missed(m: Measured) -> str:
+    sign = "" if m.relation == "=" else f"{m.relation} "
+    value = "not determined" if m.value is None else sign + with_uncertainty(m.value, _expanded(m), m.unit)
+    place = f" at {_place(m)}" if _place(m) else ""
+    limit = f"limit {limits_text(m.low, m.high)} {unit_text(m.unit)}".strip()
+    return f"{capital(m.verdict or '')}: {quantity_words(m.quantity)}{place} is {value}, {limit}."
+
+
+def result_groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:
+    """Quantities in the order declared; one that was measured at several places has a line of its own above them."""
+    found = []
+    for quantity, members in groupby(_together(measured), key=lambda m: m.quantity):
+        rows = list(members)
+        group = {"name": capital(quantity_words(quantity)), "meaning": rows[0].meaning, "several": len(rows) > 1}
+        found.append({**group, "rows": [_row(m, _place(m)) for m in rows]})
+    return found
+
+
+def _together(measured: Iterable[Measured]) -> list[Measured]:
+    rows = list(measured)
+    order = {quantity: i for i, quantity in reversed(list(enumerate(m.quantity for m in rows)))}
+    return sorted(rows, key=lambda m: order[m.quantity])
+
+
+def _place(m: Measured) -> str:
+    return with_minus(m.name.partition(", ")[2])
+
+
+def _expanded(m: Measured) -> float | None:
+    return None if m.std is None else COVERAGE_FACTOR * m.std
+
+
+def _row(m: Measured, place: str) -> dict[str, Any]:
+    value, uncertainty = rounded(m.value, _expanded(m))
+    sign = "" if m.relation == "=" or m.value is None else f"{m.relation} "
+    return {
+        "place": place,
+        "value": "not determined" if m.value is None else sign + value,
+        "uncertainty": uncertainty,
+        "unit": unit_text(m.unit),
+        "limits": limits_text(m.low, m.high),
+        "verdict": m.verdict,
+    }
