@@ -21,12 +21,13 @@ from hil.session.run import run_procedure
 from hil.signals.ramps import triangle
 
 BENCH = benches()["cummins-efc-acceptance"].read_text(encoding="utf-8")
-WORLD = "[simulation]\nseed = 1\n"
+FRICTION = '{ name = "friction", parameters = { coulomb = 0.004 } }'
+WORLD = f"[simulation]\nseed = 1\neffects = [{FRICTION}]\n"
 STUCK = {"pressure = { noise = 0.5 }": "pressure = { value = 60.0, noise = 0.01 }"}
 
 
-def valve(parameters: str = "", effects: str = "") -> dict[str, str]:
-    return {WORLD: f"{WORLD}parameters = {{ {parameters} }}\neffects = [{effects}]\n"}
+def valve(parameters: str = "", effects: str = FRICTION) -> dict[str, str]:
+    return {WORLD: f"[simulation]\nseed = 1\nparameters = {{ {parameters} }}\neffects = [{effects}]\n"}
 
 
 def run(tmp_path: Path, procedure: str, changes: dict[str, str] | None = None, **settings: object) -> Findings:
@@ -232,6 +233,6 @@ def test_steps_reach_the_pressures_of_the_thesis(tmp_path: Path) -> None:
     found = run(tmp_path, "efc_step_response", hold_s=1.0, repeats=2)
     for current, pressure in ((1.4, 26.0), (1.6, 120.0), (1.8, 160.0), (2.0, 210.0)):
         assert value(found, f"step_pressure, {current:g} A") == pytest.approx(pressure, abs=3.0)
-    assert 10.0 < value(found, "rise, 1.6 A") < 60.0
+    assert value(found, "rise, 1.6 A") == pytest.approx(73.0, abs=3.0)
     assert any(note.startswith("1.2 A: 2 of 2 steps move the pressure too little") for note in found.notes)
     assert len(json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))["measured"]) > 15

@@ -155,9 +155,9 @@ def _parameters() -> tuple[Parameter, ...]:
             "coil_lag", "s", 0.008, 0.0, 0.3, "force behind current: eddy currents", growth="coil_lag", hook="coil"
         ),
         Parameter(
-            "rotor_frequency", "rad/s", 62.0, 3.0, 500.0, "natural frequency of rotor on spring", hook="position"
+            "rotor_frequency", "rad/s", 187.0, 3.0, 500.0, "natural frequency of rotor on spring", hook="position"
         ),
-        Parameter("rotor_damping", "1", 0.8, 0.05, 5.0, "damping ratio of the rotor", hook="position"),
+        Parameter("rotor_damping", "1", 3.14, 0.05, 20.0, "damping ratio of the rotor", hook="position"),
         Parameter("curve_shift", "A", 0.0, -1.0, 1.0, "shift of the pressure curve", hook="opening"),
         Parameter("curve_stretch", "1", 1.0, 0.2, 5.0, "width of the pressure curve, 1 as usual", hook="opening"),
         Parameter("averaging_lag", "s", 0.004, 0.0, 0.1, "of the instruments of coil current and voltage", fixed=True),

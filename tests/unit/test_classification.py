@@ -1,0 +1,194 @@
+"""Classes from features: probabilities, thresholds, intervals; the EFC population by physics and as the thesis does."""
+
+from __future__ import annotations
+
+from itertools import product
+
+import numpy as np
+import pytest
+
+from hil.errors import InputError
+from hil.identify.classification import (
+    accuracy,
+    by_thresholds,
+    learn,
+    leave_one_out,
+    leave_one_out_thresholds,
+    ordered_thresholds,
+    wilson,
+)
+from hil.identify.efc_condition import (
+    FEATURES,
+    Instruments,
+    ValveTest,
+    compared,
+    evaluated_test,
+    reference_steps,
+    simulated_tests,
+)
+from hil.identify.efc_condition import tested as run_test
+from hil.identify.pressure_curve import Sweep
+from hil.physics.published.efc_population import CORNERS_HZ, population, valve
+from hil.physics.published.tugsal import CLASSES
+from hil.physics.simulate import Drive, simulate
+
+NAMES = ("low", "middle", "high")
+
+
+def three(rng, count=90, apart=2.0):
+    labels = np.arange(count) % 3
+    return rng.normal(size=(count, 2)) + apart * labels[:, None] * np.array([1.0, 0.0]), labels
+
+
+# -- the class model ---------------------------------------------------------------------------------------
+
+
+def test_probabilities_are_calibrated():
+    rng = np.random.default_rng(0)
+    features, labels = three(rng, 3000)
+    model = learn(features, labels, NAMES)
+    fresh, truth = three(rng, 6000)
+    shares = model.probabilities(fresh)
+    assert shares.sum(axis=1) == pytest.approx(1.0)
+    best = shares.max(axis=1)
+    right = shares.argmax(axis=1) == truth
+    for low, high in ((0.5, 0.7), (0.7, 0.9), (0.9, 1.0)):
+        some = (best >= low) & (best < high)
+        assert right[some].mean() == pytest.approx(best[some].mean(), abs=0.04)
+
+
+def test_leaving_out_is_not_seeing():
+    rng = np.random.default_rng(1)
+    features, labels = rng.normal(size=(60, 2)), np.arange(60) % 3  # nothing to learn
+    found = leave_one_out(features, labels, NAMES).argmax(axis=1)
+    assert accuracy(found, labels).share < 0.5
+    seen = learn(features, labels, NAMES).probabilities(features).argmax(axis=1)
+    assert accuracy(seen, labels).right >= accuracy(found, labels).right
+
+
+def test_a_unit_unlike_any_is_flagged():
+    rng = np.random.default_rng(2)
+    features, labels = three(rng, 300)
+    model = learn(features, labels, NAMES)
+    assert model.is_unlike(np.array([[2.0, 8.0]])).all()
+    assert model.is_unlike(features).mean() < 0.02
+    assert not model.is_unlike(np.array([[2.0, 8.0]]), measured=100.0 * np.eye(2)).any()
+
+
+def test_priors_move_the_verdict():
+    rng = np.random.default_rng(3)
+    features, labels = three(rng, 300)
+    rare = learn(features, labels, NAMES, priors=np.array([0.98, 0.01, 0.01]))
+    even = learn(features, labels, NAMES)
+    between = np.array([[1.1, 0.0]])
+    assert rare.probabilities(between)[0, 0] > even.probabilities(between)[0, 0] + 0.2
+
+
+def test_too_few_units_are_refused():
+    with pytest.raises(InputError, match="high 1 units"):
+        learn(np.zeros((7, 2)), np.array([0, 0, 0, 1, 1, 1, 2]), NAMES)
+
+
+# -- thresholds --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_thresholds_are_the_best_of_all(seed):
+    rng = np.random.default_rng(seed)
+    labels = rng.integers(0, 3, size=14)
+    values = labels + rng.normal(size=14)
+    found = ordered_thresholds(values, labels, 3)
+    right = np.count_nonzero(by_thresholds(values, found) == labels)
+    cuts = [-np.inf, *(np.sort(values) + 1e-9), np.inf]
+    best = max(np.count_nonzero(by_thresholds(values, np.array(pair)) == labels)
+               for pair in product(cuts, cuts) if pair[0] <= pair[1])  # fmt: skip
+    assert right == best
+    assert found[0] <= found[1]
+
+
+def test_thresholds_left_out():
+    labels = np.repeat([0, 1, 2], 10)
+    values = np.arange(30.0) + 100.0 * labels
+    assert np.array_equal(leave_one_out_thresholds(values, labels, 3), labels)
+
+
+@pytest.mark.parametrize(
+    ("right", "of", "low", "high"),
+    [(78, 78, 0.9531, 1.0), (0, 10, 0.0, 0.2775), (50, 100, 0.4038, 0.5962), (188, 200, 0.8981, 0.9653)],
+)
+def test_wilson(right, of, low, high):
+    assert wilson(right, of) == pytest.approx((low, high), abs=1e-4)
+
+
+def test_wilson_needs_a_share():
+    with pytest.raises(InputError, match="3 of 2"):
+        wilson(3, 2)
+
+
+# -- the EFC -----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", CORNERS_HZ)
+def test_sets_have_the_declared_corners(name):
+    half_hz, minus90_hz = CORNERS_HZ[name]
+    model = valve(name, friction_a=0.0)
+    for frequency_hz, expected in ((half_hz, "size"), (minus90_hz, "phase")):
+        t = np.arange(round(8.0 / frequency_hz * 1000.0)) / 1000.0
+        command = 1.7 + 0.005 * np.sin(2 * np.pi * frequency_hz * t)
+        out = simulate(model.definition, model.values | {"sensor_lag": 0.0}, Drive(command[None], np.nan, 1e-3))[0]
+        late = t > 4.0 / frequency_hz
+        turn = np.exp(-2j * np.pi * frequency_hz * t[late])
+        ratio = ((out[late] - out[late].mean()) @ turn) / ((command[late] - 1.7) @ turn)
+        ratio *= np.exp(2j * np.pi * frequency_hz * 0.0005)  # the command is held over a sample
+        if expected == "phase":
+            assert np.degrees(np.angle(ratio)) == pytest.approx(-90.0, abs=3.0)
+        else:
+            still = simulate(model.definition, model.values, Drive(np.full((1, 3), 1.705), np.nan, 1e-3))[0, -1]
+            base = simulate(model.definition, model.values, Drive(np.full((1, 3), 1.695), np.nan, 1e-3))[0, -1]
+            assert abs(ratio) / ((still - base) / 0.01) == pytest.approx(2**-0.5, rel=0.03)
+
+
+def test_a_test_finds_what_the_valve_has():
+    model = valve("return", friction_a=0.02)
+    found = run_test(model, np.random.default_rng(0), Instruments(), reference_steps())
+    assert found.friction_a == pytest.approx(0.02, rel=0.15)
+    assert found.leakage_ml_min == pytest.approx(100.0, rel=0.03)
+    assert len(found.features) == len(FEATURES)
+
+
+def test_a_good_valve_without_noise_is_its_own_reference():
+    silent = Instruments(0.0, 0.0, 0.0, 0.0, 0.0)
+    found = run_test(valve("good"), np.random.default_rng(0), silent, reference_steps())
+    assert max(found.error_psi.values()) < 1.0
+    worse = run_test(valve("return"), np.random.default_rng(0), silent, reference_steps())
+    assert worse.error_psi["high"] > 5.0 and worse.rise_s > found.rise_s
+
+
+def test_a_pressure_that_stands_has_no_condition():
+    still = np.full((3, 1000), 60.0)
+    sweep = [Sweep(np.concatenate((np.linspace(0, 2, 4000), np.linspace(2, 0, 4000))), np.full(8000, 60.0), speed)
+             for speed in (0.4, 0.2)]  # fmt: skip
+    with pytest.raises(InputError, match="less than 10 psi"):
+        evaluated_test(sweep, {"low": still, "high": still}, 80.0, reference_steps())
+
+
+def test_populations_repeat_and_differ():
+    one, labels = population(9, 3)
+    again, _ = population(9, 3)
+    other, _ = population(9, 4)
+    assert [m.values for m in one] == [m.values for m in again] != [m.values for m in other]
+    assert labels.tolist() == [0, 1, 2] * 3
+
+
+def test_physics_separates_200_valves_and_the_thesis_s_error_does_not():
+    tests, labels = simulated_tests(200, 1)
+    found = compared(tests, labels)
+    assert found.physics.share > 0.9
+    assert found.physics.low > max(way.high for way in found.by_error.values())
+    assert found.confident.share > 0.95 and found.confident.of > 120
+    assert [np.count_nonzero(labels == k) for k in range(len(CLASSES))] == [67, 67, 66]
+
+
+def test_features_are_logarithms_with_a_floor():
+    silent = ValveTest(-1e-4, 0.05, 0.0, {})
+    assert np.isfinite(silent.features).all()
