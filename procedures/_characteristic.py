@@ -12,6 +12,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.identify.flow_curve import FlowCurve, Number, flow_curve
 from hil.identify.sweep_branches import branches
+from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array, Channel, Recording
 from hil.record.recording import recording as made_recording
 from hil.signals.colour import colour_factor
@@ -69,10 +70,12 @@ class SpeedEffect:
     @property
     def sentence(self) -> str:
         """For the report."""
+        expanded = COVERAGE_FACTOR * self.width_std
+        digits = max(0, -math.floor(math.log10(expanded))) if expanded else 3
         return (
-            f"The loop is {self.width:.3g} {self.unit} wide, at half speed {self.width_half:.3g} {self.unit} (each ± "
-            f"{2.0 * self.width_std:.1g}): a lag of {1e3 * self.lag_s:.0f} ms makes the difference and has been taken "
-            "out of the curve."
+            f"The loop is {self.width:.{digits}f} {self.unit} wide, at half speed {self.width_half:.{digits}f} "
+            f"{self.unit} (each ± {expanded:.{digits}f} {self.unit}): a lag of {1e3 * self.lag_s:.0f} ms makes the "
+            "difference and has been taken out of the curve."
         )
 
 
@@ -109,7 +112,7 @@ def characteristic(recording: Recording, part: Mapping[str, Any], lag_s: float) 
     if ends[0].command < neutral - reach and ends[-1].command > neutral + reach:
         made = _both_ways(recording, moving, neutral, span)
     else:
-        made = _one_way(recording, levels, rising, falling, std, span)
+        made = _one_way(recording, part, (levels, rising, falling, std))
     return _with_ends(recording, made, ends)
 
 
@@ -212,13 +215,13 @@ def _both_figures(found: FlowCurve, neutral: float, span: float, command_std: fl
 
 def _hysteresis(found: FlowCurve, span: float) -> Number:
     slope = _smooth(np.gradient(found.nominal, found.command))
-    width, std, _ = _largest_width(found.command, found.rising, found.falling, found.std, slope)
+    width, std = _largest_width(found.command, found.rising, found.falling, found.std, slope)
     return Number(100.0 * width / span, 100.0 * std / span, "%")
 
 
-def _one_way(
-    recording: Recording, levels: Array, rising: Array, falling: Array, std: Array, span: float
-) -> Characteristic:
+def _one_way(recording: Recording, part: Mapping[str, Any], curve: tuple[Array, Array, Array, Array]) -> Characteristic:
+    levels, rising, falling, std = curve
+    span = float(part["span"])
     command, response = roles_of(recording)
     nominal = (rising + falling) / 2.0
     change = float(nominal[-1] - nominal[0])
@@ -232,16 +235,17 @@ def _one_way(
     half = _level_at(levels, nominal, nominal[0] + change / 2.0)
     response_std = math.hypot(noise, calibration_std(response))
     half_std = math.hypot(response_std / abs(float(np.interp(half, levels, slope))), calibration_std(command))
-    width, width_std, at = _largest_width(levels, rising, falling, std, slope)
+    width, width_std = _largest_width(levels, rising, falling, std, slope)
     per = f"{response.unit} per {command.unit}"
     figures = {
         "hysteresis": (100.0 * width / span, 100.0 * width_std / span, "%"),
         "command_half": (half, half_std, command.unit),
         "gain_largest": (float(slope[steepest]), slope_std, per),
     }
+    share = 100.0 * (float(levels[steepest]) - float(part["neutral"])) / float(part["full"])
     note = (
-        f"The response is steepest at {levels[steepest]:.4g} {command.unit} (a good bias for dynamic tests); the "
-        f"loop is widest at {at:.4g} {command.unit}."
+        f"The response is steepest at {levels[steepest]:.4g} {command.unit}, {share:.3g} % of full command: a good "
+        "bias for dynamic tests."
     )
     return Characteristic(levels, rising, falling, std, figures, None, (note,))
 
@@ -261,10 +265,8 @@ def _mean_width(levels: Array, rising: Array, falling: Array, std: Array) -> tup
     return float((falling - rising) @ slope) / weight, 2.0 * math.sqrt(float((std * slope) @ (std * slope))) / weight
 
 
-def _largest_width(
-    levels: Array, rising: Array, falling: Array, std: Array, slope: Array
-) -> tuple[float, float, float]:
-    """Largest distance of the branches along the command where the curve is steep, its uncertainty, and where it is."""
+def _largest_width(levels: Array, rising: Array, falling: Array, std: Array, slope: Array) -> tuple[float, float]:
+    """Largest distance of the branches along the command where the curve is steep, and its uncertainty."""
     steep = np.flatnonzero(np.abs(slope) > _STEEP * float(np.max(np.abs(slope))))
     sign = 1.0 if rising[-1] > rising[0] else -1.0
     wanted = sign * (rising + falling)[steep] / 2.0
@@ -272,7 +274,7 @@ def _largest_width(
     widths = np.abs(_smooth(up - down))
     worst = int(np.argmax(widths))
     at = int(steep[worst])
-    return float(widths[worst]), 2.0 * float(std[at]) / abs(float(slope[at])) / math.sqrt(_SMOOTHED), float(levels[at])
+    return float(widths[worst]), 2.0 * float(std[at]) / abs(float(slope[at])) / math.sqrt(_SMOOTHED)
 
 
 def _smooth(values: Array) -> Array:

@@ -85,7 +85,7 @@ def run(
         course.go_to(bottom)
         part = {
             "kind": "sweep", "cycle_s": duration_s, "speed_per_s": 2.0 * (top - bottom) / duration_s,
-            "settling_s": rig.settling_s, "neutral": scale.neutral, "span": top - bottom,
+            "settling_s": rig.settling_s, "neutral": scale.neutral, "span": top - bottom, "full": scale.full,
         }  # fmt: skip
         course.play(sweep, f"sweep of {duration_s:g} s", part)
     course.finish()

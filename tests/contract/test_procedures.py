@@ -93,3 +93,10 @@ def test_it_begins_and_ends_at_neutral(done):
     _, recording, _ = done
     command = recording.values(recording.meta["roles"]["command"])
     assert command[-1] == 0.0
+
+
+def test_a_command_that_goes_one_way_is_told_a_good_bias(done):
+    procedure, recording, findings = done
+    if procedure.name == "flow_curve":
+        told = any("a good bias for dynamic tests" in note for note in findings.notes)
+        assert told == ("current" in recording.channels)
