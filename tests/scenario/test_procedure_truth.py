@@ -80,6 +80,19 @@ def test_stepped_sines_give_the_describing_function_dead_time_and_bandwidths(mea
     assert measured["thd"].value < 3.0
 
 
+def test_a_zero_in_the_right_half_plane_is_told_for_the_dead_time_that_it_is(measure):
+    findings = measure(
+        "frequency_response", frequencies="0.1,0.5,1,2,3,4.9", amplitudes="10", biases="50", zeros="1", dead_time="no"
+    )
+    (curve,) = findings.curves["responses"]
+    assert any(
+        "in the right half plane" in note and "held-out lines prefer the dead time" in note for note in findings.notes
+    )
+    found = curve["alternative"]
+    assert abs(found["dead_time_s"] - TRUTH["dead_time"]) < 4.0 * found["dead_time_std_s"]
+    assert found["fit_percent"] > curve["model"]["fit_percent"]
+
+
 def test_the_reference_of_the_standard_is_measured_below_the_lowest_frequency(measure):
     findings = measure(
         "frequency_response", frequencies="0.5,1,2,3", amplitudes="10", biases="50", reference="standard"
