@@ -132,7 +132,7 @@ def _time(d: Diagnosis, *, corrected: bool) -> Picture | None:
 
 def _spectra(d: Diagnosis, *, corrected: bool) -> list[Picture]:
     """The spectrum of the recording that is farthest off, and of the one with the command's own lines."""
-    usable = [s for s in d.spectra if len(s.frequency_hz) > 2]
+    usable = [s for s in d.spectra if len(s.frequency_hz) > 2 and s.frequency_hz[0] > 0.0]
     strip = _shown_strip(d)
     chosen: list[Spectrum] = [s for s in usable if strip is not None and s.name == strip.name] or usable[:1]
     if not any(s.lines_hz for s in chosen):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import re
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
@@ -30,7 +31,7 @@ WIDTH_IN = 8.4
 _COLUMNS = 900  # of a drawing of the page's width: more samples are drawn as the span of each column
 
 _STYLE = {
-    "svg.fonttype": "none", "font.family": "DejaVu Sans", "font.size": 8.5,
+    "svg.fonttype": "none", "text.parse_math": False, "font.family": "DejaVu Sans", "font.size": 8.5,
     "axes.titlesize": 8.5, "axes.titleweight": "bold", "axes.titlelocation": "left", "axes.titlepad": 6.0,
     "axes.labelsize": 8.5, "axes.labelcolor": INK, "axes.edgecolor": SOFT, "axes.linewidth": 0.7,
     "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
@@ -69,7 +70,9 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
 
     style = {**_STYLE, "svg.hashsalt": name}
     file = io.StringIO()
-    with mpl.rc_context(style):  # type: ignore[arg-type]
+    with mpl.rc_context(style), warnings.catch_warnings():  # type: ignore[arg-type]
+        # A letter that the measuring font lacks is drawn by the reader's font; a crowded drawing is still a drawing.
+        warnings.simplefilter("ignore", UserWarning)
         figure = Figure(figsize=(WIDTH_IN, height_in))
         draw(figure)
         figure.savefig(file, format="svg", transparent=True, metadata={"Date": None, "Creator": None})

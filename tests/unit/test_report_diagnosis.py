@@ -156,7 +156,7 @@ def test_a_recording_without_noise_has_a_unit_all_the_same(tmp_path: Path, noise
 
 
 def test_hostile_names_stay_text(tmp_path: Path) -> None:
-    hostile = "<script>x</script>&\"'$_{"
+    hostile = "<script>x</script>&\"'$\\frac{$_{ 阀"
     effect = replace(
         a_diagnosis().effects[0],
         **{f.name: hostile for f in fields(Finding) if f.type == "str"},
@@ -170,6 +170,7 @@ def test_hostile_names_stay_text(tmp_path: Path) -> None:
         tmp_path,
     )  # fmt: skip
     assert "script" not in page.tags
+    assert hostile in page.text
 
 
 def test_the_same_diagnosis_makes_the_same_bytes(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ import pytest
 from hil.errors import StorageError
 from hil.record.header import read_end
 from hil.record.measurement import Findings, Measurement
-from hil.record.recording import Recording, recording
+from hil.record.recording import Channel, Recording, recording
 from hil.record.run_writer import RunWriter
 from hil.report.number import number, rounded, with_minus, with_uncertainty
 from hil.report.run_page import write_run_report
@@ -49,11 +50,13 @@ def test_values_stand_with_as_many_digits_as_are_known(tmp_path: Path) -> None:
 
 
 def test_hostile_names_stay_text(tmp_path: Path) -> None:
-    hostile = "<script>alert(1)</script>&\"'"
+    hostile = "<script>alert(1)</script>&\"'$\\frac{$ 阀"
     meta = {"valve": {"name": hostile}, "bench": hostile, "procedure": hostile, "settings": {hostile: hostile},
             "events": [{"event": hostile, "time_s": None, "row": 0, "details": {hostile: hostile}}]}  # fmt: skip
     found = Findings((Measurement(hostile, "1", hostile).of(1.0),), {hostile: {hostile: np.arange(9.0)}}, (hostile,))
-    write_run_report(a_recording(meta), found, tmp_path / "report.html")
+    time_s = np.arange(100) * 1e-3
+    strange = replace(a_recording(meta), channels={hostile: Channel(hostile, hostile, 1.0 * time_s)}, time_s=time_s)
+    write_run_report(strange, found, tmp_path / "report.html")
     page = read_page(tmp_path / "report.html")
     assert "script" not in page.tags
     assert hostile in page.text
