@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import json
 import re
@@ -137,6 +138,23 @@ def test_the_model_file_of_the_reference(tmp_path: Path) -> None:
     model = load_model(tmp_path / "model.json")
     assert model.effects[0].name == "friction"
     assert model.values["full_flow"] == plant("brevini-hpv41").typical["full_flow"]
+
+
+def test_every_field_of_a_diagnosis_is_in_the_reference() -> None:
+    tree = ast.parse((ROOT / "hil" / "diagnose" / "diagnosis.py").read_text(encoding="utf-8"))
+    written = {
+        key.value
+        for function in ast.walk(tree)
+        if isinstance(function, ast.FunctionDef) and function.name in ("as_dict", "_finding", "_where")
+        for mapping in ast.walk(function)
+        if isinstance(mapping, ast.Dict)
+        for key in mapping.keys
+        if isinstance(key, ast.Constant)
+    }
+    page = (DOCS / "reference" / "diagnosis-file.md").read_text(encoding="utf-8")
+    told = set(re.findall(r"[\w]+", " ".join(re.findall(r"`([^`]+)`", page))))
+    assert "verdict" in written
+    assert written <= told
 
 
 # -- commands ----------------------------------------------------------------------------------------------
