@@ -1,0 +1,129 @@
+"""From a closed loop to the open one, and back: where the sensor stands decides the formula.
+
+With a controller or sensor C in the forward path, T = C·G/(1 + C·G) and G = T/(C − C·T). With C in the feedback,
+T = G/(1 + C·G) and G = T/(1 − C·T). Both subtract numbers that are nearly equal at low frequency, so an error of
+T there becomes a pole of G that the plant does not have; `opened` says so.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import InputError
+from hil.physics.transfer_function import TransferFunction, transfer_function
+from hil.record.recording import Array
+
+Complex = NDArray[np.complex128]
+Place = Literal["forward", "feedback"]
+
+UNITY = transfer_function((1.0,), (1.0,))
+_AT_REST = 0.01  # how near 1 the loop must come at rest for its opening to be believed
+
+
+@dataclass(frozen=True, slots=True)
+class OpenedLoop:
+    """A plant calculated from its closed loop.
+
+    Attributes:
+        model: the plant.
+        unstable_poles: of it, in rad/s; empty for one that can be believed.
+        rest: C(0)·T(0) with the sensor in the feedback, T(0) in the forward path: 1 for a loop around an
+            integrating plant; NaN where the closed loop has no gain at rest.
+        notes: what the reader should know.
+    """
+
+    model: TransferFunction
+    unstable_poles: Complex
+    rest: float
+    notes: tuple[str, ...]
+
+
+def opened(closed: TransferFunction, sensor: TransferFunction = UNITY, place: Place = "forward") -> OpenedLoop:
+    """The plant G whose loop with the sensor C is T.
+
+    Args:
+        closed: T, from the request to the output.
+        sensor: C. The default, 1, makes both places the same.
+        place: of C: G = T/(C − C·T) or G = T/(1 − C·T).
+
+    Raises:
+        InputError: a dead time in T or C (G is then no ratio of polynomials; `opened_response` takes it), T = 1,
+            or a G with more zeros than poles.
+    """
+    for name, model in (("T", closed), ("C", sensor)):
+        if model.dead_time_s:
+            raise InputError(
+                f"opening a loop: {name} has a dead time of {model.dead_time_s:g} s; only its response can be opened, "
+                "with `opened_response`"
+            )
+    if place == "forward":
+        top = np.convolve(closed.numerator, sensor.denominator)
+        below = np.convolve(sensor.numerator, np.polysub(closed.denominator, closed.numerator))
+    else:
+        top = np.convolve(closed.numerator, sensor.denominator)
+        below = np.polysub(
+            np.convolve(closed.denominator, sensor.denominator), np.convolve(closed.numerator, sensor.numerator)
+        )
+    if not np.any(below):
+        raise InputError("opening a loop: T is 1 at every frequency; there is no finite plant with such a loop")
+    made = transfer_function(top, below)
+    unstable = made.poles[made.poles.real > 0.0]
+    rest = _rest(closed, sensor if place == "feedback" else UNITY)
+    return OpenedLoop(made, unstable, rest, _notes(unstable, rest, "C(0)·T(0)" if place == "feedback" else "T(0)"))
+
+
+def opened_response(closed: Complex, sensor: Complex | float = 1.0, place: Place = "forward") -> Complex:
+    """The plant's response from that of its closed loop, line by line; measured responses and dead times too.
+
+    Args:
+        closed: T at some frequencies, shape (n,).
+        sensor: C at the same, shape (n,), or a constant.
+        place: of C.
+    """
+    made: Complex = closed / (sensor * (1.0 - closed) if place == "forward" else 1.0 - sensor * closed)
+    return made
+
+
+def amplification(closed: Complex, sensor: Complex | float = 1.0, place: Place = "forward") -> Array:
+    """How many times larger the relative error of G is than that of T: 1/|1 − T| or 1/|1 − C·T|, shape (n,)."""
+    made: Array = 1.0 / np.abs(1.0 - (closed if place == "forward" else sensor * closed))
+    return made
+
+
+def closed(plant: TransferFunction, sensor: TransferFunction = UNITY, place: Place = "forward") -> TransferFunction:
+    """The loop of a plant with a sensor: C·G/(1 + C·G), or G/(1 + C·G).
+
+    Raises:
+        InputError: a dead time, which makes it no ratio of polynomials.
+    """
+    if plant.dead_time_s or sensor.dead_time_s:
+        raise InputError("closing a loop: with a dead time it is no ratio of polynomials")
+    around = np.convolve(plant.numerator, sensor.numerator)
+    below = np.polyadd(np.convolve(plant.denominator, sensor.denominator), around).astype(np.float64)
+    return transfer_function(around if place == "forward" else np.convolve(plant.numerator, sensor.denominator), below)
+
+
+def _rest(loop: TransferFunction, sensor: TransferFunction) -> float:
+    below = float(loop.denominator[-1] * sensor.denominator[-1])
+    return float(loop.numerator[-1] * sensor.numerator[-1]) / below if below else math.nan
+
+
+def _notes(unstable: Complex, rest: float, what: str) -> tuple[str, ...]:
+    made = []
+    if unstable.size:
+        poles = ", ".join(f"{p.real:+.4g}" if abs(p.imag) < 1e-12 else f"{p:+.4g}" for p in unstable)
+        made.append(
+            f"The opened loop has poles in the right half plane, {poles} rad/s: left alone, the plant would run away. "
+            "A spool, a cylinder and an LVDT have none; the closed loop, its units or the place of C are wrong."
+        )
+    if math.isfinite(rest) and abs(rest - 1.0) > _AT_REST:
+        made.append(
+            f"{what} is {rest:.5g}; a position loop without steady error has 1. "
+            + ("Above 1 the opened loop has a negative gain at rest." if rest > 1.0 else "")
+        )
+    return tuple(text.strip() for text in made)

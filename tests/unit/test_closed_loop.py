@@ -1,0 +1,68 @@
+"""Opening and closing a loop: there and back, what is refused, what is said."""
+
+import numpy as np
+import pytest
+
+from hil.errors import InputError
+from hil.identify.closed_loop import amplification, closed, opened, opened_response
+from hil.physics.transfer_function import transfer_function
+
+AXIS = transfer_function((2.0,), (1.0, 5.0, 0.0))
+LAG = transfer_function((1.0,), (0.01, 1.0))
+HZ = np.geomspace(0.01, 10.0, 7)
+
+
+@pytest.mark.parametrize("place", ["forward", "feedback"])
+def test_there_and_back(place):
+    loop = closed(AXIS, LAG, place)
+    found = opened(loop, LAG, place)
+    assert found.model.at(HZ) == pytest.approx(AXIS.at(HZ), rel=1e-9)
+    assert opened_response(loop.at(HZ), LAG.at(HZ), place) == pytest.approx(AXIS.at(HZ), rel=1e-9)
+    assert found.rest == pytest.approx(1.0)
+
+
+def test_a_healthy_loop_is_not_complained_of():
+    found = opened(closed(AXIS))
+    assert found.unstable_poles.size == 0
+    assert found.notes == ()
+
+
+def test_a_gain_at_rest_below_one_is_told_without_an_unstable_pole():
+    found = opened(transfer_function((0.9,), (0.5, 1.0)))
+    assert found.unstable_poles.size == 0
+    assert found.notes == ("T(0) is 0.9; a position loop without steady error has 1.",)
+    assert found.model.dc_gain == pytest.approx(9.0)
+
+
+def test_sensor_gain_decides_what_the_loop_must_have_at_rest():
+    double = transfer_function((2.0,), (1.0,))
+    assert opened(closed(AXIS, double, "feedback"), double, "feedback").notes == ()
+    wrong = opened(closed(AXIS, double, "feedback"), double, "forward")
+    assert wrong.rest == pytest.approx(0.5)
+    assert "T(0) is 0.5" in wrong.notes[-1]
+
+
+def test_errors_are_magnified_as_told():
+    t = closed(AXIS).at(HZ)
+    small = 1e-6
+    off = np.abs(opened_response(t * (1 + small)) / opened_response(t) - 1.0) / small
+    assert off == pytest.approx(amplification(t), rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("loop", "sensor", "told"),
+    [
+        (transfer_function((1.0,), (1.0, 1.0), 0.1), LAG, "T has a dead time of 0.1 s"),
+        (LAG, transfer_function((1.0,), (1.0, 1.0), 0.2), "C has a dead time of 0.2 s"),
+        (transfer_function((1.0,), (1.0,)), LAG, "T is 1 at every frequency"),
+        (LAG, transfer_function((1.0,), (1.0, 1.0, 1.0)), "zeros"),
+    ],
+)
+def test_what_cannot_be_opened_is_refused(loop, sensor, told):
+    with pytest.raises(InputError, match=told):
+        opened(loop, sensor)
+
+
+def test_a_loop_with_dead_time_is_not_closed():
+    with pytest.raises(InputError, match="dead time"):
+        closed(transfer_function((1.0,), (1.0, 1.0), 0.1))
