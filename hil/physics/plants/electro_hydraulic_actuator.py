@@ -60,7 +60,7 @@ PLANT = Plant(
         ),
     ),
     hooks=(
-        Hook("chamber", "chambers", "mm/s", 25.0, extra="pressure"),
+        Hook("chamber", "chambers", "mm/s", 25.0, extra="pressure", motion_unit="mm", motion_scale=25.0),
         Hook("load", "piston", "mm", 50.0),
         Hook("sensor", "sensor", "mm", 50.0),
     ),
