@@ -1,0 +1,152 @@
+"""Auxiliary valves on J1939/ISOBUS: flow command each 100 ms, estimated flow back (ISO 11783-7)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+
+from drivers._can import bus_fault, open_bus
+from hil.daq.channel import Terminal, Wiring
+from hil.daq.polled import PolledDaq
+from hil.errors import DeviceLostError, LinkError
+
+COMMAND, ESTIMATED = 0xFE30, 0xFE10
+"""Parameter groups of valve 0: its command, and the flow that it estimates. Valve n has the n-th after them."""
+BLOCK, EXTEND, RETRACT = 0, 1, 2
+PER_BIT = 0.4  # % of the command
+_FAIL_SAFE = {"block": 0b00, "float": 0b01}
+_ERROR, _LARGEST = 14, 0xFA
+_LIMITED = {2: "above a high limit", 3: "below a low limit", 6: "by a fault that it does not recover from"}
+
+
+class Settings(BaseModel):
+    """What `[devices.NAME]` may say.
+
+    Attributes:
+        address: of the bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:host:port`, `virtual:name`.
+        valve: its number, 0 … 15.
+        source: our address on the bus.
+        device: address of the valve's controller; messages of others are not believed.
+        bitrate: of the bus.
+        timeout_s: estimated flow that comes later than that after it was waited for counts as none.
+        watchdog_s: the valve goes to its fail-safe state when it hears no command for so long.
+        fail_safe: which state that is.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    valve: int = Field(default=1, ge=0, le=15)
+    source: int = Field(default=0x26, ge=0, le=253)
+    device: int = Field(default=0x80, ge=0, le=253)
+    bitrate: PositiveInt = 250_000
+    timeout_s: PositiveFloat = 0.3
+    watchdog_s: PositiveFloat = 0.3
+    fail_safe: Literal["block", "float"] = "block"
+
+
+def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What is wrong beyond the types."""
+    if text := bus_fault(settings.address):
+        yield ("address",), text
+    if settings.source == settings.device:
+        yield ("source",), f"address {settings.source:#04x} is the valve's own; two on a bus cannot share one"
+
+
+def terminals(_settings: Settings) -> dict[str, Terminal]:
+    """Flow command and estimated flow in % of full flow; below zero is retract."""
+    return {
+        "flow command": Terminal("out", "value", "%", -100.0, 100.0),
+        "estimated flow": Terminal("in", "value", "%", -125.0, 125.0),
+    }
+
+
+def open_link(settings: Settings, _wiring: Wiring) -> J1939ValveLink:
+    """The bus, open; nothing is sent before the first command."""
+    return J1939ValveLink(settings)
+
+
+def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
+    """The valve alone as a DAQ."""
+    return PolledDaq({"valve": open_link(settings, wiring)}, {"valve": wiring})
+
+
+def command_frame(percent: float, fail_safe: Literal["block", "float"]) -> bytes:
+    """The eight bytes of a flow command: port flow, state and fail-safe mode; the rest is not available."""
+    flow = min(_LARGEST, round(abs(percent) / PER_BIT))
+    state = BLOCK if flow == 0 else EXTEND if percent > 0.0 else RETRACT
+    return bytes([flow, 0xFF, _FAIL_SAFE[fail_safe] << 6 | 0b11 << 4 | state, *[0xFF] * 5])
+
+
+class J1939ValveLink:
+    """A valve on J1939 (see `hil.daq.polled.Link`). Its flow is estimated by itself, not measured.
+
+    A reading is the next message of the valve, which it sends each 100 ms or oftener: with a valve that sends no
+    oftener, a sample takes that long.
+    """
+
+    def __init__(self, settings: Settings) -> None:
+        self.watchdog_s: float | None = settings.watchdog_s
+        self.keep_alive_s: float | None = min(0.1, settings.watchdog_s / 3.0)
+        self._settings = settings
+        self._command_id = 3 << 26 | COMMAND + settings.valve << 8 | settings.source
+        self._group = ESTIMATED + settings.valve
+        self._bus = open_bus(settings.address, settings.bitrate)
+
+    def standing(self) -> dict[str, float]:
+        """Before the first command the valve is in its fail-safe state: no flow is commanded."""
+        return {"flow command": 0.0}
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Send the flow command. Nothing acknowledges it but the flow that the valve then estimates."""
+        import can
+
+        data = command_frame(values["flow command"], self._settings.fail_safe)
+        try:
+            self._bus.send(can.Message(arbitration_id=self._command_id, data=data, is_extended_id=True))
+        except (can.CanError, OSError) as error:
+            raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+
+    def read(self) -> dict[str, float]:
+        """The flow that the valve estimates in its next message.
+
+        Raises:
+            LinkError: no message, or the valve reports an error.
+        """
+        while self._received(0.0) is not None:  # what came before is old
+            pass
+        until_s = time.monotonic() + self._settings.timeout_s
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            if (data := self._received(left_s)) is not None and len(data) == 8:
+                return {"estimated flow": self._estimated(data)}
+        raise LinkError(f"no estimated flow of valve {self._settings.valve} within {self._settings.timeout_s:g} s")
+
+    def close(self) -> None:
+        """Leave the bus."""
+        self._bus.shutdown()
+
+    def _received(self, wait_s: float) -> bytes | None:
+        """The next message of the valve, None if there is none; empty for another's."""
+        import can
+
+        try:
+            message = self._bus.recv(wait_s)
+        except (can.CanError, OSError) as error:
+            raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+        if message is None:
+            return None
+        identifier = message.arbitration_id
+        mine = identifier >> 8 & 0x3FFFF == self._group and identifier & 0xFF == self._settings.device
+        return bytes(message.data) if mine and message.is_extended_id else b""
+
+    def _estimated(self, data: bytes) -> float:
+        limit = data[3] >> 5
+        if data[2] & 0x0F == _ERROR or limit == 6:
+            text = _LIMITED.get(limit, "")
+            raise LinkError(f"valve {self._settings.valve} reports an error{f', limited {text}' if text else ''}")
+        if data[0] > _LARGEST:
+            raise LinkError(f"valve {self._settings.valve} estimates no flow (byte {data[0]:#04x})")
+        return float(data[0]) - 125.0

@@ -1,0 +1,79 @@
+"""An auxiliary valve on J1939/ISOBUS with a plant behind it; the twin of the driver."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from sim_devices._can_bus import CanServer, Frame
+from sim_devices._field import Side
+from sim_devices._quirks import Quirks
+from sim_devices._twin import Twin, TwinSettings, quirks, world
+
+__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+
+_EVERY_S = 0.1
+
+
+class Valve:
+    """A valve that obeys its command, tells the flow that it estimates, and blocks when it hears nothing.
+
+    Args:
+        side: its terminals, `flow command` and `estimated flow` in %.
+        number: of the valve, 0 … 15.
+        address: of its controller.
+        patience_s: without a command for so long it goes to its fail-safe state.
+    """
+
+    def __init__(self, side: Side, number: int, address: int, patience_s: float) -> None:
+        self._side, self._number, self._address, self._patience_s = side, number, address, patience_s
+        self._heard_s = self._said_s = side.clock.now_s
+        self._state = 0
+
+    def on_frame(self, identifier: int, data: bytes) -> Iterator[Frame]:
+        """A command is obeyed, and answered with the flow that follows from it."""
+        if (identifier >> 8) & 0x3FFFF != 0xFE30 + self._number or len(data) != 8:
+            return
+        flow, state = data[0], data[2] & 0x0F
+        if flow > 0xFA or state > 3:
+            return
+        self._heard_s = self._side.clock.now_s
+        self._state = state
+        self._drive({1: 0.4, 2: -0.4}.get(state, 0.0) * flow)
+        yield self._estimate()
+
+    def tick(self) -> Iterator[Frame]:
+        """Flow each 100 ms; no flow when no command came."""
+        now_s = self._side.clock.now_s
+        if now_s - self._heard_s > self._patience_s and self._state:
+            self._state = 0
+            self._drive(0.0)
+        if now_s - self._said_s >= _EVERY_S:
+            self._said_s = now_s
+            yield self._estimate()
+
+    def restart(self) -> None:
+        """Blocked."""
+        self._state = 0
+        self._drive(0.0)
+
+    def _drive(self, percent: float) -> None:
+        self._side.drive({"flow command": percent})
+
+    def _estimate(self) -> Frame:
+        percent = max(-125.0, min(125.0, self._side.number("estimated flow")))
+        extend = round(percent) + 125
+        return 3 << 26 | 0xFE10 + self._number << 8 | self._address, bytes(
+            [extend, 250 - extend, 0b0011_0000 | self._state, 0b0001_1111, *[0xFF] * 4]
+        )
+
+
+def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
+    """Serve the valve on the bus where the driver will look for it."""
+    number, address = int(settings.get("valve", 1)), int(settings.get("device", 0x80))
+    valve = Valve(side, number, address, float(settings.get("watchdog_s", 0.3)))
+    return CanServer(valve, side, behave, str(settings["address"]))
+
+
+_twin = Twin("j1939_valve", serve, example="virtual:hil", free="virtual:hil")
+Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
