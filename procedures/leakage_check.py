@@ -78,8 +78,10 @@ def evaluate(recording: Recording) -> Findings:
             for c in (flow, supply, samples.channel(response.name))]  # fmt: skip
     across = means[1] - means[2]
     notes, deviations = [], []
-    full = any(e.get("event") == "reading at the end of its range" and e.get("details", {}).get("channel") == flow.name
-               for e in recording.meta.get("events", ()))  # fmt: skip
+    ends = [e.get("details", {}) for e in recording.meta.get("events", ())
+            if e.get("event") == "reading at the end of its range"]  # fmt: skip
+    at_end = any(end.get("channel") == flow.name for end in ends)
+    full = at_end and means[0] >= _FULL * float(recording.values(flow.name, "ml/min").max())
     if full:
         leakage = LEAKAGE.of(means[0] * _FULL, stds[0], relation=">")
         notes.append("The flow meter is at the end of its range: the valve is open at this current.")

@@ -41,7 +41,7 @@ _CYCLES_S = (10.0, 20.0)
 _TOP_A, _HOLD_S, _REPEATS = 2.0, 1.0, 3
 _LEAST_FRICTION_A = 5e-4  # what a test can tell from none
 _SMOOTHED_S = 0.009
-_LEARNT_FROM, _SEED = 300, 1979
+_LEARNT_FROM, _SEED = 200, 1979
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,223 @@
+"""Acceptance test of an EFC valve: coil, function, leakage, curve, steps, frequency response; a pass/fail certificate.
+
+One valve, one run, from the coil's resistance to the verdict. What would make the rest meaningless or unsafe ends
+the run early: a coil that is open or shorted, a pressure that does not follow the current, a type mistaken. The
+condition (good, malfunctioned, severely malfunctioned) is judged from friction, rise time and leakage against a
+simulated population; limits without a source in the thesis are settings of this project and can be changed per bench.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Literal
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identify.efc_condition import Condition, condition, evaluated_test, reference_steps
+from hil.identify.pressure_curve import Sweep
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from procedures import efc_frequency_response, efc_step_response, electrical_check, leakage_check, pressure_current
+from procedures._efc import Stage, held, instrument_std, part_recordings, play
+from procedures._recorded import departures, roles_of
+
+FUNCTION = Measurement(
+    "function", "psi", "rise of pressure from the closing to the opening current, in the direction of the type", 100.0
+)
+GOOD = Measurement("probability_good", "%", "that the valve is good, from friction, rise time and leakage", 50.0)
+MALFUNCTIONED = Measurement("probability_malfunctioned", "%", "that it is malfunctioned")
+SEVERE = Measurement("probability_severe", "%", "that it is severely malfunctioned")
+COMPLETE = Measurement("parts_completed", "1", "parts of the test that were completed, of six", 6.0)
+MEASUREMENTS = (
+    COMPLETE,
+    FUNCTION,
+    GOOD,
+    MALFUNCTIONED,
+    SEVERE,
+    *electrical_check.MEASUREMENTS,
+    *leakage_check.MEASUREMENTS,
+    *pressure_current.MEASUREMENTS,
+    *efc_step_response.MEASUREMENTS,
+    *efc_frequency_response.MEASUREMENTS,
+)
+KIND = "function"
+
+_OPENING_A, _FOLLOWS_PSI = 1.8, 50.0
+_FREQUENCIES_HZ = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
+_CLASS_STEP_A = {"low": 1.4, "high": 1.6}
+
+
+def run(
+    rig: Rig,
+    *,
+    voltage: Literal["12", "24"] = "12",
+    normally_open: bool = False,
+    top_current: float = 2.0,
+    sweep_s: float = 20.0,
+    frequencies: tuple[float, ...] = _FREQUENCIES_HZ,
+    levels: tuple[Literal["low", "medium", "high"], ...] = ("low", "medium", "high"),
+    rate_hz: float | None = None,
+) -> None:
+    """Drive the whole sequence, or as much of it as the valve allows.
+
+    Args:
+        rig: the bench.
+        voltage: nominal voltage of the coil.
+        normally_open: whether current closes the valve.
+        top_current: the highest current of the test, in A.
+        sweep_s: time of the first sweep of the pressure curve, in s.
+        frequencies: of the frequency response, in Hz, rising.
+        levels: of the frequency response.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    rig.tighten(min(0.0, rig.command.safe), max(top_current, rig.command.safe))
+    coil = electrical_check.drive(rig, voltage, rate_hz=rate_hz)
+    if not _usable(electrical_check.judged(coil, coil.meta["parts"][0], rig.conditions.get("conditions", {}))):
+        rig.note("ended early", reason="the coil is not usable: see its resistance")
+        return
+    if not _functions(rig, normally_open, rate_hz):
+        rig.note("ended early", reason="pressure does not follow the current as the valve's type asks")
+        return
+    leakage_check.run(rig, closing_current=top_current if normally_open else 0.0, rate_hz=rate_hz)
+    pieces = pressure_current.drive(rig, top_current, sweep_s, normally_open, rate_hz)
+    efc_step_response.run(rig, currents=_steps(top_current), rate_hz=rate_hz)
+    curve = efc_frequency_response.curve_of(rig, pieces)
+    efc_frequency_response.drive(rig, curve, levels, frequencies, rate_hz=rate_hz)
+
+
+def evaluate(recording: Recording) -> Findings:
+    """The certificate: every part's findings, the condition, and why the run ended early if it did."""
+    reasons = [event["details"]["reason"] for event in recording.meta.get("events", ())
+               if event.get("event") == "ended early"]  # fmt: skip
+    parts = {
+        "electrical check": electrical_check.evaluate(recording),
+        "leakage": leakage_check.evaluate(recording) if part_recordings(recording, leakage_check.KIND) else None,
+        "pressure over current": _if_any(recording, pressure_current.KIND, pressure_current),
+        "steps": _if_any(recording, efc_step_response.KIND, efc_step_response),
+        "frequency response": _if_any(recording, "sine", efc_frequency_response),
+    }
+    function = _function(recording)
+    done = {name: found for name, found in parts.items() if found is not None}
+    complete = COMPLETE.of(float(len(done) + (function is not None)), 0.0)
+    judged, condition_notes = _condition(recording, done)
+    missing = [name for name, found in parts.items() if found is None]
+    notes = [f"Ended early: {reason}." for reason in reasons]
+    notes += [f"Not done: {', '.join(missing)}."] if missing else []
+    return Findings(
+        (complete, *(() if function is None else (function,)), *judged,
+         *(m for found in done.values() for m in found.measured)),
+        {name: curve for found in done.values() for name, curve in found.curves.items()},
+        tuple(dict.fromkeys([*notes, *condition_notes, *(n for found in done.values() for n in found.notes)])),
+        tuple(dict.fromkeys([*(d for found in done.values() for d in found.deviations), *departures(recording)])),
+    )  # fmt: skip
+
+
+def _if_any(recording: Recording, kind: str, procedure: object) -> Findings | None:
+    """What a part found, if it was driven."""
+    if not part_recordings(recording, kind):
+        return None
+    found: Findings = procedure.evaluate(recording)  # type: ignore[attr-defined]
+    return found
+
+
+def _usable(found: Findings) -> bool:
+    """Whether the coil may be driven on: its resistance is not one of an open or shorted coil."""
+    resistance = found.measured[0]
+    if resistance.value is None or resistance.low is None or resistance.high is None or resistance.relation != "=":
+        return False
+    return 0.5 * resistance.low < resistance.value < 2.0 * resistance.high
+
+
+def _functions(rig: Rig, normally_open: bool, rate_hz: float) -> bool:
+    """Whether the pressure rises as the type asks, seen at two currents before anything goes on."""
+    wait_s = max(rig.settling_s, 0.2)
+    path = np.concatenate((held(0.0, wait_s, rate_hz), held(_OPENING_A, 2.0 * wait_s, rate_hz)))
+    (made,) = play(rig, [Stage(path, "function", {"kind": KIND, "normally_open": normally_open})], rate_hz)
+    return _rise(made, rig.command.name, rig.response.name, normally_open)[0] > _FOLLOWS_PSI
+
+
+def _rise(samples: Recording, command: str, response: str, normally_open: bool) -> tuple[float, float]:
+    """Change of pressure between the two currents, in the direction of the type, and its scatter."""
+    driven, pressure = samples.values(command), samples.values(response, "psi")
+    low = pressure[driven == driven.min()]
+    high = pressure[driven == driven.max()][len(pressure) // 3 :]
+    change = float(high.mean() - low[len(low) // 2 :].mean())
+    noise = float(high.std()) / math.sqrt(len(high)) * math.sqrt(2.0)
+    return (-change if normally_open else change), noise
+
+
+def _function(recording: Recording) -> Measured | None:
+    found = part_recordings(recording, KIND)
+    if not found:
+        return None
+    command, response = roles_of(recording)
+    part, samples = found[0]
+    change, noise = _rise(samples, command.name, response.name, bool(part["normally_open"]))
+    return FUNCTION.of(change, math.hypot(noise, instrument_std(response)))
+
+
+def _steps(top_current: float) -> tuple[float, ...]:
+    return tuple(current for current in (1.2, 1.4, 1.6, 1.8, 2.0) if current <= top_current)
+
+
+# -- condition ---------------------------------------------------------------------------------------------
+
+
+def _condition(recording: Recording, done: dict[str, Findings]) -> tuple[list[Measured], list[str]]:
+    """Probabilities of the classes; None where the tests that they need are missing."""
+    try:
+        found = _judged_condition(recording, done)
+    except InputError as error:
+        return [m.of(None) for m in (GOOD, MALFUNCTIONED, SEVERE)], [f"Condition cannot be told: {error}."]
+    shares = [100.0 * share for share in found.probabilities.values()]
+    notes = [f"Condition: {found.verdict} ({max(shares):.1f} %), against a simulated population of EFC valves."]
+    if found.unlike:
+        notes.append("The valve is unlike any class of that population: read its numbers, not its class.")
+        return [m.of(None) for m in (GOOD, MALFUNCTIONED, SEVERE)], notes
+    return [m.of(share, 0.0) for m, share in zip((GOOD, MALFUNCTIONED, SEVERE), shares, strict=True)], notes
+
+
+def _judged_condition(recording: Recording, done: dict[str, Findings]) -> Condition:
+    needed = ("leakage", "pressure over current", "steps")
+    missing = [name for name in needed if name not in done]
+    if missing:
+        raise InputError(f"not measured: {', '.join(missing)}")
+    leakage = done["leakage"].measured[0]
+    if leakage.value is None:
+        raise InputError("the leakage is not known")
+    command, response = roles_of(recording)
+    sweeps = [Sweep(s.values(command.name, "A"), s.values(response.name, "psi"), float(part["speed_per_s"]))
+              for part, s in part_recordings(recording, pressure_current.KIND)]  # fmt: skip
+    steps = {level: _step_samples(recording, current, command.name, response.name)
+             for level, current in _CLASS_STEP_A.items()}  # fmt: skip
+    return condition(evaluated_test(sweeps, steps, leakage.value, reference_steps()))
+
+
+def _step_samples(recording: Recording, current: float, command: str, response: str) -> Array:
+    """Pressure from each step to a current on, at 1 kHz, shape (repeats, n).
+
+    Raises:
+        InputError: there is no such step.
+    """
+    made: list[Array] = []
+    for part, samples in part_recordings(recording, efc_step_response.KIND):
+        if float(part["current"]) != current:
+            continue
+        driven = samples.values(command)
+        first, last = _up(driven)
+        time_s = samples.time_s[first:last] - samples.time_s[first]
+        grid = np.arange(0.0, float(time_s[-1]), 1e-3)
+        made.append(np.interp(grid, time_s, samples.values(response, "psi")[first:last]))
+    if not made:
+        raise InputError(f"no step to {current:g} A was measured")
+    return np.array([run[: min(map(len, made))] for run in made])
+
+
+def _up(driven: Sequence[float] | Array) -> tuple[int, int]:
+    """First sample at the step's level, and the end of it."""
+    change = np.diff(np.asarray(driven))
+    return int(np.flatnonzero(change > 0.0)[0]) + 1, int(np.flatnonzero(change < 0.0)[0]) + 1
