@@ -31,13 +31,17 @@ INTEGRATING = (
 )
 # Plants so slow that milliseconds show nothing.
 SLOW = {"cascaded-tanks": 0.025, "electro-hydraulic-actuator": 0.01}
+# Plants that never rest under current: copper that warms.
+WARMING = ("efc-drive",)
 # Effects that are change itself: they go on while everything else rests.
 RESTLESS = ("coil_heating", "periodic_disturbance", "sensor_drift")
 
 PLANTS = [plant(entry.name) for entry in entries("plants")]
 SITES = [(found, site) for found in PLANTS for site in kernel(found.name).sites]
 RESTING_SITES = [
-    (found, site) for found, site in SITES if found.name not in INTEGRATING and site.effect.name not in RESTLESS
+    (found, site)
+    for found, site in SITES
+    if found.name not in (*INTEGRATING, *WARMING) and site.effect.name not in RESTLESS
 ]
 
 
@@ -65,6 +69,7 @@ def course(definition: Plant) -> Array:
     middle, half = {
         "brevini-hpv41": (0.0, 100.0),
         "cummins-efc": (1.6, 0.5),
+        "efc-drive": (1.6, 0.5),
         "hydraforce-sp08-47c": (62.0, 60.0),
         "linear-axis": (0.0, 450.0),
         "cascaded-tanks": (3.6, 3.6),
