@@ -42,7 +42,7 @@ STEP_REPEATS = 3
 CLASSIFIED_CURRENT_A: Mapping[Level, float] = {"low": 1.4, "high": 1.6}
 
 DECLARED = {
-    "unit of the corner frequencies": "rad/s (the thesis does not say rad/s or Hz)",
+    "unit of the corner frequencies": "rad/s for what is recomputed here (the thesis does not say rad/s or Hz)",
     "damping of the quadratic factors": "the same ζ above and below, as the same letter is printed; then they cancel",
     "kdc": "1/DC of the other factors, because the gains are called normalised",
     "s² over 6.5s², 8.5s², 7.5s²": "s²/6.5², s²/8.5², s²/7.5²: as printed there would be no s² at all",
