@@ -21,7 +21,7 @@ class Limit:
 
     What is itself a limit (saturation, a rate) does nothing at infinity: `upper` is then the typical value where that
     would have been seen, infinity where not. `visible`: whether an effect of typical size would have been seen; if
-    not, nothing can be said of it.
+    not, nothing can be said of it. Both sizes are distances from the value at which the effect does nothing.
     """
 
     effect: str
@@ -49,18 +49,17 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
     """From one small step in the effect's strength, all else adapting."""
     first = term.unknowns[0]
     if not np.isfinite(term.null):
-        typical = tuple(u.start for u in term.unknowns)
-        change = adapted_residuals(place, (term, typical), coarse=True) - without
+        change = adapted_residuals(place, (term, [u.start for u in term.unknowns]), coarse=True) - without
         seen = bool(np.linalg.norm(change) > _VISIBLE_SIGMAS)
         upper = first.start if seen else float("inf")
         return Limit(term.name, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
-    size = abs(start[0] - term.null)
+    size, typical = abs(start[0] - term.null), abs(first.start - term.null)
     step = adapted_residuals(place, (term, start), coarse=True) - without
     power = float(step @ step)
     if power < 1e-12 or size == 0.0:
-        return Limit(term.name, term.stage, first.name, first.unit, float("inf"), first.start, False)
+        return Limit(term.name, term.stage, first.name, first.unit, float("inf"), typical, False)
     strength = -float(step @ without) / power
     upper = (max(strength, 0.0) + 1.645 / np.sqrt(power)) * size
-    visible = np.sqrt(power) * abs(first.start - term.null) / size > _VISIBLE_SIGMAS
-    return Limit(term.name, term.stage, first.name, first.unit, float(upper), first.start, bool(visible))
+    visible = np.sqrt(power) * typical / size > _VISIBLE_SIGMAS
+    return Limit(term.name, term.stage, first.name, first.unit, float(upper), typical, bool(visible))

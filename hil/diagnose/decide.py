@@ -223,15 +223,16 @@ class _Judge:
         return self.left(f) <= PART_TOLERANCE and alone
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
-        """Other names that the data cannot tell from the chosen first one."""
-        if not best.names:
+        """Other names that the data cannot tell from the chosen first one, or from a change of parameters."""
+        if not best.terms:
             return ()
+        first = best.names[0] if best.names else "parameter_change"
         others = {
             f.names[0]
             for f in polished
             if f.names and f.names[0] not in best.names and f.chi2 - best.chi2 < 9.0 + 0.01 * best.chi2
         }
-        return tuple((best.names[0], name) for name in sorted(others))
+        return tuple((first, name) for name in sorted(others))
 
 
 def share_by_block(problem: Problem, residuals: Array, seconds: float = 1.0) -> tuple[Array, Array]:

@@ -25,7 +25,7 @@ from hil.diagnose.diagnosis import (
 from hil.diagnose.events import Events, held_commands, stale_outputs, tone, without_stale
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
 from hil.diagnose.locate import StageShare, Where, locate, stages
-from hil.diagnose.next_test import next_test
+from hil.diagnose.next_test import Span, next_test
 from hil.diagnose.pictures import spectra, strips
 from hil.diagnose.problem import Problem, pose
 from hil.diagnose.search import Fitted, around
@@ -58,9 +58,18 @@ class Diagnosed:
 
 
 def diagnose(
-    model: Model, experiments: Sequence[Experiment], progress: Progress = lambda _done, _text: None
+    model: Model,
+    experiments: Sequence[Experiment],
+    progress: Progress = lambda _done, _text: None,
+    span: Span | None = None,
 ) -> Diagnosed:
     """Compare a nominal model with recordings of its unit, name what it lacks, and correct it.
+
+    Args:
+        model: the nominal model.
+        experiments: the recordings, bound to its plant.
+        progress: told how far it is.
+        span: how far a next test may drive the command; as far as the recordings went when not given.
 
     Raises:
         FileError: a recording cannot be what its headings say (see `hil.diagnose.check`).
@@ -78,7 +87,7 @@ def diagnose(
     if stale:
         events = stale_outputs(stale, problem, choice.chosen.residuals if events is None else events.residuals)
     verdict = _verdict(choice, events, bool(stale))
-    answer = _Answer(model, problem, choice, verdict, events, tuple(warnings))
+    answer = _Answer(model, problem, choice, verdict, events, tuple(warnings), span)
     progress(0.8, "locating the mismatch")
     diagnosis = answer.diagnosis(time.perf_counter() - started)
     progress(1.0, "done")
@@ -116,9 +125,10 @@ class _Answer:
         verdict: Verdict,
         events: Events | None,
         warnings: tuple[str, ...],
+        span: Span | None,
     ) -> None:
         self.model, self.problem, self.choice, self.verdict, self.events = model, problem, choice, verdict, events
-        self.warnings = warnings
+        self.warnings, self.span = warnings, span
         self.by_law = events is None or (events.name == "dropout" and choice.verdict != "unexplained")
         self.named = choice.chosen if verdict != "unexplained" and self.by_law else choice.baseline
         self.used = self._used()
@@ -381,7 +391,7 @@ class _Answer:
     # -- what else ---------------------------------------------------------------------------------------
 
     def next_test(self, rivals: Sequence[Sequence[str]], unseen: Sequence[str]) -> NextTest | None:
-        return next_test(self.problem, self.verdict, self.choice, rivals, unseen)
+        return next_test(self.problem, self.verdict, self.choice, rivals, unseen, self.span)
 
     def all_warnings(self) -> tuple[str, ...]:
         f = self.choice.chosen

@@ -59,18 +59,25 @@ class Span:
 
 
 def span_of(problem: Problem) -> Span:
-    """The range of the plant's command if it goes both ways, otherwise what the recordings have used."""
+    """The range that the recordings have used; nothing is known of what else the bench allows."""
     commands = np.concatenate([e.on_grid_input() for e in problem.experiments])
     low, high = float(commands.min()), float(commands.max())
     signal = problem.plant.inputs[0]
-    if signal.unit != "any" and low < 0.0 < high:
-        return Span(0.0, signal.full_scale, -_BOUND_MARGIN * signal.full_scale, _BOUND_MARGIN * signal.full_scale)
-    return Span(0.0, max(abs(low), abs(high), 1e-12), low, high)
+    full = signal.full_scale if signal.unit != "any" and low < 0.0 < high else max(abs(low), abs(high), 1e-12)
+    return Span(0.0, full, low, high)
+
+
+def span_within(low: float, high: float, neutral: float) -> Span:
+    """A span that keeps a tenth away from the limits of a bench; neutral may be at one of them."""
+    full = max(high - neutral, neutral - low)
+    return Span(
+        neutral, full, neutral - _BOUND_MARGIN * (neutral - low), neutral + _BOUND_MARGIN * (high - neutral)
+    )  # fmt: skip
 
 
 def menu(span: Span) -> tuple[MenuTest, ...]:
     """Tests that stay within the span, levels in % of full command."""
-    low, high = 100.0 * span.low / span.full, 100.0 * span.high / span.full
+    low, high = (100.0 * (end - span.neutral) / span.full for end in (span.low, span.high))
     middle, half = (low + high) / 2.0, (high - low) / 2.0
     found = [_steps("large steps", (low, high), 3.0), _steps("steps", _inner(low, high), 2.0)]
     found += [_sines((f,), middle, half, cycles) for f, cycles in ((0.1, 2), (0.5, 5), (1.5, 10))]
@@ -115,11 +122,15 @@ def next_test(
     choice: Choice,
     rivals: Sequence[Sequence[str]],
     unseen: Sequence[str],
+    span: Span | None = None,
 ) -> NextTest | None:
-    """The test that tells most for its time; None when there is nothing left to tell, or no test for such a plant."""
+    """The test that tells most for its time; None when there is nothing left to tell, or no test for such a plant.
+
+    `span`: how far the command may go, if that is known.
+    """
     if _interval_s(problem) > _SLOWEST_SAMPLING_S:
         return None
-    span = span_of(problem)
+    span = span or span_of(problem)
     tests = menu(span)
     if verdict == "consistent":
         return _revealing(problem, choice, tests, span, unseen) if unseen else None

@@ -6,9 +6,11 @@ import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from hil.bench.protection import envelopes_of
 from hil.bench.read import BenchFile
 from hil.diagnose.diagnose import Diagnosed, diagnose
 from hil.diagnose.diagnosis import NextTest
+from hil.diagnose.next_test import Span, span_within
 from hil.errors import StorageError
 from hil.identify.experiment import Experiment, for_model
 from hil.physics.model import Model, save_model
@@ -46,15 +48,22 @@ def conclude(
         HardwareError: the bench failed; outputs are safe, recordings made so far are kept.
         FileError: `out` holds tests of an earlier diagnosis.
     """
-    known, left_s, count = list(experiments), budget_s, 0
+    known, left_s, count, span = list(experiments), budget_s, 0, _span(bench)
     while True:
-        found = diagnose(model, known, progress)
+        found = diagnose(model, known, progress, span)
         asked = found.diagnosis.next_test
         if asked is None or asked.bench_s > left_s:
             return found
         count += 1
         left_s -= asked.bench_s
         known.append(_tested(model, asked, bench, out / f"test-{count}", progress))
+
+
+def _span(bench: BenchFile) -> Span | None:
+    """How far the bench lets the command go."""
+    command = next(name for name, channel in bench.bench.channels.items() if channel.role == "command")
+    limits = envelopes_of(bench.bench).get(command)
+    return None if limits is None else span_within(limits.low, limits.high, bench.bench.channels[command].safe or 0.0)
 
 
 def _tested(model: Model, asked: NextTest, bench: BenchFile, folder: Path, progress: Progress) -> Experiment:
