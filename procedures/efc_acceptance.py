@@ -9,14 +9,14 @@ simulated population; limits without a source in the thesis are settings of this
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Literal
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
 
 import numpy as np
 
 from hil.errors import InputError
 from hil.identify.efc_condition import Condition, condition, evaluated_test, reference_steps
-from hil.identify.pressure_curve import Sweep
+from hil.identify.pressure_curve import PressureCurve, Sweep
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -45,6 +45,7 @@ MEASUREMENTS = (
 )
 KIND = "function"
 
+_ENDED, _LEFT_OUT = "ended early", "level left out"
 _OPENING_A, _FOLLOWS_PSI = 1.8, 50.0
 _FREQUENCIES_HZ = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 _CLASS_STEP_A = {"low": 1.4, "high": 1.6}
@@ -77,22 +78,23 @@ def run(
     rig.tighten(min(0.0, rig.command.safe), max(top_current, rig.command.safe))
     coil = electrical_check.drive(rig, voltage, rate_hz=rate_hz)
     if not _usable(electrical_check.judged(coil, coil.meta["parts"][0], rig.conditions.get("conditions", {}))):
-        rig.note("ended early", reason="the coil is not usable: see its resistance")
+        rig.note(_ENDED, reason="the coil is not usable: see its resistance")
         return
     if not _functions(rig, normally_open, rate_hz):
-        rig.note("ended early", reason="pressure does not follow the current as the valve's type asks")
+        rig.note(_ENDED, reason="pressure does not follow the current as the valve's type asks")
         return
     leakage_check.run(rig, closing_current=top_current if normally_open else 0.0, rate_hz=rate_hz)
     pieces = pressure_current.drive(rig, top_current, sweep_s, normally_open, rate_hz)
     efc_step_response.run(rig, currents=_steps(top_current), rate_hz=rate_hz)
     curve = efc_frequency_response.curve_of(rig, pieces)
-    efc_frequency_response.drive(rig, curve, levels, frequencies, rate_hz=rate_hz)
+    if reached := [level for level in levels if _reached(rig, curve, level)]:
+        efc_frequency_response.drive(rig, curve, reached, frequencies, rate_hz=rate_hz)
 
 
 def evaluate(recording: Recording) -> Findings:
     """The certificate: every part's findings, the condition, and why the run ended early if it did."""
-    reasons = [event["details"]["reason"] for event in recording.meta.get("events", ())
-               if event.get("event") == "ended early"]  # fmt: skip
+    reasons = [details["reason"] for details in _noted(recording, _ENDED)]
+    left_out = _noted(recording, _LEFT_OUT)
     parts = {
         "electrical check": electrical_check.evaluate(recording),
         "leakage": leakage_check.evaluate(recording) if part_recordings(recording, leakage_check.KIND) else None,
@@ -102,11 +104,13 @@ def evaluate(recording: Recording) -> Findings:
     }
     function = _function(recording)
     done = {name: found for name, found in parts.items() if found is not None}
-    complete = COMPLETE.of(float(len(done) + (function is not None)), 0.0)
+    whole = len(done) + (function is not None) - bool(left_out and "frequency response" in done)
+    complete = COMPLETE.of(float(whole), 0.0)
     judged, condition_notes = _condition(recording, done)
     missing = [name for name, found in parts.items() if found is None]
     notes = [f"Ended early: {reason}." for reason in reasons]
     notes += [f"Not done: {', '.join(missing)}."] if missing else []
+    notes += [f"Level {one['level']} of the frequency response left out: {one['reason']}." for one in left_out]
     return Findings(
         (complete, *(() if function is None else (function,)), *judged,
          *(m for found in done.values() for m in found.measured)),
@@ -114,6 +118,11 @@ def evaluate(recording: Recording) -> Findings:
         tuple(dict.fromkeys([*notes, *condition_notes, *(n for found in done.values() for n in found.notes)])),
         tuple(dict.fromkeys([*(d for found in done.values() for d in found.deviations), *departures(recording)])),
     )  # fmt: skip
+
+
+def _noted(recording: Recording, event: str) -> list[Mapping[str, Any]]:
+    """Details of every event of a name."""
+    return [found["details"] for found in recording.meta.get("events", ()) if found.get("event") == event]
 
 
 def _if_any(recording: Recording, kind: str, procedure: object) -> Findings | None:
@@ -148,6 +157,17 @@ def _rise(samples: Recording, command: str, response: str, normally_open: bool) 
     change = float(high.mean() - low[len(low) // 2 :].mean())
     noise = float(high.std()) / math.sqrt(len(high)) * math.sqrt(2.0)
     return (-change if normally_open else change), noise
+
+
+def _reached(rig: Rig, curve: PressureCurve, level: str) -> bool:
+    """Whether the valve's curve goes through the pressures of a level; noted where it does not."""
+    try:
+        for pressure in efc_frequency_response.LEVELS_PSI[level]:
+            curve.current_at(pressure)
+    except InputError as error:
+        rig.note(_LEFT_OUT, level=level, reason=str(error))
+        return False
+    return True
 
 
 def _function(recording: Recording) -> Measured | None:
