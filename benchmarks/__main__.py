@@ -15,7 +15,16 @@ import sys
 from datetime import UTC, datetime
 from importlib import import_module
 
-NAMES = ("cold_start", "identification", "plant", "recording", "virtual_time", "frequency_response")
+NAMES = (
+    "cold_start",
+    "identification",
+    "plant",
+    "population",
+    "recording",
+    "recursive_least_squares",
+    "virtual_time",
+    "frequency_response",
+)
 
 
 def main() -> None:
