@@ -113,7 +113,7 @@ MODELS: Mapping[str, Model] = {
                         slope=10.0 / 0x7FFF, read_back=0x0200),
             **_analogue(4, "ai", "in", "input", 0x0000, low=-10.0, high=10.0, format="s16", slope=10.0 / 0x7FFF),
         },
-        watchdog=((0x1008, 0xAA55), (0x1000, "{tenths}"), (0x100A, 1)),
+        watchdog=((0x100A, 0), (0x1008, 0xAA55), (0x1000, "{tenths}"), (0x100A, 1)),
     ),
     # Moxa ioLogik E1241: 4 AO of 12 bit, 0 … 10 V; its watchdog and safe values are set on its web page.
     "iologik-e1241": Model(

@@ -178,7 +178,7 @@ def _check(time_s: Array, values: Array, frequency_hz: float, harmonics: int, dr
             f"sine fit: harmonic {harmonics} of {frequency_hz:g} Hz is beyond half the sample rate "
             f"({0.5 * frequency_hz / cycles:g} Hz); fit fewer harmonics"
         )
-    if harmonics > 1 and n * cycles < 0.99:
+    if harmonics > 1 and n * cycles < 0.95:
         raise SettingError(
             f"sine fit: {n * cycles:.2g} periods of {frequency_hz:g} Hz; harmonics need at least one, "
             "fit the fundamental alone or record longer"
