@@ -6,6 +6,8 @@ HilError
 │   ├── UnitError         "flow [kg]" where a volume flow is asked for
 │   ├── SettingError      a procedure setting out of its allowed range
 │   ├── RangeError        a waveform beyond the envelope, found before the first sample
+│   ├── RehearsalError    what the rehearsal on the simulated valve refused
+│   ├── InUseError        a bench that another program drives
 │   └── UnknownNameError  no driver, plant, effect … of that name
 └── HardwareError         the bench failed; outputs were made safe    exit status 3
     ├── LinkError         no or garbled answer from a device
@@ -47,6 +49,18 @@ class SettingError(InputError):
 
 class RangeError(InputError):
     """A waveform outside the envelope, refused before its first sample."""
+
+
+class RehearsalError(InputError):
+    """The simulated valve tripped, or its envelope was left; the bench itself was not touched."""
+
+
+class InUseError(InputError):
+    """Another program drives the bench; `pid` is its process, if it said so."""
+
+    def __init__(self, text: str, pid: int | None) -> None:
+        super().__init__(text)
+        self.pid = pid
 
 
 class UnknownNameError(InputError):

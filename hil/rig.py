@@ -6,7 +6,7 @@ in engineering units, never device names, volts or registers.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -56,6 +56,15 @@ class Rig(Protocol):
     @property
     def promises(self) -> Mapping[str, Any]:
         """What the backend keeps (timing, read_at, skew, delay of each input), as written into recordings."""
+        ...
+
+    @property
+    def finished(self) -> Sequence[Mapping[str, Any]]:
+        """Parts that need not be driven again: those that the run which this one resumes has finished.
+
+        Their samples are in the recording already. Empty unless a run is resumed; only a procedure that says
+        `RESUMABLE = True` is ever resumed.
+        """
         ...
 
     def actual_rate_hz(self, asked_hz: float) -> float:

@@ -101,8 +101,18 @@ def listen(rig: Rig, course: Course, tone: Tone, patience: Patience, phase_rad: 
         if measured := ear.take(piece):
             heard = ear.heard()
             part = {"kind": "sine", "frequency_hz": tone.frequency_hz, "amplitude": tone.amplitude, "bias": tone.bias}
-            rig.mark(measured, {**part, "steady": heard.steady, "waited_s": round(heard.waited_s, 6)})
+            told = {"steady": heard.steady, "waited_s": round(heard.waited_s, 6), "response": heard.response}
+            rig.mark(measured, {**part, **told})
     return ear.heard()
+
+
+def heard_before(rig: Rig, tone: Tone) -> Heard | None:
+    """What a sine brought in the run that this one resumes; None when it was not measured there."""
+    for part in rig.finished:
+        asked = (part.get("frequency_hz"), part.get("amplitude"), part.get("bias"))
+        if part.get("kind") == "sine" and asked == (tone.frequency_hz, tone.amplitude, tone.bias):
+            return Heard(complex(*part["response"]), part["steady"], part["waited_s"], 0.0)
+    return None
 
 
 def steady_path(tones: Sequence[Tone], patience: Patience, rate_hz: float) -> Array:

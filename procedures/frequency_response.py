@@ -29,10 +29,11 @@ from procedures._response import (
     reference_deviations,
 )
 from procedures._scale import about_levels, check_above, check_at_least, check_form_asked, scale_of
-from procedures._steady_sine import Heard, Patience, Tone, listen, steady_path
+from procedures._steady_sine import Heard, Patience, Tone, heard_before, listen, steady_path
 
 THD = Measurement("thd", "%", "largest distortion of the response beyond noise: harmonics 2 to 5 over the fundamental")
 MEASUREMENTS = (*MEASURED, THD)
+RESUMABLE = True
 
 _STANDARD_HZ, _STANDARD_SHARE = 5.0, 0.05  # reference: the first, or this share of the −90° frequency if that is less
 
@@ -120,15 +121,21 @@ def _sweep(
 ) -> None:
     """All frequencies about one bias at one amplitude, and the reference of the standard if it lies below them."""
     first = sweep[0]
-    course.go_to(first.bias)
+    if any(heard_before(rig, tone) is None for tone in sweep):
+        course.go_to(first.bias)
     phase_rad = 0.0
     found: list[Heard] = []
     for tone in sweep:
-        found.append(_listened(rig, course, tone, patience, phase_rad))
-        phase_rad = found[-1].phase_rad
+        heard = heard_before(rig, tone)
+        if heard is None:
+            heard = _listened(rig, course, tone, patience, phase_rad)
+            phase_rad = heard.phase_rad
+        found.append(heard)
     wanted_hz = _reference_hz(np.array([tone.frequency_hz for tone in sweep]), np.array([h.response for h in found]))
     if reference == "standard" and wanted_hz is not None and wanted_hz < first.frequency_hz:
-        _listened(rig, course, Tone(wanted_hz, first.amplitude, first.bias), patience, phase_rad)
+        lowest = Tone(wanted_hz, first.amplitude, first.bias)
+        if heard_before(rig, lowest) is None:
+            _listened(rig, course, lowest, patience, phase_rad)
 
 
 def _listened(rig: Rig, course: Course, tone: Tone, patience: Patience, phase_rad: float) -> Heard:

@@ -183,10 +183,21 @@ class InterlockEntry(_Strict):
 
 
 class ProtectionEntry(_Strict):
-    """How often inputs are judged and recorded (`block_s`), and how long a `hold` is waited for."""
+    """How often inputs are judged and recorded (`block_s`), and how long a `hold` is waited for.
+
+    A program that gives no sign of life for `watchdog_s` while outputs are driven is killed by its watchdog process,
+    which makes them safe; 0: there is no such process.
+    """
 
     block_s: PositiveFloat = 0.1
     patience_s: PositiveFloat = 600.0
+    watchdog_s: float = Field(default=10.0, ge=0.0)
+
+    @model_validator(mode="after")
+    def _beats_in_time(self) -> Self:
+        if 0.0 < self.watchdog_s < 3.0 * self.block_s:
+            raise ValueError(f"watchdog_s {self.watchdog_s:g}: at least three times block_s = {self.block_s:g}, or 0")
+        return self
 
 
 class Conditions(_Strict):

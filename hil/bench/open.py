@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from hil.bench.file import Bench
+from hil.bench.heartbeat import watched
+from hil.bench.lease import leased
 from hil.bench.protection import protection_of
 from hil.bench.read import BenchFile
 from hil.bench.recorder import Recorder
@@ -19,6 +21,7 @@ from hil.daq.contract import Daq
 from hil.daq.scaled import Scaled
 from hil.record.folder import RunWriter
 from hil.record.header import Column
+from hil.record.recording import Recording
 from hil.safety.guard import Guard
 from hil.safety.latch import Latch, latch_path
 from hil.safety.ramp import way_to
@@ -26,7 +29,12 @@ from hil.safety.ramp import way_to
 
 @contextmanager
 def open_rig(
-    file: BenchFile, out: Path, about: Mapping[str, Any], progress: Progress, resets: Iterable[str] = ()
+    file: BenchFile,
+    out: Path,
+    about: Mapping[str, Any],
+    progress: Progress,
+    resets: Iterable[str] = (),
+    earlier: Recording | None = None,
 ) -> Iterator[BenchRig]:
     """The rig of a bench, recording into a new run folder; outputs are safe before and after.
 
@@ -38,31 +46,50 @@ def open_rig(
         about: what the run is: procedure and settings, as JSON values, for the header.
         progress: told how far the procedure is.
         resets: names of interlocks whose trips are forgotten first.
+        earlier: a run that this one resumes: it begins with the samples of that, and its procedure is told which
+            parts are finished.
 
     Raises:
         FileError: the folder exists.
+        InUseError: another program drives this bench.
         HardwareError: the device cannot be opened, or does not answer.
         TrippedError: an interlock is tripped and not reset.
         UnknownNameError: a reset of an interlock that has not tripped.
     """
-    bench = file.bench
-    daq = Scaled(file.open(), {name: entry.line for name, entry in bench.channels.items()})
-    try:
+    with leased(file), watched(file, out) as beat, _opened(file) as daq:
+        bench = file.bench
         latch = _latch(file, resets)
         columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
         rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
         header = {**about, **conditions_of(bench), "bench_file": file.text,
                   "sampling": daq.promises.sampling(daq.inputs, rate_hz)}  # fmt: skip
         with RunWriter.create(out, header, columns) as writer:
+            finished = _taken_over(writer, earlier)
             recorder = Recorder(writer)
-            guard = Guard(daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note)
+            guard = Guard(daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note, beat)
             try:
                 _switch_on(bench, guard, rate_hz)
-                yield BenchRig(bench, guard, recorder, columns, progress)
+                yield BenchRig(bench, guard, recorder, columns, progress, finished)
             finally:
                 guard.close()
+
+
+@contextmanager
+def _opened(file: BenchFile) -> Iterator[Daq]:
+    daq = Scaled(file.open(), {name: entry.line for name, entry in file.bench.channels.items()})
+    try:
+        yield daq
     finally:
         daq.close()
+
+
+def _taken_over(writer: RunWriter, earlier: Recording | None) -> Sequence[Mapping[str, Any]]:
+    """Begin a run with what an earlier one has recorded; returns the parts that it has finished."""
+    if earlier is None:
+        return ()
+    writer.take_over(earlier)
+    writer.event("resumed", run=earlier.name)
+    return [part for part in earlier.meta["parts"] if not part.get("unfinished")]
 
 
 def _switch_on(bench: Bench, guard: Guard, rate_hz: float) -> None:

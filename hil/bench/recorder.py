@@ -9,12 +9,18 @@ from typing import Any
 from hil.daq.contract import Block
 from hil.record.folder import RunWriter
 
+_PAUSE_S = 1.0  # between the samples of a run and those of the one that it resumes; how long it really was, nobody asks
+
 
 class Recorder:
-    """Keeps blocks in a run folder, their time counted from the first sample of the run."""
+    """Keeps blocks in a run folder, their time counted from the first sample of the run.
+
+    In a folder that holds the samples of an earlier run already, time goes on a second after the last of them.
+    """
 
     def __init__(self, writer: RunWriter) -> None:
         self._writer = writer
+        self._first_s = 0.0 if writer.last_s is None else writer.last_s + _PAUSE_S
         self._zero_s: float | None = None
 
     @property
@@ -29,7 +35,7 @@ class Recorder:
     def keep(self, block: Block) -> None:
         """Write a block. Raises `StorageError`."""
         if self._zero_s is None:
-            self._zero_s = float(block.time_s[0])
+            self._zero_s = float(block.time_s[0]) - self._first_s
         self._writer.append(self.time_of(block), {**block.outputs, **block.inputs})
         if block.late:
             self.note("late samples", count=block.late)

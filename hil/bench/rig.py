@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -31,11 +31,19 @@ class BenchRig:
         recorder: the run folder; the guard keeps every block in it.
         columns: the channels as they are recorded, with source and calibration.
         progress: told how far the procedure is.
+        finished: parts that a run which this one resumes has finished.
     """
 
     def __init__(
-        self, bench: Bench, guard: Guard, recorder: Recorder, columns: Iterable[Column], progress: Progress
+        self,
+        bench: Bench,
+        guard: Guard,
+        recorder: Recorder,
+        columns: Iterable[Column],
+        progress: Progress,
+        finished: Sequence[Mapping[str, Any]] = (),
     ) -> None:
+        self.finished = finished
         self._bench = bench
         self._guard = guard
         self._recorder = recorder

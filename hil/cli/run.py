@@ -10,6 +10,7 @@ import typer
 
 if TYPE_CHECKING:
     from hil.session.procedure import Procedure
+    from hil.session.rehearsal import Rehearsal
 
 
 def command(
@@ -21,6 +22,12 @@ def command(
     ),
     out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/PROCEDURE-<time>."),
     resets: list[str] = typer.Option([], "--reset", metavar="INTERLOCK", help="Reset a trip of this interlock."),
+    rehearse: bool = typer.Option(
+        False, "--rehearse", help="First play it on the simulated valve; drive only what goes through there."
+    ),
+    resume: Path | None = typer.Option(
+        None, "--resume", metavar="RUN", help="Go on where this run was broken off, with its settings."
+    ),
     describe: bool = typer.Option(False, "--describe", help="Say what the procedure does and takes; run nothing."),
 ) -> None:
     """Run a procedure on a bench; leaves a run folder with samples, findings and report."""
@@ -41,21 +48,29 @@ def command(
     from hil.bench.read import read_bench
     from hil.cli.findings import findings_text
     from hil.safety.interrupt import Terminated
-    from hil.session.run import run_procedure
+    from hil.session.run import rehearse_procedure, run_procedure
 
     found = read_bench(find_bench(bench))
-    typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}")
+    given = split_assignments(settings)
     try:
+        if rehearse:
+            with shown() as progress:
+                rehearsed = rehearse_procedure(chosen, found, given, progress, resume)
+            typer.echo(_rehearsed(rehearsed))
+        typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}")
         with shown() as progress:
-            outcome = run_procedure(
-                chosen, found, split_assignments(settings), folder, progress, resets, split_limits(limits)
-            )
+            outcome = run_procedure(chosen, found, given, folder, progress, resets, split_limits(limits), resume)
     except KeyboardInterrupt as stopped:
         typer.echo(f"hil: stopped; outputs are safe, what was recorded is kept in {folder}", err=True)
         raise typer.Exit(143 if isinstance(stopped, Terminated) else 130) from None
     typer.echo(findings_text(outcome.findings))
     typer.echo(f"report: {outcome.report}")
     raise typer.Exit(outcome.exit_status)
+
+
+def _rehearsed(rehearsal: Rehearsal) -> str:
+    said = [f"indication in the rehearsal: {text}" for text in rehearsal.indications]
+    return "\n".join([f"rehearsed on the simulated valve: {rehearsal.bench_s:.1f} s, within all limits", *said])
 
 
 def _described(procedure: Procedure) -> str:

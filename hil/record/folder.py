@@ -16,7 +16,7 @@ import numpy as np
 from hil.errors import FileError
 from hil.record.events import EVENTS_FILE, read_events
 from hil.record.header import Column, End, Header, check_sealed, new_header, read_end, read_header
-from hil.record.parts import as_events, parts_of
+from hil.record.parts import parts_of
 from hil.record.plain import plain
 from hil.record.recording import Array, Channel, Recording, check
 from hil.record.run_writer import RunWriter
@@ -65,13 +65,10 @@ def write(recording: Recording, path: Path) -> None:
         StorageError: it cannot be written.
     """
     meta = recording.meta
-    delimiters = as_events(meta.get("parts", ()))
     stopped = meta.get("stopped_utc")
     run = RunWriter(path, _header_of(recording))
     try:
-        run.append(recording.time_s, {name: channel.values for name, channel in recording.channels.items()})
-        for event in sorted((*delimiters, *meta.get("events", ())), key=lambda event: int(event["row"])):
-            run.record_event(event)
+        run.take_over(recording)
     finally:
         run.close(meta.get("outcome", "written"), stopped_utc=datetime.fromisoformat(stopped) if stopped else None)
 

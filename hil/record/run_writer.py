@@ -17,9 +17,9 @@ from hil.record.durable import Syncer
 from hil.record.events import EVENTS_FILE, EventsWriter
 from hil.record.header import HEADER_FILE, Column, End, Header, new_header, sha256_of, write_end
 from hil.record.new_folder import make_folder
-from hil.record.parts import PLACE, STARTED, STOPPED
+from hil.record.parts import PLACE, STARTED, STOPPED, as_events
 from hil.record.plain import plain
-from hil.record.recording import Array
+from hil.record.recording import Array, Recording
 from hil.record.samples import RowsWriter
 
 _ROWS_AT_ONCE = 1 << 16
@@ -120,6 +120,20 @@ class RunWriter:
         number = self._new_part(details)
         self.record_event({"event": STARTED, "row": self.rows - count, "part": number, "details": plain(details)})
         self._now(STOPPED, {}, part=number)
+
+    def take_over(self, earlier: Recording) -> None:
+        """Begin with the samples, parts and events of another recording, as they stand there.
+
+        Raises:
+            ValueError: something was recorded here before, or the channels are others.
+        """
+        if self.rows or self._parts:
+            raise ValueError("another recording can be taken over only before anything is recorded")
+        self.append(earlier.time_s, {name: channel.values for name, channel in earlier.channels.items()})
+        parts = earlier.meta.get("parts", ())
+        for event in sorted((*as_events(parts), *earlier.meta.get("events", ())), key=lambda event: int(event["row"])):
+            self.record_event(event)
+        self._parts = len(parts)
 
     def record_event(self, event: Mapping[str, Any]) -> None:
         """Add an event as it stands, with its own time: from another run."""

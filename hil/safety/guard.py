@@ -34,6 +34,8 @@ class Guard:
         clock: by which outputs stand at their level between tasks.
         keep: takes every block, whatever it was played for, before it is judged: the recording.
         note: takes every event (`note(name, **details)`): an indication, a hold, a stop, a trip.
+        beat: the sign of life for a watchdog, told whether outputs are driven; given before a task, with each
+            block, and when outputs are safe. What it raises ends the task.
     """
 
     def __init__(
@@ -44,6 +46,7 @@ class Guard:
         clock: Clock | None = None,
         keep: Callable[[Block], None] = lambda _block: None,
         note: Callable[..., None] = lambda _event, **_details: None,
+        beat: Callable[[bool], None] = lambda _driven: None,
     ) -> None:
         daq.make_safe()
         self.latch = latch or Latch()
@@ -53,6 +56,7 @@ class Guard:
         self._watches = Watches(protection.interlocks)
         self._keep = keep
         self._note = note
+        self._beat = beat
         self._over = ""
         self._looked = False
 
@@ -143,6 +147,8 @@ class Guard:
             except HardwareError as error:
                 self._note_if_possible("ramp to safe failed", error=str(error))
             self._daq.make_safe()
+            with suppress(HardwareError):
+                self._beat(False)
 
     def close(self) -> None:
         """Make safe and let go of the device. May be called twice.
@@ -168,13 +174,16 @@ class Guard:
             raise
 
     def _judged(self, blocks: Iterator[Block]) -> Iterator[Block]:
+        self._beat(True)
         with closing_blocks(blocks):
             for block in blocks:
+                self._beat(True)
                 self._keep(block)
                 self._limits.seen()
                 for violation in self._watches.judge(block):
                     self._act(violation)
                 yield block
+        self._beat(any(channel.safe != self.levels[name] for name, channel in self.outputs.items()))
 
     def _pieces(self, waveforms: Iterable[Waveform]) -> Iterator[Waveform]:
         for waveform in waveforms:
@@ -220,6 +229,8 @@ class Guard:
             return
         with closing_blocks(self._daq.play(path, self._protection.block_samples(rate_hz))) as blocks:
             for block in blocks:
+                with suppress(HardwareError):
+                    self._beat(True)
                 with suppress(StorageError):
                     self._keep(block)
                 for violation in self._watches.judge(block):

@@ -66,9 +66,14 @@ class Latch:
 
 def latch_path(bench: str) -> Path:
     """Where the trips of a bench are kept: in the user's state folder, or in `HIL_STATE_DIR`."""
+    return state_path("trips", bench, ".json")
+
+
+def state_path(kind: str, name: str, suffix: str) -> Path:
+    """A file of the user's state folder, or of `HIL_STATE_DIR`, that belongs to something of that name."""
     folder = Path(os.environ.get("HIL_STATE_DIR") or platformdirs.user_state_dir("valve-hil"))
-    name = "".join(letter if letter.isalnum() else "-" for letter in bench.lower()).strip("-")
-    return folder / "trips" / f"{name}.json"
+    plain = "".join(letter if letter.isalnum() else "-" for letter in name.lower()).strip("-")
+    return folder / kind / f"{plain}{suffix}"
 
 
 def _read(path: Path) -> dict[str, str]:

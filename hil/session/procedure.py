@@ -26,6 +26,7 @@ class Procedure:
         evaluate: makes findings of the recording, when the outputs are safe.
         settings: by name.
         measurements: what it promises to measure.
+        resumable: whether its `run` leaves out what `Rig.finished` says.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Procedure:
     evaluate: Callable[[Recording], Findings]
     settings: Mapping[str, Setting]
     measurements: tuple[Measurement, ...]
+    resumable: bool = False
 
 
 def load_procedure(name: str) -> Procedure:
@@ -47,7 +49,7 @@ def load_procedure(name: str) -> Procedure:
     run, evaluate = _function(module, "run"), _function(module, "evaluate")
     return Procedure(
         name.replace("-", "_"), inspect.getdoc(module) or "", run, evaluate, _settings(name, run),
-        tuple(getattr(module, "MEASUREMENTS", ())),
+        tuple(getattr(module, "MEASUREMENTS", ())), bool(getattr(module, "RESUMABLE", False)),
     )  # fmt: skip
 
 

@@ -11,13 +11,17 @@ from hil.bench.file import Bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.bench.rig import Progress
+from hil.errors import SettingError
 from hil.record.folder import read
 from hil.record.measurement import Limit
+from hil.record.recording import Recording
 from hil.report.run_page import write_run_report
 from hil.safety.interrupt import terminable
 from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome, write_findings
 from hil.session.procedure import Procedure
+from hil.session.rehearsal import Rehearsal, rehearse
+from hil.session.resume import broken_off, settings_of
 from hil.session.setting import parse_settings
 
 
@@ -29,6 +33,7 @@ def run_procedure(
     progress: Progress = lambda _done, _text: None,
     resets: Iterable[str] = (),
     limits: Mapping[str, Limit] = MappingProxyType({}),
+    resume: Path | None = None,
 ) -> Outcome:
     """Drive a procedure and evaluate it: outputs are safe before anything is evaluated.
 
@@ -41,6 +46,7 @@ def run_procedure(
         resets: names of interlocks whose trips are forgotten first.
         limits: of measured quantities, by name; they go before those of the bench file, and those before what
             the procedure declares.
+        resume: the folder of a run that was broken off; its settings are taken, its finished parts not driven again.
 
     Raises:
         SettingError: a setting or limit is unknown or not allowed; nothing was driven.
@@ -48,12 +54,48 @@ def run_procedure(
         HardwareError: the bench failed; what was recorded is kept.
         KeyboardInterrupt: Ctrl-C or SIGTERM; outputs were made safe, what was recorded is kept.
     """
-    values = parse_settings(procedure.settings, settings)
+    earlier, values = planned(procedure, bench, settings, resume)
     judged_by = checked_limits(procedure.measurements, {**_acceptance(bench.bench, procedure.name), **limits})
     about = {"procedure": procedure.name, "settings": values, "limits": judged_by}
-    with terminable(), open_rig(bench, out, about, progress, resets) as rig:
+    if earlier is not None:
+        about["resumes"] = earlier.name
+    with terminable(), open_rig(bench, out, about, progress, resets, earlier) as rig:
         procedure.run(rig, **values)
     return evaluate_run(procedure, out)
+
+
+def rehearse_procedure(
+    procedure: Procedure,
+    bench: BenchFile,
+    settings: Mapping[str, Any],
+    progress: Progress = lambda _done, _text: None,
+    resume: Path | None = None,
+) -> Rehearsal:
+    """Play on the simulated valve what `run_procedure` would drive with the same arguments.
+
+    Raises:
+        RehearsalError: a sample would leave the envelope, or an interlock would stop or trip the run.
+        SettingError: the bench has no twin, or a setting is not allowed.
+    """
+    earlier, values = planned(procedure, bench, settings, resume)
+    with terminable():
+        return rehearse(procedure, bench, values, progress, earlier)
+
+
+def planned(
+    procedure: Procedure, bench: BenchFile, settings: Mapping[str, Any], resume: Path | None
+) -> tuple[Recording | None, dict[str, Any]]:
+    """The run that is to be resumed, if there is one, and the settings.
+
+    Raises:
+        SettingError: a setting is unknown or not allowed, or the run is not one that can be resumed here.
+    """
+    if resume is None:
+        return None, parse_settings(procedure.settings, settings)
+    if settings:
+        raise SettingError(f"setting {next(iter(settings))}: a resumed run has the settings with which it began")
+    earlier = broken_off(resume, procedure, bench)
+    return earlier, parse_settings(procedure.settings, settings_of(earlier))
 
 
 def evaluate_run(procedure: Procedure, folder: Path) -> Outcome:

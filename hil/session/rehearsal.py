@@ -1,0 +1,84 @@
+"""A rehearsal: the procedure on the simulated valve, before the real one moves."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from hil.bench.open import open_rig
+from hil.bench.read import BenchFile
+from hil.bench.rehearsal import twin_of
+from hil.bench.rig import Progress
+from hil.errors import HardwareError, RangeError, RehearsalError, StorageError
+from hil.record.folder import read
+from hil.record.recording import Recording
+from hil.session.procedure import Procedure
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """What a rehearsal that went through has shown.
+
+    Attributes:
+        bench_s: how long the procedure will need the bench.
+        indications: what interlocks said that do not end a run.
+    """
+
+    bench_s: float
+    indications: tuple[str, ...]
+
+
+def rehearse(
+    procedure: Procedure,
+    bench: BenchFile,
+    settings: Mapping[str, Any],
+    progress: Progress = lambda _done, _text: None,
+    earlier: Recording | None = None,
+) -> Rehearsal:
+    """Play a procedure on the twin of a bench, in virtual time, behind the same limits and interlocks.
+
+    Args:
+        procedure: what to run.
+        bench: whose twin.
+        settings: by name, as values.
+        progress: told how far the rehearsal is.
+        earlier: a run that is to be resumed.
+
+    Raises:
+        RehearsalError: a sample would leave the envelope, or an interlock would stop or trip the run.
+        SettingError: the bench has no twin, or a setting is not allowed.
+    """
+    twin = twin_of(bench)
+    with TemporaryDirectory(prefix="hil-rehearsal-") as folder:
+        run = Path(folder) / "run"
+        try:
+            with open_rig(twin, run, {}, lambda done, text: progress(done, f"rehearsal: {text}"),
+                          earlier=earlier) as rig:  # fmt: skip
+                procedure.run(rig, **settings)
+        except StorageError:
+            raise
+        except (RangeError, HardwareError) as error:
+            raise RehearsalError(
+                f"refused: in the rehearsal on the simulated {twin.bench.valve.name}, {_reason(run, error)}; "
+                "nothing was driven"
+            ) from error
+        return _shown(run, earlier)
+
+
+def _shown(run: Path, earlier: Recording | None) -> Rehearsal:
+    recording = read(run)
+    before_s = earlier.duration_s if earlier else 0.0
+    said = [event["details"] for event in recording.meta["events"] if event["event"] == "indicate"]
+    return Rehearsal(recording.duration_s - before_s, tuple(dict.fromkeys(str(details["text"]) for details in said)))
+
+
+def _reason(run: Path, error: Exception) -> str:
+    """What the guard wrote down as it acted, without the remedy for a real bench."""
+    if not isinstance(error, HardwareError):
+        return str(error)
+    events = read(run).meta["events"]
+    acted = [event["details"]["text"] for event in events if event["event"] in ("trip", "stop")]
+    return str(acted[-1]) if acted else str(error)

@@ -1,0 +1,84 @@
+"""One program at a time drives a bench: the lease, and what a second program is told."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.lease import leased
+from hil.bench.read import BenchFile, read_bench
+from hil.errors import InUseError
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from hil.bench.lease import leased
+from hil.bench.read import read_bench
+with leased(read_bench(Path(sys.argv[1]))):
+    print("held", flush=True)
+    time.sleep(120)
+"""
+
+
+@pytest.fixture(autouse=True)
+def state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> BenchFile:
+    path = tmp_path / "bench.toml"
+    path.write_text(benches()["hpv41-modbus-tcp"].read_text(encoding="utf-8"), encoding="utf-8")
+    return read_bench(path)
+
+
+@pytest.fixture
+def holder(file: BenchFile) -> Iterator[subprocess.Popen[str]]:
+    """Another program that holds the bench."""
+    with subprocess.Popen([sys.executable, "-c", HOLD, str(file.path)], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "held\n"
+        yield process
+        process.kill()
+
+
+def test_a_second_program_is_told_who_drives(file: BenchFile, holder: subprocess.Popen[str]) -> None:
+    says = rf"HPV41 on Modbus TCP: in use by process {holder.pid} .* since 20"
+    with pytest.raises(InUseError, match=says) as told, leased(file):
+        pass
+    assert (told.value.pid, told.value.exit_status) == (holder.pid, 2)
+
+
+def test_a_copy_under_another_name_drives_the_same_device(
+    file: BenchFile, holder: subprocess.Popen[str], tmp_path: Path
+) -> None:
+    copy = tmp_path / "copy.toml"
+    copy.write_text(file.text.replace("HPV41 on Modbus TCP", "another name"), encoding="utf-8")
+    says = rf"device at 127.0.0.1:15502: in use by process {holder.pid}"
+    with pytest.raises(InUseError, match=says), leased(read_bench(copy)):
+        pass
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_the_lease_of_a_dead_program_is_free(
+    file: BenchFile, holder: subprocess.Popen[str], number: signal.Signals
+) -> None:
+    holder.send_signal(number)
+    holder.wait()
+    with leased(file), pytest.raises(InUseError, match=f"process {os.getpid()}"), leased(file):
+        pass
+    with leased(file):  # and again: nothing is left behind
+        pass
+
+
+def test_a_bench_that_begins_anew_with_each_run_needs_none() -> None:
+    simulated = read_bench(benches()["brevini-hpv41"])
+    with leased(simulated), leased(simulated):
+        pass

@@ -1,0 +1,106 @@
+"""The rehearsal: what would trip or leave the envelope is refused before the bench is touched."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.read import BenchFile, read_bench
+from hil.bench.rehearsal import twin_of
+from hil.errors import HilError, RehearsalError, SettingError
+from hil.session.procedure import Procedure, load_procedure
+from hil.session.run import rehearse_procedure
+
+
+@pytest.fixture
+def tiny(stranger: Path) -> Procedure:
+    assert stranger.is_dir()
+    return load_procedure("tiny_step")
+
+
+def bench(tmp_path: Path, name: str, *changes: tuple[str, str]) -> BenchFile:
+    text = benches()[name].read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new, 1)
+    path = tmp_path / f"{name}.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_bench(path)
+
+
+@pytest.mark.parametrize("name", sorted(benches()))
+def test_every_bench_has_a_twin_in_virtual_time(name: str) -> None:
+    file = read_bench(benches()[name])
+    twin = twin_of(file)
+    daq = twin.open()
+    try:
+        assert twin.is_simulated
+        assert daq.promises.timing == "virtual"
+        assert set(daq.outputs) | set(daq.inputs) == set(file.bench.channels)
+        assert daq.actual_rate_hz(file.bench.sample_rate_hz) == file.bench.sample_rate_hz
+    finally:
+        daq.close()
+
+
+def test_nothing_is_asked_of_the_devices_themselves(tiny: Procedure, tmp_path: Path) -> None:
+    unreachable = bench(tmp_path, "hpv41-modbus-tcp")
+    said: list[str] = []
+    shown = rehearse_procedure(tiny, unreachable, {"levels": "40"}, lambda _done, text: said.append(text))
+    assert 2.0 <= shown.bench_s < 4.0
+    assert shown.indications == ()
+    assert said == ["rehearsal: round 1"]
+    assert not list(tmp_path.glob("runs*"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "settings", "says"),
+    [
+        ([("high = 140.0", "high = 90.0")], {}, r"interlock 'over-pressure': .* allowed: supply pressure ≤ 90 at"),
+        ([], {"levels": "120"}, r"output 'command', sample 0: 120 % is outside -100 … 100 %"),
+        ([("stale_s = 0.5", "high = 10.0")], {"levels": "80"}, r"interlock 'dead-flow-meter': .* flow ≤ 10 at"),
+        ([], {"limit": "20", "levels": "30"}, r"output 'command', sample 0: 30 % is outside -20 … 20 %"),
+    ],
+)
+@pytest.mark.parametrize("name", ["brevini-hpv41", "hpv41-modbus-tcp"])
+def test_refused_with_the_reason(
+    tiny: Procedure, tmp_path: Path, name: str, changes: list[tuple[str, str]], settings: dict[str, str], says: str
+) -> None:
+    file = bench(tmp_path, name, *changes)
+    with pytest.raises(RehearsalError, match=rf"refused: in the rehearsal on the simulated .*, {says}") as refused:
+        rehearse_procedure(tiny, file, settings)
+    assert str(refused.value).endswith("nothing was driven")
+    assert "--reset" not in str(refused.value)
+    assert refused.value.exit_status == 2
+
+
+def test_an_indication_is_told(tiny: Procedure, tmp_path: Path) -> None:
+    file = bench(tmp_path, "brevini-hpv41", ('stale_s = 0.5\naction = "stop"', 'high = 10.0\naction = "indicate"'))
+    (text,) = rehearse_procedure(tiny, file, {"levels": "80"}).indications
+    assert text.startswith("interlock 'dead-flow-meter'")
+
+
+def test_a_channel_that_the_plant_does_not_have_is_named(tmp_path: Path) -> None:
+    renamed = [(f'{start}"spool position"', f'{start}"oil temperature"') for start in ("[channels.", "\n")]
+    file = bench(tmp_path, "hpv41-modbus-tcp", *renamed)
+    with pytest.raises(SettingError, match=r"there is no twin of this bench: .*no signal 'oil temperature'"):
+        twin_of(file)
+
+
+def test_the_seed_can_be_chosen(tiny: Procedure) -> None:
+    def noise(seed: int) -> np.ndarray:
+        from hil.daq.contract import Waveform
+
+        daq = twin_of(read_bench(benches()["hpv41-modbus-tcp"]), seed).open()
+        (block,) = daq.play(Waveform(100.0, {"command": np.zeros(50)}))
+        return block.inputs["flow"]
+
+    assert np.array_equal(noise(3), noise(3))
+    assert not np.array_equal(noise(3), noise(4))
+
+
+def test_other_faults_stay_what_they_are(tiny: Procedure) -> None:
+    with pytest.raises(HilError, match="no setting 'level'"):
+        rehearse_procedure(tiny, read_bench(benches()["brevini-hpv41"]), {"level": "5"})
