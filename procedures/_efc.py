@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError
+from hil.errors import FileError, SettingError
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
 
@@ -47,6 +47,14 @@ def play(rig: Rig, stages: Sequence[Stage], rate_hz: float) -> list[Recording]:
         rig.ramp_to(rig.command.safe, rate_hz)
     rig.progress(1.0, "done")
     return made
+
+
+def check_channels(rig: Rig, names: Sequence[str], needed_for: str) -> None:
+    """Raise `SettingError` before anything moves when the bench does not read a channel."""
+    missing = [name for name in names if name not in rig.promises["delay_s"]]
+    if missing:
+        have = ", ".join(rig.promises["delay_s"])
+        raise SettingError(f"{needed_for} needs the channels {', '.join(missing)}; the bench reads: {have}")
 
 
 def channel(recording: Recording, name: str, unit: str, needed_for: str) -> Channel:

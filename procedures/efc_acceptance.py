@@ -21,7 +21,18 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from procedures import efc_frequency_response, efc_step_response, electrical_check, leakage_check, pressure_current
-from procedures._efc import Stage, held, instrument_std, part_recordings, play
+from procedures._efc import (
+    COIL_CURRENT,
+    COIL_VOLTAGE,
+    SUPPLY_PRESSURE,
+    THROUGH_FLOW,
+    Stage,
+    check_channels,
+    held,
+    instrument_std,
+    part_recordings,
+    play,
+)
 from procedures._recorded import departures, roles_of
 
 FUNCTION = Measurement(
@@ -75,6 +86,7 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE, THROUGH_FLOW, SUPPLY_PRESSURE), "the acceptance test")
     rig.tighten(min(0.0, rig.command.safe), max(top_current, rig.command.safe))
     coil = electrical_check.drive(rig, voltage, rate_hz=rate_hz)
     if not _usable(electrical_check.judged(coil, coil.meta["parts"][0], rig.conditions.get("conditions", {}))):

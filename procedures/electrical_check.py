@@ -25,6 +25,7 @@ from procedures._efc import (
     COIL_VOLTAGE,
     Stage,
     channel,
+    check_channels,
     held,
     instrument_std,
     part_recordings,
@@ -86,6 +87,7 @@ def drive(
 ) -> Recording:
     """The same; returns what was recorded, so that a sequence can decide whether to go on."""
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE), "the electrical check")
     ohm, tolerance = SPECIFIED_OHM[voltage]
     most = _PROOF_VOLTAGE * float(voltage) / (ohm + tolerance)
     check_above("test_current", 0.0, test_current, "A")

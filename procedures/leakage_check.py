@@ -16,6 +16,7 @@ from procedures._efc import (
     THROUGH_FLOW,
     Stage,
     channel,
+    check_channels,
     held,
     instrument_std,
     part_recordings,
@@ -55,6 +56,7 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_channels(rig, (THROUGH_FLOW, SUPPLY_PRESSURE), "the leakage check")
     check_at_least("closing_current", 0.0, closing_current, "A")
     check_at_least("settle_s", 0.0, settle_s, "s")
     check_above("hold_s", 0.0, hold_s, "s")

@@ -117,11 +117,12 @@ def test_a_coil_that_is_open_trips_before_the_current_is_far_up(tmp_path: Path) 
     assert read_recording(tmp_path / "run").values("current").max() < 0.7 + 0.75 + 1e-3
 
 
-def test_bench_without_a_voltmeter_says_what_is_missing(tmp_path: Path) -> None:
+@pytest.mark.parametrize("procedure", ["electrical_check", "efc_acceptance"])
+def test_bench_without_a_voltmeter_says_what_is_missing_before_anything_moves(tmp_path: Path, procedure: str) -> None:
     start, stop = BENCH.index('[channels."coil voltage"]'), BENCH.index('[channels."coil temperature"]')
     changes = {BENCH[start:stop]: "", '"coil voltage" = { noise = 0.02 }\n': ""}
-    with pytest.raises(FileError, match=r"needs a channel 'coil voltage' \[V\]"):
-        run(tmp_path, "electrical_check", changes)
+    with pytest.raises(SettingError, match="needs the channels coil voltage; the bench reads: pressure, coil current"):
+        run(tmp_path, procedure, changes)
 
 
 # -- leakage -----------------------------------------------------------------------------------------------
