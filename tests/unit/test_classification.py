@@ -28,9 +28,8 @@ from hil.identify.efc_condition import (
 )
 from hil.identify.efc_condition import tested as run_test
 from hil.identify.pressure_curve import Sweep
-from hil.physics.published.efc_population import CORNERS_HZ, population, valve
+from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES
-from hil.physics.simulate import Drive, simulate
 
 NAMES = ("low", "middle", "high")
 
@@ -126,26 +125,6 @@ def test_wilson_needs_a_share():
 
 
 # -- the EFC -----------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", CORNERS_HZ)
-def test_sets_have_the_declared_corners(name):
-    half_hz, minus90_hz = CORNERS_HZ[name]
-    model = valve(name, friction_a=0.0)
-    for frequency_hz, expected in ((half_hz, "size"), (minus90_hz, "phase")):
-        t = np.arange(round(8.0 / frequency_hz * 1000.0)) / 1000.0
-        command = 1.7 + 0.005 * np.sin(2 * np.pi * frequency_hz * t)
-        out = simulate(model.definition, model.values | {"sensor_lag": 0.0}, Drive(command[None], np.nan, 1e-3))[0]
-        late = t > 4.0 / frequency_hz
-        turn = np.exp(-2j * np.pi * frequency_hz * t[late])
-        ratio = ((out[late] - out[late].mean()) @ turn) / ((command[late] - 1.7) @ turn)
-        ratio *= np.exp(2j * np.pi * frequency_hz * 0.0005)  # the command is held over a sample
-        if expected == "phase":
-            assert np.degrees(np.angle(ratio)) == pytest.approx(-90.0, abs=3.0)
-        else:
-            still = simulate(model.definition, model.values, Drive(np.full((1, 3), 1.705), np.nan, 1e-3))[0, -1]
-            base = simulate(model.definition, model.values, Drive(np.full((1, 3), 1.695), np.nan, 1e-3))[0, -1]
-            assert abs(ratio) / ((still - base) / 0.01) == pytest.approx(2**-0.5, rel=0.03)
 
 
 def test_a_test_finds_what_the_valve_has():

@@ -24,8 +24,10 @@ DECLARED = {
     "it the fastest of the three",
     "damping": "what the two corners ask of a rotor behind a current loop of 250 rad/s, 8 ms of eddy currents and "
     "2 ms of dead time",
-    "friction and leakage": "stickiness and leakage are named as causes, without numbers; 4 mA and 80 ml/min are taken "
-    "for a new valve, 20 and 50 mA for worn ones",
+    "friction of the three sets": "0.5, 1 and 2 mA, what a dither leaves: with more, a sine of the low level (±6 mA) "
+    "would not move the returned valve, and the published order at that level would not show",
+    "friction and leakage of a population": "stickiness and leakage are named as causes, without numbers; WEAR has "
+    "4 mA and 80 ml/min for a new valve, 16 and 45 mA for worn ones",
     "spread of a population": "see SPREAD; classes overlap",
 }
 
@@ -34,7 +36,7 @@ _SETS: Mapping[str, Mapping[str, float]] = {
     "prototype": {"rotor_frequency": 57.4, "rotor_damping": 1.38},
     "return": {"rotor_frequency": 33.0, "rotor_damping": 1.09, "leakage": 100.0},
 }
-_FRICTION_A = {"good": 0.004, "prototype": 0.008, "return": 0.035}
+_FRICTION_A = {"good": 0.0005, "prototype": 0.001, "return": 0.002}
 
 
 @dataclass(frozen=True, slots=True)
