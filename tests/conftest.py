@@ -20,6 +20,14 @@ settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 STRANGER = Path(__file__).parent / "stranger"
 
 
+@pytest.fixture(scope="session", autouse=True)
+def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Trips and leases of the tests are their own, not the user's, and not those of tests beside them."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("HIL_STATE_DIR", str(tmp_path_factory.mktemp("state")))
+        yield
+
+
 @pytest.fixture
 def stranger(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A stranger's package of procedures, installed for one test; yields the folder that brings it along."""

@@ -1,0 +1,107 @@
+"""Faults on purpose while a bench is driven, and what is seen of them at the device: used by tests and by the page.
+
+python -m tests.faults      # measures every combination and writes docs/reference/fault-matrix.md
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from hil.errors import FileError
+from hil.record.read import read_recording
+
+STRANGER = Path(__file__).parent / "stranger"
+PATIENCE_S = 60.0  # of a test, on a machine that is busy with other things
+
+
+class Observer:
+    """Looks at an output at the device itself every millisecond, whatever the program says."""
+
+    def __init__(self, served: Mapping[str, Any], channel: str = "command") -> None:
+        self._field = next(iter(served.values()))._side._field
+        self._channel = channel
+        self._ended = threading.Event()
+        self._changes: list[tuple[float, float]] = [(time.monotonic(), self.level)]
+        self._thread = threading.Thread(target=self._look, daemon=True)
+        self._thread.start()
+
+    @property
+    def level(self) -> float:
+        """Where the output stands, raw."""
+        return float(self._field.levels[self._channel])
+
+    def wait_until_driven(self, process: subprocess.Popen[str] | None = None) -> None:
+        """Return when the output has left zero."""
+        deadline_s = time.monotonic() + PATIENCE_S
+        while self.level == 0.0:
+            if process is not None and process.poll() is not None:
+                raise AssertionError(f"the run ended early: {process.communicate()}")
+            assert time.monotonic() < deadline_s, "the output was never driven"
+            time.sleep(0.002)
+
+    def safe_after(self, since_s: float, within_s: float) -> float | None:
+        """Seconds from an instant until the output went to zero for good; None when it did not within this time."""
+        deadline_s = since_s + within_s
+        while self.level != 0.0 and time.monotonic() < deadline_s:
+            time.sleep(0.002)
+        time.sleep(0.2)  # it stays there
+        at_s, level = self._changes[-1]
+        return max(0.0, at_s - since_s) if level == 0.0 else None
+
+    def close(self) -> None:
+        """Stop looking."""
+        self._ended.set()
+        self._thread.join()
+
+    def _look(self) -> None:
+        while not self._ended.wait(0.001):
+            level = self.level
+            if level != self._changes[-1][1]:
+                self._changes.append((time.monotonic(), level))
+
+
+@contextmanager
+def observed(served: Mapping[str, Any]) -> Iterator[Observer]:
+    """An observer while inside."""
+    observer = Observer(served)
+    try:
+        yield observer
+    finally:
+        observer.close()
+
+
+def start_run(bench: Path, out: Path, state: Path, *settings: str) -> subprocess.Popen[str]:
+    """`hil run tiny_step`, standing at 40 % for a minute, in a process of its own."""
+    told = ("levels=40", "hold_s=60", *settings)
+    command = [sys.executable, "-m", "hil", "run", "tiny_step", "--bench", str(bench), "--out", str(out)]
+    command += [part for setting in told for part in ("--set", setting)]
+    environment = {**os.environ, "PYTHONPATH": str(STRANGER), "HIL_STATE_DIR": str(state)}
+    return subprocess.Popen(command, env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+
+def watchdog_of(run: int) -> int:
+    """The process that watches over a run."""
+    for folder in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (folder / "cmdline").read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if b"hil.bench.watchdog" in words and str(run).encode() in words:
+            return int(folder.name)
+    raise AssertionError(f"no process watches over {run}")
+
+
+def samples_in(folder: Path) -> int:
+    """Samples of a run folder that can be read, however it was left."""
+    try:
+        return len(read_recording(folder))
+    except FileError:
+        return 0

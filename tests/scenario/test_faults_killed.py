@@ -1,0 +1,118 @@
+"""The program is killed or hangs while it drives: its watchdog process makes the outputs safe at the device."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from hil.record.read import read_recording
+from tests.faults import PATIENCE_S, Observer, observed, start_run, watchdog_of
+from tests.links import served
+
+# The coupler's own watchdog stays off, so that only the watchdog process can make it safe.
+TCP = ("hpv41-modbus-tcp", ("watchdog_s = 1.0\n", ""), ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 1.0"))
+
+
+@contextmanager
+def driven(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Observer, Path]]:
+    bench, *changes = TCP
+    with ExitStack() as stack:
+        file, devices = stack.enter_context(served(bench, tmp_path, *changes))
+        observer = stack.enter_context(observed(devices))
+        process = stack.enter_context(start_run(file.path, tmp_path / "run", tmp_path / "state"))
+        stack.callback(process.kill)
+        observer.wait_until_driven(process)
+        time.sleep(0.3)
+        yield process, observer, tmp_path / "run"
+
+
+def told(folder: Path) -> dict[str, str]:
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not (folder / "watchdog.json").exists() and time.monotonic() < deadline_s:
+        time.sleep(0.02)
+    time.sleep(0.1)
+    return json.loads((folder / "watchdog.json").read_text(encoding="utf-8"))
+
+
+def test_killed(tmp_path: Path) -> None:
+    with driven(tmp_path) as (process, observer, folder):
+        at_s = time.monotonic()
+        process.kill()
+        after_s = observer.safe_after(at_s, PATIENCE_S)
+        _, err = process.communicate(timeout=PATIENCE_S)  # the watchdog holds its end of the pipe until it is done
+    assert after_s is not None and after_s < 1.0
+    assert f"hil watchdog: process {process.pid} ended without making its outputs safe; outputs made safe in" in err
+    assert told(folder)["why"] == "ended without making its outputs safe"
+    recording = read_recording(folder)
+    assert "not closed" in recording.meta["incomplete"]
+    assert recording.values("command")[-1] == 40.0
+
+
+def test_hangs(tmp_path: Path) -> None:
+    with driven(tmp_path) as (process, observer, folder):
+        at_s = time.monotonic()
+        process.send_signal(signal.SIGSTOP)
+        after_s = observer.safe_after(at_s, PATIENCE_S)
+        process.wait(PATIENCE_S)
+    assert process.returncode == -signal.SIGKILL  # it cannot wake up and drive on
+    assert after_s is not None and 0.8 < after_s < 1.0 + 1.0
+    assert "gave no sign of life for 1 s while outputs were driven, and was killed" in told(folder)["why"]
+
+
+def test_the_watchdog_is_killed(tmp_path: Path) -> None:
+    with driven(tmp_path) as (process, observer, folder):
+        at_s = time.monotonic()
+        os.kill(watchdog_of(process.pid), signal.SIGKILL)
+        after_s = observer.safe_after(at_s, PATIENCE_S)
+        _, err = process.communicate(timeout=PATIENCE_S)
+    assert after_s is not None and after_s < 1.0
+    assert process.returncode == 3
+    assert "the watchdog process ended; the run was stopped, outputs are safe" in err
+    assert "StoppedError" in read_recording(folder).meta["outcome"]
+
+
+def test_the_watchdog_hangs(tmp_path: Path) -> None:
+    with driven(tmp_path) as (process, observer, _folder):
+        at_s = time.monotonic()
+        watchdog = watchdog_of(process.pid)
+        os.kill(watchdog, signal.SIGSTOP)
+        try:
+            after_s = observer.safe_after(at_s, PATIENCE_S)
+        finally:
+            os.kill(watchdog, signal.SIGKILL)
+        _, err = process.communicate(timeout=PATIENCE_S)
+    assert after_s is not None and 0.8 < after_s < 2.0
+    assert "the watchdog process gave no answer for 1 s; the run was stopped" in err
+
+
+def test_an_ordered_end_leaves_nothing_to_the_watchdog(tmp_path: Path) -> None:
+    with driven(tmp_path) as (process, observer, folder):
+        at_s = time.monotonic()
+        watchdog = watchdog_of(process.pid)
+        process.send_signal(signal.SIGINT)
+        after_s = observer.safe_after(at_s, PATIENCE_S)
+        _, err = process.communicate(timeout=PATIENCE_S)
+    assert after_s is not None and after_s < 1.0
+    assert (process.returncode, "outputs are safe" in err, "watchdog" in err) == (130, True, False)
+    assert not Path(f"/proc/{watchdog}").exists()
+    assert not (folder / "watchdog.json").exists()
+    assert np.isfinite(read_recording(folder).time_s).all()
+
+
+def test_a_watchdog_that_cannot_reach_the_device_lets_nothing_move(tmp_path: Path) -> None:
+    bench, *changes = TCP
+    with served(bench, tmp_path, *changes) as (file, _):
+        pass
+    with start_run(file.path, tmp_path / "run", tmp_path / "state") as process:
+        _, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 3
+    assert "hil: the watchdog process: wago-750 at 127.0.0.1:" in err and "cannot be reached" in err
+    assert not (tmp_path / "run").exists()
