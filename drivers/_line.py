@@ -50,6 +50,13 @@ class Line:
         except UnicodeDecodeError:
             raise self.failed(f"garbled answer {answer!r} to {request}") from None
 
+    def ask_first(self, request: str) -> str:
+        """Like `ask`, for the first request on a line: what an earlier program left on it may come in between."""
+        try:
+            return self.ask(request)
+        except LinkError:
+            return self.ask(request)
+
     def tell(self, request: str) -> None:
         """Send what has no answer, at once: also while a late answer may still come."""
         if self._port is None:

@@ -165,7 +165,10 @@ class AsciiModuleLink:
         self._line.close()
 
     def _recognise(self) -> None:
-        name = self._ask("$%M", "!%")
+        try:
+            name = self._ask("$%M", "!%")
+        except LinkError:  # what an earlier program left on the line may have come in between
+            name = self._ask("$%M", "!%")
         if name != self._model.name:
             raise LinkError(f"module {self._at} is a '{name}', not a {self._model.name}")
 

@@ -7,13 +7,14 @@ import struct
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._can import bus_fault, open_bus
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, LinkError
+from hil.errors import DeviceLostError, HardwareError, LinkError
 
 PROFILE = 408
 FULL = 16384  # ±100 %
@@ -50,7 +51,7 @@ class Settings(BaseModel):
     node: int = Field(default=1, ge=1, le=126)
     bitrate: PositiveInt = 250_000
     timeout_s: PositiveFloat = 0.1
-    longest_reply_s: PositiveFloat = 0.5
+    longest_reply_s: PositiveFloat = 0.25
     watchdog_s: PositiveFloat = 0.5
     ramp_s: float | None = Field(default=None, ge=0.0)
     dither_amplitude: int | None = Field(default=None, ge=0, le=0xFFFF)
@@ -63,6 +64,8 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong beyond the types."""
     if text := bus_fault(settings.address):
         yield ("address",), text
+    if settings.longest_reply_s >= settings.watchdog_s:
+        yield ("longest_reply_s",), f"must be shorter than watchdog_s = {settings.watchdog_s:g}, or the valve faults"
     if settings.watchdog_s > 65.535:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the valve counts up to 65.535 s"
 
@@ -111,6 +114,7 @@ class CanopenValveLink:
         self._beat_s: float | None = None
         self._quiet_until_s = 0.0
         self._network = canopen.Network(open_bus(settings.address, settings.bitrate))
+        self._network.NOTIFIER_CYCLE = 0.05  # how long it takes to leave the bus
         self._network.connect()
         self._node = self._network.add_node(settings.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
         self._node.sdo.RESPONSE_TIMEOUT = settings.timeout_s
@@ -146,10 +150,13 @@ class CanopenValveLink:
         return {"actual value": 100.0 * actual / FULL}
 
     def close(self) -> None:
-        """Leave the bus."""
-        if not self._closed:
-            self._closed = True
-            self._network.disconnect()
+        """Leave the valve at its fail-safe position, and the bus."""
+        if self._closed:
+            return
+        self._closed = True
+        with suppress(HardwareError):
+            self._step_down()
+        self._network.disconnect()
 
     def _recognise(self) -> None:
         """See that a valve is there, and make it operational."""
@@ -197,10 +204,18 @@ class CanopenValveLink:
         if not self._unsigned(0x6041, 0) & 0b1000:
             self._write(0x6040, 0, 0, "<H")
             self._write(0x6040, 0, 0b1000, "<H")
+        self._step_down()
         for word, reached in zip(CLIMB, _REACHED, strict=True):
             self._write(0x6040, 0, word, "<H")
             self._wait_for(reached)
         self._emergency = None
+
+    def _step_down(self) -> None:
+        """From where the valve was left, state by state, as it allows no leap."""
+        state = self._unsigned(0x6041, 0) & 0b1111
+        if state in _REACHED:
+            for word in reversed(CLIMB[: _REACHED.index(state)]):
+                self._write(0x6040, 0, word, "<H")
 
     def _wait_for(self, state: int) -> None:
         until_s = time.monotonic() + _PATIENCE_S

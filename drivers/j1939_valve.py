@@ -31,7 +31,8 @@ class Settings(BaseModel):
         source: our address on the bus.
         device: address of the valve's controller; messages of others are not believed.
         bitrate: of the bus.
-        timeout_s: estimated flow that comes later than that after it was waited for counts as none.
+        timeout_s: estimated flow that is older than that counts as none.
+        longest_reply_s: after a failure what comes for so long is not believed, as it may have been under way.
         watchdog_s: the valve goes to its fail-safe state when it hears no command for so long.
         fail_safe: which state that is.
     """
@@ -44,6 +45,7 @@ class Settings(BaseModel):
     device: int = Field(default=0x80, ge=0, le=253)
     bitrate: PositiveInt = 250_000
     timeout_s: PositiveFloat = 0.3
+    longest_reply_s: PositiveFloat = 0.6
     watchdog_s: PositiveFloat = 0.3
     fail_safe: Literal["block", "float"] = "block"
 
@@ -84,9 +86,10 @@ def command_frame(percent: float, fail_safe: Literal["block", "float"]) -> bytes
 class J1939ValveLink:
     """A valve on J1939 (see `hil.daq.polled.Link`). Its flow is estimated by itself, not measured.
 
-    A reading is the next message of the valve, which it sends each 100 ms or oftener: with a valve that sends no
-    oftener, a sample takes that long.
+    The valve tells it each 100 ms without being asked, so a reading is half as old on average.
     """
+
+    reading_age_s = 0.05
 
     def __init__(self, settings: Settings) -> None:
         self.watchdog_s: float | None = settings.watchdog_s
@@ -94,6 +97,9 @@ class J1939ValveLink:
         self._settings = settings
         self._command_id = 3 << 26 | COMMAND + settings.valve << 8 | settings.source
         self._group = ESTIMATED + settings.valve
+        self._told, self._told_s = 0.0, time.monotonic()
+        self._latest: bytes | None = None
+        self._came_s = self._quiet_until_s = 0.0
         self._bus = open_bus(settings.address, settings.bitrate)
 
     def standing(self) -> dict[str, float]:
@@ -104,6 +110,7 @@ class J1939ValveLink:
         """Send the flow command. Nothing acknowledges it but the flow that the valve then estimates."""
         import can
 
+        self._told, self._told_s = values["flow command"], time.monotonic()
         data = command_frame(values["flow command"], self._settings.fail_safe)
         try:
             self._bus.send(can.Message(arbitration_id=self._command_id, data=data, is_extended_id=True))
@@ -111,36 +118,46 @@ class J1939ValveLink:
             raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
 
     def read(self) -> dict[str, float]:
-        """The flow that the valve estimates in its next message.
+        """The flow that the valve has estimated last.
 
         Raises:
-            LinkError: no message, or the valve reports an error.
+            LinkError: it is too old, the valve reports an error, or must have gone to its fail-safe state meanwhile.
         """
-        while self._received(0.0) is not None:  # what came before is old
-            pass
-        until_s = time.monotonic() + self._settings.timeout_s
-        while (left_s := until_s - time.monotonic()) > 0.0:
-            if (data := self._received(left_s)) is not None and len(data) == 8:
-                return {"estimated flow": self._estimated(data)}
-        raise LinkError(f"no estimated flow of valve {self._settings.valve} within {self._settings.timeout_s:g} s")
+        silent_s = time.monotonic() - self._told_s
+        if self._told and silent_s > self._settings.watchdog_s:
+            raise LinkError(f"no command was sent for {silent_s:.3g} s: the valve has gone to its fail-safe state")
+        wait_s = self._quiet_until_s - time.monotonic()
+        if wait_s > 0.0:  # what is late on its way says nothing about now
+            time.sleep(wait_s)
+            self._receive(0.0)
+            self._latest = None
+        self._quiet_until_s = 0.0
+        self._receive(0.0)
+        if self._latest is None:
+            self._receive(self._settings.timeout_s)
+        if self._latest is None or time.monotonic() - self._came_s > self._settings.timeout_s:
+            self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
+            raise LinkError(f"no estimated flow of valve {self._settings.valve} for {self._settings.timeout_s:g} s")
+        return {"estimated flow": self._estimated(self._latest)}
 
     def close(self) -> None:
         """Leave the bus."""
         self._bus.shutdown()
 
-    def _received(self, wait_s: float) -> bytes | None:
-        """The next message of the valve, None if there is none; empty for another's."""
+    def _receive(self, wait_s: float) -> None:
+        """Take in every message that has come; wait for the first one so long if there is none."""
         import can
 
+        until_s = time.monotonic() + wait_s
         try:
-            message = self._bus.recv(wait_s)
+            while (message := self._bus.recv(max(0.0, until_s - time.monotonic()))) is not None:
+                identifier = message.arbitration_id
+                mine = identifier >> 8 & 0x3FFFF == self._group and identifier & 0xFF == self._settings.device
+                if mine and message.is_extended_id and len(message.data) == 8:
+                    self._latest, self._came_s = bytes(message.data), time.monotonic()
+                    until_s = 0.0
         except (can.CanError, OSError) as error:
             raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
-        if message is None:
-            return None
-        identifier = message.arbitration_id
-        mine = identifier >> 8 & 0x3FFFF == self._group and identifier & 0xFF == self._settings.device
-        return bytes(message.data) if mine and message.is_extended_id else b""
 
     def _estimated(self, data: bytes) -> float:
         limit = data[3] >> 5

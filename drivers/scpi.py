@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
@@ -14,6 +15,7 @@ from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import LinkError
 
+_CHECK_S = 0.5  # how often outputs are asked where they stand
 _NOT_A_NUMBER = 9.91e37  # as SCPI writes it; 9.9e37 is infinity
 _ERROR = re.compile(r'([+-]?\d+),"(.*)"')
 
@@ -128,8 +130,10 @@ class ScpiLink:
         self._line = Line(settings.address, settings.baud, "\n", settings.timeout_s, settings.longest_reply_s)
         self._outputs = {c.terminal: model.outputs[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: model.inputs[c.terminal] for c in wiring.inputs.values()}
+        self._driven: dict[str, float] = {}
+        self._checked_s = time.monotonic()
         try:
-            identity = self._line.ask("*CLS;*IDN?")
+            identity = self._line.ask_first("*CLS;*IDN?")
             if identity.count(",") != 3:
                 raise LinkError(f"'{identity}' is not the identity of a SCPI instrument (maker,model,serial,version)")
         except BaseException:
@@ -147,9 +151,12 @@ class ScpiLink:
         if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
             self._line.tell(";:".join(told))
         self._asked(told)
+        self._driven.update(values)
 
     def read(self) -> dict[str, float]:
-        """Measure every input, in one message."""
+        """Measure every input, in one message, and now and then see that outputs stand where they were driven."""
+        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
+            self._outputs_stand()
         values = self._numbers([place.ask for place in self._inputs.values()])
         readings: dict[str, float] = {}
         for (name, place), value in zip(self._inputs.items(), values, strict=True):
@@ -161,6 +168,16 @@ class ScpiLink:
     def close(self) -> None:
         """Close the line."""
         self._line.close()
+
+    def _outputs_stand(self) -> None:
+        self._checked_s = time.monotonic()
+        for name, stands in self.standing().items():
+            driven = self._driven.get(name, stands)
+            if abs(stands - driven) > 1e-3:
+                raise LinkError(
+                    f"{name} stands at {stands:.4g}, not at {driven:.4g} as it was driven: the instrument "
+                    f"restarted, or somebody else uses it"
+                )
 
     def _numbers(self, queries: list[str]) -> list[float]:
         texts = self._asked(queries)

@@ -18,7 +18,13 @@ Frame = tuple[int, bytes]
 
 
 class Node(Protocol):
-    """A device on a bus: it is told of every frame, and of time."""
+    """A device on a bus: it is told of every frame, and of time.
+
+    Attributes:
+        answers_by_itself: its readings come without being asked for, so quirks spoil those.
+    """
+
+    answers_by_itself: bool
 
     def on_frame(self, identifier: int, data: bytes) -> Iterator[Frame]:
         """What it sends in answer to a frame."""
@@ -218,7 +224,9 @@ class CanServer:
         while not self._ended.wait(_TICK_S):
             with self._lock:
                 frames = list(self._node.tick())
-            if not self.behaviour.quirks.silent:
+            if frames and self._node.answers_by_itself:
+                self._reply(frames)
+            elif not self.behaviour.quirks.silent:
                 for frame in frames:
                     self._send(*frame)
 

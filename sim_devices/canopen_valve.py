@@ -63,6 +63,8 @@ class Valve:
         node: its number.
     """
 
+    answers_by_itself = False
+
     def __init__(self, side: Side, node: int) -> None:
         self._side, self._node = side, node
         self.values: dict[tuple[int, int], int] = {}
@@ -182,6 +184,8 @@ class Valve:
         self.values[index, sub] = value
         if index == 0x6040:
             self._control(value)
+        if index == 0x1016:
+            self._master_s = math.inf  # watched from the next heartbeat on
         if index in (0x6040, 0x6300, 0x6314):
             self._move(0.0)
 

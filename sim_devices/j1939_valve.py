@@ -25,6 +25,8 @@ class Valve:
         patience_s: without a command for so long it goes to its fail-safe state.
     """
 
+    answers_by_itself = True
+
     def __init__(self, side: Side, number: int, address: int, patience_s: float) -> None:
         self._side, self._number, self._address, self._patience_s = side, number, address, patience_s
         self._heard_s = self._said_s = side.clock.now_s

@@ -106,6 +106,7 @@ class Wago750(Bank):
             self._status = 0
         else:
             self._armed = count
+            self._status = 0 if count == 0 else self._status
 
     def restart(self) -> None:
         """Outputs zero, watchdog off."""

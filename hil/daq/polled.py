@@ -26,6 +26,7 @@ from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError
 _T = TypeVar("_T")
 
 _PROBES = 8  # readings by which a link is measured when it is opened
+_PROBING_S = 0.3  # but no longer than that
 _BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
 _IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
 _SHARE = 0.8  # of the time that a link has, it is used: the rest is for what the computer does besides
@@ -39,7 +40,9 @@ class Link(Protocol):
 
     Attributes:
         watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
-        keep_alive_s: between tasks the outputs are driven again so often; None: not needed.
+        keep_alive_s: in a pause the outputs are driven again so often; None: not needed.
+
+    A device that tells its readings without being asked may say `reading_age_s`: how old one is on average.
     """
 
     watchdog_s: float | None
@@ -54,7 +57,10 @@ class Link(Protocol):
         ...
 
     def read(self) -> Mapping[str, float]:
-        """Every input in use, read now."""
+        """Every input in use, read now.
+
+        Called in each sample, also without inputs, so that a device may be asked whether it is still as it was left.
+        """
         ...
 
     def close(self) -> None:
@@ -78,8 +84,6 @@ class _Member:
             self._named(self.link.drive, values)
 
     def read(self) -> dict[str, float]:
-        if not self.wiring.inputs:
-            return {}
         begun_s = time.monotonic()
         values = self._named(self.link.read)
         self.read_for_s.append(time.monotonic() - begun_s)
@@ -137,12 +141,12 @@ class PolledDaq:
         watchdogs = [m.link.watchdog_s for m in self._members if m.wiring.outputs]
         guarded = [watchdog for watchdog in watchdogs if watchdog is not None]
         return Promises(
-            timing="polled", simultaneous=len(self._reading) <= 1, skew_s=0.0, read_at=0.0, holds_on_stop=True,
+            timing="polled", simultaneous=len(self._members) <= 1, skew_s=0.0, read_at=0.0, holds_on_stop=True,
             lowest_rate_hz=1e-3, highest_rate_hz=_SHARE / self._cycle_s,
             watchdog_s=max(guarded) if guarded and len(guarded) == len(watchdogs) else None,
-            latency_s=sum(float(np.median(member.read_for_s)) for member in self._reading),
-            delays_s={name: float(np.median(member.read_after_s))
-                      for member in self._reading for name in member.wiring.inputs},
+            latency_s=sum(float(np.median(member.read_for_s)) for member in self._members),
+            delays_s={name: float(np.median(member.read_after_s)) - getattr(member.link, "reading_age_s", 0.0)
+                      for member in self._members for name in member.wiring.inputs},
         )  # fmt: skip
 
     def actual_rate_hz(self, asked_hz: float) -> float:
@@ -164,6 +168,8 @@ class PolledDaq:
         Raises:
             DeviceLostError: an output could not be reached.
         """
+        if self._ended.is_set():
+            return
         self._stop_task()
         safe = {name: channel.safe for name, channel in self.outputs.items()}
         lost: list[str] = []
@@ -191,21 +197,18 @@ class PolledDaq:
         finally:
             self._let_go()
 
-    @property
-    def _reading(self) -> list[_Member]:
-        return [member for member in self._members if member.wiring.inputs]
-
     def _measured(self) -> float:
-        """How long one sample takes on all links together, the writing of outputs counted like a reading."""
-        for member in self._reading:
-            for _ in range(_PROBES):
-                member.read()
-        longest = max((float(np.median(m.read_for_s)) for m in self._reading), default=1e-3)
+        """How long one sample takes on all links together; asking where outputs stand counts as driving them."""
         takes_s = 0.0
         for member in self._members:
-            reading_s = float(np.median(member.read_for_s)) if member.wiring.inputs else longest
-            takes_s += reading_s * (bool(member.wiring.outputs) + bool(member.wiring.inputs))
-            member.read_after_s.append(reading_s)  # until it is measured: half a writing and half a reading
+            until_s = time.monotonic() + _PROBING_S
+            driving_s: list[float] = []
+            while len(driving_s) < _PROBES and (not driving_s or time.monotonic() < until_s):
+                driving_s.append(_timed(member.standing))
+                member.read()
+            reading_s = float(np.median(member.read_for_s))
+            takes_s += reading_s + float(np.median(driving_s))
+            member.read_after_s.append(0.5 * (reading_s + float(np.median(driving_s))))  # until it is measured
         return max(takes_s, 1e-5)
 
     def _played(self, waveforms: Iterator[Waveform], ahead: int) -> Iterator[Block]:
@@ -283,7 +286,7 @@ class PolledDaq:
         self.levels = levels
         updated_s = 0.5 * (begun_s + time.monotonic())
         readings: dict[str, float] = {}
-        for member in self._reading:
+        for member in self._members:
             asked_s = time.monotonic()
             readings |= member.read()
             member.read_after_s.append(0.5 * (asked_s + time.monotonic()) - updated_s)
@@ -315,6 +318,8 @@ class PolledDaq:
             if self._failed is not None or not every_s <= idle_s < _IDLE_S:
                 continue
             with self._lock:
+                if self._ended.is_set():
+                    return  # closed while we waited: a link that is driven now would open again
                 try:
                     for member in self._members:
                         if member.link.keep_alive_s is not None:
@@ -382,6 +387,12 @@ class _Taken:
         outputs = {name: np.array(values) for name, values in self._outputs.items()}
         inputs = {name: np.array(values) for name, values in self._inputs.items()}
         return Block(np.array(self.time_s), inputs, outputs, self.late)
+
+
+def _timed(call: Callable[[], object]) -> float:
+    begun_s = time.monotonic()
+    call()
+    return time.monotonic() - begun_s
 
 
 def _driven_safe(member: _Member, safe: Mapping[str, float]) -> HardwareError | None:

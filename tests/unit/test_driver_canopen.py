@@ -63,7 +63,7 @@ class Bus:
 @contextmanager
 def linked(bus: str, quirks: Quirks | None = None, **settings: Any) -> Iterator[tuple[Any, Any, Side]]:
     side = twin.world(SIMULATION, {"": WIRING}).side("")
-    told = {"address": f"virtual:{bus}", "longest_reply_s": 0.2, "timeout_s": 0.1, **settings}
+    told = {"address": f"virtual:{bus}", "longest_reply_s": 0.12, "timeout_s": 0.1, **settings}
     served = twin.serve(told, side, quirks or Quirks())
     try:
         link = canopen_valve.open_link(canopen_valve.Settings.model_validate({**told, "address": served.where}), WIRING)

@@ -31,6 +31,7 @@ class Loop:
         self.closed = 0
 
     def standing(self) -> Mapping[str, float]:
+        time.sleep(self.takes_s)
         return {"out": self.value}
 
     def drive(self, values: Mapping[str, float]) -> None:
@@ -187,5 +188,6 @@ def test_levels_are_driven_again_in_a_pause() -> None:
     assert len(link.written) >= 3 and set(link.written) == {-1.0}
     device.close()
     count = len(link.written)
+    device.make_safe()
     time.sleep(0.05)
     assert len(link.written) == count

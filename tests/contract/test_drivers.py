@@ -1,0 +1,276 @@
+"""Every driver of ours passes the conformance suite on its twin; every check of the suite can fail."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.read import read_bench
+from hil.catalog import entries
+from hil.cli.check_driver import subject
+from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
+from hil.daq.conformance import CHECKS, Subject, examine, verdict_of
+from hil.daq.polled import PolledDaq
+from hil.errors import DeviceLostError, LinkError
+from tests.links import moved
+
+QUICK = "timeout_s = 0.1\nlongest_reply_s = 0.2\n"
+FAST = ("watchdog_s = 1.0", f"watchdog_s = 0.3\n{QUICK}")
+SCANNER = [
+    (
+        'driver = "modbus"\nmodel = "wago-750"\naddress = "127.0.0.1:15502"\nwatchdog_s = 1.0',
+        f'driver = "scpi"\nmodel = "scanner"\naddress = "/tmp/scanner"\n{QUICK}',
+    ),
+    ('"ao0"', '"dac4"'), ('"ai0"', '"in1"'), ('"ai1"', '"in2"'), ('"ai2"', '"in3"'),
+]  # fmt: skip
+METER = '[devices.meter]\ndriver = "modbus"\nmodel = "iologik-e1240"\naddress = "127.0.0.1:2"\n\n'
+E1241 = [
+    ('model = "wago-750"', 'model = "iologik-e1241"'), ("low = -100.0", "low = 0.0"),
+    ("[channels.flow]", f"{METER}[channels.flow]"),
+    ('device = "io"\nterminal = "ai', 'device = "meter"\nterminal = "ai'),
+]  # fmt: skip
+CASES: dict[str, tuple[str, str, list[tuple[str, str]]]] = {
+    "modbus tcp": ("modbus", "hpv41-modbus-tcp", [FAST]),
+    "modbus rtu": ("modbus", "hpv41-modbus-rtu", [FAST]),
+    "modbus outputs alone": (
+        "modbus",
+        "hpv41-modbus-tcp",
+        [*E1241, FAST],
+    ),
+    "scpi": ("scpi", "hpv41-modbus-tcp", SCANNER),
+    "ascii outputs": ("ascii_module", "hpv41-serial", [("socket://127.0.0.1:14001", "/tmp/module"), FAST]),
+    "ascii inputs": ("ascii_module", "hpv41-mixed", [('model = "adam-4017"', f'model = "adam-4017"\n{QUICK}')]),
+    "canopen": ("canopen_valve", "hpv41-canopen", []),
+    "j1939": ("j1939_valve", "hpv41-j1939", []),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_driver_passes_on_its_twin(case: str, tmp_path: Path) -> None:
+    driver, bench, changes = CASES[case]
+    text = benches()[bench].read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    path = tmp_path / "bench.toml"
+    path.write_text(moved(text, tmp_path), encoding="utf-8")
+    with subject(read_bench(path), tmp_path, driver) as examined:
+        results = list(examine(examined))
+    assert [f"{r.check}: {r.text}" for r in results if r.verdict == "broken"] == []
+    assert sum(r.verdict == "passed" for r in results) >= 8
+
+
+def test_every_driver_is_a_case() -> None:
+    assert {driver for driver, _, _ in CASES.values()} == {entry.name for entry in entries("drivers")}
+
+
+class Device:
+    """The other end: a value for each terminal, a clock of its own, and what spoils its answers."""
+
+    def __init__(self) -> None:
+        self.value, self.quirks, self.heard_s, self.there = 0.0, {}, time.monotonic(), True
+        self.armed = self.latched = False
+
+    def read(self) -> Mapping[str, float]:
+        return {"in": self.standing("out")}
+
+    def standing(self, _terminal: str) -> float:
+        if self.armed and time.monotonic() - self.heard_s > 0.2:
+            self.value = 0.0
+        return self.value
+
+    def spoil(self, **quirks: Any) -> None:
+        self.quirks = quirks
+
+    def ask(self) -> dict[str, Any]:
+        """What is wrong with the next answer."""
+        if not self.there:
+            raise DeviceLostError("nobody there")
+        quirks = dict(self.quirks)
+        if self.quirks.get("answers"):
+            self.quirks = {}
+        self.standing("out")
+        self.heard_s = time.monotonic()
+        if quirks.get("reboot"):
+            self.value, self.latched = 0.0, True
+        return quirks
+
+
+class Link:
+    """A driver's link that keeps everything, unless `fault` names what it breaks."""
+
+    watchdog_s: float | None = 0.2
+    keep_alive_s: float | None = 0.05
+
+    def __init__(self, device: Device, fault: str) -> None:
+        self.device, self.fault = device, fault
+        self.told: float | None = None
+        self.stale: float | None = None
+        if fault == "opens anything":
+            device.there = True
+        device.latched = False
+        device.ask()
+        if fault == "moves on opening":
+            device.value = 7.0
+        device.armed = fault != "no watchdog"
+        self.sent_s = time.monotonic()
+
+    def standing(self) -> Mapping[str, float]:
+        return {"out": 0.0 if self.fault == "moves on opening" else self._asked(self.device.value)}
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        self._asked(0.0)
+        self.told = values["out"]
+        self.sent_s = time.monotonic()
+        if self.fault == "does not drive":
+            return
+        if self.fault == "does not go safe" and self.told == 0.0:
+            return
+        if not self.device.latched:
+            self.device.value = self.told * (0.5 if self.fault == "wrong scale" else 1.0)
+
+    def read(self) -> Mapping[str, float]:
+        silent = time.monotonic() - self.sent_s > 0.2
+        if silent and self.told and self.fault != "silent about its watchdog":
+            self.sent_s = time.monotonic()
+            raise LinkError("its watchdog has expired")
+        value = self._asked(self.device.value)
+        if self.fault == "takes late answers" and self.stale is not None:
+            value, self.stale = self.stale, None
+        if self.fault == "wrong reading":
+            value += 1.0
+        if self.fault == "beyond its range":
+            value = 99.0
+        restarted = self.told is not None and abs(self.device.value - self.told) > 0.01
+        if restarted and self.device.latched and self.fault != "does not notice":
+            raise LinkError("the device restarted")
+        return {"in": value}
+
+    def close(self) -> None:
+        self.stale = None
+
+    def _asked(self, value: float) -> float:
+        quirks = self.device.ask()
+        if quirks.get("silent") and self.fault == "invents readings":
+            return value
+        if quirks.get("silent") and self.fault == "other errors":
+            raise TimeoutError("no answer")
+        if quirks.get("cut") and self.fault == "believes half":
+            return value
+        if quirks.get("garbled") and self.fault == "trips over garbage":
+            raise ValueError("invalid literal")
+        if quirks.get("late_s"):
+            self.stale = value
+        noticed = not (quirks.get("reboot") and self.fault == "does not notice")
+        if quirks.keys() - {"answers"} and noticed:
+            raise LinkError("no valid answer")
+        return value
+
+
+def driver(device: Device, fault: str) -> Any:
+    def open_daq(settings: Any, wiring: Wiring) -> Any:
+        device.there = settings.there
+        daq: Any = PolledDaq({"x": Link(device, fault)}, {"x": wiring})
+        return Spoiled(daq, fault) if fault in DAQ_FAULTS else daq
+
+    def open_link(settings: Any, _wiring: Wiring) -> Link:
+        device.there = settings.there
+        return Link(device, fault)
+
+    terminals = {"out": Terminal("out", "voltage", "V", -10.0, 10.0), "in": Terminal("in", "voltage", "V", -10.0, 10.0)}
+    if fault == "no units":
+        terminals["in"] = Terminal("in", "voltage", "nonsense", -10.0, 10.0)
+    return SimpleNamespace(
+        __doc__="" if fault == "no summary" else "A driver.", open_daq=open_daq, open_link=open_link,
+        terminals=lambda _settings: terminals,
+    )  # fmt: skip
+
+
+class Spoiled:
+    """A DAQ that breaks what the loop over links would keep by itself."""
+
+    def __init__(self, daq: Any, fault: str) -> None:
+        self._daq, self._fault = daq, fault
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._daq, name)
+
+    @property
+    def levels(self) -> Mapping[str, float]:
+        return {"a": 3.0} if self._fault == "tells other levels" else dict(self._daq.levels)
+
+    @property
+    def promises(self) -> Any:
+        promises = self._daq.promises
+        return replace(promises, delays_s={"b": 0.0}) if self._fault == "knows no delay" else promises
+
+    def actual_rate_hz(self, asked_hz: float) -> float:
+        return asked_hz * 1.1 if self._fault == "rate is none of its own" else float(self._daq.actual_rate_hz(asked_hz))
+
+    def play(self, waveform: Any, block_samples: int | None = None) -> Iterator[Any]:
+        if self._fault == "drives beyond its range":
+            waveform = replace(waveform, outputs={name: v.clip(-10.0, 10.0) for name, v in waveform.outputs.items()})
+        blocks = self._daq.play(waveform, block_samples)
+        return (replace(b, time_s=0.0 * b.time_s) for b in blocks) if self._fault == "time stands still" else blocks
+
+    def close(self) -> None:
+        if self._fault != "leaves outputs on":
+            self._daq.close()
+
+
+DAQ_FAULTS = {
+    "tells other levels", "knows no delay", "rate is none of its own", "drives beyond its range", "time stands still",
+    "leaves outputs on",
+}  # fmt: skip
+BREAKS: dict[str, set[str]] = {
+    "says_what_it_is": {"no summary", "no units"},
+    "says_soon_that_nobody_is_there": {"opens anything"},
+    "leaves_outputs_where_they_are": {"moves on opening", "tells other levels"},
+    "drives_what_it_is_told": {"does not drive", "wrong scale"},
+    "reads_what_is_there": {"wrong reading"},
+    "tells_where_outputs_stand": {"tells other levels"},
+    "one_reading_for_each_sample": {"beyond its range", "time stands still"},
+    "keeps_the_rate": {"rate is none of its own"},
+    "says_how_late_its_readings_are": {"knows no delay"},
+    "refuses_a_range_before_the_first_sample": {"drives beyond its range"},
+    "goes_safe_at_once_and_again": {"does not go safe"},
+    "closes_safe_and_twice": {"leaves outputs on"},
+    "says_that_no_answer_came": {"invents readings", "other errors"},
+    "never_takes_a_late_answer_for_the_next": {"takes late answers"},
+    "does_not_believe_half_an_answer": {"believes half"},
+    "survives_garbled_answers": {"trips over garbage"},
+    "notices_that_the_device_restarted": {"does not notice"},
+    "has_the_watchdog_that_it_promises": {"no watchdog", "silent about its watchdog"},
+}
+WIRING = Wiring(
+    {"a": OutputChannel("a", "out", "voltage", "V", -10.0, 10.0, 0.0)},
+    {"b": InputChannel("b", "in", "voltage", "V", -10.0, 10.0)},
+)
+
+
+def examined(fault: str) -> Subject:
+    device = Device()
+    here, elsewhere = (SimpleNamespace(there=there, timeout_s=0.05) for there in (True, False))
+    return Subject(driver(device, fault), here, WIRING, elsewhere, device, device.spoil)
+
+
+@pytest.mark.parametrize("check", CHECKS)
+def test_check_is_passed_by_a_driver_that_keeps_everything(check: str) -> None:
+    assert verdict_of(CHECKS[check], examined("")) == ("passed", "")
+
+
+@pytest.mark.parametrize(("check", "fault"), [(check, fault) for check in BREAKS for fault in sorted(BREAKS[check])])
+def test_check_finds_the_driver_that_breaks_it(check: str, fault: str) -> None:
+    verdict, text = verdict_of(CHECKS[check], examined(fault))
+    assert verdict == "broken" and text
+
+
+def test_every_check_has_a_driver_that_breaks_it() -> None:
+    assert set(BREAKS) == set(CHECKS)
