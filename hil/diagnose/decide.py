@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.diagnose.diagnosis import Verdict
+from hil.diagnose.events import Events, held_commands, tone
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted, around, nothing, polish, refine_all, screen
+from hil.diagnose.search import Around, Fitted, around, nothing, polish, refine_all, screen
 from hil.diagnose.terms import Term, all_terms
+from hil.physics.simulate import sub_steps
 from hil.record.recording import Array
 
 # The χ² that chance may give back to the best of all terms; found on simulated data without any effect
@@ -37,6 +39,13 @@ _NEW_PHYSICS = 10.0
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
 _PAIR_SEEDS = 2
+OPEN = ("unexplained", "partly_explained")
+# Events may leave so much: a tone has more harmonics, a held command a start between two samples.
+_ADEQUATE_TONE, _ADEQUATE_HOLD = 0.1, 0.15
+# In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
+_SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 50_000, 0.2, 4, 6, 3
+# So many causes may be named together; more of them describe, but anything can be described with enough of them.
+_NAMEABLE = 2
 _ROUGH = 1e-4
 
 
@@ -53,6 +62,7 @@ class Choice:
         rivals: effect names that explain the data as well as the first chosen one.
         terms: everything that was looked for.
         left: the share of the misfit that the chosen explanation leaves.
+        events: what happened at moments that no law foresees, if that explains what the library does not.
     """
 
     verdict: Verdict
@@ -63,6 +73,7 @@ class Choice:
     rivals: tuple[tuple[str, str], ...]
     terms: tuple[Term, ...]
     left: float
+    events: Events | None = None
 
 
 def decide(problem: Problem) -> Choice:
@@ -78,6 +89,15 @@ def excess(problem: Problem, chi2: float) -> float:
 def share_left(problem: Problem, chi2: float, beyond: float) -> float:
     """The share that an explanation leaves of a misfit, given as variance beyond the noise."""
     return excess(problem, chi2) / max(beyond, SMALL_EXCESS)
+
+
+def recognised(problem: Problem, baseline: Fitted, beyond: float) -> Events | None:
+    """Events that explain a misfit, given as variance beyond the noise."""
+    for events, allowed in ((tone, _ADEQUATE_TONE), (held_commands, _ADEQUATE_HOLD)):
+        found = events(problem, baseline)
+        if found is not None and share_left(problem, found.chi2, beyond) <= allowed:
+            return found
+    return None
 
 
 class _Judge:
@@ -97,15 +117,21 @@ class _Judge:
         changed = self.changed_parameters()
         best_gain = self.baseline.chi2 - min(singles[0].chi2, changed.chi2)
         if best_gain < ALARM_GAIN:
-            verdict: Verdict = "consistent" if self.excess(self.baseline) < 2 * SMALL_EXCESS else "unexplained"
-            return Choice(verdict, self.baseline, self.baseline, nominal, tuple(singles), (), self.terms, 1.0)
+            nothing_found: Verdict = "consistent" if self.excess(self.baseline) < 2 * SMALL_EXCESS else "unexplained"
+            return Choice(nothing_found, self.baseline, self.baseline, nominal, tuple(singles), (), self.terms, 1.0)
         polished = self.polished(singles)
         best = min([*polished, changed], key=self.cost)
         if not self.is_full(best):
             best = min([best, *self.pairs(polished)], key=self.cost)
+        verdict = self.verdict(best, polished)
+        events = recognised(self.problem, self.baseline, self.excess(self.baseline)) if verdict in OPEN else None
+        if verdict in OPEN and events is None and self.is_short():
+            deeper = self.deeper(best, place)
+            if verdict == "unexplained" or self.verdict(deeper, polished) == "explained":
+                best, verdict = deeper, self.verdict(deeper, polished)
         return Choice(
-            self.verdict(best, polished), best, self.baseline, nominal, tuple(singles),
-            self.rivals(best, polished), self.terms, self.left(best),
+            verdict, best, self.baseline, nominal, tuple(singles),
+            self.rivals(best, polished), self.terms, self.left(best), events,
         )  # fmt: skip
 
     # -- measures ------------------------------------------------------------------------------------------
@@ -204,6 +230,48 @@ class _Judge:
                 found.append(both)
         return [f for f in found if self.is_present(f)]
 
+    def is_short(self) -> bool:
+        """Whether fits are so quick that hundreds of them are affordable."""
+        plant, experiments = self.problem.plant, self.problem.experiments
+        steps = sum(e.drive.inputs.shape[1] * sub_steps(plant, e.drive.interval_s) for e in experiments)
+        return bool(steps <= _SHORT)
+
+    def deeper(self, best: Fitted, place: Around) -> Fitted:
+        """The best description with several causes, each of which takes a good share of what the others leave.
+
+        Nothing is linearised: where the nominal model is far off, a cause shows only after all else has moved.
+        """
+        level = self._few([best, *self._grown(place, len(self.terms))])
+        for _ in range(_MOST_CAUSES):
+            best = min([best, *level[:1]], key=self.cost)
+            if self.is_full(best):
+                break
+            level = self._few([f for parent in level for f in self._children(parent)])
+            if not level:
+                break
+        return best
+
+    def _children(self, parent: Fitted) -> list[Fitted]:
+        grown = self._grown(around(self.problem, parent), _TRIED_NEXT)
+        return [f for f in grown if self._gain(parent, f.chi2) >= _STEP_SHARE]
+
+    def _grown(self, place: Around, most: int) -> list[Fitted]:
+        parent = place.accepted
+        taken = {(term.name, term.hook) for term in parent.terms}
+        screened = screen(place, [t for t in self.terms if t.kind == "effect" and (t.name, t.hook) not in taken])
+        starts = [
+            Fitted((*parent.terms, s.term), (*parent.values, s.starts[0]), parent.parameters, s.chi2, parent.residuals)
+            for s in screened[:most]
+        ]
+        return [polish(self.problem, start) for start in starts]
+
+    def _few(self, found: Sequence[Fitted]) -> list[Fitted]:
+        """The best few that are not the same terms."""
+        distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
+        for f in sorted(found, key=lambda f: f.chi2):
+            distinct.setdefault(frozenset((t.name, t.hook) for t in f.terms), f)
+        return list(distinct.values())[:_BEAM]
+
     def _gain(self, seed: Fitted, chi2: float) -> float:
         """The share of what an explanation leaves that another χ² would take away."""
         return (seed.chi2 - chi2) / max(self.excess(seed) * self.size, 1e-12)
@@ -211,9 +279,14 @@ class _Judge:
     # -- the answer ----------------------------------------------------------------------------------------
 
     def verdict(self, f: Fitted, polished: Sequence[Fitted]) -> Verdict:
-        if self.is_adequate(f):
+        if self.is_adequate(f) and self.is_nameable(f):
             return "explained" if f.names else "parameter_change"
-        return "partly_explained" if f.names and self.is_most_of_it(f, polished) else "unexplained"
+        named = bool(f.names) and self.is_nameable(f) and self.is_most_of_it(f, polished)
+        return "partly_explained" if named else "unexplained"
+
+    def is_nameable(self, f: Fitted) -> bool:
+        """Whether an explanation has few causes, each there beyond doubt."""
+        return sum(term.kind == "effect" for term in f.terms) <= _NAMEABLE and self.is_present(f)
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
         """Whether an explanation takes nearly all of the misfit, and no other name comes near it."""

@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.diagnose.check import check
 from hil.diagnose.coverage import limits
-from hil.diagnose.decide import Choice, decide, excess, share_left
+from hil.diagnose.decide import OPEN, Choice, decide, excess, share_left
 from hil.diagnose.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -22,7 +22,7 @@ from hil.diagnose.diagnosis import (
     Quantity,
     Verdict,
 )
-from hil.diagnose.events import Events, held_commands, stale_outputs, tone, without_stale
+from hil.diagnose.events import Events, stale_outputs, without_stale
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
 from hil.diagnose.locate import StageShare, Where, locate, stages
 from hil.diagnose.next_test import Span, next_test
@@ -43,8 +43,6 @@ Progress = Callable[[float, str], None]
 
 # Measured on simulated units without any effect (docs/explanation/diagnosis.md).
 FALSE_ALARM_RATE = 0.01
-_ADEQUATE_TONE = 0.1
-_ADEQUATE_HOLD = 0.15
 _JUDGED = 4
 _MOST_STEPS_LISTED = 12
 
@@ -83,7 +81,7 @@ def diagnose(
     progress(0.1, "searching for the cause")
     choice = decide(problem)
     progress(0.6, "judging on data kept back")
-    events = _events(problem, choice)
+    events = choice.events
     if stale:
         events = stale_outputs(stale, problem, choice.chosen.residuals if events is None else events.residuals)
     verdict = _verdict(choice, events, bool(stale))
@@ -94,22 +92,10 @@ def diagnose(
     return Diagnosed(diagnosis, answer.corrected)
 
 
-def _events(problem: Problem, choice: Choice) -> Events | None:
-    """What no law explains may be events: tried only where the library has no adequate answer."""
-    if choice.verdict not in ("unexplained", "partly_explained"):
-        return None
-    beyond = excess(problem, choice.baseline.chi2)
-    for found, allowed in ((tone(problem, choice.baseline), _ADEQUATE_TONE),
-                           (held_commands(problem, choice.baseline), _ADEQUATE_HOLD)):  # fmt: skip
-        if found is not None and share_left(problem, found.chi2, beyond) <= allowed:
-            return found
-    return None
-
-
 def _verdict(choice: Choice, events: Events | None, stale: bool) -> Verdict:
     if events is None:
         return choice.verdict
-    if stale and choice.verdict in ("unexplained", "partly_explained"):
+    if stale and choice.verdict in OPEN:
         return "partly_explained"
     return "explained"
 
