@@ -229,3 +229,9 @@ def test_frequency_response_finds_the_currents_of_its_level(tmp_path: Path) -> N
 def test_level_that_the_supply_does_not_reach_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"setting levels: pressure 140 psi: the curve goes from .* to 9.* psi"):
         run(tmp_path, "efc_frequency_response", valve("supply_pressure = 100"), cycle_s=8.0, levels=("medium",))
+
+
+def test_pressure_far_below_burst_trips(tmp_path: Path) -> None:
+    with pytest.raises(TrippedError, match=r"over-pressure.*pressure ≤ 280"):
+        run(tmp_path, "efc_step_response", valve("supply_pressure = 330"), currents=(2.0,), repeats=1)
+    assert read_recording(tmp_path / "run").values("pressure").max() < 400.0

@@ -26,12 +26,19 @@ _CURVE_SLOPE = np.array([0.0, 0.0089, 0.8887, 1.3543, 1.0737, 0.0, 0.0])
 
 
 @compiled
-def driven(demand: float, current: float, follow: float, keep: float, resistance: float, supply: float) -> float:
+def driven(
+    demand: float, current: float, follow: float, keep: float, resistance: float, supply: float, volts: float
+) -> float:
     """Coil current at the end of a step: a loop that follows the demand, as far as 0…supply volts let it.
 
-    `follow` and `keep` are what is left of a difference after the step: of the loop, and of the coil alone.
+    `follow` and `keep` are what is left of a difference after the step: of the loop, and of the coil alone. Where
+    `volts` is above 0 there is no loop: the demand times it is the coil's mean voltage.
     """
-    wanted = demand + follow * (current - demand)
+    if volts > 0.0:
+        rest = demand * volts / resistance
+        wanted = rest + keep * (current - rest)
+    else:
+        wanted = demand + follow * (current - demand)
     most = supply / resistance + keep * (current - supply / resistance)
     least = keep * current
     return min(max(wanted, least), most)
@@ -70,7 +77,7 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     demand = delayed(x.line, current, c.dead_steps)
     resistance = c.resistance * (1.0 + c.copper * (x.warm + c.ambient - c.reference))
     keep = math.exp(-c.over_inductance * resistance)
-    reached = driven(demand, x.current, c.follow, keep, resistance, c.supply_voltage)
+    reached = driven(demand, x.current, c.follow, keep, resistance, c.supply_voltage, c.volts_per_unit)
     # the mean voltage that makes this step of the current; instruments average both over the PWM, alike
     voltage = resistance * (reached - keep * x.current) / (1.0 - keep)
     x.shown_voltage = c.a_keep * x.shown_voltage + (1.0 - c.a_keep) * voltage
@@ -119,6 +126,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
         "a_old": averaging[1],
         "a_new": averaging[2],
         "supply_voltage": p["supply_voltage"],
+        "volts_per_unit": 0.0,
         "warm_keep": held_first_order(p["warming_time"], step_s),
         "warming": p["warming"],
         "f_keep": force[0],
