@@ -1,0 +1,119 @@
+"""Pytest plugin: the fixture `bench`, a simulated bench in virtual time, for tests of procedures and of valves.
+
+    def test_bandwidth(bench):
+        outcome = bench.run("frequency_response", amplitudes=(10,), limits=["bandwidth_3db=1.."])
+        assert outcome.findings.verdict == "pass"
+
+`--hil-bench` names the bench file (of a real bench its twin is taken), `--hil-seed` the seed of the noise; both are
+printed, and stand as properties in JUnit XML with everything that was measured.
+"""
+
+from __future__ import annotations
+
+import secrets
+from collections.abc import Callable, Iterable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+if TYPE_CHECKING:
+    from hil.bench.read import BenchFile
+    from hil.bench.rig import BenchRig
+    from hil.session.outcome import Outcome
+
+DEFAULT_BENCH = "brevini-hpv41"
+_MOST = 1 << 31
+
+
+class SimulatedBench:
+    """A simulated bench for one test. Every run on it begins with a new one.
+
+    Attributes:
+        file: the bench file, its devices simulated in virtual time.
+        seed: of the noise.
+    """
+
+    def __init__(self, file: BenchFile, seed: int, folder: Path, note: Callable[[str, object], None]) -> None:
+        self.file = file
+        self.seed = seed
+        self._folder = folder
+        self._note = note
+        self._runs = 0
+
+    def run(self, procedure: str, limits: Iterable[str] = (), **settings: Any) -> Outcome:
+        """Run a procedure and evaluate it.
+
+        Args:
+            procedure: its name.
+            limits: `NAME=LOW..HIGH` as on the command line; they go before those of the bench file.
+            settings: as values, or as text as on the command line.
+
+        Raises:
+            HilError: what `hil run` would have said.
+        """
+        from hil.session.limit import split_limits
+        from hil.session.procedure import load_procedure
+        from hil.session.run import run_procedure
+
+        outcome = run_procedure(
+            load_procedure(procedure), self.file, settings, self._next(procedure), limits=split_limits(limits)
+        )
+        for measured in outcome.findings.measured:
+            if measured.value is not None:
+                self._note(f"{measured.name} [{measured.unit}]", measured.value)
+        return outcome
+
+    def rig(self) -> AbstractContextManager[BenchRig]:
+        """The rig itself, to be driven by the test: `with bench.rig() as rig: rig.play(…)`."""
+        from hil.bench.open import open_rig
+
+        return open_rig(self.file, self._next("rig"), {}, lambda _done, _text: None)
+
+    def _next(self, name: str) -> Path:
+        self._runs += 1
+        return self._folder / f"{self._runs}-{name}"
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """The options of the plugin."""
+    group = parser.getgroup("hil", "simulated bench (valve-hil)")
+    which = "bench file or name of an installed bench for the fixture `bench`; default %(default)s"
+    group.addoption("--hil-bench", metavar="BENCH.toml", default=DEFAULT_BENCH, help=which)
+    noise = "seed of its noise: a number, or `random` for another one each time; default: that of the bench file"
+    group.addoption("--hil-seed", metavar="N", default="", help=noise)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Draw the seed, once for the whole session and all its workers."""
+    asked = config.getoption("--hil-seed")
+    if asked == "random":
+        config.option.hil_seed = str(secrets.randbelow(_MOST))
+    elif asked and not (asked.isdecimal() and int(asked) < _MOST):
+        raise pytest.UsageError(f"--hil-seed {asked}: a whole number below {_MOST}, or random")
+
+
+def pytest_report_header(config: pytest.Config) -> list[str]:
+    """Say how the noise can be had again, where it was chosen."""
+    seed = config.getoption("--hil-seed")
+    return [f"hil: --hil-bench {config.getoption('--hil-bench')} --hil-seed {seed}"] if seed else []
+
+
+@pytest.fixture
+def bench(request: pytest.FixtureRequest, tmp_path: Path) -> SimulatedBench:
+    """A simulated bench in virtual time; prints its seed, which is shown when the test fails."""
+    from hil.bench.find import find_bench
+    from hil.bench.read import read_bench
+    from hil.bench.rehearsal import twin_of
+
+    name = request.config.getoption("--hil-bench")
+    asked = request.config.getoption("--hil-seed")
+    file = read_bench(find_bench(name))
+    seed = int(asked) if asked else int(file.bench.simulation.get("seed", 0))
+    print(f"hil: bench {name}, seed {seed}; again with --hil-bench {name} --hil-seed {seed}")
+    properties = request.node.user_properties
+    properties += [("hil_bench", name), ("hil_seed", seed)]
+    return SimulatedBench(
+        twin_of(file, seed), seed, tmp_path / "runs", lambda what, value: properties.append((what, value))
+    )
