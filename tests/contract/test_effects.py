@@ -32,7 +32,7 @@ INTEGRATING = (
 # Plants so slow that milliseconds show nothing.
 SLOW = {"cascaded-tanks": 0.025, "electro-hydraulic-actuator": 0.01}
 # Plants that never rest under current: copper that warms.
-WARMING = ("efc-drive",)
+WARMING = ("efc-drive", "efc-duty")
 # Effects that are change itself: they go on while everything else rests.
 RESTLESS = ("coil_heating", "periodic_disturbance", "sensor_drift")
 
@@ -70,6 +70,7 @@ def course(definition: Plant) -> Array:
         "brevini-hpv41": (0.0, 100.0),
         "cummins-efc": (1.6, 0.5),
         "efc-drive": (1.6, 0.5),
+        "efc-duty": (26.0, 8.0),
         "hydraforce-sp08-47c": (62.0, 60.0),
         "linear-axis": (0.0, 450.0),
         "cascaded-tanks": (3.6, 3.6),

@@ -22,7 +22,7 @@ PLANT = replace(
     inputs=(Signal("duty", "%", 100.0),),
     parameters=tuple(p for p in efc_drive.PLANT.parameters if p.name != "loop_bandwidth"),
     hooks=tuple(
-        replace(hook, unit="%", full_scale=50.0) if hook.name == "command" else hook for hook in efc_drive.PLANT.hooks
+        replace(hook, unit="%", full_scale=25.0) if hook.name == "command" else hook for hook in efc_drive.PLANT.hooks
     ),
     coefficients=coefficients,
 )
