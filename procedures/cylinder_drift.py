@@ -1,0 +1,136 @@
+"""Cylinder drift: how far a cylinder creeps while its command stands, and how restless it is."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from hil.errors import SettingError, UnitError
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.colour import colour_factor
+from hil.units import scale_and_offset
+from procedures._course import Course, joined
+from procedures._recorded import calibration_std, departures, parts_of, roles_of
+from procedures._scale import check_above, check_at_least, scale_of
+
+RATE = Measurement("drift_rate", "", "rate of the position while the command stands")
+DRIFT = Measurement("drift", "", "largest less smallest position, one-second means")
+RESTLESSNESS = Measurement(
+    "restlessness", "", "standard deviation of the position about its drift, sensor noise included"
+)
+OFFSET = Measurement("offset", "", "position less command, in a closed loop")
+MEASUREMENTS = (RATE, DRIFT, RESTLESSNESS, OFFSET)
+
+_KIND = "drift"
+_LEAST_S = 5.0
+_MEAN_S = 1.0
+
+
+def run(
+    rig: Rig,
+    *,
+    levels: tuple[float, ...] | None = None,
+    duration_s: float = 60.0,
+    settle_s: float | None = None,
+    full_command: float | None = None,
+    rate_hz: float | None = None,
+) -> None:
+    """Stand still at each level and record.
+
+    Args:
+        rig: the bench.
+        levels: in % of full command. Neutral when not given, the only place where an open loop stands; a closed loop
+            can stand anywhere.
+        duration_s: time at each level over which the drift is measured, at least 5 s.
+        settle_s: time at each level before that; three settling times of the valve when not given.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_at_least("duration_s", _LEAST_S, duration_s, "s")
+    waited_s = 3.0 * rig.settling_s if settle_s is None else settle_s
+    check_above("settle_s", 0.0, waited_s, "s")
+    scale = scale_of(rig, full_command)
+    asked = (0.0,) if levels is None else levels
+    if not asked:
+        raise SettingError("setting levels: none given")
+    if any(percent != 0.0 for percent in asked) and not _same_kind(rig.command.unit, rig.response.unit):
+        raise SettingError(
+            f"setting levels: {', '.join(f'{p:g}' for p in asked)} %; a command in {rig.command.unit} moves the "
+            f"'{rig.response.name}' all the time, so only 0 % is allowed"
+        )
+    values = [scale.level("levels", percent) for percent in asked]
+    waves = [np.full(round((waited_s + duration_s) * rate_hz), value) for value in values]
+    course = Course(rig, rate_hz, joined(rig, rate_hz, 0.0, waves), {"levels": values})
+    for value, wave in zip(values, waves, strict=True):
+        course.go_to(value)
+        course.play(wave, f"standing at {value:.4g} {rig.command.unit}")
+        rig.mark(round(duration_s * rate_hz), {"kind": _KIND, "level": value})
+    course.finish()
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Rate, way and restlessness at each level."""
+    command, response = roles_of(recording)
+    closed = _same_kind(command.unit, response.unit)
+    measured: list[Measured] = []
+    curves = []
+    for part in parts_of(recording, _KIND):
+        place = f"{part['level']:.4g} {command.unit}"
+        curve, found = _one(recording, part)
+        measured += [
+            RATE.at(place, f"{response.unit}/min").of(60.0 * found["slope"], 60.0 * found["slope_std"]),
+            DRIFT.at(place, response.unit).of(found["way"], found["way_std"]),
+            RESTLESSNESS.at(place, response.unit).of(found["restless"]),
+        ]
+        if closed:
+            measured.append(OFFSET.at(place, response.unit).of(*_offset(part, command.unit, response, found)))
+        curves.append({"label": place, "response_unit": response.unit, **curve})
+    return Findings(tuple(measured), {"drift": curves}, (_note(closed),), departures(recording))
+
+
+def _one(recording: Recording, part: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, float]]:
+    _, response = roles_of(recording)
+    samples = recording.rows(part["first"], part["count"])
+    time_s, position = samples.time_s - samples.time_s[0], samples.values(response.name)
+    late = time_s - float(np.mean(time_s))
+    spread, mean = float(late @ late), float(np.mean(position))
+    slope = float(late @ position) / spread
+    left = position - mean - slope * late
+    colour, noise = colour_factor(left), float(np.std(left))
+    count = max(1, round(_MEAN_S / samples.interval_s))
+    blocks = [values[: len(values) // count * count].reshape(-1, count).mean(axis=1) for values in (time_s, position)]
+    return {"time_s": blocks[0], "position": blocks[1], "fitted": mean + slope * (blocks[0] - time_s.mean())}, {
+        "slope": slope, "slope_std": noise * math.sqrt(colour / spread), "restless": noise,
+        "way": float(np.ptp(blocks[1])), "way_std": math.sqrt(2.0 * colour / count) * noise,
+        "mean": mean, "mean_std": noise * math.sqrt(colour / len(position)),
+    }  # fmt: skip
+
+
+def _offset(
+    part: Mapping[str, Any], command_unit: str, response: Any, found: Mapping[str, float]
+) -> tuple[float, float]:
+    per, zero = scale_and_offset(command_unit, response.unit)
+    return found["mean"] - per * float(part["level"]) - zero, math.hypot(found["mean_std"], calibration_std(response))
+
+
+def _note(closed: bool) -> str:
+    if closed:
+        return (
+            "The loop was closed: what is left of the drift is what the controller lets pass. Leakage past spool and "
+            "piston shows as an offset in its place."
+        )
+    return "The loop was open: the drift is that of cylinder, load and valve at neutral."
+
+
+def _same_kind(unit: str, other: str) -> bool:
+    try:
+        scale_and_offset(unit, other)
+    except UnitError:
+        return False
+    return True

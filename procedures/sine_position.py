@@ -1,0 +1,255 @@
+"""Sine position: a slow sine about an offset on each side, of a cylinder's position in an open or a closed loop.
+
+The test of the SP08-47C paper: 5 V at 1 rad/s about 5 V, each direction for itself. Whether the stroke is long enough
+is worked out before anything moves; with the paper's numbers in an open loop it is not.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from hil.errors import InputError, SettingError
+from hil.identify.sine_segments import declared_segments
+from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.signals.sine_fit import SineFit, sine_fit
+from hil.signals.stepped_sine import check_frequencies, sine
+from procedures._course import Course, joined
+from procedures._cylinder import Axis, approach, axis_of
+from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
+from procedures._recorded import calibration_std, departures, parts_of, roles_of
+from procedures._scale import Scale, check_above, check_at_least, scale_of
+
+AMPLITUDE = Measurement("amplitude", "", "amplitude of the position's fundamental")
+PHASE = Measurement("phase", "deg", "phase of the position's fundamental against the command")
+OFFSET = Measurement("offset", "", "mean of the position")
+THD = Measurement("thd", "%", "harmonics 2 to 5 over the fundamental")
+GAIN = Measurement("gain", "", "amplitude of position over command; in an open loop of speed over command")
+RATIO = Measurement("direction_ratio", "1", "gain of the positive side over that of the negative side")
+MEASUREMENTS = (AMPLITUDE, PHASE, OFFSET, THD, GAIN, RATIO)
+
+_SETTLING = 0.1  # of the measured sine: the process model starts from rest, the cylinder was moving
+
+
+def run(
+    rig: Rig,
+    *,
+    amplitude: float = 50.0,
+    offset: float | None = None,
+    frequency_rad_s: float = 1.0,
+    cycles: int = 3,
+    stroke_mm: float = 250.0,
+    retracted_mm: float | None = None,
+    bore_mm: float = 50.0,
+    rod_mm: float = 30.0,
+    full_flow_lpm: float = 11.4,
+    warm_up_s: float = 0.0,
+    full_command: float | None = None,
+    rate_hz: float | None = None,
+) -> None:
+    """Drive a sine on the positive side of neutral, then one on the negative side.
+
+    In a closed loop (the command is a position) the sine is a position. In an open loop it is an opening, the cylinder
+    goes one way all the time, and is brought to the end where it has the way before it.
+
+    Args:
+        rig: the bench.
+        amplitude: in % of full command.
+        offset: in % of full command, without sign; the amplitude when not given, so that a side is never left.
+        frequency_rad_s: angular frequency.
+        cycles: periods that are measured; in an open loop all that are driven.
+        stroke_mm: of the cylinder.
+        retracted_mm: reading at the retracted end; minus half the stroke when not given.
+        bore_mm: diameter of the piston.
+        rod_mm: diameter of the rod.
+        full_flow_lpm: flow at full command, which limits the speed.
+        warm_up_s: time at the first level before anything is measured, in s.
+        full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
+        rate_hz: sample rate; that of the bench when not given. At least 20 times the frequency.
+    """
+    rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_above("frequency_rad_s", 0.0, frequency_rad_s, "rad/s")
+    frequency_hz = frequency_rad_s / (2.0 * math.pi)
+    check_frequencies((frequency_hz,), rate_hz)
+    check_at_least("cycles", 1, cycles)
+    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
+    axis = axis_of(rig, stroke_mm, retracted_mm, bore_mm, rod_mm, full_flow_lpm)
+    scale = scale_of(rig, full_command)
+    share = amplitude if offset is None else offset
+    size, middles = _levels(scale, amplitude, share)
+    if axis.closed:
+        _check_closed(axis, amplitude, share, size, middles, frequency_rad_s)
+    else:
+        _check_open(axis, amplitude, share, cycles, frequency_rad_s)
+    settle = max(1, math.ceil(rig.settling_s * frequency_hz)) if axis.closed else 0
+    waves = [_wave(axis, frequency_hz, size, rate_hz, settle + cycles, middle, scale.neutral) for middle in middles]
+    opening = _opening(size, middles[0] - scale.neutral)
+    ways = [] if axis.closed else [np.array([scale.neutral + opening]), np.array([scale.neutral - opening])]
+    plan = {"amplitude": size, "middles": middles, "closed loop": axis.closed}
+    course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, [*ways, *waves]), plan)
+    course.warm_up(middles[0] if axis.closed else scale.neutral, warm_up_s)
+    for middle, wave, direction in zip(middles, waves, (1, -1), strict=True):
+        if not axis.closed:
+            speed_per_s = axis.speed_per_s(-direction) * opening / scale.full
+            approach(rig, course, axis.low if direction > 0 else axis.high, opening, speed_per_s)
+        course.go_to(float(wave[0]))
+        course.play(wave, f"{frequency_rad_s:g} rad/s, {middle:+.3g} ± {size:.3g} {rig.command.unit}")
+        measured = len(wave) - round(settle * rate_hz / frequency_hz)
+        part = {"kind": "sine", "frequency_hz": frequency_hz, "amplitude": size, "bias": middle, "closed": axis.closed}
+        rig.mark(measured, part)
+    course.finish()
+
+
+def evaluate(recording: Recording) -> Findings:
+    """Amplitude, phase, gain and distortion on each side, and what a process model makes of them."""
+    closed = bool(parts_of(recording, "sine")[0]["closed"])
+    command, response = roles_of(recording)
+    measured: list[Measured] = []
+    curves, notes, gains = [], [], []
+    for segment in declared_segments(recording):
+        rows = segment.samples
+        time_s = recording.time_s[rows]
+        given = sine_fit(time_s, command.values[rows], segment.frequency_hz, harmonics=1)
+        answer = sine_fit(
+            time_s, response.values[rows], segment.frequency_hz, harmonics=HARMONICS, drift_order=0 if closed else 1
+        )
+        place = f"{segment.bias:+.4g} ± {segment.amplitude:.4g} {command.unit}"
+        measured += _measured(recording, place, given, answer)
+        gain = _gain(given, answer, closed)
+        gains.append(gain)
+        measured.append(GAIN.at(place, f"{response.unit}{'' if closed else '/s'} per {command.unit}").of(*gain))
+        shown = shown_samples(time_s, segment.frequency_hz)
+        picked = slice(0, shown, thinning(shown))
+        curves.append({
+            "label": place, "frequency_hz": segment.frequency_hz,
+            "amplitude": segment.amplitude, "bias": segment.bias,
+            "command_unit": command.unit, "response_unit": response.unit,
+            "time_s": time_s[picked] - time_s[0], "command": command.values[rows][picked],
+            "measured": response.values[rows][picked], "fitted": _fitted(answer, time_s)[picked],
+            "harmonics_percent": 100.0 * np.abs(answer.phasors[1:]) / answer.amplitude,
+        })  # fmt: skip
+        notes.append(_model_note(recording, rows, place, closed))
+    if len(gains) == 2:
+        measured.append(_ratio(*gains))
+    notes.append(
+        "One sine tells two numbers, a gain and one time; for an order, dead time or resonance run multisine_response "
+        "or step_response."
+    )
+    return Findings(tuple(measured), {"large_sines": curves}, tuple(notes), departures(recording))
+
+
+def _levels(scale: Scale, amplitude: float, offset: float) -> tuple[float, tuple[float, float]]:
+    """Amplitude and the two middles in the unit of the command."""
+    size = scale.size("amplitude", amplitude)
+    check_at_least("offset", 0.0, offset, "%")
+    middles = (scale.level("offset", offset), scale.level("offset", -offset))
+    for middle in middles:
+        scale.within("amplitude", f"{amplitude:g} % about {offset:g} %", middle - size, middle + size)
+    return size, middles
+
+
+def _check_closed(
+    axis: Axis, amplitude: float, offset: float, size: float, middles: tuple[float, float], frequency_rad_s: float
+) -> None:
+    given = f"{amplitude:g} % about ±{offset:g} %"
+    axis.check_position("amplitude", given, min(middles) - size, max(middles) + size)
+    needed, able = size * frequency_rad_s, axis.extend_per_s
+    if needed > able:
+        raise SettingError(
+            f"setting frequency_rad_s: {given} at {frequency_rad_s:g} rad/s needs {needed:.4g} {axis.unit}/s; the full "
+            f"flow extends at {able:.4g} {axis.unit}/s: at most {able / size:.3g} rad/s"
+        )
+
+
+def _check_open(axis: Axis, amplitude: float, offset: float, cycles: int, frequency_rad_s: float) -> None:
+    """The way of the sine into one direction, at the rated speed, against the stroke."""
+    if offset < amplitude:
+        raise SettingError(
+            f"setting offset: {offset:g} % is below the amplitude, {amplitude:g} %; the cylinder would turn, and each "
+            "direction is measured by itself"
+        )
+    period_s = 2.0 * math.pi / frequency_rad_s
+    fastest = max(axis.extend_per_s, axis.retract_per_s)
+    able = axis.high - axis.low
+    for speed, word in ((axis.extend_per_s, "extending"), (axis.retract_per_s, "retracting")):
+        way = offset / 100.0 * speed * period_s
+        if cycles * way > able:
+            slower = 100.0 * able / (cycles * fastest * period_s)
+            faster = cycles * offset / 100.0 * fastest * 2.0 * math.pi / able
+            raise SettingError(
+                f"setting offset: {amplitude:g} % about {offset:g} % at {frequency_rad_s:g} rad/s goes {way:.4g} "
+                f"{axis.unit} {word} in each period, {cycles * way:.4g} {axis.unit} in {cycles}; of the stroke of "
+                f"{axis.stroke:g} {axis.unit}, {able:.4g} {axis.unit} can be used: at most {slower:.2g} % at this "
+                f"frequency, or at least {faster:.3g} rad/s at this offset"
+            )
+
+
+def _wave(
+    axis: Axis, frequency_hz: float, size: float, rate_hz: float, periods: int, middle: float, neutral: float
+) -> Array:
+    """From the middle in a closed loop; in an open one from where it is nearest to neutral."""
+    phase_rad = 0.0 if axis.closed else -math.copysign(math.pi / 2.0, middle - neutral)
+    return sine(frequency_hz, size, rate_hz, periods, bias=middle, phase_rad=phase_rad)
+
+
+def _opening(size: float, middle: float) -> float:
+    """With which an open cylinder is brought to its end: the largest of the sine."""
+    return size + abs(middle)
+
+
+def _measured(recording: Recording, place: str, given: SineFit, answer: SineFit) -> list[Measured]:
+    _, response = roles_of(recording)
+    turned = answer.phasor / given.phasor
+    phase_std_deg = math.degrees(math.hypot(given.phase_std_rad, answer.phase_std_rad))
+    harmonic_std = math.sqrt(float(np.trace(answer.phasor_covariance())) / 2.0) / answer.amplitude
+    return [
+        AMPLITUDE.at(place, response.unit).of(answer.amplitude, answer.amplitude_std),
+        PHASE.at(place).of(math.degrees(math.atan2(turned.imag, turned.real)), phase_std_deg),
+        OFFSET.at(place, response.unit).of(answer.offset, math.hypot(answer.offset_std, calibration_std(response))),
+        THD.at(place).of(100.0 * answer.distortion, 100.0 * harmonic_std),
+    ]
+
+
+def _gain(given: SineFit, answer: SineFit, closed: bool) -> tuple[float, float]:
+    """Gain and its standard uncertainty; of the speed where the loop is open."""
+    per_s = 1.0 if closed else 2.0 * math.pi * given.frequency_hz
+    value = per_s * answer.amplitude / given.amplitude
+    share = math.hypot(answer.amplitude_std / answer.amplitude, given.amplitude_std / given.amplitude)
+    return value, value * share
+
+
+def _ratio(forward: tuple[float, float], reverse: tuple[float, float]) -> Measured:
+    value = forward[0] / reverse[0]
+    return RATIO.of(value, value * math.hypot(forward[1] / forward[0], reverse[1] / reverse[0]))
+
+
+def _fitted(answer: SineFit, time_s: Array) -> Array:
+    """The fit with its drift, at every sample."""
+    middle_s, half_s = (time_s[0] + time_s[-1]) / 2.0, (time_s[-1] - time_s[0]) / 2.0
+    made = synthesised(answer, time_s)
+    for power, change in enumerate(answer.drift, start=1):
+        made = made + change * ((time_s - middle_s) / half_s) ** power
+    return made
+
+
+def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> str:
+    """Gain and time of the process model that one sine supports, with its fit to the same data."""
+    from hil.identify.process_model import process_model
+
+    command, response = roles_of(recording)
+    part = recording.rows(rows.start, rows.stop - rows.start)
+    skip_s = _SETTLING * part.duration_s
+    try:
+        found = process_model(
+            part, command.name, response.name, lags=1, integrator=not closed, dead_time=False, skip_s=skip_s
+        )
+    except InputError as error:
+        return f"{place}: no process model: {error}."
+    (gain, gain_std), (time_s, time_std_s) = ((found.values[n], found.std[n]) for n in ("gain", "time"))
+    return (
+        f"{place}: {found.form.name}, gain {gain:.4g} ± {1.96 * gain_std:.1g}{'' if closed else ' 1/s'}, time "
+        f"{1e3 * time_s:.4g} ± {1.96e3 * time_std_s:.2g} ms, fit {found.fit_percent:.2f} % of the same data."
+    )

@@ -1,0 +1,186 @@
+"""Sine, velocity steps and drift of the SP08-47C's cylinder on the simulated bench, in virtual time."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.errors import SettingError
+from hil.physics.compose import plant
+from hil.record.folder import read
+from hil.rig import RoleChannel
+from hil.session.procedure import load_procedure
+from hil.session.setting import parse_settings
+
+BENCH = "hydraforce-sp08-47c"
+TRUTH = plant(BENCH).typical
+
+
+@pytest.fixture
+def measure(tmp_path):
+    """Findings of a procedure on the bench, without a report."""
+
+    def run(name, bench=BENCH, **given):
+        procedure = load_procedure(name)
+        values = parse_settings(procedure.settings, given)
+        folder = tmp_path / name
+        with open_rig(read_bench(benches()[bench]), folder, {"settings": values}, lambda _done, _text: None) as rig:
+            procedure.run(rig, **values)
+        return procedure.evaluate(read(folder))
+
+    return run
+
+
+class Still:
+    """A rig that says what it is, and fails the test when it is asked to do anything."""
+
+    def __init__(self, command: RoleChannel, response: RoleChannel) -> None:
+        self.command, self.response = command, response
+        self.rate_hz, self.settling_s = 500.0, 3.0
+
+    def actual_rate_hz(self, asked_hz: float) -> float:
+        return asked_hz
+
+    def __getattr__(self, name: str) -> None:
+        raise AssertionError(f"'{name}' was asked for")
+
+
+POSITION = RoleChannel("position", "mm", -130.0, 130.0)
+CLOSED = (RoleChannel("request", "mm", -120.0, 120.0), POSITION)
+OPEN = (RoleChannel("command", "V", -10.0, 10.0), POSITION)
+NO_CYLINDER = (RoleChannel("current", "A", 0.0, 2.2), RoleChannel("pressure", "psi", 0.0, 300.0))
+RIGS = {"closed": CLOSED, "open": OPEN, "no cylinder": NO_CYLINDER}
+SINE, STEPS, DRIFT = "sine_position", "velocity_steps", "cylinder_drift"
+
+
+@pytest.mark.parametrize(
+    ("name", "rig", "settings", "says"),
+    [
+        # the paper's own test: 304 mm of way in a period, in a cylinder of 250 mm
+        (SINE, "open", {"cycles": 1}, "goes 304 mm extending in each period, 304 mm in 1; of the stroke of 250 mm"),
+        (SINE, "open", {}, "goes 304 mm extending in each period, 912 mm in 3"),
+        (SINE, "open", {"amplitude": 20.0, "offset": 10.0}, "setting offset: 10 % is below the amplitude, 20 %"),
+        (
+            SINE,
+            "closed",
+            {"stroke_mm": 200.0},
+            "setting amplitude: 50 % about ±50 % needs -120 … 120 mm; a stroke of 200",
+        ),
+        (SINE, "closed", {"retracted_mm": 0.0}, "that begins at 0 mm allows 2.5 … 247.5"),
+        (SINE, "closed", {"amplitude": 70.0}, "setting amplitude: 70 % about 70 % needs 0 … 168 mm"),
+        (SINE, "closed", {"frequency_rad_s": 2.0}, "needs 120 mm/s; the full flow extends at 96.77 mm/s: at most 1.61"),
+        (SINE, "closed", {"frequency_rad_s": 0.0}, "setting frequency_rad_s: 0 rad/s; it must be above 0"),
+        (SINE, "closed", {"frequency_rad_s": math.nan}, "setting frequency_rad_s: nan rad/s"),
+        (SINE, "closed", {"amplitude": 0.0}, "setting amplitude: 0 % of full command"),
+        (SINE, "closed", {"offset": -10.0}, "setting offset: -10 %; it must be at least 0"),
+        (SINE, "closed", {"cycles": 0}, "setting cycles: 0"),
+        (SINE, "closed", {"rod_mm": 60.0}, "setting bore_mm: 50 mm; it must be above 60"),
+        (SINE, "no cylinder", {}, "'pressure' is in psi; this test needs a response in mm"),
+        (STEPS, "closed", {"stroke_mm": 150.0}, "setting levels: ±80 % needs -96 … 96 mm; a stroke of 150 mm"),
+        (STEPS, "closed", {"levels": ()}, "setting levels: none given"),
+        (STEPS, "closed", {"levels": (-20.0,)}, "setting levels: -20 %; it must be above 0"),
+        (STEPS, "closed", {"levels": (110.0,)}, "setting levels: -110 % needs -132 mm"),
+        (STEPS, "open", {"repeats": 0}, "setting repeats: 0"),
+        (STEPS, "open", {"full_flow_lpm": 0.0}, "setting full_flow_lpm: 0 l/min"),
+        (STEPS, "no cylinder", {}, "'pressure' is in psi"),
+        (
+            DRIFT,
+            "open",
+            {"levels": (10.0,)},
+            "a command in V moves the 'position' all the time, so only 0 % is allowed",
+        ),
+        (DRIFT, "closed", {"duration_s": 1.0}, "setting duration_s: 1 s; it must be at least 5"),
+        (DRIFT, "closed", {"levels": ()}, "setting levels: none given"),
+    ],
+)
+def test_what_does_not_fit_is_refused_before_anything_moves(name, rig, settings, says):
+    with pytest.raises(SettingError) as refused:
+        load_procedure(name).run(Still(*RIGS[rig]), **settings)
+    assert says in str(refused.value)
+
+
+def test_what_the_refusal_says_would_fit_does_fit():
+    with pytest.raises(SettingError) as refused:
+        load_procedure(SINE).run(Still(*OPEN), cycles=1)
+    text = str(refused.value)
+    percent = float(text.split("at most ")[1].split(" %")[0])
+    with pytest.raises(AssertionError, match="asked for"):  # it goes on to move
+        load_procedure(SINE).run(Still(*OPEN), cycles=1, amplitude=0.99 * percent)
+    fast = float(text.split("at least ")[1].split(" rad/s")[0])
+    with pytest.raises(AssertionError, match="asked for"):
+        load_procedure(SINE).run(Still(*OPEN), cycles=1, frequency_rad_s=1.01 * fast)
+
+
+def loop_at(omega, extend):
+    """Request to position for small motion in one direction of the speed's ratio: the linear loop."""
+    s = 1j * omega
+    speed = TRUTH["speed_extend"] * (1.0 if extend else TRUTH["speed_ratio"]) / 100.0
+    spool = 1.0 / (
+        1.0 + 2.0 * TRUTH["spool_damping"] * s / TRUTH["spool_frequency"] + (s / TRUTH["spool_frequency"]) ** 2
+    )
+    return TRUTH["loop_gain"] * speed / s * spool * np.exp(-TRUTH["dead_time"] * s)
+
+
+def test_the_sine_of_the_paper_on_both_sides(measure):
+    findings = measure(SINE, cycles="2", rate_hz="500")
+    found = {m.name: m for m in findings.measured}
+    sides = [name.split(", ")[1] for name in found if name.startswith("gain")]
+    assert sides == ["+60 ± 60 mm", "-60 ± 60 mm"]
+    # the loop turns between its two speeds; the fundamental lies between the two linear loops
+    slow, fast = (loop_at(1.0, extend) / (1.0 + loop_at(1.0, extend)) for extend in (True, False))
+    for side in sides:
+        assert min(abs(slow), abs(fast)) - 2e-3 < found[f"gain, {side}"].value < max(abs(slow), abs(fast)) + 2e-3
+        phase = found[f"phase, {side}"].value
+        assert math.degrees(np.angle(slow)) - 0.3 < phase < math.degrees(np.angle(fast)) + 0.3
+        assert 1.0 < found[f"thd, {side}"].value < 4.0  # two speeds bend the sine
+        # retracting is faster, so the cylinder stays on the retracted side of the sine's middle
+        assert -4.0 < found[f"offset, {side}"].value - float(side.split()[0]) < -1.0
+    assert found["direction_ratio"].value == pytest.approx(1.0, abs=5e-3)
+    assert [curve["bias"] for curve in findings.curves["large_sines"]] == [60.0, -60.0]
+    assert all(np.std(curve["measured"] - curve["fitted"]) < 0.3 for curve in findings.curves["large_sines"])
+    assert sum("P1, gain" in note for note in findings.notes) == 2
+    assert "One sine tells two numbers" in findings.notes[-1]
+
+
+def test_speeds_both_ways_and_their_ratio(measure):
+    findings = measure(STEPS, rate_hz="500")
+    found = {m.name: m for m in findings.measured}
+    extending, retracting = found["speed, -96 → 96 mm"], found["speed, 96 → -96 mm"]
+    # the LVDT's calibration is exact on this bench: speeds are those of the plant
+    for measured, truth in (
+        (extending, TRUTH["speed_extend"]),
+        (retracting, -TRUTH["speed_extend"] * TRUTH["speed_ratio"]),
+    ):
+        assert measured.value == pytest.approx(truth, rel=2e-3)
+        assert abs(measured.value - truth) < 4.0 * measured.std + 1e-3 * abs(truth)
+    ratio = found["speed_ratio, ±96 mm"]
+    assert ratio.value == pytest.approx(TRUTH["speed_ratio"], rel=3e-3)
+    assert not any("not steady" in note for note in findings.notes)
+    assert any("1.562 with the same flow both ways, and 0.8 with equal edges" in note for note in findings.notes)
+    assert len(findings.curves["velocity_steps"]) == 4
+
+
+def test_short_steps_are_told_to_be_unsteady(measure):
+    findings = measure(STEPS, levels="20", repeats="1", rate_hz="500")
+    assert any("not steady" in note for note in findings.notes)
+    fast = max(abs(m.value) for m in findings.measured if m.quantity == "speed")
+    assert fast < 0.9 * TRUTH["speed_extend"] * TRUTH["speed_ratio"]
+
+
+def test_a_closed_loop_at_rest_does_not_drift(measure):
+    findings = measure(DRIFT, levels="0,50", duration_s="20", rate_hz="200")
+    found = {m.name: m for m in findings.measured}
+    for level in ("0 mm", "60 mm"):
+        rate = found[f"drift_rate, {level}"]
+        assert abs(rate.value) < 4.0 * rate.std
+        assert rate.std < 0.05  # mm/min, from noise of 0.05 mm
+        assert found[f"restlessness, {level}"].value == pytest.approx(0.05, rel=0.5)
+        offset = found[f"offset, {level}"]
+        assert abs(offset.value) < 4.0 * offset.std
+    assert "The loop was closed" in findings.notes[0]
+    assert len(findings.curves["drift"]) == 2
