@@ -86,6 +86,11 @@ class Model:
     clear_safe: int | None = None
     word_order: WordOrder = "big"
 
+    @property
+    def terminals(self) -> dict[str, Terminal]:
+        """The register map as terminals."""
+        return {name: Terminal(r.direction, r.kind, r.unit, r.low, r.high) for name, r in self.registers.items()}
+
 
 def _analogue(
     count: int, prefix: str, direction: Direction, table: Literal["input", "holding"], first: int, **more: Any
@@ -132,11 +137,10 @@ MODELS: Mapping[str, Model] = {
 }  # fmt: skip
 
 
-class Settings(BaseModel):
-    """What `[devices.NAME]` may say.
+class LineSettings(BaseModel):
+    """How a device on Modbus is reached, whatever its registers.
 
     Attributes:
-        model: which register map.
         transport: `tcp`, or `rtu` on a serial line.
         address: `host:port` for tcp; a serial port or `socket://host:port` (serial server) for rtu.
         unit_id: of the device on its line.
@@ -151,7 +155,6 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    model: Literal["wago-750", "iologik-e1241", "iologik-e1240", "flow-meter"]
     transport: Literal["tcp", "rtu"] = "tcp"
     address: str
     unit_id: PositiveInt = Field(1, le=247)
@@ -163,13 +166,27 @@ class Settings(BaseModel):
     word_order: WordOrder | None = None
 
 
+class Settings(LineSettings):
+    """What `[devices.NAME]` may say: how the device is reached, and which it is.
+
+    Attributes:
+        model: which register map.
+    """
+
+    model: Literal["wago-750", "iologik-e1241", "iologik-e1240", "flow-meter"]
+
+
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong beyond the types."""
-    model = MODELS[settings.model]
+    yield from line_faults(settings, MODELS[settings.model])
+
+
+def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What is wrong with the settings of a device of this model."""
     if settings.transport == "tcp" and _host_and_port(settings.address) is None:
         yield ("address",), f"'{settings.address}' is not host:port, such as 192.168.1.10:502"
     if settings.watchdog_s is not None and not any(r.direction == "out" for r in model.registers.values()):
-        yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"
+        yield ("watchdog_s",), "this model has no outputs that a watchdog could make safe; take this away"
     if settings.watchdog_s is not None and not 0.1 <= settings.watchdog_s <= 6553.5:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the device counts 0.1 … 6553.5 s"
     if settings.longest_reply_s < settings.timeout_s:
@@ -178,15 +195,12 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """The register map of the model, as terminals."""
-    return {
-        name: Terminal(register.direction, register.kind, register.unit, register.low, register.high)
-        for name, register in MODELS[settings.model].registers.items()
-    }
+    return MODELS[settings.model].terminals
 
 
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
     """The device, connected, its watchdog armed."""
-    return ModbusLink(settings, wiring)
+    return ModbusLink(settings, wiring, MODELS[settings.model])
 
 
 def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
@@ -225,8 +239,7 @@ class ModbusLink:
         DeviceLostError: nothing answers at the address.
     """
 
-    def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        model = MODELS[settings.model]
+    def __init__(self, settings: LineSettings, wiring: Wiring, model: Model) -> None:
         self.watchdog_s = settings.watchdog_s
         self.keep_alive_s = settings.watchdog_s / 3.0 if settings.watchdog_s is not None else None
         self._settings, self._model = settings, model
@@ -285,7 +298,7 @@ class ModbusLink:
 
     def _connect(self) -> None:
         if not self._client.connect():
-            raise DeviceLostError(f"{self._settings.model} at {self._settings.address}: cannot be reached")
+            raise DeviceLostError(f"{self._settings.address}: cannot be reached")
 
     def _arm(self) -> None:
         if self.watchdog_s is None:
@@ -432,7 +445,7 @@ _EXCEPTIONS = {
 }
 
 
-def _client(settings: Settings) -> Any:
+def _client(settings: LineSettings) -> Any:
     from pymodbus import FramerType
     from pymodbus.client import ModbusSerialClient, ModbusTcpClient
 

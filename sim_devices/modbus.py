@@ -9,9 +9,10 @@ from collections.abc import Mapping
 from typing import Any
 
 from sim_devices._field import Side
-from sim_devices._modbus_frames import Refused, RtuFrames, TcpFrames
+from sim_devices._modbus_frames import Refused
+from sim_devices._modbus_table import serve_registers
 from sim_devices._quirks import Quirks
-from sim_devices._stream import PtyServer, StreamServer, TcpServer
+from sim_devices._stream import StreamServer
 from sim_devices._twin import Twin, TwinSettings, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
@@ -225,17 +226,7 @@ _BANKS: Mapping[str, type[Bank]] = {
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the device where the driver will look for it."""
-    bank = _BANKS[settings["model"]](side, settings)
-    unit_id, address = int(settings.get("unit_id", 1)), str(settings["address"])
-    if settings.get("transport", "tcp") == "tcp":
-        host, _, port = address.rpartition(":")
-        return TcpServer(TcpFrames(bank, unit_id), side, behave, host, int(port))
-    if address.startswith("socket://"):
-        host, _, port = address.removeprefix("socket://").rpartition(":")
-        server = TcpServer(RtuFrames(bank, unit_id), side, behave, host, int(port))
-        server.where = f"socket://{server.where}"
-        return server
-    return PtyServer(RtuFrames(bank, unit_id), side, behave, address)
+    return serve_registers(_BANKS[settings["model"]](side, settings), settings, side, behave)
 
 
 def _to_word(value: int) -> int:

@@ -11,7 +11,7 @@ from typing import Any
 
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
-from hil.cli.devices import serve
+from hil.bench.twin import serve
 
 
 def free_port() -> int:

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
 if TYPE_CHECKING:
     from pathlib import Path
-
-    from hil.bench.read import BenchFile
-    from hil.daq.conformance import Subject
 
 
 def command(
@@ -32,6 +27,7 @@ def command(
     """
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
+    from hil.bench.twin import subject
     from hil.catalog import find
     from hil.daq.conformance import examine
 
@@ -48,49 +44,6 @@ def command(
             typer.echo(f"  {result.verdict:8}  {result.check.replace('_', ' ')}{said}")
     typer.echo(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     raise typer.Exit(1 if counts["broken"] else 0)
-
-
-@contextmanager
-def subject(file: BenchFile, folder: Path, driver: str, hardware: bool = False) -> Iterator[Subject]:
-    """The first device of a bench with this driver, ready to be examined; simulated ones are served meanwhile.
-
-    Raises:
-        SettingError: the bench has no device with this driver, or an output may not be moved by half its range.
-    """
-    from hil.bench.device import simulation_of
-    from hil.catalog import find
-    from hil.daq.conformance import Subject
-    from hil.errors import SettingError
-
-    using = [name for name, device in file.bench.devices.items() if device.driver.replace("-", "_") == driver]
-    if not using:
-        raise SettingError(f'{file.path}: no device with driver = "{driver}"; say --bench with one that has it')
-    device = file.devices[using[0]]
-    wiring = device.wiring(file.bench.channels)
-    if hardware:
-        yield Subject(device.module, device.settings, wiring)
-        return
-    twin = find("devices", driver).load()
-    wirings = {name: other.wiring(file.bench.channels) for name, other in file.devices.items()}
-    side = twin.world(simulation_of(list(file.devices), file.bench, folder), wirings).side(using[0])
-    served = twin.serve(file.bench.devices[using[0]].settings, side, twin.quirks({}))
-
-    def spoil(**quirks: Any) -> None:
-        served.behaviour.quirks = twin.quirks(quirks)
-
-    elsewhere = device.settings.model_copy(update={"address": _elsewhere(served.where)})
-    try:
-        yield Subject(device.module, device.settings, wiring, elsewhere, side, spoil)
-    finally:
-        served.close()
-
-
-def _elsewhere(address: str) -> str:
-    """An address of the same kind where nobody answers."""
-    if address.startswith("virtual:"):
-        return f"{address}-nobody"
-    head, colon, port = address.rpartition(":")
-    return f"{head.rpartition('127')[0]}127.0.0.1:1" if colon and port.isdecimal() else f"{address}-nobody"
 
 
 def _bench_with(driver: str) -> Path:

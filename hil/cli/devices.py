@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import typer
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from hil.bench.read import BenchFile
 
 
@@ -29,6 +27,7 @@ def command(
 
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
+    from hil.bench.twin import serve
     from hil.safety.interrupt import terminable
 
     path = find_bench(bench)
@@ -39,38 +38,6 @@ def command(
             typer.echo(f"{name}: {found.bench.devices[name].driver} at {served.where}")
         typer.echo("simulated; Ctrl-C ends it")
         threading.Event().wait(for_s or None)
-
-
-def serve(file: BenchFile, folder: Path, quirks: dict[str, dict[str, str]]) -> dict[str, Any]:
-    """Start the twin of every device of a bench, one plant behind them all; by name, to be closed by the caller.
-
-    Raises:
-        SettingError: a device that cannot be served, or a simulation that cannot be run.
-    """
-    from hil.bench.device import simulation_of
-    from hil.catalog import find
-    from hil.errors import SettingError
-
-    devices = file.bench.devices
-    for name, device in devices.items():
-        if not device.driver:
-            raise SettingError(
-                f"device '{name}' is simulated = \"{device.simulated}\", within the program that runs the bench; only "
-                f'devices with driver = "…" are served'
-            )
-    twins = {name: find("devices", device.driver).load() for name, device in devices.items()}
-    wirings = {name: device.wiring(file.bench.channels) for name, device in file.devices.items()}
-    world = next(iter(twins.values())).world(simulation_of(list(devices), file.bench, folder), wirings)
-    served: dict[str, Any] = {}
-    try:
-        for name, twin in twins.items():
-            settings = devices[name].settings
-            served[name] = twin.serve(settings, world.side(name), twin.quirks(quirks.get(name, {})))
-    except BaseException:
-        for started in served.values():
-            started.close()
-        raise
-    return served
 
 
 def _chosen(quirks: list[str], file: BenchFile) -> dict[str, dict[str, str]]:

@@ -13,8 +13,8 @@ import pytest
 
 from hil.bench.find import benches
 from hil.bench.read import read_bench
+from hil.bench.twin import subject
 from hil.catalog import entries
-from hil.cli.check_driver import subject
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.conformance import CHECKS, Subject, examine, verdict_of
 from hil.daq.polled import PolledDaq

@@ -1,0 +1,122 @@
+"""A Modbus device that is nothing but a table of registers, for twins of simple modules."""
+
+# ruff: noqa: ARG002 - what there is not is refused by methods that look at nothing
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sim_devices._field import Side
+from sim_devices._modbus_frames import Refused, RtuFrames, TcpFrames
+from sim_devices._quirks import Quirks
+from sim_devices._stream import PtyServer, StreamServer, TcpServer
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A terminal in a register: count = value · per_unit + zero; two's complement if it is `signed`."""
+
+    terminal: str
+    per_unit: float
+    zero: float = 0.0
+    signed: bool = False
+
+    def count_of(self, value: float) -> int:
+        """The value as the register has it."""
+        count = round(value * self.per_unit + self.zero)
+        return max(-0x8000, min(0x7FFF, count)) & 0xFFFF if self.signed else max(0, min(0xFFFF, count))
+
+    def value_of(self, count: int) -> float:
+        """What the register says."""
+        return ((count - 0x10000 if self.signed and count >= 0x8000 else count) - self.zero) / self.per_unit
+
+
+class Table:
+    """Registers of a device as its manual lists them.
+
+    Args:
+        side: its terminals.
+        outputs: by address among the holding registers (functions 3, 6, 16).
+        inputs: by address among the input registers (function 4).
+        watchdog_s: outputs go to `safe` when nothing is asked for so long; None: it has no watchdog.
+        safe: count to which they go then.
+    """
+
+    def __init__(
+        self,
+        side: Side,
+        outputs: Mapping[int, Place],
+        inputs: Mapping[int, Place],
+        watchdog_s: float | None = None,
+        safe: int = 0,
+    ) -> None:
+        self._side, self._outputs, self._inputs = side, outputs, inputs
+        self._watchdog_s, self._safe = watchdog_s, safe
+        self._counts = {address: place.count_of(side.standing(place.terminal)) for address, place in outputs.items()}
+        self._heard_s: float | None = None
+
+    def input(self, address: int) -> int:
+        """An input register."""
+        if address not in self._inputs:
+            raise Refused(2)
+        place = self._inputs[address]
+        return place.count_of(self._side.number(place.terminal))
+
+    def holding(self, address: int) -> int:
+        """An output, as it stands."""
+        if address not in self._outputs:
+            raise Refused(2)
+        return self._counts[address]
+
+    def coil(self, address: int) -> bool:
+        """There are none."""
+        raise Refused(1)
+
+    def may_write(self, address: int, count: int) -> None:
+        """Any count, where there is an output."""
+        if address not in self._outputs or not 0 <= count <= 0xFFFF:
+            raise Refused(2)
+
+    def write(self, address: int, count: int) -> None:
+        """Set an output."""
+        self._counts[address] = count
+        place = self._outputs[address]
+        self._side.drive({place.terminal: place.value_of(count)})
+
+    def write_coil(self, address: int, on: bool) -> None:
+        """There are none."""
+        raise Refused(1)
+
+    def heard(self) -> None:
+        """A request came."""
+        self._heard_s = self._side.clock.now_s
+
+    def restart(self) -> None:
+        """Outputs at their safe count."""
+        self._make_safe()
+
+    def tick(self) -> None:
+        """Look at the watchdog."""
+        since_s = self._heard_s
+        if self._watchdog_s is not None and since_s is not None and self._side.clock.now_s - since_s > self._watchdog_s:
+            self._heard_s = None
+            self._make_safe()
+
+    def _make_safe(self) -> None:
+        for address in self._outputs:
+            self.write(address, self._safe)
+
+
+def serve_registers(registers: Any, settings: Mapping[str, Any], side: Side, quirks: Quirks) -> StreamServer:
+    """Serve registers where a driver's settings (`transport`, `address`, `unit_id`) will look for them."""
+    unit_id, address = int(settings.get("unit_id", 1)), str(settings["address"])
+    if settings.get("transport", "tcp") == "tcp":
+        host, _, port = address.rpartition(":")
+        return TcpServer(TcpFrames(registers, unit_id), side, quirks, host, int(port))
+    if address.startswith("socket://"):
+        host, _, port = address.removeprefix("socket://").rpartition(":")
+        server = TcpServer(RtuFrames(registers, unit_id), side, quirks, host, int(port))
+        server.where = f"socket://{server.where}"
+        return server
+    return PtyServer(RtuFrames(registers, unit_id), side, quirks, address)
