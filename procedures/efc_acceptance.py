@@ -34,6 +34,7 @@ from procedures._efc import (
     play,
 )
 from procedures._recorded import departures, roles_of
+from procedures._scale import check_at_least
 
 FUNCTION = Measurement(
     "function", "psi", "rise of pressure from the closing to the opening current, in the direction of the type", 100.0
@@ -56,6 +57,13 @@ MEASUREMENTS = (
 )
 KIND = "function"
 
+_PARTS: tuple[tuple[str, str, Any], ...] = (
+    ("electrical check", electrical_check.KIND, electrical_check),
+    ("leakage", leakage_check.KIND, leakage_check),
+    ("pressure over current", pressure_current.KIND, pressure_current),
+    ("steps", efc_step_response.KIND, efc_step_response),
+    ("frequency response", "sine", efc_frequency_response),
+)
 _ENDED, _LEFT_OUT = "ended early", "level left out"
 _OPENING_A, _FOLLOWS_PSI = 1.8, 50.0
 _FREQUENCIES_HZ = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
@@ -79,13 +87,14 @@ def run(
         rig: the bench.
         voltage: nominal voltage of the coil.
         normally_open: whether current closes the valve.
-        top_current: the highest current of the test, in A.
+        top_current: the highest current of the test, in A; at least 1.8.
         sweep_s: time of the first sweep of the pressure curve, in s.
         frequencies: of the frequency response, in Hz, rising.
         levels: of the frequency response.
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
+    check_at_least("top_current", _OPENING_A, top_current, "A")
     check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE, THROUGH_FLOW, SUPPLY_PRESSURE), "the acceptance test")
     rig.tighten(min(0.0, rig.command.safe), max(top_current, rig.command.safe))
     coil = electrical_check.drive(rig, voltage, rate_hz=rate_hz)
@@ -107,21 +116,20 @@ def evaluate(recording: Recording) -> Findings:
     """The certificate: every part's findings, the condition, and why the run ended early if it did."""
     reasons = [details["reason"] for details in _noted(recording, _ENDED)]
     left_out = _noted(recording, _LEFT_OUT)
-    parts = {
-        "electrical check": electrical_check.evaluate(recording),
-        "leakage": leakage_check.evaluate(recording) if part_recordings(recording, leakage_check.KIND) else None,
-        "pressure over current": _if_any(recording, pressure_current.KIND, pressure_current),
-        "steps": _if_any(recording, efc_step_response.KIND, efc_step_response),
-        "frequency response": _if_any(recording, "sine", efc_frequency_response),
-    }
     function = _function(recording)
-    done = {name: found for name, found in parts.items() if found is not None}
+    done: dict[str, Findings] = {}
+    notes = [f"Ended early: {reason}." for reason in reasons]
+    for name, kind, procedure in _PARTS:
+        if not part_recordings(recording, kind):
+            notes.append(f"Not done: {name}.")
+            continue
+        try:
+            done[name] = procedure.evaluate(recording)
+        except InputError as error:
+            notes.append(f"Not evaluated: {name}: {error}.")
     whole = len(done) + (function is not None) - bool(left_out and "frequency response" in done)
     complete = COMPLETE.of(float(whole), 0.0)
     judged, condition_notes = _condition(recording, done)
-    missing = [name for name, found in parts.items() if found is None]
-    notes = [f"Ended early: {reason}." for reason in reasons]
-    notes += [f"Not done: {', '.join(missing)}."] if missing else []
     notes += [f"Level {one['level']} of the frequency response left out: {one['reason']}." for one in left_out]
     return Findings(
         (complete, *(() if function is None else (function,)), *judged,
@@ -135,14 +143,6 @@ def evaluate(recording: Recording) -> Findings:
 def _noted(recording: Recording, event: str) -> list[Mapping[str, Any]]:
     """Details of every event of a name."""
     return [found["details"] for found in recording.meta.get("events", ()) if found.get("event") == event]
-
-
-def _if_any(recording: Recording, kind: str, procedure: object) -> Findings | None:
-    """What a part found, if it was driven."""
-    if not part_recordings(recording, kind):
-        return None
-    found: Findings = procedure.evaluate(recording)  # type: ignore[attr-defined]
-    return found
 
 
 def _usable(found: Findings) -> bool:

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from efc_bench import STUCK, failed, outcome, value, valve
 
+from hil.errors import SettingError
 from hil.record.read import read_recording
 
 SHORT = {"sweep_s": 8.0, "levels": ("medium",), "frequencies": (1.0, 4.0)}
@@ -50,3 +51,8 @@ def test_a_level_that_the_valve_does_not_reach_is_left_out_and_said(tmp_path: Pa
     assert "parts_completed" in failed(found)
     assert value(found, "parts_completed") == 5.0
     assert any(note.startswith("Level medium of the frequency response left out") for note in found.notes)
+
+
+def test_a_top_current_that_does_not_open_the_valve_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match=r"top_current: 1\.5 A; it must be at least 1\.8"):
+        outcome(tmp_path, "efc_acceptance", top_current=1.5)
