@@ -1,7 +1,4 @@
-"""Faults on purpose while a bench is driven, and what is seen of them at the device: used by tests and by the page.
-
-python -m tests.faults      # measures every combination and writes docs/reference/fault-matrix.md
-"""
+"""What is seen at a device of a fault that is made on purpose while a bench is driven."""
 
 from __future__ import annotations
 
@@ -12,6 +9,7 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +18,40 @@ from hil.record.read import read_recording
 
 STRANGER = Path(__file__).parent / "stranger"
 PATIENCE_S = 60.0  # of a test, on a machine that is busy with other things
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """A fault at a moment on a link, and what is promised: safe within so long, and what the operator reads.
+
+    `within_s` None: the outputs cannot be reached, and the message says where they stand.
+    """
+
+    link: str
+    fault: str
+    moment: str
+    within_s: float | None
+    says: str
+
+    def __str__(self) -> str:
+        return f"{self.link}, {self.fault}, {self.moment}"
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """What happened.
+
+    Attributes:
+        safe_after_s: from the fault until the output was safe at the device, for good; None: it was not.
+        lost: samples that the device gave and the recording does not have; None where nobody can count them.
+        message: what the operator read.
+        samples: in the run folder, read back.
+    """
+
+    safe_after_s: float | None
+    lost: int | None
+    message: str
+    samples: int
 
 
 class Observer:

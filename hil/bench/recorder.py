@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from contextlib import AbstractContextManager, nullcontext
 from typing import Any
 
+import numpy as np
+
 from hil.daq.contract import Block
 from hil.record.folder import RunWriter
 
@@ -33,10 +35,16 @@ class Recorder:
         return block.time_s - (self._zero_s or 0.0)
 
     def keep(self, block: Block) -> None:
-        """Write a block. Raises `StorageError`."""
+        """Write a block, as far as it is numbers. Raises `StorageError`."""
         if self._zero_s is None:
             self._zero_s = float(block.time_s[0]) - self._first_s
-        self._writer.append(self.time_of(block), {**block.outputs, **block.inputs})
+        values = {**block.outputs, **block.inputs}
+        numbers = np.logical_and.reduce([np.isfinite(column) for column in values.values()])
+        if not numbers.all():  # a recording holds numbers alone; the guard ends the task
+            self.note("readings that are no numbers", count=int(np.count_nonzero(~numbers)))
+            values = {name: column[numbers] for name, column in values.items()}
+        if numbers.any():
+            self._writer.append(self.time_of(block)[numbers], values)
         if block.late:
             self.note("late samples", count=block.late)
 

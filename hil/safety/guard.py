@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 
@@ -10,7 +11,7 @@ import numpy as np
 from hil.clock import Clock, VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, Waveform, closing_blocks
-from hil.errors import HardwareError, StoppedError, StorageError
+from hil.errors import HardwareError, LinkError, StoppedError, StorageError
 from hil.safety.envelope import Envelope
 from hil.safety.interlock import Violation, Watches
 from hil.safety.interrupt import uninterrupted
@@ -58,6 +59,7 @@ class Guard:
         self._note = note
         self._beat = beat
         self._over = ""
+        self._unrecorded: StorageError | None = None
         self._looked = False
 
     @property
@@ -155,6 +157,7 @@ class Guard:
 
         Raises:
             TrippedError: an interlock tripped on the way.
+            StorageError: the way could not be recorded, and nothing else went wrong.
         """
         tripped = self.latch.trips
         with uninterrupted():
@@ -164,6 +167,9 @@ class Guard:
                 self._daq.close()
         if self.latch.trips != tripped:
             self.latch.check()
+        if self._unrecorded is not None and sys.exception() is None:
+            unrecorded, self._unrecorded = self._unrecorded, None
+            raise unrecorded
 
     @contextmanager
     def _safe_on_error(self) -> Iterator[None]:
@@ -182,6 +188,7 @@ class Guard:
                 self._limits.seen()
                 for violation in self._watches.judge(block):
                     self._act(violation)
+                _refuse_no_number(block)
                 yield block
         self._beat(any(channel.safe != self.levels[name] for name, channel in self.outputs.items()))
 
@@ -231,8 +238,10 @@ class Guard:
             for block in blocks:
                 with suppress(HardwareError):
                     self._beat(True)
-                with suppress(StorageError):
+                try:
                     self._keep(block)
+                except StorageError as error:  # said when the outputs are safe
+                    self._unrecorded = error
                 for violation in self._watches.judge(block):
                     self._note_if_possible(violation.interlock.action, text=violation.text)
                     if violation.interlock.action == "trip":
@@ -242,3 +251,12 @@ class Guard:
     def _note_if_possible(self, event: str, **details: str) -> None:
         with suppress(StorageError):
             self._note(event, **details)
+
+
+def _refuse_no_number(block: Block) -> None:
+    """A reading that is no number tells nothing, and no interlock need watch the channel that has it."""
+    for name, values in block.inputs.items():
+        wrong = ~np.isfinite(values)
+        if wrong.any():
+            at_s = float(block.time_s[int(np.argmax(wrong))])
+            raise LinkError(f"'{name}' reads {values[wrong][0]}, no number, at {at_s:.3f} s: dead sensor or device")
