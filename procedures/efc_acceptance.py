@@ -39,7 +39,7 @@ from procedures._scale import check_at_least
 FUNCTION = Measurement(
     "function", "psi", "rise of pressure from the closing to the opening current, in the direction of the type", 100.0
 )
-GOOD = Measurement("probability_good", "%", "that the valve is good, from friction, rise time and leakage", 50.0)
+GOOD = Measurement("probability_good", "%", "that the valve is good, from friction, rise time and leakage", 80.0)
 MALFUNCTIONED = Measurement("probability_malfunctioned", "%", "that it is malfunctioned")
 SEVERE = Measurement("probability_severe", "%", "that it is severely malfunctioned")
 COMPLETE = Measurement("parts_completed", "1", "parts of the test that were completed, of six", 6.0)
@@ -205,7 +205,7 @@ def _condition(recording: Recording, done: dict[str, Findings]) -> tuple[list[Me
         found = _judged_condition(recording, done)
     except InputError as error:
         return [m.of(None) for m in (GOOD, MALFUNCTIONED, SEVERE)], [f"Condition cannot be told: {error}."]
-    shares = [100.0 * share for share in found.probabilities.values()]
+    shares = [round(100.0 * share, 1) for share in found.probabilities.values()]
     notes = [f"Condition: {found.verdict} ({max(shares):.1f} %), against a simulated population of EFC valves."]
     if found.unlike:
         notes.append("The valve is unlike any class of that population: read its numbers, not its class.")
