@@ -44,10 +44,16 @@ _TELLING = 0.02
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """Experiments fit for a diagnosis, and what was noticed and done about it, one sentence each."""
+    """Experiments fit for a diagnosis, and what was noticed and done about it, one sentence each.
+
+    `clocks_set`: the same with clocks set back that may be shifted, and what that means; empty when none may be. It is
+    a second opinion, for when no physics explains the recordings: a play also looks like a delay in a slow sweep.
+    """
 
     experiments: tuple[Experiment, ...]
     warnings: tuple[str, ...]
+    clocks_set: tuple[Experiment, ...] = ()
+    clock_warnings: tuple[str, ...] = ()
 
 
 def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
@@ -68,8 +74,8 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
         e, said = _without_clipped(e)
         warnings += said
         kept.append(e)
-    kept, said = _with_clocks_set(model, kept)
-    return Checked(tuple(kept), (*warnings, *said))
+    moved, said = _with_clocks_set(model, kept)
+    return Checked(tuple(kept), tuple(warnings), tuple(moved) if said else (), tuple(said))
 
 
 def _refuse_short(model: Model, e: Experiment) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.diagnose.check import check
 from hil.diagnose.coverage import limits
-from hil.diagnose.decide import OPEN, Choice, decide, excess, share_left
+from hil.diagnose.decide import OPEN, Choice, decide, excess, healthy, share_left
 from hil.diagnose.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -22,7 +22,7 @@ from hil.diagnose.diagnosis import (
     Quantity,
     Verdict,
 )
-from hil.diagnose.events import Events, stale_outputs, without_stale
+from hil.diagnose.events import Events, coarse, coarse_step, stale_outputs, without_stale
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
 from hil.diagnose.locate import StageShare, Where, locate, stages
 from hil.diagnose.next_test import Span, next_test
@@ -44,6 +44,8 @@ Progress = Callable[[float, str], None]
 # Measured on simulated units without any effect (docs/explanation/diagnosis.md).
 FALSE_ALARM_RATE = 0.01
 _JUDGED = 4
+# Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
+_COARSE_EXCESS = 0.1
 _MOST_STEPS_LISTED = 12
 
 
@@ -80,11 +82,21 @@ def diagnose(
     warnings = [*checked.warnings, *solver_warnings]
     progress(0.1, "searching for the cause")
     choice = decide(problem)
+    if checked.clocks_set and choice.verdict in OPEN and choice.events is None:
+        set_back = pose(model, without_stale(checked.clocks_set)[0])
+        second = decide(set_back)
+        if second.verdict not in OPEN:
+            problem, choice = set_back, second
+            warnings += checked.clock_warnings
     progress(0.6, "judging on data kept back")
     events = choice.events
     if stale:
         events = stale_outputs(stale, problem, choice.chosen.residuals if events is None else events.residuals)
-    verdict = _verdict(choice, events, bool(stale))
+    elif events is None and (step := coarse_step(problem)) is not None:
+        only = excess(problem, choice.baseline.chi2) < _COARSE_EXCESS
+        choice = healthy(choice) if only else choice
+        events = coarse(problem, step, choice.chosen.residuals)
+    verdict = _verdict(choice, events, events is not None and events is not choice.events)
     answer = _Answer(model, problem, choice, verdict, events, tuple(warnings), span)
     progress(0.8, "locating the mismatch")
     diagnosis = answer.diagnosis(time.perf_counter() - started)
@@ -92,10 +104,11 @@ def diagnose(
     return Diagnosed(diagnosis, answer.corrected)
 
 
-def _verdict(choice: Choice, events: Events | None, stale: bool) -> Verdict:
+def _verdict(choice: Choice, events: Events | None, beside: bool) -> Verdict:
+    """`beside`: whether the events are there beside what the library has to say of the rest."""
     if events is None:
         return choice.verdict
-    if stale and choice.verdict in OPEN:
+    if beside and choice.verdict in OPEN:
         return "partly_explained"
     return "explained"
 
@@ -115,7 +128,7 @@ class _Answer:
     ) -> None:
         self.model, self.problem, self.choice, self.verdict, self.events = model, problem, choice, verdict, events
         self.warnings, self.span = warnings, span
-        self.by_law = events is None or (events.name == "dropout" and choice.verdict != "unexplained")
+        self.by_law = events is None or (events is not choice.events and choice.verdict != "unexplained")
         self.named = choice.chosen if verdict != "unexplained" and self.by_law else choice.baseline
         self.used = self._used()
         self.judged = self._judged()
@@ -156,6 +169,7 @@ class _Answer:
         ]  # fmt: skip
         origin = {
             "nominal": dict(self.model.origin),
+            "resolution": self.model.origin.get("resolution", 0.0),
             "diagnosed": [e.name for e in self.problem.experiments],
             "verdict": self.verdict,
         }

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hil.diagnose.problem import Problem
 from hil.diagnose.search import Fitted
 from hil.identify.experiment import Experiment
-from hil.identify.noise import white_floor
+from hil.identify.noise import resolution, white_floor
 from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
@@ -27,6 +27,8 @@ _LEAST_STALE = 3
 _NOISE_OVER_RESOLUTION = 2.0
 # Bursts of misfit: blocks of this length, those beyond this many times the noise variance.
 _BLOCK_S = 0.1
+# A step so many times the one that the model was identified with, and this share of the noise, is a coarser channel.
+_COARSER, _TELLING_STEP = 4.0, 0.5
 _BURST = 4.0
 _SPARSE_SHARE, _SPARSE_TIME = 0.6, 0.45
 _LOOK_BACK_S = 0.4
@@ -107,6 +109,30 @@ def _stale_runs(values: Array) -> list[tuple[int, int]]:
         for start, stop in zip(edges[::2], edges[1::2], strict=True)
         if stop - start >= least - 1 and values[start] not in ends
     ]
+
+
+# -- a channel that resolves less than it did ----------------------------------------------------------------
+
+
+def coarse_step(problem: Problem) -> float | None:
+    """The step in which the output comes, where the model was identified on a finer channel; else None."""
+    known = problem.model.noise
+    before = float(problem.model.origin.get("resolution", 0.0))
+    if known is None or before <= 0.0:
+        return None
+    steps = [resolution(e.output) for e in problem.experiments]
+    step = float(np.median(steps))
+    return step if step > _COARSER * before and step > _TELLING_STEP * known.std else None
+
+
+def coarse(problem: Problem, step: float, residuals: Array) -> Events:
+    """The finding for an output that comes in coarse steps."""
+    last, unit = problem.plant.hooks[-1], problem.plant.output.unit
+    return Events(
+        "quantisation", last.stage, last.name, (), {"step": (step, 0.0, unit)}, residuals,
+        f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified.",
+        "y = q·round(u/q)",
+    )  # fmt: skip
 
 
 # -- commands that did not arrive ----------------------------------------------------------------------------

@@ -11,7 +11,7 @@ import numpy as np
 from hil.errors import SettingError
 from hil.identify.estimate import Estimate, Unknown, estimate
 from hil.identify.experiment import Experiment, require_excitation
-from hil.identify.noise import channel_floor, measured_noise
+from hil.identify.noise import channel_floor, measured_noise, resolution
 from hil.identify.structure import choose_structure
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
@@ -236,7 +236,10 @@ def _result(
         experiments[0].drive.read_at,
         _noise(experiments, errors),
         _covariance(found),
-        {"recordings": [e.name for e in experiments], "fit_percent": fits, **_kept(model)},
+        {
+            "recordings": [e.name for e in experiments], "fit_percent": fits,
+            "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
+        },
     )  # fmt: skip
     notes = tuple(f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound)
     return GreyBoxFit(made, found, fits, (*said, *notes))

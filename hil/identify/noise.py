@@ -35,12 +35,17 @@ def white_floor(values: Array) -> float:
     return float(np.median(np.abs(fourth)) / 0.6745 / np.sqrt(70.0))
 
 
+def resolution(values: Array) -> float:
+    """The smallest step between two samples, beyond rounding; 0 for a channel that stands still."""
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 1e-9 * max(float(np.ptp(values)), 1e-300)]
+    return float(steps.min()) if steps.size else 0.0
+
+
 def channel_floor(values: Array) -> float:
     """The least noise a channel has: by its fourth differences, and by the resolution of its converter."""
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 0.0]
-    resolution = float(steps.min()) / np.sqrt(12.0) if steps.size else 0.0
-    return max(white_floor(values), resolution, 1e-6 * float(np.ptp(values)), 1e-12)
+    rounding = resolution(values) / float(np.sqrt(12.0))
+    return max(white_floor(values), rounding, 1e-6 * float(np.ptp(values)), 1e-12)
 
 
 def noise_of(residuals: Sequence[Array], interval_s: float) -> Noise:

@@ -139,7 +139,8 @@ def test_a_coarse_signal_is_quantised_and_has_no_dead_band() -> None:
         flow = each.channels["flow"].values
         flow[:] = 2.0 * np.round(flow / 2.0)
     of = diagnose(nominal(), bound(nominal(), made)).diagnosis
-    assert "deadband" not in [effect.name for effect in of.effects]
+    assert [effect.name for effect in of.effects] == ["quantisation"]
+    assert of.effects[0].parameters["step"].value == pytest.approx(2.0)
 
 
 def test_the_same_data_give_the_same_answer_bit_for_bit() -> None:

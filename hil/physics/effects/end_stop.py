@@ -14,11 +14,12 @@ def transform(value: float, upper: float, lower: float) -> float:
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
-    """Just inside either end of what the model reaches, the other stop out of reach."""
+    """Just inside either end of what the model reaches, the other stop out of reach; and inside both."""
     reach = seen.high - seen.low
     uppers = [{"upper": seen.high - share * reach, "lower": seen.low - reach} for share in (0.02, 0.08, 0.2, 0.35)]
     lowers = [{"lower": seen.low + share * reach, "upper": seen.high + reach} for share in (0.02, 0.08, 0.2, 0.35)]
-    return uppers + lowers
+    both = [{"upper": seen.high - share * reach, "lower": seen.low + share * reach} for share in (0.04, 0.1)]
+    return uppers + lowers + both
 
 
 EFFECT = Effect(
