@@ -13,10 +13,12 @@ import pytest
 
 from hil.bench.find import benches
 from hil.bench.open import open_rig
-from hil.bench.read import read_bench
+from hil.bench.read import BenchFile, read_bench
 from hil.clock import VirtualClock
 from hil.daq.contract import Block, Waveform, joined
+from hil.record.measurement import Measured
 from hil.record.read import read_recording
+from hil.session.procedure import load_procedure
 from hil.signals.sine_fit import sine_fit
 from tests.links import moved, served
 from tests.simulated import FLOW, SPOOL, hpv41
@@ -100,3 +102,18 @@ def test_devices_are_served_in_a_process_of_their_own(tmp_path: Path) -> None:
     assert block.inputs["supply pressure"] == pytest.approx(4.0, abs=0.5)
     assert block.inputs["spool position"][-1] > 5.0
     assert not (tmp_path / "hil-module").is_symlink()
+
+
+def test_step_response_of_the_procedure_is_the_direct_one(tmp_path: Path) -> None:
+    def rise(file: BenchFile, folder: Path) -> Measured:
+        with open_rig(file, folder, {"settings": {"band": 2.0}}, lambda _d, _t: None) as rig:
+            procedure.run(rig, levels=(0.0, 60.0), hold_s=0.9, rate_hz=100.0)
+        measured = procedure.evaluate(read_recording(folder)).measured
+        return next(quantity for quantity in measured if quantity.name.startswith("rise"))
+
+    procedure = load_procedure("step_response")
+    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
+        linked = rise(file, tmp_path / "linked")
+    plain = rise(read_bench(benches()["brevini-hpv41"]), tmp_path / "plain")
+    assert linked.std and plain.std and 150.0 < plain.value < 450.0
+    assert abs(linked.value - plain.value) < 3.0 * np.hypot(linked.std, plain.std) + 5.0
