@@ -21,7 +21,7 @@ ALARM_GAIN = 60.0
 # A misfit below this share of the noise variance is of no practical size.
 SMALL_EXCESS = 0.03
 # Laws of nature are not the laws of the library: an explanation may leave this share of the misfit, …
-LAW_TOLERANCE = 0.02
+LAW_TOLERANCE = 0.04
 # … below this share nobody looks for a second cause, …
 FULL_TOLERANCE = 0.003
 # … and a second cause must explain most of what the first one leaves.
@@ -298,7 +298,15 @@ class _Judge:
         others = [other.chi2 for other in polished if not set(other.names) & set(f.names)]
         closest = min(others, default=self.baseline.chi2)
         alone = excess(self.problem, closest) > ALONE_BY * self.excess(f)
-        return self.left(f) <= PART_TOLERANCE and alone
+        return self.left(f) <= PART_TOLERANCE and alone and not self.is_strained(f)
+
+    def is_strained(self, f: Fitted) -> bool:
+        """Whether a shape had to go to the end of what is physical, where that is not simply its absence."""
+        return any(
+            k > 0 and value != 0.0 and min(value - u.low, u.high - value) <= 1e-3 * u.scale
+            for term, own in zip(f.terms, f.values, strict=True)
+            for k, (value, u) in enumerate(zip(own, term.unknowns, strict=True))
+        )
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
         """Other names that the data cannot tell from the chosen first one, or from a change of parameters."""
