@@ -15,8 +15,9 @@ from hil.units import scale_and_offset
 from procedures._course import Course
 from procedures._scale import check_above
 
-_MARGIN = 0.01  # of the stroke, kept from either end
-_PIECE_S = 0.1
+_CLOSED_MARGIN, _OPEN_MARGIN = 0.01, 0.06  # of the stroke, kept from either end; nothing stops an open loop at once
+_PIECE_S = 0.05
+_PIECES_AHEAD = 2  # that are under way when the last position is known
 _PATIENCE = 4.0  # times the time that the rated speed needs
 
 
@@ -48,12 +49,16 @@ class Axis:
     @property
     def low(self) -> float:
         """Lowest reading that a test goes to."""
-        return self.retracted + _MARGIN * self.stroke
+        return self.retracted + self._margin
 
     @property
     def high(self) -> float:
         """Highest reading that a test goes to."""
-        return self.extended - _MARGIN * self.stroke
+        return self.extended - self._margin
+
+    @property
+    def _margin(self) -> float:
+        return (_CLOSED_MARGIN if self.closed else _OPEN_MARGIN) * self.stroke
 
     def speed_per_s(self, direction: int) -> float:
         """At full command, extending (1) or retracting (−1)."""
@@ -96,7 +101,7 @@ def axis_of(
 
 
 def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_s: float) -> None:
-    """Drive an open loop until the position has passed a target, then wait at neutral.
+    """Drive an open loop until the position is going to pass a target, then wait at neutral.
 
     Args:
         rig: the bench.
@@ -114,17 +119,21 @@ def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_
     longest_s = _PATIENCE * abs(target - at) / speed_per_s + 2.0
     piece = np.full(max(1, round(_PIECE_S * course.rate_hz)), rig.command.safe + direction * opening)
 
+    arrived = False
+
     def pieces() -> Iterator[Array]:
         for _ in range(math.ceil(longest_s / _PIECE_S)):
-            if direction * (target - at) <= 0.0:
+            if arrived:
                 return
             yield piece
 
     for recorded in rig.stream(pieces(), course.rate_hz):
-        at = float(recorded.values(name)[-1])
+        moved = float(recorded.values(name)[-1]) - at
+        at += moved
+        arrived = arrived or direction * (target - at - _PIECES_AHEAD * moved) <= 0.0
         course.heard(recorded, f"to {target:.4g} {unit}")
     course.go_to(rig.command.safe)
-    if direction * (target - at) > 0.0:
+    if not arrived:
         raise InputError(
             f"'{name}' stands at {at:.4g} {unit} after {longest_s:.3g} s on the way to {target:.4g} {unit}: no supply, "
             "a command inside the dead band, or one of the wrong sign"

@@ -249,7 +249,8 @@ def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> 
     except InputError as error:
         return f"{place}: no process model: {error}."
     (gain, gain_std), (time_s, time_std_s) = ((found.values[n], found.std[n]) for n in ("gain", "time"))
+    unit = f"{response.unit}{'' if closed else '/s'} per {command.unit}"
     return (
-        f"{place}: {found.form.name}, gain {gain:.4g} ± {1.96 * gain_std:.1g}{'' if closed else ' 1/s'}, time "
+        f"{place}: {found.form.name}, gain {gain:.4g} ± {1.96 * gain_std:.1g} {unit}, time "
         f"{1e3 * time_s:.4g} ± {1.96e3 * time_std_s:.2g} ms, fit {found.fit_percent:.2f} % of the same data."
     )

@@ -24,13 +24,14 @@ INTERVAL_S = 1e-3
 INTEGRATING = (
     "cascaded-tanks",
     "electro-hydraulic-actuator",
+    "hydraforce-open-loop",
     "hydraforce-sp08-47c",
     "hydraulic-actuator",
     "linear-axis",
     "servo-axis",
 )
 # Plants so slow that milliseconds show nothing.
-SLOW = {"cascaded-tanks": 0.025, "electro-hydraulic-actuator": 0.01}
+SLOW = {"cascaded-tanks": 0.025, "electro-hydraulic-actuator": 0.01, "hydraforce-open-loop": 0.004}
 # Plants that never rest under current: copper that warms.
 WARMING = ("efc-drive", "efc-duty")
 # Effects that are change itself: they go on while everything else rests.

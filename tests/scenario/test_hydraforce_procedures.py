@@ -1,4 +1,4 @@
-"""Sine, velocity steps and drift of the SP08-47C's cylinder on the simulated bench, in virtual time."""
+"""Sine, velocity steps and drift of the SP08-47C's cylinder on the simulated benches, in virtual time."""
 
 from __future__ import annotations
 
@@ -10,22 +10,23 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.errors import SettingError
+from hil.errors import InputError, SettingError
 from hil.physics.compose import plant
 from hil.record.folder import read
 from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
 
-BENCH = "hydraforce-sp08-47c"
+BENCH, OPEN_BENCH = "hydraforce-sp08-47c", "hydraforce-open-loop"
 TRUTH = plant(BENCH).typical
+AREA_RATIO = 1.5625
 
 
 @pytest.fixture
 def measure(tmp_path):
     """Findings of a procedure on the bench, without a report."""
 
-    def run(name, bench=BENCH, **given):
+    def run(name, bench=BENCH, /, **given):
         procedure = load_procedure(name)
         values = parse_settings(procedure.settings, given)
         folder = tmp_path / name
@@ -184,3 +185,44 @@ def test_a_closed_loop_at_rest_does_not_drift(measure):
         assert abs(offset.value) < 4.0 * offset.std
     assert "The loop was closed" in findings.notes[0]
     assert len(findings.curves["drift"]) == 2
+
+
+def test_an_open_loop_at_constant_pressure_extends_faster_than_it_retracts(measure):
+    findings = measure(STEPS, OPEN_BENCH, rate_hz="500", repeats="1")
+    found = {m.name: m.value for m in findings.measured}
+    for level in ("0.55", "1.1"):
+        assert found[f"speed, 0 → {level} A"] > -found[f"speed, 0 → -{level} A"] > 0.0
+        assert found[f"speed_ratio, ±{level} A"] == pytest.approx(1.0 / math.sqrt(AREA_RATIO), rel=0.02)
+    # 0.4 A of 0.55 A do nothing: half the command is far from half the speed
+    assert found["speed, 0 → 0.55 A"] < 0.25 * found["speed, 0 → 1.1 A"]
+    starts = [(curve["speed_per_s"] > 0.0, curve["measured"][0]) for curve in findings.curves["velocity_steps"]]
+    for extending, start in starts:
+        assert -125.0 < start < -95.0 if extending else 95.0 < start < 125.0
+
+
+def test_the_papers_sine_is_refused_by_the_open_bench(measure):
+    with pytest.raises(SettingError, match="goes 304 mm extending in each period"):
+        measure(SINE, OPEN_BENCH)
+
+
+def test_the_sine_in_an_open_loop_has_a_gain_for_each_direction(measure):
+    findings = measure(SINE, OPEN_BENCH, rate_hz="500", cycles="1", amplitude="20", offset="60", frequency_rad_s="3")
+    found = {m.quantity: m for m in findings.measured}
+    assert found["direction_ratio"].value == pytest.approx(math.sqrt(AREA_RATIO), rel=0.03)
+    assert found["gain"].unit == "mm/s per A"
+    assert sum("P1I, gain" in note and "mm/s per A" in note for note in findings.notes) == 2
+    for curve in findings.curves["large_sines"]:
+        assert np.std(curve["measured"] - curve["fitted"]) < 0.2
+
+
+def test_a_command_inside_the_dead_band_is_told_as_such(measure):
+    with pytest.raises(InputError, match="a command inside the dead band, or one of the wrong sign"):
+        measure(STEPS, OPEN_BENCH, rate_hz="500", repeats="1", levels="30")
+
+
+def test_a_closed_valve_holds_the_cylinder(measure):
+    findings = measure(DRIFT, OPEN_BENCH, rate_hz="200", duration_s="10")
+    rate = next(m for m in findings.measured if m.quantity == "drift_rate")
+    assert abs(rate.value) < 4.0 * rate.std
+    assert {m.quantity for m in findings.measured} == {"drift_rate", "drift", "restlessness"}
+    assert "The loop was open" in findings.notes[0]
