@@ -180,9 +180,9 @@ class PolledDaq:
                     self.levels = {**self.levels, **mine}
                 else:
                     lost.append(_unreachable(member, failure, self.levels))
-        if lost:
-            self._failed = DeviceLostError("; ".join(lost))
-            raise self._failed
+            if lost:  # said before the lock is given up: the keep-alive must not drive again what stood before
+                self._failed = DeviceLostError("; ".join(lost))
+                raise self._failed
 
     def close(self) -> None:
         """Make safe and let go of the devices; one that was lost before is let go of as it is."""
@@ -320,6 +320,8 @@ class PolledDaq:
             with self._lock:
                 if self._ended.is_set():
                     return  # closed while we waited: a link that is driven now would open again
+                if self._failed is not None:
+                    continue  # made safe while we waited, perhaps unheard: what stood before is over
                 try:
                     for member in self._members:
                         if member.link.keep_alive_s is not None:
