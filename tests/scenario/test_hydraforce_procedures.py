@@ -11,8 +11,11 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.errors import InputError, SettingError
+from hil.identify.experiment import experiment
+from hil.identify.grey_box import fit_plant, starting_model
 from hil.physics.compose import plant
 from hil.record.folder import read
+from hil.record.read import read_recording
 from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
@@ -226,3 +229,21 @@ def test_a_closed_valve_holds_the_cylinder(measure):
     assert abs(rate.value) < 4.0 * rate.std
     assert {m.quantity for m in findings.measured} == {"drift_rate", "drift", "restlessness"}
     assert "The loop was open" in findings.notes[0]
+
+
+def test_levels_that_turn_back_tell_the_open_valves_physics_the_magnets_loop_included(tmp_path):
+    truth = {"first_flow": 0.45, "hysteresis": 0.06, "edge_supply_b": 0.7, "coulomb": 400.0, "load": 1500.0}
+    changed = ", ".join(f"{name} = {value}" for name, value in truth.items())
+    text = benches()[OPEN_BENCH].read_text(encoding="utf-8")
+    path = tmp_path / "bench.toml"
+    path.write_text(text.replace("seed = 1", f"seed = 1\nparameters = {{ {changed} }}"), encoding="utf-8")
+    levels = (0.7, 0.9, 0.7, 0.6, -0.9, -0.65, -0.9, -0.6, 0.8, 0.55, 1.0, -1.0, -0.7, 0.65, 0.9)
+    with open_rig(read_bench(path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+        for level in levels:
+            rig.play(np.full(400, level))
+    start = starting_model(OPEN_BENCH, ())
+    model = fit_plant(start, [experiment(read_recording(tmp_path / "run"), start.definition)], ()).model
+    for name, true in truth.items():
+        found = model.parameters[name]
+        assert found.std is not None and found.std < 0.05 * true, name
+        assert abs(found.value - true) < 4.0 * found.std, name
