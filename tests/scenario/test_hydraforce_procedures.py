@@ -10,7 +10,7 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.errors import InputError, SettingError
+from hil.errors import InputError, SettingError, StoppedError
 from hil.identify.experiment import experiment
 from hil.identify.grey_box import fit_plant, starting_model
 from hil.physics.compose import plant
@@ -231,12 +231,31 @@ def test_a_closed_valve_holds_the_cylinder(measure):
     assert "The loop was open" in findings.notes[0]
 
 
+def open_bench_with(folder, parameters):
+    """The open bench with another valve behind it."""
+    changed = ", ".join(f"{name} = {value}" for name, value in parameters.items())
+    text = benches()[OPEN_BENCH].read_text(encoding="utf-8")
+    path = folder / "bench.toml"
+    path.write_text(text.replace("seed = 1", f"seed = 1\nparameters = {{ {changed} }}"), encoding="utf-8")
+    return path
+
+
+def test_a_valve_larger_than_stated_is_stopped_at_the_end_of_the_stroke(tmp_path):
+    procedure = load_procedure(SINE)
+    given = {"cycles": "1", "amplitude": "20", "offset": "60", "frequency_rad_s": "2"}
+    values = parse_settings(procedure.settings, given | {"full_flow_lpm": "8"})
+    path = open_bench_with(tmp_path, {"rated_flow": 25.0})
+    with (
+        pytest.raises(StoppedError, match="'end-of-stroke': .* outputs are safe"),
+        open_rig(read_bench(path), tmp_path / "run", {"settings": values}, lambda _done, _text: None) as rig,
+    ):
+        procedure.run(rig, **values)
+    assert read(tmp_path / "run").values("position").max() < 125.5
+
+
 def test_levels_that_turn_back_tell_the_open_valves_physics_the_magnets_loop_included(tmp_path):
     truth = {"first_flow": 0.45, "hysteresis": 0.06, "edge_supply_b": 0.7, "coulomb": 400.0, "load": 1500.0}
-    changed = ", ".join(f"{name} = {value}" for name, value in truth.items())
-    text = benches()[OPEN_BENCH].read_text(encoding="utf-8")
-    path = tmp_path / "bench.toml"
-    path.write_text(text.replace("seed = 1", f"seed = 1\nparameters = {{ {changed} }}"), encoding="utf-8")
+    path = open_bench_with(tmp_path, truth)
     levels = (0.7, 0.9, 0.7, 0.6, -0.9, -0.65, -0.9, -0.6, 0.8, 0.55, 1.0, -1.0, -0.7, 0.65, 0.9)
     with open_rig(read_bench(path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
         for level in levels:
