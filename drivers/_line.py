@@ -8,6 +8,7 @@ from typing import Any
 
 from hil.errors import DeviceLostError, LinkError
 
+_LOOK_S = 0.02  # how often the clock is looked at while an answer is waited for
 _LONGEST = 4096  # an answer without an end
 
 
@@ -87,9 +88,9 @@ class Line:
         import serial
 
         try:
-            self._port = serial.serial_for_url(
-                self._address, baudrate=self._baud, timeout=self._timeout_s, write_timeout=self._timeout_s
-            )
+            more: dict[str, Any] = {} if self._address.startswith("rfc2217:") else {"write_timeout": self._timeout_s}
+            look_s = min(self._timeout_s, _LOOK_S)  # set once: on some ports a change is a negotiation
+            self._port = serial.serial_for_url(self._address, baudrate=self._baud, timeout=look_s, **more)
         except (OSError, ValueError) as error:
             raise DeviceLostError(f"{self._address}: cannot be opened: {error}") from None
 
@@ -109,7 +110,6 @@ class Line:
             if left_s <= 0.0 or len(received) > _LONGEST:
                 cut = f", only {received!r}" if received else ""
                 raise self.failed(f"no answer within {self._timeout_s:g} s{cut}")
-            self._port.timeout = left_s
             try:
                 received += self._port.read(max(1, self._port.in_waiting))
             except OSError as error:

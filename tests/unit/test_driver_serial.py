@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import socket
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from serial import rfc2217
 
 from drivers import ascii_module, scpi
 from hil.clock import VirtualClock
@@ -135,6 +137,39 @@ def test_scanner_on_a_serial_port(tmp_path: Any) -> None:
         link.drive({"dac4": 1.5})
         time.sleep(0.003)
         assert link.read() == {"in3": pytest.approx(1.5, abs=1e-3)}
+
+
+def bridged(listener: socket.socket, device: Any) -> None:
+    """A serial server after RFC 2217 with a device on its port."""
+    client, _ = listener.accept()
+    port = SimpleNamespace(
+        baudrate=9600, bytesize=8, parity="N", stopbits=1, rtscts=False, xonxoff=False, cts=True, dsr=True, ri=False,
+        cd=True, dtr=True, rts=True, break_condition=False, reset_input_buffer=int, reset_output_buffer=int,
+    )  # fmt: skip
+    manager = rfc2217.PortManager(port, SimpleNamespace(write=client.sendall))
+    received = b""
+    with client:
+        while data := client.recv(1024):
+            received += b"".join(manager.filter(data))
+            request, received = device.request_in(received)
+            if request:
+                client.sendall(b"".join(manager.escape(device.answer(request))))
+    assert port.baudrate == 115200
+
+
+@pytest.mark.filterwarnings("ignore:setDaemon:DeprecationWarning")  # pyserial's own
+def test_scanner_behind_a_serial_server_after_rfc_2217() -> None:
+    side = by_hand(SCANNER)
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        thread = threading.Thread(target=bridged, args=(listener, scpi_twin.Scanner(side)))
+        thread.start()
+        address = f"rfc2217://127.0.0.1:{listener.getsockname()[1]}"
+        link = scpi.open_link(scpi.Settings(model="scanner", address=address), SCANNER)
+        link.drive({"dac4": 2.5})
+        assert link.standing() == {"dac4": 2.5} and side.standing("dac4") == 2.5
+        link.close()
+        thread.join(2.0)
+    assert not thread.is_alive()
 
 
 def test_error_queue_keeps_the_oldest_and_says_when_it_ran_over() -> None:
