@@ -94,5 +94,7 @@ def _remarks(bench: Bench, today: dt.date | None) -> Iterator[str]:
     for instrument in bench.instruments:
         if instrument.due and instrument.due < day:
             yield f"instrument '{instrument.name}': its calibration was due on {instrument.due}"
+    if not bench.protection.watchdog_s and any(device.driver for device in bench.devices.values()):
+        yield "watchdog_s = 0: no process makes outputs safe when the program is killed or hangs"
     if not bench.interlocks:
         yield "no interlocks: nothing watches the bench but its limits"

@@ -10,9 +10,14 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pytest
 
+from hil.bench.open import open_rig
+from hil.bench.read import BenchFile
+from hil.errors import DeviceLostError
 from hil.record.read import read_recording
 from tests.faults import PATIENCE_S, Observer, observed, start_run, watchdog_of
 from tests.links import served
@@ -114,5 +119,28 @@ def test_a_watchdog_that_cannot_reach_the_device_lets_nothing_move(tmp_path: Pat
     with start_run(file.path, tmp_path / "run", tmp_path / "state") as process:
         _, err = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 3
-    assert "hil: the watchdog process: wago-750 at 127.0.0.1:" in err and "cannot be reached" in err
+    assert "hil: the watchdog process: " in err and "cannot be reached" in err
     assert not (tmp_path / "run").exists()
+
+
+def lose(file: BenchFile, run: Path, device: Any) -> None:
+    """Drive until the cable is pulled."""
+    with open_rig(file, run, {}, lambda _done, _text: None) as rig:
+        rig.ramp_to(40.0)
+        device.answer = lambda _request: b""
+        rig.hold(30.0)
+
+
+def test_a_device_that_comes_back_after_its_run_has_ended_is_made_safe(tmp_path: Path) -> None:
+    bench, own, _ = TCP
+    with served(bench, tmp_path, own) as (file, devices), observed(devices) as observer:
+        device = devices["io"]._device
+        answer = device.answer
+        with pytest.raises(DeviceLostError, match="stand where they stood"):
+            lose(file, tmp_path / "run", device)
+        assert observer.level == pytest.approx(4.0, abs=0.01)  # nobody could reach it
+        at_s = time.monotonic()
+        device.answer = answer
+        after_s = observer.safe_after(at_s, PATIENCE_S)
+        assert told(tmp_path / "run")["why"] == "ended without making its outputs safe"
+    assert after_s is not None and after_s < 2.0

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil.bench.fault import BenchError
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.rehearsal import twin_of
@@ -104,3 +105,12 @@ def test_the_seed_can_be_chosen(tiny: Procedure) -> None:
 def test_other_faults_stay_what_they_are(tiny: Procedure) -> None:
     with pytest.raises(HilError, match="no setting 'level'"):
         rehearse_procedure(tiny, read_bench(benches()["brevini-hpv41"]), {"level": "5"})
+
+
+def test_a_bench_without_a_watchdog_process_is_remarked_upon(tmp_path: Path) -> None:
+    remark = "watchdog_s = 0: no process makes outputs safe when the program is killed or hangs"
+    off = ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0")
+    assert remark in bench(tmp_path, "hpv41-modbus-tcp", off).remarks
+    assert remark not in bench(tmp_path, "hpv41-modbus-tcp").remarks
+    with pytest.raises(BenchError, match=r"watchdog_s 0\.2: at least three times block_s = 0\.1, or 0"):
+        bench(tmp_path, "hpv41-modbus-tcp", ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0.2"))
