@@ -157,7 +157,7 @@ def bridged(listener: socket.socket, device: Any) -> None:
     assert port.baudrate == 115200
 
 
-@pytest.mark.filterwarnings("ignore:setDaemon:DeprecationWarning")  # pyserial's own
+@pytest.mark.filterwarnings("ignore:set(Daemon|Name):DeprecationWarning")  # pyserial's own
 def test_scanner_behind_a_serial_server_after_rfc_2217() -> None:
     side = by_hand(SCANNER)
     with socket.create_server(("127.0.0.1", 0)) as listener:
