@@ -214,7 +214,7 @@ def measure(case: Case, folder: Path) -> Seen:
         with terminable(), open_rig(replace(file, devices={real.name: faulty}), folder / "run", {}, _silent) as rig:
             _drive(rig, case, opened[0])
     except (HilError, KeyboardInterrupt, Stop) as error:
-        message = f"{type(error).__name__}: {error}"
+        message = ": ".join(filter(None, (type(error).__name__, str(error))))
     finally:
         patch.stopall()
     (daq,) = opened
