@@ -67,11 +67,6 @@ class Heart:
         self._heard_s = self._asked_s = time.monotonic()
         threading.Thread(target=self._listen, name="hil-watchdog", daemon=True).start()
 
-    @property
-    def pid(self) -> int:
-        """Of the watchdog process."""
-        return self._process.pid
-
     def wait_until_ready(self) -> None:
         """Return when the watchdog has made the outputs safe once, by its own way.
 

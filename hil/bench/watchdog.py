@@ -19,7 +19,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from hil.bench.heartbeat import ANSWER, AT_REST, FAREWELL, READY, REPORT_FILE
@@ -106,24 +106,21 @@ def _act(file: BenchFile, pid: int, run: Path, why: str) -> None:
 
 @contextmanager
 def _lease_of_the_dead(file: BenchFile, pid: int) -> Iterator[None]:
-    """The lease on the bench, as soon as the system has taken it from the dead program."""
+    """The lease on the bench, as soon as the system has taken it from the dead program.
+
+    A program that does not die keeps it; then it goes on without: outputs matter more than order.
+    """
     deadline_s = time.monotonic() + _RELEASE_S
-    while True:
-        lease = leased(file)
-        try:
-            lease.__enter__()
-            break
-        except InUseError as taken:
-            if taken.pid not in (pid, None):
-                raise
-            if time.monotonic() > deadline_s:  # it does not die; outputs matter more than order
-                yield
-                return
-        time.sleep(0.01)
-    try:
+    with ExitStack() as held:
+        while time.monotonic() < deadline_s:
+            try:
+                held.enter_context(leased(file))
+                break
+            except InUseError as taken:
+                if taken.pid not in (pid, None):
+                    raise
+            time.sleep(0.01)
         yield
-    finally:
-        lease.__exit__(None, None, None)
 
 
 def _made_safe_with_patience(file: BenchFile, begun_s: float) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -11,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.bench import watchdog
 from hil.bench.find import benches
 from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench
@@ -82,3 +84,12 @@ def test_a_bench_that_begins_anew_with_each_run_needs_none() -> None:
     simulated = read_bench(benches()["brevini-hpv41"])
     with leased(simulated), leased(simulated):
         pass
+
+
+def test_the_watchdog_leaves_a_bench_alone_that_another_program_has_taken_over(
+    file: BenchFile, holder: subprocess.Popen[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    watchdog._act(file, os.getpid(), tmp_path, "ended")
+    told = json.loads((tmp_path / "watchdog.json").read_text(encoding="utf-8"))
+    assert told["why"] == "ended" and f"in use by process {holder.pid}" in told["left_alone"]
+    assert f"hil watchdog: process {os.getpid()} ended; bench" in capsys.readouterr().err
