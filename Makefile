@@ -4,7 +4,7 @@ VENV   := .venv
 BIN    := $(VENV)/bin
 STAMP  := $(VENV)/.installed
 
-.PHONY: demo test check bench proof docs clean help
+.PHONY: demo test test-slow check bench proof docs clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -24,7 +24,10 @@ check: $(STAMP)  ## format, lint, types, import layers
 	$(BIN)/lint-imports
 
 test: $(STAMP) check  ## everything CI asks for
-	$(BIN)/pytest -n 2 --dist loadgroup
+	$(BIN)/pytest -n 2 --dist loadgroup -m "not slow"
+
+test-slow: $(STAMP)  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else
+	$(BIN)/pytest -m slow
 
 $(VENV)/.bench-installed: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'

@@ -21,6 +21,7 @@ from hil.record.read import read_recording
 from hil.record.recording import Recording
 
 NOMINAL_FILE = "nominal.json"
+_PATIENCE_S = 5
 
 Progress = Callable[[float, str], None]
 
@@ -89,7 +90,7 @@ def _on_cluster(units: Sequence[Unit], scheduler: str) -> Iterator[Diagnosed | s
     except ModuleNotFoundError:
         raise InputError("--scheduler needs Dask, which is not installed: pip install 'valve-hil[cluster]'") from None
     try:
-        client = distributed.Client(scheduler, timeout=10)  # type: ignore[no-untyped-call]
+        client = distributed.Client(scheduler, timeout=_PATIENCE_S)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there: {error}") from None
     with client:

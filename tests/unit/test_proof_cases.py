@@ -17,6 +17,8 @@ from tests.proof.cases.truth import Truth, from_json, to_json
 from tests.proof.plan import Plan, kinds
 from tests.proof.truth.noise import Colour, converted, noise
 
+pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
+
 OFFSET = Label("sensor_offset", "brevini-hpv41", "half", 3)
 LEAK = Label("leakage", "cummins-efc", "full", 0)
 

@@ -21,6 +21,8 @@ from tests.proof.run import prove
 from tests.proof.score.result import Result
 from tests.proof.truth.simulate import Unit, respond
 
+pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
+
 SEED = 3
 LABELS = [Label("leakage", "cummins-efc", "full", 1), Label("none", "cummins-efc", "full", 1)]
 TRUTHS = {label.veiled(SEED): label for label in LABELS}
