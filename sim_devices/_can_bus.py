@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import socket
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, Protocol
@@ -13,6 +14,8 @@ from sim_devices._field import Side
 from sim_devices._quirks import Behaviour, Quirks
 
 _TICK_S = 0.01
+# A client reads the answer to its last command by itself; frames that came right behind it would spoil it.
+_ANSWER_ALONE_S = 0.05
 Frame = tuple[int, bytes]
 """Identifier (above 0x7FF: 29 bit) and data."""
 
@@ -118,9 +121,10 @@ class Hub:
         if words[:1] == ["open"]:
             self._tell(member, b"< ok >")
         elif words[:1] == ["rawmode"]:
+            self._tell(member, b"< ok >")
+            time.sleep(_ANSWER_ALONE_S)
             with self._lock:
                 self._members.append(member)
-            self._tell(member, b"< ok >")
         elif words[:1] == ["send"] and (frame := _frame(words)):
             with self._lock:
                 others = [other for other in self._members if other is not member]
