@@ -62,7 +62,7 @@ class Hub:
         self.host, self.port = self._listener.getsockname()
         self._ended = threading.Event()
         self._lock = threading.Lock()
-        self._members: list[socket.socket] = []
+        self._members: dict[socket.socket, float] = {}  # and from when on they may be told of frames
         self._threads: list[threading.Thread] = []
         self._start(self._accept)
 
@@ -71,7 +71,7 @@ class Hub:
         self._ended.set()
         self._listener.close()
         with self._lock:
-            members, self._members = self._members, []
+            members, self._members = list(self._members), {}
         for member in members:
             with suppress(OSError):
                 member.shutdown(socket.SHUT_RDWR)
@@ -113,22 +113,21 @@ class Hub:
             if len(received) > 4096:
                 received = b""
         with self._lock:
-            if member in self._members:
-                self._members.remove(member)
+            self._members.pop(member, None)
         member.close()
 
     def _obey(self, member: socket.socket, words: list[str]) -> None:
         if words[:1] == ["open"]:
             self._tell(member, b"< ok >")
         elif words[:1] == ["rawmode"]:
-            self._tell(member, b"< ok >")
-            time.sleep(_ANSWER_ALONE_S)
             with self._lock:
-                self._members.append(member)
+                self._members[member] = time.monotonic() + _ANSWER_ALONE_S
+                self._tell(member, b"< ok >")
         elif words[:1] == ["send"] and (frame := _frame(words)):
             with self._lock:
-                others = [other for other in self._members if other is not member]
-            for other in others:
+                others = [(other, ready_s) for other, ready_s in self._members.items() if other is not member]
+            for other, ready_s in others:
+                time.sleep(max(ready_s - time.monotonic(), 0.0))
                 self._tell(other, frame)
 
     def _tell(self, member: socket.socket, text: bytes) -> None:

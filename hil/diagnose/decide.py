@@ -28,7 +28,7 @@ FULL_TOLERANCE = 0.003
 SECOND_SHARE = 0.75
 # An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
 # more than this share, and every other one leaves so many times more.
-PART_TOLERANCE, ALONE_BY = 0.1, 3.0
+PART_TOLERANCE, ALONE_BY = 0.25, 1.5
 # A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
 MOVED_SIGMAS = 3.0
 # A value this many standard uncertainties from its null is there.

@@ -126,10 +126,11 @@ def coarse_step(problem: Problem) -> float | None:
 
 
 def coarse(problem: Problem, step: float, residuals: Array) -> Events:
-    """The finding for an output that comes in coarse steps."""
+    """The finding for an output that comes in coarse steps; they are known to the resolution of the finer channel."""
+    std = float(problem.model.origin["resolution"]) / float(np.sqrt(6.0))
     last, unit = problem.plant.hooks[-1], problem.plant.output.unit
     return Events(
-        "quantisation", last.stage, last.name, (), {"step": (step, 0.0, unit)}, residuals,
+        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals,
         f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified.",
         "y = q·round(u/q)",
     )  # fmt: skip
