@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.diagnose.runs import runs
 from hil.errors import FileError
 from hil.identify.experiment import Experiment, require_excitation
 from hil.identify.grey_box import fit_percent
@@ -68,14 +69,17 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     kept = []
     for e in experiments:
         _refuse_short(model, e)
-        _refuse_swapped(model, e)
-        _refuse_wrong_unit(model, e)
+        simulated = _nominal(model, e)
+        _refuse_swapped(model, e, simulated)
+        _refuse_wrong_unit(model, e, simulated)
         warnings += _gaps(e)
         e, said = _without_clipped(e)
         warnings += said
-        kept.append(e)
-    moved, said = _with_clocks_set(model, kept)
-    return Checked(tuple(kept), tuple(warnings), tuple(moved) if said else (), tuple(said))
+        kept.append(_Timed(e, simulated, _floor(model, e)))
+    moved, said = _with_clocks_set(kept)
+    return Checked(
+        tuple(timed.experiment for timed in kept), tuple(warnings), tuple(moved) if said else (), tuple(said)
+    )
 
 
 def _refuse_short(model: Model, e: Experiment) -> None:
@@ -108,22 +112,21 @@ def _nominal(model: Model, e: Experiment) -> Array:
     return response
 
 
-def _refuse_swapped(model: Model, e: Experiment) -> None:
+def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
     command = e.on_grid_input()
     if white_floor(command) <= 10.0 * white_floor(e.output) or e.grid_s is not None:
         return
     inputs = e.drive.inputs.copy()
     inputs[0] = e.output
     turned = replace(e, drive=replace(e.drive, inputs=inputs, first_output=float(command[0])), output=command)
-    if fit_percent(command, _nominal(model, turned)) > max(_GOOD_FIT, fit_percent(e.output, _nominal(model, e)) + 20.0):
+    if fit_percent(command, _nominal(model, turned)) > max(_GOOD_FIT, fit_percent(e.output, simulated) + 20.0):
         raise FileError(
             f"{e.name}: the columns '{e.input}' and '{e.output_heading}' look swapped: "
             "the model fits the other way round"
         )
 
 
-def _refuse_wrong_unit(model: Model, e: Experiment) -> None:
-    simulated = _nominal(model, e)
+def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
     before = fit_percent(e.output, simulated)
     if not before < _POOR_FIT:
         return
@@ -183,20 +186,18 @@ def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
 
 
 def _in_runs(same: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    edges = np.flatnonzero(np.diff(np.concatenate(([0], same.astype(np.int8), [0]))))
     kept = np.zeros_like(same)
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs(same):
         if stop - start >= _LEAST_RUN:
             kept[start:stop] = True
     return kept
 
 
-def _with_clocks_set(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[str]]:
+def _with_clocks_set(timed: Sequence[_Timed]) -> tuple[list[Experiment], list[str]]:
     """A recording that is late or early by itself, where most others would be worse off so, has a shifted clock.
 
     Recordings too slow to tell have no say: a dead time that only the fast ones show is not a clock.
     """
-    timed = [_Timed(e, _nominal(model, e), _floor(model, e)) for e in experiments]
     kept, said = [], []
     for k, own in enumerate(timed):
         lag = own.lag()

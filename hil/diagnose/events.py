@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.diagnose.problem import Problem
+from hil.diagnose.runs import runs
 from hil.diagnose.search import Fitted
 from hil.identify.experiment import Experiment
 from hil.identify.noise import resolution, white_floor
@@ -101,12 +102,10 @@ def _stale_runs(values: Array) -> list[tuple[int, int]]:
     same_again = float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor)
     longest_by_chance = 1.0 + np.log(_CHANCE_RUNS / len(values)) / np.log(same_again)
     least = max(_STALE_RUN, int(np.ceil(longest_by_chance)))
-    same = np.concatenate(([0], (steps == 0.0).astype(np.int8), [0]))
-    edges = np.flatnonzero(np.diff(same))
     ends = (values.max(), values.min())
     return [
-        (int(start), int(stop) + 1)
-        for start, stop in zip(edges[::2], edges[1::2], strict=True)
+        (start, stop + 1)
+        for start, stop in runs(steps == 0.0)
         if stop - start >= least - 1 and values[start] not in ends
     ]
 
@@ -198,14 +197,12 @@ def _bursts(problem: Problem, residuals: Array, k: int) -> list[tuple[int, int]]
     size = max(2, round(_BLOCK_S / e.drive.interval_s))
     blocks = len(part) // size
     power = np.mean(part[: blocks * size].reshape(blocks, size) ** 2, axis=1)
-    hot = np.concatenate(([0], (power > _BURST).astype(np.int8), [0]))
-    edges = np.flatnonzero(np.diff(hot))
     merged: list[tuple[int, int]] = []
-    for start, stop in zip(edges[::2], edges[1::2], strict=True):
+    for start, stop in runs(power > _BURST):
         if merged and start - merged[-1][1] <= 1:
-            merged[-1] = merged[-1][0], int(stop)
+            merged[-1] = merged[-1][0], stop
         else:
-            merged.append((int(start), int(stop)))
+            merged.append((start, stop))
     return [(start * size, stop * size) for start, stop in merged]
 
 

@@ -10,6 +10,7 @@ from scipy.signal import welch
 from scipy.stats import chi2, false_discovery_control
 
 from hil.diagnose.problem import Problem
+from hil.diagnose.runs import runs
 from hil.diagnose.search import pool
 from hil.physics.simulate import ActiveEffect, simulate
 from hil.record.recording import Array
@@ -81,16 +82,11 @@ def _intervals(time_s: Array, d: Array) -> tuple[tuple[float, float], ...]:
     p = np.ones(len(counts))
     p[used] = chi2.sf(sums[used] + counts[used] - 1.0, counts[used])
     beyond = false_discovery_control(p) < _FALSE_DISCOVERIES
-    found, start = [], None
-    for block in range(len(beyond) + 1):
-        inside = block < len(beyond) and bool(beyond[block])
-        if inside and start is None:
-            start = block
-        elif not inside and start is not None:
-            energy = float(sums[start:block].sum())
-            first, last = time_s[0] + start * _BLOCK_S, min(time_s[0] + block * _BLOCK_S, time_s[-1])
-            found.append((energy, (round(float(first), 3), round(float(last), 3))))
-            start = None
+    found = []
+    for start, stop in runs(beyond):
+        energy = float(sums[start:stop].sum())
+        first, last = time_s[0] + start * _BLOCK_S, min(time_s[0] + stop * _BLOCK_S, time_s[-1])
+        found.append((energy, (round(float(first), 3), round(float(last), 3))))
     largest = sorted(found, reverse=True)[:_MOST_INTERVALS]
     return tuple(sorted(interval for _, interval in largest))
 
