@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hil.identify.estimate import Estimate, Unknown, estimate, workers
 from hil.identify.sine_test import SineTest
 from hil.identify.transfer_function import fit_percent
-from hil.physics.compose import effects as installed_effects
+from hil.physics.compose import effect
 from hil.physics.model import Model, Value
 from hil.physics.plant import Parameter
 from hil.record.recording import Array
@@ -102,8 +102,7 @@ def _find(model: Model, name: str) -> tuple[Parameter, float]:
         return model.definition.parameter(name), model.values[name]
     effect_name, parameter_name = name.split(".")
     active = next(e for e in model.effects if e.name == effect_name)
-    library = next(e for e in installed_effects() if e.name == effect_name)
-    for parameter in library.parameters_at(model.definition.hook(active.hook)):
+    for parameter in effect(effect_name).parameters_at(model.definition.hook(active.hook)):
         if parameter.name == parameter_name:
             return parameter, active.parameters[parameter_name].value
     raise KeyError(name)

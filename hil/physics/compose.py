@@ -83,6 +83,13 @@ def plant(name: str) -> Plant:
 
 
 @cache
+def effect(name: str) -> Effect:
+    """An installed effect by name."""
+    found: Effect = find("effects", name).load().EFFECT
+    return found
+
+
+@cache
 def effects() -> tuple[Effect, ...]:
     """Every installed effect."""
     return tuple(entry.load().EFFECT for entry in entries("effects"))
@@ -204,13 +211,11 @@ class _Page(ast.NodeTransformer):
             module = _home(site.effect)
             yield f"from {module} import EFFECT as effect{k}"
             yield f"transform{k} = effect{k}.transform"
-            if (settle := _settle(site.effect)) is not None:
-                source = "effect.settle" if settle is site.effect.settle else None
-                yield (
-                    f"settle{k} = effect{k}.settle"
-                    if source
-                    else f"from hil.physics.effect import hold_first as settle{k}"
-                )
+            settle = _settle(site.effect)
+            if settle is not None and settle is site.effect.settle:
+                yield f"settle{k} = effect{k}.settle"
+            elif settle is not None:
+                yield f"from hil.physics.effect import hold_first as settle{k}"
         yield "@njit(cache=True, nogil=True, error_model='numpy')"
         yield (
             "def kernel(inputs, step_s, sub_steps, read_at, start, settle_first, steady, coefficients, states,"

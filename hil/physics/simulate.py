@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.errors import InputError, UnknownNameError
 from hil.physics.compose import Kernel, kernel
 from hil.physics.plant import Plant
 from hil.record.recording import Array
@@ -89,11 +90,20 @@ def simulate(
         factor: finer sub-steps than the plant asks for, to measure the solver's own error, or coarser ones.
         inject: (hook, values) adds a free disturbance of shape (n,) to what passes a hook.
         trace: shape (hooks, n), filled with what arrives at each hook.
+
+    Raises:
+        InputError: no such hook or effect in this plant, or an array of another shape than it needs.
     """
+    _check_rows("inputs", drive.inputs, plant, [signal.heading for signal in plant.inputs])
+    count = drive.inputs.shape[1]
+    hook_names = [hook.name for hook in plant.hooks]
+    if trace is not None:
+        _check_rows("trace", trace, plant, hook_names, count)
+    if inject:
+        _check_injected(inject, plant, hook_names, count)
     compiled = kernel(plant.name)
     arrays = _arrays(compiled, parameters, drive, effects, sub_steps(plant, drive.interval_s, factor))
-    out = np.empty((1 + len(plant.observed), drive.inputs.shape[1]))
-    hook_names = [hook.name for hook in plant.hooks]
+    out = np.empty((1 + len(plant.observed), count))
     compiled.run(
         drive.inputs, arrays.step_s, arrays.sub_steps, round(drive.read_at * arrays.sub_steps), 0, True,
         arrays.steady, arrays.coefficients, arrays.states, arrays.on, arrays.effect_coefficients,
@@ -121,6 +131,7 @@ class Twin:
 
     def advance(self, inputs: Array) -> Array:
         """Outputs, shape (1 + observed, n), for inputs of shape (inputs, n); the first call settles first."""
+        _check_rows("inputs", inputs, self.plant, [signal.heading for signal in self.plant.inputs])
         compiled = kernel(self.plant.name)
         settle = self._arrays is None
         if self._arrays is None:
@@ -138,6 +149,24 @@ class Twin:
         return out
 
 
+def _check_rows(what: str, values: Array, plant: Plant, rows: Sequence[str], count: int | None = None) -> None:
+    # The compiled kernel does not look at bounds: a missing row would be read from whatever lies behind.
+    fits = values.ndim == 2 and len(values) == len(rows) and (values.shape[1] == count if count else values.size > 0)
+    if not fits:
+        raise InputError(
+            f"{plant.name}: {what} of shape {values.shape}; a row of {count or 'one or more'} samples is needed "
+            f"for each of {', '.join(rows)}"
+        )
+
+
+def _check_injected(inject: tuple[str, Array], plant: Plant, hook_names: Sequence[str], count: int) -> None:
+    name, values = inject
+    if name not in hook_names:
+        raise UnknownNameError(f"hook of {plant.name}", name, hook_names)
+    if values.shape != (count,):
+        raise InputError(f"{plant.name}: disturbance at {name} of shape {values.shape}, must be ({count},)")
+
+
 def _arrays(
     compiled: Kernel,
     parameters: Mapping[str, float],
@@ -150,7 +179,8 @@ def _arrays(
     active = {effect.key: effect for effect in effects}
     unknown = active.keys() - compiled.indices.keys()
     if unknown:
-        raise KeyError(f"{plant.name} has no place for {sorted(unknown)}")
+        known = [f"{name} at {hook}" for name, hook in compiled.indices]
+        raise UnknownNameError(f"effect in {plant.name}", " at ".join(min(unknown)), known)
     count = len(compiled.sites)
     on = np.zeros(count, dtype=np.bool_)
     values = np.zeros(compiled.starts[-1] + 1)

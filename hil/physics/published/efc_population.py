@@ -94,15 +94,16 @@ def _drawn(wear: Wear, rng: np.random.Generator) -> Model:
 
 
 def _made(changed: Mapping[str, float], friction_a: float, origin: Mapping[str, object]) -> Model:
-    from hil.physics.compose import effects
+    from hil.physics.compose import effect
 
     base = typical_model("efc-drive")
     parameters = {
         name: replace(old, value=float(changed[name])) if name in changed else old
         for name, old in base.parameters.items()
     }
-    law = next(effect for effect in effects() if effect.name == "friction")
-    friction = {p.name: Value(p.typical, p.unit) for p in law.parameters_at(base.definition.hook("force"))}
+    friction = {
+        p.name: Value(p.typical, p.unit) for p in effect("friction").parameters_at(base.definition.hook("force"))
+    }
     friction["coulomb"] = replace(friction["coulomb"], value=friction_a)
     return replace(
         base, parameters=parameters, effects=(ModelEffect("friction", "force", friction),), origin=dict(origin)

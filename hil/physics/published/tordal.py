@@ -117,7 +117,7 @@ def valve() -> Model:
 
     Plain Coulomb friction with elastic presliding: stiction and Stribeck do not show in sines about ±50 %.
     """
-    from hil.physics.compose import effects
+    from hil.physics.compose import effect
 
     base = typical_model("brevini-hpv41")
     known = {"curve_exponent": (1.0, None), **_ESTIMATED}
@@ -125,8 +125,9 @@ def valve() -> Model:
         name: Value(known[name][0], old.unit, known[name][1]) if name in known else old
         for name, old in base.parameters.items()
     }
-    law = next(effect for effect in effects() if effect.name == "friction")
-    friction = {p.name: Value(p.typical, p.unit) for p in law.parameters_at(base.definition.hook("force"))}
+    friction = {
+        p.name: Value(p.typical, p.unit) for p in effect("friction").parameters_at(base.definition.hook("force"))
+    }
     friction |= {name: Value(value, friction[name].unit, std) for name, (value, std) in _FRICTION.items()}
     friction["stiction"] = Value(1.0, friction["stiction"].unit)
     origin = {"source": "Tørdal, Klausen, Bak, tables 1 and 2", "declared": DECLARED}
