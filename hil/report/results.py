@@ -30,12 +30,17 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
     return {"tone": tone, "word": word, "sentence": sentence, "details": details}
 
 
+def value_text(m: Measured, unit: str = "") -> str:
+    """`> 1.269 ± 0.012 Hz`: a measured value with its expanded uncertainty."""
+    if m.value is None:
+        return "not determined"
+    return _sign(m) + with_uncertainty(m.value, _expanded(m), unit)
+
+
 def _missed(m: Measured) -> str:
-    sign = "" if m.relation == "=" else f"{m.relation} "
-    value = "not determined" if m.value is None else sign + with_uncertainty(m.value, _expanded(m), m.unit)
     place = f" at {_place(m)}" if _place(m) else ""
     limit = f"limit {limits_text(m.low, m.high)} {unit_text(m.unit)}".strip()
-    return f"{capital(m.verdict or '')}: {quantity_words(m.quantity)}{place} is {value}, {limit}."
+    return f"{capital(m.verdict or '')}: {quantity_words(m.quantity)}{place} is {value_text(m, m.unit)}, {limit}."
 
 
 def result_groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:
@@ -58,16 +63,19 @@ def _place(m: Measured) -> str:
     return with_minus(m.name.partition(", ")[2])
 
 
+def _sign(m: Measured) -> str:
+    return "" if m.relation == "=" else f"{m.relation} "
+
+
 def _expanded(m: Measured) -> float | None:
     return None if m.std is None else COVERAGE_FACTOR * m.std
 
 
 def _row(m: Measured, place: str) -> dict[str, Any]:
     value, uncertainty = rounded(m.value, _expanded(m))
-    sign = "" if m.relation == "=" or m.value is None else f"{m.relation} "
     return {
         "place": place,
-        "value": "not determined" if m.value is None else sign + value,
+        "value": "not determined" if m.value is None else _sign(m) + value,
         "uncertainty": uncertainty,
         "unit": unit_text(m.unit),
         "limits": limits_text(m.low, m.high),
