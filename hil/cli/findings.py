@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 def findings_text(findings: Findings) -> str:
-    """Every measured value with its expanded uncertainty (k = 2) as in the report, limits and verdict; then the notes."""
+    """Every measured value with its expanded uncertainty as in the report, limits and verdict; then the notes."""
     rows = [
         (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "")
         for m in findings.measured
