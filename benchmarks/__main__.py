@@ -20,6 +20,7 @@ NAMES = (
     "identification",
     "plant",
     "population",
+    "links",
     "recording",
     "recursive_least_squares",
     "virtual_time",
