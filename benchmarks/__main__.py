@@ -21,6 +21,7 @@ NAMES = (
     "plant",
     "population",
     "links",
+    "pacing",
     "recording",
     "recursive_least_squares",
     "virtual_time",

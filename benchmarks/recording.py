@@ -1,9 +1,13 @@
-"""Recording 8 channels at 31.25 kS/s in blocks of 20 ms: the run folder against HDF5 (SWMR) and TDMS.
+"""Recording 8 channels at 31.25 kS/s in blocks of 20 ms: the run folder against HDF5 (SWMR), TDMS and bare bytes.
 
     python benchmarks/recording.py [SECONDS]
 
 Each writer gets the same blocks as fast as it takes them and makes each one safe from the death of its process
-before the next (HDF5: `flush` each block or, as its users do, each tenth). One table, one run.
+before the next (HDF5: `flush` each block or, as its users do, each tenth). One table, one run. Bare bytes are numpy's
+`tofile`: no names, no checksums, no journal.
+
+Memory is what a process of its own has at its peak beyond what it had after a first second (Linux: VmHWM, reset then),
+for a short recording and one that is ten times as long: bounded memory does not grow with length.
 """
 
 from __future__ import annotations
@@ -12,7 +16,9 @@ import contextlib
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -75,23 +81,36 @@ def tdms(path: Path) -> Iterator[Append]:
         yield append
 
 
+@contextlib.contextmanager
+def bare_bytes(path: Path) -> Iterator[Append]:
+    with path.open("wb", buffering=0) as file:
+        yield lambda time_s, values: np.column_stack([time_s, *values]).tofile(file)
+
+
 WRITERS: dict[str, Writer] = {
     "run folder": run_folder,
     "HDF5 SWMR, flush each block": hdf5_swmr(1),
     "HDF5 SWMR, flush each 10th": hdf5_swmr(10),
     "TDMS": tdms,
+    "bare bytes (numpy tofile)": bare_bytes,
 }
+WATCHED = ("run folder", "HDF5 SWMR, flush each 10th", "bare bytes (numpy tofile)")
 
 
-def blocks(seconds: float) -> list[tuple[Array, Array]]:
+def blocks(seconds: float) -> Iterator[tuple[Array, Array]]:
     """A second of blocks, reused; only the time goes on."""
     values = np.random.default_rng(0).normal(size=(50, CHANNELS, ROWS))
-    return [((i * ROWS + np.arange(ROWS)) / RATE_HZ, values[i % 50]) for i in range(round(seconds / BLOCK_S))]
+    for i in range(count(seconds)):
+        yield (i * ROWS + np.arange(ROWS)) / RATE_HZ, values[i % 50]
 
 
-def measure(writer: Writer, path: Path, made: list[tuple[Array, Array]]) -> tuple[float, float]:
+def count(seconds: float) -> int:
+    return round(seconds / BLOCK_S)
+
+
+def measure(writer: Writer, path: Path, made: Iterable[tuple[Array, Array]], number: int) -> tuple[float, float]:
     """Seconds of wall time for all blocks (opening and closing included), and p99 of one block in ms."""
-    each_s = np.empty(len(made))
+    each_s = np.empty(number)
     start_s = time.perf_counter()
     with writer(path) as append:
         for i, block in enumerate(made):
@@ -103,14 +122,45 @@ def measure(writer: Writer, path: Path, made: list[tuple[Array, Array]]) -> tupl
 
 def writing(seconds: float, folder: Path) -> Iterator[Row]:
     """Every writer in turn, the whole turn several times; the best of each counts, so that neighbours do not."""
-    made = blocks(seconds)
+    made = list(blocks(seconds))
     best = dict.fromkeys(WRITERS, (float("inf"), float("inf")))
     for turn in range(TURNS):
         for name, writer in WRITERS.items():
-            wall_s, p99_ms = measure(writer, folder / f"{name} {turn}", made)
+            wall_s, p99_ms = measure(writer, folder / f"{name} {turn}", made, len(made))
             best[name] = (min(best[name][0], wall_s), min(best[name][1], p99_ms))
     for name, (wall_s, p99_ms) in best.items():
         yield Row(name, 1e3 * wall_s, f"{seconds / wall_s:.0f} × real time, 99 % of blocks within {p99_ms:.3f} ms")
+
+
+def memory(seconds: float) -> Iterator[Row]:
+    """Blocks are made as they are written."""
+    with ProcessPoolExecutor(1, get_context("spawn"), max_tasks_per_child=1) as fresh:
+        for name in WATCHED:
+            for length_s in (seconds, 10.0 * seconds):
+                wall_s, grown_mb = fresh.submit(grown, name, length_s).result()
+                written_mb = 8e-6 * (CHANNELS + 1) * ROWS * count(length_s)
+                note = f"{written_mb / wall_s:.0f} MB/s of {written_mb:.0f} MB, peak memory grew by {grown_mb:.1f} MB"
+                yield Row(f"{name}, {length_s:g} s", 1e3 * wall_s, note)
+
+
+def grown(name: str, seconds: float) -> tuple[float, float]:
+    """Seconds of wall time, and growth of the peak memory."""
+    with tempfile.TemporaryDirectory() as folder:
+        measure(WRITERS[name], Path(folder, "first"), blocks(1.0), count(1.0))
+        reset_peak()
+        before_mb = status_mb("VmHWM")
+        wall_s, _ = measure(WRITERS[name], Path(folder, "all"), blocks(seconds), count(seconds))
+        return wall_s, status_mb("VmHWM") - before_mb
+
+
+def reset_peak() -> None:
+    Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
+
+
+def status_mb(field: str) -> float:
+    """A size that the kernel keeps of this process."""
+    lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
+    return next(int(line.split()[1]) for line in lines if line.startswith(f"{field}:")) * 1024e-6
 
 
 def timed(call: Callable[[], object]) -> float:
@@ -129,11 +179,12 @@ def reading(folder: Path) -> Iterator[Row]:
 
 
 def main() -> None:
-    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
+    seconds = float(sys.argv[1]) if len(sys.argv) > 1 else 30.0
     what = f"{seconds:g} s of {CHANNELS} channels x {RATE_HZ / 1e3:g} kS/s in blocks of {BLOCK_S * 1e3:g} ms"
     with tempfile.TemporaryDirectory() as folder:
         show(f"recording {what}", writing(seconds, Path(folder)))
         show("reading it back", reading(Path(folder)))
+    show("memory while recording", memory(seconds / 10.0))
 
 
 if __name__ == "__main__":
