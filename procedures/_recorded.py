@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from hil.errors import FileError
 from hil.identify.measuring_chain import MeasuringChain
 from hil.record.measurement import COVERAGE_FACTOR
-from hil.record.recording import Channel, Recording
+from hil.record.recording import Array, Channel, Recording
 
 _TEMPERATURE_C, _TEMPERATURE_TOLERANCE_C = 40.0, 4.0
+_SPAN = 50  # samples over which the interval that was planned is judged
 _STATED = {
     "fluid": "the fluid",
     "viscosity_class": "the viscosity class of the fluid",
@@ -50,14 +53,46 @@ def parts_of(recording: Recording, kind: str) -> list[Mapping[str, Any]]:
 
 
 def chain_of(recording: Recording) -> MeasuringChain:
-    """What lies between the command and the response as they were recorded, as far as the bench states it."""
+    """What lies between the command and the response as they were recorded, as far as the bench states it.
+
+    Where each sample of the response has a stamp of its own, the estimators have used it and no delay is left.
+    """
     _, response = roles_of(recording)
+    lag_s = float(response.calibration.get("lag_s") or 0.0)
+    if has_own_stamps(recording):
+        return MeasuringChain(lag_s, hold_s=_planned_interval_s(recording.time_s))
     sampling = recording.meta.get("sampling", {})
     interval_s = recording.interval_s
     read_at_s = float(sampling.get("read_at") or 0.0) * interval_s
     delay_s = float(sampling.get("delay_s", {}).get(response.name, read_at_s))
-    lag_s = float(response.calibration.get("lag_s") or 0.0)
     return MeasuringChain(lag_s, delay_s - read_at_s, interval_s, read_at_s)
+
+
+def reading_of(recording: Recording, chain: MeasuringChain) -> str:
+    """When the response was read, in words."""
+    if not has_own_stamps(recording):
+        return f"response read {1e3 * (chain.skew_s + chain.read_at_s):.3g} ms after the command changes"
+    delay_s = recording.stamps(roles_of(recording)[1].name) - recording.time_s
+    return (
+        f"each sample of the response taken when it was read, {1e3 * float(np.mean(delay_s)):.3g} ms (standard "
+        f"deviation {1e3 * float(np.std(delay_s)):.2g} ms) after the command changes"
+    )
+
+
+def has_own_stamps(recording: Recording) -> bool:
+    """Whether the recording says of every sample of the response when it was read."""
+    return recording.stamps(roles_of(recording)[1].name) is not recording.time_s
+
+
+def _planned_interval_s(time_s: Array) -> float:
+    """The sample interval that the host was to keep.
+
+    A sample that comes late makes one interval longer and those after it shorter: together they hold the command as
+    long as planned, and on the whole half a planned interval is what holding delays it by. Pauses between tasks are
+    in few spans.
+    """
+    span = min(_SPAN, len(time_s) - 1)
+    return float(np.median(time_s[span:] - time_s[:-span])) / span
 
 
 def calibration_std(channel: Channel) -> float:

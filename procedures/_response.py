@@ -19,7 +19,7 @@ from hil.identify.transfer_function import TransferFunctionFit
 from hil.record.measurement import Measured, Measurement
 from hil.record.recording import Array, Recording
 from procedures._formula import formula
-from procedures._recorded import chain_of, settings_of
+from procedures._recorded import chain_of, reading_of, settings_of
 
 GAIN = Measurement("gain", "", "amplitude ratio at the reference frequency")
 BANDWIDTH_3DB = Measurement("bandwidth_3db", "Hz", "frequency at which the amplitude ratio is 3 dB below the reference")
@@ -94,10 +94,9 @@ def chain_notes(recording: Recording, frequency_hz: Array) -> tuple[tuple[str, .
     if not settings_of(recording)["correct_chain"]:
         return (), (check.sentence,)
     worst = int(np.argmax(np.abs(check.phase_deg)))
-    read_s = chain.skew_s + chain.read_at_s
     note = (
-        f"The measuring chain (sensor lag {1e3 * chain.sensor_lag_s:g} ms, response read {1e3 * read_s:.3g} ms after "
-        f"the command changes, command held {1e3 * chain.hold_s:g} ms) has been taken out of the responses; at "
+        f"The measuring chain (sensor lag {1e3 * chain.sensor_lag_s:g} ms, {reading_of(recording, chain)}, "
+        f"command held {1e3 * chain.hold_s:.4g} ms) has been taken out of the responses; at "
         f"{frequency_hz[worst]:g} Hz it is {100 * check.amplitude_change[worst]:+.1f} % and "
         f"{check.phase_deg[worst]:+.1f}°."
     )

@@ -179,7 +179,7 @@ class _Ear:
 
     def _judge(self) -> None:
         """Fit the turn that has come, and compare it with those before."""
-        time_s = np.concatenate([piece.time_s for piece in self._turn])
+        time_s = np.concatenate([piece.stamps(self._response) for piece in self._turn])
         values = np.concatenate([piece.values(self._response) for piece in self._turn])
         self._turn = []
         self._fits.append(sine_fit(time_s, values, self._tone.frequency_hz, harmonics=_HARMONICS))

@@ -82,8 +82,8 @@ def evaluate(recording: Recording) -> Findings:
         rows = segment.samples
         time_s = recording.time_s[rows]
         given, answer = (
-            sine_fit(time_s, channel.values[rows], segment.frequency_hz, harmonics=HARMONICS)
-            for channel in (command, response)
+            sine_fit(recording.stamps(c.name)[rows], c.values[rows], segment.frequency_hz, harmonics=HARMONICS)
+            for c in (command, response)
         )
         measured += _measured(recording, given, answer)
         shown = shown_samples(time_s, segment.frequency_hz)

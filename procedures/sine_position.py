@@ -114,8 +114,9 @@ def evaluate(recording: Recording) -> Findings:
         time_s = recording.time_s[rows]
         given = sine_fit(time_s, command.values[rows], segment.frequency_hz, harmonics=1)
         answer = sine_fit(
-            time_s, response.values[rows], segment.frequency_hz, harmonics=HARMONICS, drift_order=0 if closed else 1
-        )
+            recording.stamps(response.name)[rows], response.values[rows], segment.frequency_hz, harmonics=HARMONICS,
+            drift_order=0 if closed else 1,
+        )  # fmt: skip
         place = f"{segment.bias:+.4g} ± {segment.amplitude:.4g} {command.unit}"
         measured += _measured(recording, place, given, answer)
         gain = _gain(given, answer, closed)

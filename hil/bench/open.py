@@ -60,6 +60,7 @@ def open_rig(
         bench = file.bench
         latch = _latch(file, resets)
         columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
+        columns += [Column(name=name, unit="s", source="time of the readings") for name in daq.promises.delay_names]
         rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
         header = {**about, **conditions_of(bench), "bench_file": file.text,
                   "sampling": daq.promises.sampling(daq.inputs, rate_hz)}  # fmt: skip

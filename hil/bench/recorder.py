@@ -38,7 +38,7 @@ class Recorder:
         """Write a block, as far as it is numbers. Raises `StorageError`."""
         if self._zero_s is None:
             self._zero_s = float(block.time_s[0]) - self._first_s
-        values = {**block.outputs, **block.inputs}
+        values = block.columns
         numbers = np.logical_and.reduce([np.isfinite(column) for column in values.values()])
         if not numbers.all():  # a recording holds numbers alone; the guard ends the task
             self.note("readings that are no numbers", count=int(np.count_nonzero(~numbers)))

@@ -172,8 +172,9 @@ class BenchRig:
         time_s = self._recorder.time_of(block)
         place = {"first": 0, "count": len(block), "start_s": float(time_s[0]), "stop_s": float(time_s[-1])}
         meta = {"sampling": self._sampling(rate_hz), "parts": [] if part is None else [{**part, **place}]}
+        values = block.columns
         channels = {
-            name: Channel(name, column.unit, block.values(name), column.source, column.calibration)
+            name: Channel(name, column.unit, values[name], column.source, column.calibration)
             for name, column in self._columns.items()
         }
         return Recording(self._recorder.name, time_s, channels, meta)

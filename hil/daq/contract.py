@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal, Protocol
 
 import numpy as np
@@ -42,7 +42,9 @@ class Promises:
         watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
         latency_s: measured delay of the link, where one is known.
         delays_s: by input, the measured time from the update of the outputs to its reading, where the link and
-            not the sample clock decides it.
+            not the sample clock decides it: the median of late.
+        delay_channels: by input, the name under which every block has that time for each sample
+            (`Block.delays_s`); inputs that are read in one exchange share a name.
     """
 
     timing: Literal["hardware", "virtual", "polled"]
@@ -56,6 +58,12 @@ class Promises:
     watchdog_s: float | None = None
     latency_s: float | None = None
     delays_s: Mapping[str, float] | None = None
+    delay_channels: Mapping[str, str] | None = None
+
+    @property
+    def delay_names(self) -> tuple[str, ...]:
+        """The names of `delay_channels`, each once."""
+        return tuple(dict.fromkeys((self.delay_channels or {}).values()))
 
     def sampling(self, inputs: Iterable[str], rate_hz: float) -> dict[str, Any]:
         """These promises as a recording keeps them: also when each input was read.
@@ -66,9 +74,7 @@ class Promises:
         delays = {name: self.read_at / rate_hz + i * self.skew_s for i, name in enumerate(names)}
         if self.delays_s is not None:
             delays = {name: self.delays_s[name] for name in names}
-        # A measured delay is a share of a sample too, as far as it lies within one.
-        read_at = self.read_at if self.delays_s is None else min(1.0, min(delays.values(), default=0.0) * rate_hz)
-        return {**asdict(self), "read_at": read_at, "rate_hz": rate_hz, "delay_s": delays}
+        return {**asdict(self), "rate_hz": rate_hz, "delay_s": delays}
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,15 +114,23 @@ class Block:
             increasing from task to task. Shape (n,).
         inputs, outputs: every channel by name, shape (n,).
         late: samples that a polled backend missed.
+        delays_s: for each name in `Promises.delay_channels`, how long after the stamp each sample was read, shape
+            (n,); empty where the sample clock says when.
     """
 
     time_s: Array
     inputs: Mapping[str, Array]
     outputs: Mapping[str, Array]
     late: int = 0
+    delays_s: Mapping[str, Array] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_s)
+
+    @property
+    def columns(self) -> Mapping[str, Array]:
+        """Everything that is kept beside the stamps, by name."""
+        return {**self.outputs, **self.inputs, **self.delays_s}
 
     def values(self, name: str) -> Array:
         """Samples of an input or an output."""
@@ -129,10 +143,15 @@ def joined(blocks: Sequence[Block]) -> Block:
         return blocks[0]
     return Block(
         np.concatenate([block.time_s for block in blocks]),
-        {name: np.concatenate([block.inputs[name] for block in blocks]) for name in blocks[0].inputs},
-        {name: np.concatenate([block.outputs[name] for block in blocks]) for name in blocks[0].outputs},
+        _joined([block.inputs for block in blocks]),
+        _joined([block.outputs for block in blocks]),
         sum(block.late for block in blocks),
+        _joined([block.delays_s for block in blocks]),
     )
+
+
+def _joined(pieces: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
+    return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
 @contextmanager

@@ -78,6 +78,16 @@ class _Member:
     read_after_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
     read_for_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
+    @property
+    def delay_name(self) -> str:
+        """Under which blocks keep how long after the update of the outputs it was read."""
+        return f"delay of {self.name}"
+
+    @property
+    def reading_age_s(self) -> float:
+        """How old a reading is on average when the device is asked for it."""
+        return float(getattr(self.link, "reading_age_s", 0.0))
+
     def drive(self, levels: Mapping[str, float]) -> None:
         values = {channel.terminal: levels[name] for name, channel in self.wiring.outputs.items() if name in levels}
         if values:
@@ -145,8 +155,8 @@ class PolledDaq:
             lowest_rate_hz=1e-3, highest_rate_hz=_SHARE / self._cycle_s,
             watchdog_s=max(guarded) if guarded and len(guarded) == len(watchdogs) else None,
             latency_s=sum(float(np.median(member.read_for_s)) for member in self._members),
-            delays_s={name: float(np.median(member.read_after_s)) - getattr(member.link, "reading_age_s", 0.0)
-                      for member in self._members for name in member.wiring.inputs},
+            delays_s={name: float(np.median(m.read_after_s)) for m in self._members for name in m.wiring.inputs},
+            delay_channels={name: m.delay_name for m in self._members for name in m.wiring.inputs},
         )  # fmt: skip
 
     def actual_rate_hz(self, asked_hz: float) -> float:
@@ -199,17 +209,21 @@ class PolledDaq:
 
     def _measured(self) -> float:
         """How long one sample takes on all links together; asking where outputs stand counts as driving them."""
-        takes_s = 0.0
+        reading_s: list[float] = []
+        driving_s = 0.0
         for member in self._members:
             until_s = time.monotonic() + _PROBING_S
-            driving_s: list[float] = []
-            while len(driving_s) < _PROBES and (not driving_s or time.monotonic() < until_s):
-                driving_s.append(_timed(member.standing))
+            probed_s: list[float] = []
+            while len(probed_s) < _PROBES and (not probed_s or time.monotonic() < until_s):
+                probed_s.append(_timed(member.standing))
                 member.read()
-            reading_s = float(np.median(member.read_for_s))
-            takes_s += reading_s + float(np.median(driving_s))
-            member.read_after_s.append(0.5 * (reading_s + float(np.median(driving_s))))  # until it is measured
-        return max(takes_s, 1e-5)
+            driving_s += float(np.median(probed_s))
+            reading_s.append(float(np.median(member.read_for_s)))
+        asked_s = 0.5 * driving_s
+        for member, takes_s in zip(self._members, reading_s, strict=True):  # until they are measured
+            member.read_after_s.append(asked_s + 0.5 * takes_s - member.reading_age_s)
+            asked_s += takes_s
+        return max(driving_s + sum(reading_s), 1e-5)
 
     def _played(self, waveforms: Iterator[Waveform], ahead: int) -> Iterator[Block]:
         """Hand waveforms to the polling thread, always `ahead` of the blocks that come back."""
@@ -260,7 +274,9 @@ class PolledDaq:
         interval_s = 1.0 / waveform.rate_hz
         rows = list(zip(*(values.tolist() for values in waveform.outputs.values()), strict=True))
         names = tuple(waveform.outputs)
-        taken = _Taken(list(self.outputs), list(self.inputs))
+        taken = _Taken(
+            self.outputs, self.inputs, [member.delay_name for member in self._members if member.wiring.inputs]
+        )
         soonest_s = due_s
         try:
             for row in rows:
@@ -286,12 +302,15 @@ class PolledDaq:
         self.levels = levels
         updated_s = 0.5 * (begun_s + time.monotonic())
         readings: dict[str, float] = {}
+        delays_s: dict[str, float] = {}
         for member in self._members:
             asked_s = time.monotonic()
             readings |= member.read()
-            member.read_after_s.append(0.5 * (asked_s + time.monotonic()) - updated_s)
+            delay_s = 0.5 * (asked_s + time.monotonic()) - updated_s - member.reading_age_s
+            member.read_after_s.append(delay_s)
+            delays_s[member.delay_name] = delay_s
         self._used_s = time.monotonic()
-        taken.add(updated_s - self._zero_s, levels, readings)
+        taken.add(updated_s - self._zero_s, levels, readings, delays_s)
 
     def _stop_task(self, task: _Task | None = None) -> None:
         task = task or self._task
@@ -372,23 +391,25 @@ class _Task:
 class _Taken:
     """Samples as they come, to become a block."""
 
-    def __init__(self, outputs: list[str], inputs: list[str]) -> None:
+    def __init__(self, outputs: Iterable[str], inputs: Iterable[str], delays: Iterable[str]) -> None:
         self.late = 0
         self.time_s: list[float] = []
-        self._outputs: dict[str, list[float]] = {name: [] for name in outputs}
-        self._inputs: dict[str, list[float]] = {name: [] for name in inputs}
+        self._columns: tuple[dict[str, list[float]], ...] = tuple(
+            {name: [] for name in names} for names in (outputs, inputs, delays)
+        )
 
-    def add(self, time_s: float, levels: Mapping[str, float], readings: Mapping[str, float]) -> None:
+    def add(self, time_s: float, *rows: Mapping[str, float]) -> None:
+        """One sample: outputs, inputs, delays."""
         self.time_s.append(time_s)
-        for name, values in self._outputs.items():
-            values.append(levels[name])
-        for name, values in self._inputs.items():
-            values.append(readings[name])
+        for columns, row in zip(self._columns, rows, strict=True):
+            for name, values in columns.items():
+                values.append(row[name])
 
     def block(self) -> Block:
-        outputs = {name: np.array(values) for name, values in self._outputs.items()}
-        inputs = {name: np.array(values) for name, values in self._inputs.items()}
-        return Block(np.array(self.time_s), inputs, outputs, self.late)
+        outputs, inputs, delays_s = (
+            {name: np.array(values) for name, values in columns.items()} for columns in self._columns
+        )
+        return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s)
 
 
 def _timed(call: Callable[[], object]) -> float:

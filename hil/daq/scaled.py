@@ -66,7 +66,7 @@ class Scaled:
     def _values(self, block: Block) -> Block:
         inputs = {name: self._calibrations[name].to_value(raw) for name, raw in block.inputs.items()}
         outputs = {name: self._calibrations[name].to_value(raw) for name, raw in block.outputs.items()}
-        return Block(block.time_s, inputs, outputs, block.late)
+        return replace(block, inputs=inputs, outputs=outputs)
 
     def _scaled_output(self, channel: OutputChannel) -> OutputChannel:
         by = self._calibrations[channel.name]

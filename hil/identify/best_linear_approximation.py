@@ -10,7 +10,7 @@ Pintelon, Schoukens: System Identification, a Frequency Domain Approach, 2nd ed.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -74,6 +74,8 @@ def best_linear_approximation(
         output_name: the response's channel.
         settle_periods: first periods of each part that are left out.
 
+    Where each sample of the response was read at a time of its own, their mean delay is taken out.
+
     Raises:
         InputError: no multisine part, or fewer than two periods left.
     """
@@ -86,7 +88,9 @@ def best_linear_approximation(
         samples = round(1.0 / (float(part["base_hz"]) * recording.interval_s))
         rows = slice(int(part["first"]), int(part["first"]) + int(part["count"]))
         given, answer = (_periods(recording.name, c.values[rows], samples, settle_periods) for c in (u, y))
-        made.append(approximate(recording.name, given, answer, part, (u.unit, y.unit)))
+        found = approximate(recording.name, given, answer, part, (u.unit, y.unit))
+        delay_s = float(np.mean((recording.stamps(y.name) - recording.time_s)[rows]))
+        made.append(_read_later(found, delay_s) if delay_s else found)
     return tuple(made)
 
 
@@ -116,6 +120,13 @@ def approximate(
     names: tuple[Verdict, Verdict, Verdict] = ("noise", "even nonlinearity", "odd nonlinearity")
     verdicts = tuple(names[int(k)] for k in np.argmax(levels, axis=0))
     return BestLinearApproximation(made, levels[0], levels[2], levels[1], verdicts, len(inputs))
+
+
+def _read_later(found: BestLinearApproximation, delay_s: float) -> BestLinearApproximation:
+    """The same without what it is that the response was read so much later than its stamps say."""
+    ahead = np.exp(2j * np.pi * found.response.frequency_hz * delay_s)
+    note = f"read {1e3 * delay_s:.3g} ms after the update on average"
+    return replace(found, response=found.response.divided_by(ahead, note))
 
 
 def _periods(name: str, values: Array, samples: int, settle: int) -> Array:

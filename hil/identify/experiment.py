@@ -32,6 +32,9 @@ class Experiment:
         observed: measured inner signals, by name, where the recording has them.
         ignored: samples of the output that say nothing (clipped, held), shape (n,), or None.
         reading_known: whether the recording (or a model) declared when in a sample the output is read.
+        read_s: where the recording knows when every single sample was read: those instants for the output and the
+            plant's inner signals, shape (1 + observed, n), else None. They lie on the time of `grid_s` then, and
+            `drive.read_at` says nothing.
     """
 
     name: str
@@ -44,6 +47,7 @@ class Experiment:
     observed: Mapping[str, Array]
     reading_known: bool = False
     ignored: NDArray[np.bool_] | None = None
+    read_s: Array | None = None
 
     def respond(
         self,
@@ -54,11 +58,15 @@ class Experiment:
         factor: float = 1.0,
         inject: tuple[str, Array] | None = None,
     ) -> Array:
-        """Simulated output and observed signals at the recording's own stamps, shape (1 + observed, n).
+        """Simulated output and observed signals when the recording's own were read, shape (1 + observed, n).
 
         `factor` and `inject` as in `hil.physics.simulate.simulate`.
         """
-        return self.at_stamps(simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject))
+        rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject)
+        if self.grid_s is None or self.read_s is None:
+            return self.at_stamps(rows)
+        grid_s = self.grid_s
+        return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
 
     def at_stamps(self, rows: Array) -> Array:
         """Rows on the grid, read at the recording's stamps."""
@@ -73,8 +81,8 @@ class Experiment:
         return command
 
     def reading_at(self, read_at: float) -> Experiment:
-        """The same with another reading instant."""
-        return replace(self, drive=replace(self.drive, read_at=read_at))
+        """The same with another reading instant, unless the instants are known one by one."""
+        return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))
 
 
 def experiment(
@@ -101,12 +109,15 @@ def experiment(
         for signal in plant.observed
         if signal.name in recording.channels
     }
+    read_s = _read_s(recording, measured.name, plant)
     at = declared_read_at(recording) if read_at is None else read_at
-    grid_s, on_grid, interval_s = _even(recording, inputs)
+    if read_s is not None:
+        at = 0.0
+    grid_s, on_grid, interval_s = _even(recording, inputs, read_s)
     drive = Drive(on_grid, float(output[0]), interval_s, at or 0.0)
     return Experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
-        recording.time_s, drive, grid_s, output, observed, at is not None,
+        recording.time_s, drive, grid_s, output, observed, at is not None, read_s=read_s,
     )  # fmt: skip
 
 
@@ -137,12 +148,35 @@ def _input_units(plant: Plant, recording: Recording, first: str) -> list[str]:
     return [signal.unit for signal in plant.inputs]
 
 
-def _even(recording: Recording, inputs: Array) -> tuple[Array | None, Array, float]:
-    if recording.is_even():
+def _read_s(recording: Recording, output: str, plant: Plant) -> Array | None:
+    """When every sample was read that simulated ones are held against; None where that is the same in each sample.
+
+    A link that only says how long its readings take on the whole (`delay_s`) gives the same delay to every sample.
+    """
+    names = [output, *(signal.name for signal in plant.observed)]
+    stamps = np.array([_stamps(recording, name) for name in names])
+    return None if (stamps == recording.time_s).all() else stamps
+
+
+def _stamps(recording: Recording, name: str) -> Array:
+    if name not in recording.channels:
+        return recording.time_s
+    stamps = recording.stamps(name)
+    sampling = recording.meta.get("sampling")
+    if stamps is recording.time_s and isinstance(sampling, Mapping) and sampling.get("delays_s"):
+        return recording.time_s + float(sampling["delays_s"].get(name, 0.0))
+    return stamps
+
+
+def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Array | None, Array, float]:
+    if read_s is None and recording.is_even():
         return None, np.ascontiguousarray(inputs), recording.interval_s
     # Uneven stamps: inputs are held on a finer even grid, outputs are read at the stamps they really had.
     interval_s = recording.interval_s / _GRID_PER_UNEVEN_SAMPLE
-    start, stop = recording.time_s[0], recording.time_s[-1]
+    start, stop = (
+        recording.time_s[0],
+        recording.time_s[-1] if read_s is None else max(recording.time_s[-1], read_s.max()),
+    )
     grid_s = start + interval_s * np.arange(int(np.ceil((stop - start) / interval_s)) + 1)
     # A stamp that falls on the grid must not miss it by a rounding error: its input would come a step late.
     reached = np.searchsorted(recording.time_s, grid_s + 1e-6 * interval_s, side="right")

@@ -210,7 +210,9 @@ class _Fitted:
 
 
 def _record(recording: Recording, input_name: str, output_name: str, skip_s: float) -> _Record:
-    command, output = recording.values(input_name), recording.values(output_name)
+    command = recording.values(input_name)
+    # on the stamps of the command, along straight lines where each sample was read at a time of its own
+    output = np.interp(recording.time_s, recording.stamps(output_name), recording.values(output_name))
     judged = recording.time_s - recording.time_s[0] >= skip_s
     if np.count_nonzero(judged) < _LEAST_SAMPLES:
         raise InputError(

@@ -61,9 +61,10 @@ def frequency_responses(recording: Recording, input_name: str, output_name: str)
         harmonics = min(_harmonics(recording.time_s, segment) for segment in kept)
         fits = []
         for segment in kept:
-            stamps = recording.time_s[segment.samples]
+            part = segment.samples
             given, answer = (
-                sine_fit(stamps, c.values[segment.samples], segment.frequency_hz, harmonics=harmonics) for c in (u, y)
+                sine_fit(recording.stamps(c.name)[part], c.values[part], segment.frequency_hz, harmonics=harmonics)
+                for c in (u, y)
             )
             fits.append((given, answer))
         made.append(from_fits(recording.name, fits, (u.unit, y.unit), group[0].amplitude, group[0].bias))

@@ -115,7 +115,7 @@ def measured_steps(
         raise InputError(f"{recording.name}: channel '{command.heading}' holds no step")
     made = []
     for before, first, stop in zip([0, *edges], edges, [*edges[1:], len(recording)], strict=False):
-        made.append(_measured(recording, command.values, recording.values(output_name), before, first, stop, band))
+        made.append(_measured(recording, command.values, output_name, before, first, stop, band))
     return tuple(made)
 
 
@@ -159,9 +159,10 @@ def dead_time_explaining(rise_s: float, settling_s: float, band: float = 0.02) -
 
 
 def _measured(
-    recording: Recording, command: Array, output: Array, before: int, first: int, stop: int, band: float
+    recording: Recording, command: Array, output_name: str, before: int, first: int, stop: int, band: float
 ) -> MeasuredStep:
-    time_s = recording.time_s[first:stop] - recording.time_s[first]
+    time_s = recording.stamps(output_name)[first:stop] - recording.time_s[first]
+    output = recording.values(output_name)
     y = output[first:stop]
     rest = output[before:first][-max(1, (first - before) // 4) :]
     smooth = _smoothed(y)

@@ -105,6 +105,19 @@ class Recording:
             remedy = f"; the file states no unit: hil convert SRC DST --unit '{channel.name}={unit}'" if missing else ""
             raise UnitError(f"{self.name}: channel '{channel.heading}': {error}{remedy}") from None
 
+    def stamps(self, name: str) -> Array:
+        """When each sample of a channel was taken: `time_s`, and later where a link was asked for it afterwards.
+
+        Over a link every sample has a delay of its own, recorded beside it (`meta["sampling"]["delay_channels"]`).
+        """
+        sampling = self.meta.get("sampling")
+        delays = sampling.get("delay_channels") if isinstance(sampling, Mapping) else None
+        delay = (delays or {}).get(self.channel(name).name)
+        if delay is None or delay not in self.channels:
+            return self.time_s
+        late: Array = self.time_s + self.values(delay, "s")
+        return late
+
     def part(self, start_s: float, stop_s: float) -> Recording:
         """The samples with start_s ≤ time < stop_s, stamps unchanged."""
         first, end = np.searchsorted(self.time_s, [start_s, stop_s])
