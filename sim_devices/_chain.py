@@ -41,6 +41,7 @@ class OutputStage:
 
     Attributes:
         signal: the plant's input that it drives; empty when it goes nowhere.
+        pwm: carrier and dither of a PWM current output, which may be changed while it drives.
     """
 
     def __init__(self, channel: OutputChannel, instrument: Instrument, line: Line | None, bits: int) -> None:
@@ -48,16 +49,16 @@ class OutputStage:
         self._sensitivity = Sensitivity.of(instrument, line)
         self._converter = Converter.of(channel.kind, channel.low, channel.high, bits)
         self._low, self._high = channel.low, channel.high
-        self._pwm = channel.pwm
+        self.pwm = channel.pwm
 
     def drive(self, raw: Array, every: int, first_tick: int, tick_s: float) -> Array:
         """The plant's input at each tick, for values that each stand for `every` ticks."""
         values = self._converter.convert(raw)
         if every > 1:
             values = np.repeat(values, every)
-        if self._pwm is not None and self._pwm.dither_hz is not None:
+        if self.pwm is not None and self.pwm.dither_hz is not None:
             time_s = (first_tick + np.arange(len(values))) * tick_s
-            values += self._pwm.dither_amplitude * np.sin(2.0 * math.pi * self._pwm.dither_hz * time_s)
+            values += self.pwm.dither_amplitude * np.sin(2.0 * math.pi * self.pwm.dither_hz * time_s)
             np.clip(values, self._low, self._high, out=values)  # a current drive neither pulls nor exceeds itself
         return self._sensitivity.slope * values + self._sensitivity.offset
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from hil.clock import Clock, RealClock
-from hil.daq.channel import OutputChannel, Wiring
+from hil.daq.channel import OutputChannel, Pwm, Wiring
 from sim_devices._chain import InputStages, OutputStage
 from sim_devices._lines import lines_of
 from sim_devices._quirks import Quirks
@@ -73,6 +73,12 @@ class Field:
             self._catch_up()
             self._levels.update(values)
 
+    def modulate(self, channel: str, pwm: Pwm | None) -> None:
+        """Give a PWM current output this carrier and dither from now on."""
+        with self._lock:
+            self._catch_up()
+            self._stages[channel].pwm = pwm
+
     def read(self) -> dict[str, float]:
         """Every input now, by channel, in the terminal's unit."""
         with self._lock:
@@ -128,6 +134,11 @@ class Side:
         self._loose.update({terminal: value for terminal, value in values.items() if terminal not in self._outputs})
         if mine:
             self._field.drive(mine)
+
+    def modulate(self, terminal: str, pwm: Pwm | None) -> None:
+        """Give a PWM current output this carrier and dither; until then it has those that the bench file says."""
+        if terminal in self._outputs:
+            self._field.modulate(self._outputs[terminal], pwm)
 
     def read(self) -> dict[str, float]:
         """Every connected input by terminal."""

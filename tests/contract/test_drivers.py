@@ -49,6 +49,7 @@ CASES: dict[str, tuple[str, str, list[tuple[str, str]]]] = {
     "ascii inputs": ("ascii_module", "hpv41-mixed", [('model = "adam-4017"', f'model = "adam-4017"\n{QUICK}')]),
     "canopen": ("canopen_valve", "hpv41-canopen", []),
     "j1939": ("j1939_valve", "hpv41-j1939", []),
+    "pwm amplifier": ("pwm_amplifier", "cummins-efc-modbus", [FAST]),
 }
 
 

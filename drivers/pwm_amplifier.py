@@ -1,0 +1,106 @@
+"""PWM current amplifiers for one solenoid on Modbus: set current, carrier, dither, watchdog (register map of our own).
+
+No public manual of such an amplifier with its registers was at hand. **Every address, scale and range in this file is
+our choice**: the least that an amplifier of this kind has to offer. To drive a real one, put the numbers of its manual
+in their place, here and, from the manual again, in the twin.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from drivers.modbus import LineSettings, ModbusLink, Model, Register, line_faults
+from hil.daq.channel import OutputChannel, Terminal, Wiring
+from hil.daq.polled import PolledDaq
+from hil.errors import LinkError, SettingError
+
+SET_CURRENT, CARRIER, WATCHDOG = 0, 1, 4
+"""Holding registers: set current [mA], carrier [Hz], dither [0.1 Hz], its peak [mA], watchdog [0.1 s]."""
+STATUS = 2
+"""Input register, behind coil current [mA] and coil voltage [10 mV]: a bit for each fault."""
+FAULTS = ("its watchdog expired", "the coil is open", "the coil is shorted", "it is too hot")
+MODEL = Model(
+    {
+        "current": Register("out", "pwm_current", "A", 0.0, 3.0, "holding", SET_CURRENT, slope=1e-3),
+        "coil current": Register("in", "current", "A", 0.0, 3.3, "input", 0, slope=1e-3),
+        "coil voltage": Register("in", "voltage", "V", 0.0, 36.0, "input", 1, slope=1e-2),
+    },
+    watchdog=((WATCHDOG, "{tenths}"),),
+)
+_CARRIER_HZ, _DITHER_HZ, _DITHER_A = (100.0, 5000.0), (10.0, 500.0), (0.0, 0.5)
+
+
+class Settings(LineSettings):
+    """What `[devices.NAME]` may say: how the amplifier is reached. Carrier and dither are the channel's `pwm`."""
+
+
+def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What is wrong beyond the types."""
+    yield from line_faults(settings, MODEL)
+
+
+def terminals(_settings: Settings) -> dict[str, Terminal]:
+    """The current that it drives, and what it measures at the coil: means over a period of the PWM."""
+    return MODEL.terminals
+
+
+def open_link(settings: Settings, wiring: Wiring) -> PwmAmplifierLink:
+    """The amplifier, its watchdog armed, carrier and dither set."""
+    return PwmAmplifierLink(settings, wiring)
+
+
+def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
+    """The amplifier alone as a DAQ."""
+    return PolledDaq({"amplifier": open_link(settings, wiring)}, {"amplifier": wiring})
+
+
+class PwmAmplifierLink(ModbusLink):
+    """An amplifier (see `hil.daq.polled.Link`). It makes the dither by itself, so that polling need not be fast.
+
+    Raises:
+        SettingError: a carrier or dither that it does not make.
+    """
+
+    def __init__(self, settings: Settings, wiring: Wiring) -> None:
+        self._modulation = [count for channel in wiring.outputs.values() for count in modulation(channel)]
+        super().__init__(settings, wiring, MODEL)
+        try:
+            if self._modulation:
+                self._ask(16, CARRIER, values=self._modulation)
+        except BaseException:
+            self.close()
+            raise
+
+    def _outputs_stand(self) -> None:
+        """Twice a second: the current, carrier and dither are still as they were set, and no fault is reported."""
+        (status,) = self._ask(4, STATUS)
+        if status:
+            told = [text for bit, text in enumerate(FAULTS) if status >> bit & 1] or [f"status {status:#06x}"]
+            raise LinkError(f"the amplifier reports a fault: {', '.join(told)}")
+        super()._outputs_stand()
+        if self._ask(3, CARRIER, count=len(self._modulation)) != self._modulation:
+            raise LinkError("carrier and dither are not as they were set: it restarted, or another master writes to it")
+
+
+def modulation(channel: OutputChannel) -> list[int]:
+    """Carrier, dither frequency and dither amplitude as the registers have them.
+
+    Raises:
+        SettingError: one is beyond what the amplifier makes.
+    """
+    pwm = channel.pwm
+    if pwm is None:
+        return []
+    told = [("carrier_hz", pwm.carrier_hz, "Hz", _CARRIER_HZ)]
+    if pwm.dither_hz is not None:
+        told += [
+            ("dither_hz", pwm.dither_hz, "Hz", _DITHER_HZ),
+            ("dither_amplitude", pwm.dither_amplitude, "A", _DITHER_A),
+        ]
+    for key, value, unit, (low, high) in told:
+        if not low <= value <= high:
+            raise SettingError(
+                f"'{channel.name}': pwm.{key} = {value:g} {unit}; the amplifier makes {low:g} … {high:g} {unit}"
+            )
+    dither_hz, amplitude = (0.0, 0.0) if pwm.dither_hz is None else (pwm.dither_hz, pwm.dither_amplitude)
+    return [round(pwm.carrier_hz), round(10.0 * dither_hz), round(1000.0 * amplitude)]

@@ -1,0 +1,199 @@
+"""The PWM current amplifier and its twin: what is set, restart, watchdog, faults, and a coil measured over it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from drivers import pwm_amplifier
+from hil.bench.open import open_rig
+from hil.clock import VirtualClock
+from hil.daq.channel import InputChannel, OutputChannel, Pwm, Wiring
+from hil.errors import LinkError, SettingError
+from hil.record.read import read_recording
+from hil.session.procedure import load_procedure
+from sim_devices._field import Field, Side
+from sim_devices._modbus_frames import Refused, answered
+from sim_devices._modbus_table import serve_registers
+from sim_devices._quirks import Quirks
+from sim_devices._simulation import Simulation
+from sim_devices.pwm_amplifier import Amplifier
+from tests.links import served
+
+OUT = OutputChannel("current", "current", "pwm_current", "A", 0.0, 3.0, pwm=Pwm(1000.0, 125.0, 0.02))
+WIRING = Wiring(
+    {"current": OUT},
+    {
+        "coil current": InputChannel("coil current", "coil current", "current", "A", 0.0, 3.3),
+        "coil voltage": InputChannel("coil voltage", "coil voltage", "voltage", "V", 0.0, 36.0),
+    },
+)
+SIMULATION = Simulation.model_validate({
+    "plant": "efc-drive",
+    "instruments": {
+        "current": {"direction": "out", "signal": "current", "unit": "A"},
+        "coil current": {"signal": "current", "unit": "A"}, "coil voltage": {"signal": "coil voltage", "unit": "V"},
+    },
+})  # fmt: skip
+
+
+def side(clock: VirtualClock | None = None) -> Side:
+    return Field(SIMULATION, {"amplifier": WIRING}, clock).side("amplifier")
+
+
+@contextmanager
+def linked(channel: OutputChannel = OUT, **settings: Any) -> Iterator[tuple[Any, Amplifier]]:
+    """A driver's link to a served twin."""
+    terminals = side()
+    told = {"timeout_s": 0.1, "longest_reply_s": 0.2, "watchdog_s": 0.3, "address": "127.0.0.1:0", **settings}
+    amplifier = Amplifier(terminals, told)
+    server = serve_registers(amplifier, told, terminals, Quirks())
+    try:
+        checked = pwm_amplifier.Settings.model_validate({**told, "address": server.where})
+        link = pwm_amplifier.open_link(checked, replace(WIRING, outputs={"current": channel}))
+        try:
+            yield link, amplifier
+        finally:
+            link.close()
+    finally:
+        server.close()
+
+
+def test_current_carrier_and_dither_are_what_the_bench_says() -> None:
+    with linked() as (link, amplifier):
+        link.drive({"current": 1.2344})
+        assert [amplifier.holding(address) for address in range(5)] == [1234, 1000, 1250, 20, 3]
+        assert amplifier.side.standing("current") == pytest.approx(1.234)
+        assert link.standing() == {"current": pytest.approx(1.234)}
+
+
+def test_without_dither_there_is_none() -> None:
+    with linked(replace(OUT, pwm=Pwm(400.0))) as (_, amplifier):
+        assert [amplifier.holding(address) for address in (1, 2, 3)] == [400, 0, 0]
+
+
+def test_dither_moves_the_coil_only_once_it_is_set() -> None:
+    clock = VirtualClock()
+    terminals = side(clock)
+    amplifier = Amplifier(terminals, {})
+    amplifier.write(0, 1500)
+
+    def swing() -> float:
+        clock.now_s += 0.5
+        readings = []
+        for _ in range(40):
+            clock.now_s += 0.001
+            readings.append(terminals.number("coil current"))
+        return float(np.ptp(readings))
+
+    assert swing() < 1e-3
+    for address, count in ((2, 1250), (3, 20)):
+        amplifier.write(address, count)
+    assert swing() == pytest.approx(0.04, rel=0.2)
+    amplifier.restart()
+    amplifier.write(0, 1500)
+    assert swing() < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("pwm", "text"),
+    [
+        (Pwm(20_000.0), r"'current': pwm.carrier_hz = 20000 Hz; the amplifier makes 100 … 5000 Hz"),
+        (Pwm(1000.0, 5.0, 0.1), r"pwm.dither_hz = 5 Hz; the amplifier makes 10 … 500 Hz"),
+        (Pwm(1000.0, 100.0, 0.7), r"pwm.dither_amplitude = 0.7 A; the amplifier makes 0 … 0.5 A"),
+    ],
+)
+def test_what_it_does_not_make_is_refused_before_it_is_connected(pwm: Pwm, text: str) -> None:
+    settings = pwm_amplifier.Settings(address="127.0.0.1:1")
+    with pytest.raises(SettingError, match=text):
+        pwm_amplifier.open_link(settings, replace(WIRING, outputs={"current": replace(OUT, pwm=pwm)}))
+
+
+@pytest.mark.parametrize(
+    ("status", "text"),
+    [(0b0010, "the coil is open$"), (0b1100, "the coil is shorted, it is too hot$"), (0x10, "status 0x0010$")],
+)
+def test_faults_that_it_reports_are_errors(status: int, text: str) -> None:
+    with linked() as (link, amplifier):
+        link.drive({"current": 0.0})
+        amplifier.status = status
+        with pytest.raises(LinkError, match=f"^the amplifier reports a fault: {text}"):
+            _read_until_looked_at(link)
+
+
+def test_restart_at_zero_current_is_noticed_by_its_dither() -> None:
+    with linked() as (link, amplifier):
+        link.drive({"current": 0.0})
+        amplifier.restart()
+        with pytest.raises(LinkError, match="carrier and dither are not as they were set: it restarted"):
+            _read_until_looked_at(link)
+
+
+def _read_until_looked_at(link: Any) -> None:
+    until_s = time.monotonic() + 1.0
+    while time.monotonic() < until_s:
+        link.read()
+        time.sleep(0.02)
+
+
+def test_expired_watchdog_lets_no_current_through_until_it_is_set_anew() -> None:
+    clock = VirtualClock()
+    amplifier = Amplifier(side(clock), {})
+    amplifier.heard()
+    amplifier.write(4, 3)
+    amplifier.write(0, 1500)
+    clock.now_s += 0.29
+    amplifier.tick()
+    assert amplifier.side.standing("current") == 1.5
+    clock.now_s += 0.02
+    amplifier.tick()
+    assert amplifier.side.standing("current") == 0.0 and amplifier.input(2) == 0b0001
+    assert answered(bytes.fromhex("06 00 00 05 DC"), amplifier).hex(" ") == "86 04"
+    assert answered(bytes.fromhex("06 00 00 00 00"), amplifier).hex(" ") == "06 00 00 00 00"
+    amplifier.write(4, 3)
+    amplifier.may_write(0, 1500)
+    assert amplifier.input(2) == 0
+
+
+@pytest.mark.parametrize(
+    ("address", "count", "code"), [(0, 3001, 3), (1, 99, 3), (1, 5001, 3), (2, 5001, 3), (3, 501, 3), (5, 0, 2)]
+)
+def test_twin_refuses_what_is_out_of_range(address: int, count: int, code: int) -> None:
+    amplifier = Amplifier(side(VirtualClock()), {})
+    with pytest.raises(Refused) as refused:
+        amplifier.may_write(address, count)
+    assert refused.value.code == code
+
+
+def test_driver_after_the_watchdog_expired_drives_again_when_it_is_opened_anew() -> None:
+    with linked() as (link, amplifier):
+        link.drive({"current": 1.0})
+        time.sleep(0.4)
+        assert amplifier.side.standing("current") == 0.0
+        with pytest.raises(LinkError, match="longer than its watchdog"):
+            link.read()
+        with pytest.raises(LinkError, match="refused with exception 4"):
+            link.drive({"current": 1.0})
+        link.drive({"current": 0.0})  # what is safe is always taken
+    with linked() as (link, amplifier):
+        link.drive({"current": 1.0})
+        assert amplifier.side.standing("current") == 1.0
+
+
+def test_coil_of_an_efc_is_measured_over_the_link(tmp_path: Path) -> None:
+    procedure = load_procedure("electrical_check")
+    with served("cummins-efc-modbus", tmp_path) as (file, _):
+        settings = {"repeats": 2, "hold_s": 0.4}
+        with open_rig(file, tmp_path / "run", {"settings": settings}, lambda _d, _t: None) as rig:
+            procedure.run(rig, **settings)
+        measured = procedure.evaluate(read_recording(tmp_path / "run")).measured
+    resistance = next(quantity for quantity in measured if quantity.name.startswith("coil_resistance"))
+    assert resistance.std is not None
+    assert abs(resistance.value - 2.1) < 3.0 * resistance.std + 0.03
