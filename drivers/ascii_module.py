@@ -11,6 +11,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._line import Line
+from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import LinkError
@@ -100,14 +101,14 @@ class AsciiModuleLink:
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         self._model = MODELS[settings.model]
-        self.watchdog_s = settings.watchdog_s
-        self.keep_alive_s = settings.watchdog_s / 3.0 if settings.watchdog_s is not None else None
+        self._watchdog = DeviceWatchdog(settings.watchdog_s, "module")
+        self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
         self._line = Line(settings.address, settings.baud, "\r", settings.timeout_s, settings.longest_reply_s)
         self._at = f"{settings.module:02X}"
         self._inputs = [channel.terminal for channel in wiring.inputs.values()]
         self._outputs = [channel.terminal for channel in wiring.outputs.values()]
         self._driven: dict[str, float] = {}
-        self._heard_s = self._checked_s = time.monotonic()
+        self._checked_s = time.monotonic()
         try:
             self._recognise()
             if self.watchdog_s is not None:
@@ -186,14 +187,9 @@ class AsciiModuleLink:
             raise LinkError(f"the module refuses {request}")
         if not answer.startswith(begins):
             raise self._line.failed(f"'{answer}' is no answer to {request}")
-        self._heard_s = time.monotonic()
+        self._watchdog.heard()
         return answer.removeprefix(begins)
 
     def _watchdog_has_not_expired(self) -> None:
-        silent_s = time.monotonic() - self._heard_s
-        if self.watchdog_s is not None and self._driven and silent_s > self.watchdog_s:
-            self._heard_s = time.monotonic()
-            raise LinkError(
-                f"nothing was asked for {silent_s:.3g} s, longer than its watchdog of {self.watchdog_s:g} s: the "
-                f"module has made its outputs safe"
-            )
+        if self._driven:
+            self._watchdog.check()

@@ -11,6 +11,7 @@ from typing import Any, Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
+from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Direction, Kind, Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError
@@ -240,8 +241,8 @@ class ModbusLink:
     """
 
     def __init__(self, settings: LineSettings, wiring: Wiring, model: Model) -> None:
-        self.watchdog_s = settings.watchdog_s
-        self.keep_alive_s = settings.watchdog_s / 3.0 if settings.watchdog_s is not None else None
+        self._watchdog = DeviceWatchdog(settings.watchdog_s)
+        self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
         self._settings, self._model = settings, model
         self._order: WordOrder = settings.word_order or model.word_order
         used = {c.terminal for c in wiring.outputs.values()} | {c.terminal for c in wiring.inputs.values()}
@@ -249,7 +250,7 @@ class ModbusLink:
         self._out = stretches({name: r for name, r in chosen.items() if r.direction == "out"})
         self._in = stretches({name: r for name, r in chosen.items() if r.direction == "in"})
         self._driven: dict[str, int] = {}
-        self._checked_s = self._heard_s = time.monotonic()
+        self._checked_s = time.monotonic()
         self._quiet_until_s = 0.0
         self._client = _client(settings)
         try:
@@ -360,13 +361,8 @@ class ModbusLink:
                 )
 
     def _watchdog_has_not_expired(self) -> None:
-        silent_s = time.monotonic() - self._heard_s
-        if self.watchdog_s is not None and self._driven and silent_s > self.watchdog_s:
-            self._heard_s = time.monotonic()
-            raise LinkError(
-                f"nothing was asked for {silent_s:.3g} s, longer than its watchdog of {self.watchdog_s:g} s: the "
-                f"device has made its outputs safe"
-            )
+        if self._driven:
+            self._watchdog.check()
 
     def _plausible(self, name: str, register: Register, words: Sequence[int]) -> float:
         """A reading within the terminal's range; what is a little beyond stands at its end.
@@ -411,7 +407,7 @@ class ModbusLink:
             self._fail(error, DeviceLostError, "the connection is lost")
         except (ModbusException, OSError) as error:
             self._fail(error, LinkError, f"no valid answer within {self._settings.timeout_s:g} s")
-        self._heard_s = time.monotonic()
+        self._watchdog.heard()
         if answer.isError():
             raise LinkError(
                 f"function {function} at register {address:#06x} is refused with exception {answer.exception_code}"

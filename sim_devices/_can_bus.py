@@ -9,8 +9,8 @@ from collections.abc import Iterator
 from contextlib import suppress
 from typing import Any, Protocol
 
-from hil.errors import FileError
 from sim_devices._field import Side
+from sim_devices._listener import Listener
 from sim_devices._quirks import Behaviour, Quirks
 
 _TICK_S = 0.01
@@ -50,16 +50,8 @@ class Hub:
     """
 
     def __init__(self, host: str, port: int) -> None:
-        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            self._listener.bind((host, port))
-        except OSError as error:
-            self._listener.close()
-            raise FileError(f"{host}:{port}: cannot listen there: {error.strerror}") from None
-        self._listener.listen()
-        self._listener.settimeout(0.2)
-        self.host, self.port = self._listener.getsockname()
+        self._listener = Listener(host, port)
+        self.host, self.port = self._listener.host, self._listener.port
         self._ended = threading.Event()
         self._lock = threading.Lock()
         self._members: dict[socket.socket, float] = {}  # and from when on they may be told of frames
@@ -85,14 +77,7 @@ class Hub:
         thread.start()
 
     def _accept(self) -> None:
-        while not self._ended.is_set():
-            try:
-                member, _ = self._listener.accept()
-            except TimeoutError:
-                continue
-            except OSError:
-                return
-            member.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for member in self._listener.clients():
             member.settimeout(None)
             with suppress(OSError):
                 member.sendall(b"< hi >")

@@ -15,6 +15,7 @@ from typing import Protocol
 
 from hil.errors import FileError
 from sim_devices._field import Side
+from sim_devices._listener import Listener
 from sim_devices._quirks import Behaviour, Quirks
 
 _CHUNK = 4096
@@ -124,16 +125,8 @@ class TcpServer(StreamServer):
     """
 
     def __init__(self, device: Device, side: Side, quirks: Quirks, host: str, port: int) -> None:
-        self._listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-        self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            self._listener.bind((host, port))
-        except OSError as error:
-            self._listener.close()
-            raise FileError(f"{host}:{port}: cannot listen there: {error.strerror}") from None
-        self._listener.listen()
-        self._listener.settimeout(0.2)
-        self.host, self.port = self._listener.getsockname()
+        self._listener = Listener(host, port)
+        self.host, self.port = self._listener.host, self._listener.port
         super().__init__(device, side, quirks, f"{self.host}:{self.port}")
         self._clients: list[socket.socket] = []
         self._start(self._accept)
@@ -154,14 +147,7 @@ class TcpServer(StreamServer):
         self._clients = []
 
     def _accept(self) -> None:
-        while not self._ended.is_set():
-            try:
-                client, _ = self._listener.accept()
-            except TimeoutError:
-                continue
-            except OSError:
-                return
-            client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for client in self._listener.clients():
             client.settimeout(0.2)
             self._clients.append(client)
             self._start(self._serve_client, client)
