@@ -1,4 +1,10 @@
-"""ASCII I/O modules in the ADAM-4000 style on RS-485: `#AA` reads, `#AACn` sets, with the module's watchdog."""
+"""ASCII I/O modules in the ADAM-4000 style on RS-485: `#AA` reads, `#AACn` sets, with the module's watchdog.
+
+Commands are those of the ADAM-4000 Series User's Manual, the 4024's on its pages 6-20 and 6-21. Its editions differ in
+how a 4024 is told the time of its watchdog: `$AAXnnnn`, as the other modules and as here, or `$AAX0nnnn`; a module
+that does not take this cannot be opened with `watchdog_s`. The last value that it was sent (`$AA6Cn`) is all that a
+4024 tells of an output: where its own watchdog has put it is not to be seen there.
+"""
 
 from __future__ import annotations
 
@@ -18,6 +24,7 @@ from hil.errors import LinkError
 
 _CHECK_S = 0.5  # how often outputs are read back
 _VALUE = re.compile(r"[+-]\d+\.\d+")
+_VOLTS = "32"  # code of an output type: −10 … +10 V; 30 and 31 are currents
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +125,7 @@ class AsciiModuleLink:
             raise
 
     def standing(self) -> dict[str, float]:
-        """Where the outputs stand, read back."""
+        """What the outputs were told last, or have from power-on, read back."""
         return {name: self._read_back(name) for name in self._outputs}
 
     def drive(self, values: Mapping[str, float]) -> None:
@@ -133,7 +140,7 @@ class AsciiModuleLink:
             self._driven[name] = float(request[-7:])
 
     def read(self) -> dict[str, float]:
-        """All inputs in one answer, and now and then whether outputs still stand where they were driven."""
+        """All inputs in one answer, and now and then whether outputs still have what they were told."""
         self._watchdog_has_not_expired()
         readings: dict[str, float] = {}
         if self._inputs:
@@ -147,7 +154,7 @@ class AsciiModuleLink:
         return readings
 
     def check_outputs(self) -> None:
-        """See that outputs still stand where they were driven.
+        """See that outputs were told last what we told them.
 
         Raises:
             LinkError: one does not.
@@ -157,8 +164,8 @@ class AsciiModuleLink:
             stands = self._read_back(name)
             if abs(stands - driven) > 2e-3:
                 raise LinkError(
-                    f"{name} stands at {stands:.4g} V, not at {driven:.4g} as it was driven: the module restarted, its "
-                    f"watchdog expired, or another master writes to it"
+                    f"{name} was last told {stands:.4g} V, not {driven:.4g} as it was driven: the module restarted, or "
+                    f"another master writes to it"
                 )
 
     def close(self) -> None:
@@ -173,8 +180,14 @@ class AsciiModuleLink:
         if name != self._model.name:
             raise LinkError(f"module {self._at} is a '{name}', not a {self._model.name}")
 
+        for output in self._outputs:
+            if (kind := self._ask(f"$%8C{output[2:]}", f"!%C{output[2:]}")[-2:]) != _VOLTS:
+                raise LinkError(
+                    f"{output} is of output type {kind}, not {_VOLTS} (−10 … +10 V): set it with $AA7CnR{_VOLTS}"
+                )
+
     def _read_back(self, name: str) -> float:
-        text = self._ask(f"$%8C{name[2:]}", "!%")
+        text = self._ask(f"$%6C{name[2:]}", "!%")
         if not _VALUE.fullmatch(text):
             raise self._line.failed(f"no number in the read-back '{text}'")
         return float(text)

@@ -21,7 +21,8 @@ _VALUE = r"[+-]\d{2}\.\d{3}"
 class Module(TextDevice):
     """A module at an address. To a syntax error or another address it says nothing; `?AA` refuses.
 
-    When its watchdog expires, outputs go to zero; the next command is taken again.
+    When its watchdog expires, outputs go to zero; the next command is taken again. Asked for the last value of an
+    output it tells what it was sent, not that.
     """
 
     end = b"\r"
@@ -30,6 +31,7 @@ class Module(TextDevice):
         super().__init__(side)
         self._name, self._outputs, self._inputs, self._at = name, outputs, inputs, f"{at:02X}"
         self._watchdog_s = 0.0
+        self._last = [side.standing(f"ao{i}") for i in range(outputs)]
 
     def answer_to(self, request: str) -> str | None:
         """The answer, None for none."""
@@ -43,6 +45,7 @@ class Module(TextDevice):
     def restart(self) -> None:
         """Outputs zero, watchdog off."""
         self._watchdog_s = 0.0
+        self._last = [0.0] * self._outputs
         self._zero()
 
     def tick(self) -> None:
@@ -56,8 +59,8 @@ class Module(TextDevice):
         if lead == "$" and (found := re.fullmatch(r"X(\d{4})", body)):
             self._watchdog_s = 0.1 * int(found[1])
             return f"!{self._at}"
-        if lead == "$" and (found := re.fullmatch(r"8C(\d)", body)):
-            return self._channel(found[1], f"!{self._at}{self.side.standing(f'ao{found[1]}'):+07.3f}")
+        if lead == "$" and (found := re.fullmatch(r"([68])C(\d)", body)):
+            return self._told(found[1], int(found[2]))
         if lead == "#" and (found := re.fullmatch(rf"C(\d)({_VALUE})", body)):
             return self._set(found[1], float(found[2]))
         if lead == "#" and not body and self._inputs:
@@ -67,11 +70,15 @@ class Module(TextDevice):
     def _set(self, channel: str, volts: float) -> str:
         if int(channel) >= self._outputs or abs(volts) > 10.0:
             return f"?{self._at}"
+        self._last[int(channel)] = volts
         self.side.drive({f"ao{channel}": volts})
         return f"!{self._at}"
 
-    def _channel(self, channel: str, answer: str) -> str:
-        return answer if int(channel) < self._outputs else f"?{self._at}"
+    def _told(self, what: str, channel: int) -> str:
+        """The last value of an output, or its type: 32 is ±10 V."""
+        if channel >= self._outputs:
+            return f"?{self._at}"
+        return f"!{self._at}{self._last[channel]:+07.3f}" if what == "6" else f"!{self._at}C{channel}32"
 
     def _read(self, i: int) -> float:
         return max(-10.0, min(10.0, self.side.number(f"ai{i}")))

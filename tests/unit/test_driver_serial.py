@@ -48,14 +48,19 @@ def by_hand(wiring: Wiring) -> Side:
 
 @contextmanager
 def linked(
-    driver: ModuleType, twin: ModuleType, wiring: Wiring, quirks: Quirks | None = None, **settings: Any
+    driver: ModuleType,
+    twin: ModuleType,
+    wiring: Wiring,
+    quirks: Quirks | None = None,
+    used: Wiring | None = None,
+    **settings: Any,
 ) -> Iterator[tuple[Any, Any, Side]]:
     side = twin.world(SIMULATION, {"": wiring}).side("")
     told = {"address": "socket://127.0.0.1:0", **QUICK, **settings}
     served = twin.serve(told, side, quirks or Quirks())
     told["address"] = served.where
     try:
-        link = driver.open_link(driver.Settings.model_validate(told), wiring)
+        link = driver.open_link(driver.Settings.model_validate(told), used or wiring)
         try:
             yield link, served, side
         finally:
@@ -76,7 +81,8 @@ def test_lines_of_the_module_as_its_manual_prints_them() -> None:
     side = by_hand(MODULE)
     told = module_twin.Module(side, "4024", 4, 0, 0x0A)
     conversation = [
-        ("$0AM", "!0A4024"), ("#0AC0+07.456", "!0A"), ("$0A8C0", "!0A+07.456"), ("$0AX0100", "!0A"),
+        ("$0AM", "!0A4024"), ("#0AC0+07.456", "!0A"), ("$0A6C0", "!0A+07.456"), ("$0AX0100", "!0A"),
+        ("$0A8C2", "!0AC232"), ("$0A8C4", "?0A"), ("$0A6C4", "?0A"),
         ("#0AC4+01.000", "?0A"), ("#0AC0+7.456", None), ("$0BM", None), ("", None), ("#0A", None),
     ]  # fmt: skip
     for request, answer in conversation:
@@ -97,10 +103,10 @@ def test_module_is_driven_and_read_back() -> None:
 
 
 def test_module_with_inputs_is_read() -> None:
-    with linked(ascii_module, module_twin, INPUTS, model="adam-4017") as (link, _, side):
+    used = Wiring({}, INPUTS.inputs)
+    with linked(ascii_module, module_twin, INPUTS, used=used, model="adam-4017") as (link, _, side):
         side.drive({"unused": 4.5})
         time.sleep(0.003)
-        link._outputs = []
         assert link.read() == {"ai2": pytest.approx(4.5, abs=2e-3)}
 
 
@@ -119,8 +125,21 @@ def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices() ->
         assert side.standing("ao0") == 0.0
         with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s"):
             link.read()
-        with pytest.raises(LinkError, match="ao0 stands at 0 V, not at 5 as it was driven"):
+        link.check_outputs()  # the module tells what it was sent last; only the driver's own clock gives it away
+
+
+def test_another_master_is_noticed() -> None:
+    with module() as (link, served, _):
+        link.drive({"ao0": 5.0})
+        served._device.answer_to("#01C0+01.000")
+        with pytest.raises(LinkError, match="ao0 was last told 1 V, not 5 as it was driven"):
             link.check_outputs()
+
+
+def test_output_that_is_set_to_give_a_current_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module_twin.Module, "_told", lambda self, what, channel: "!01C030")
+    with pytest.raises(LinkError, match="ao0 is of output type 30, not 32"), module():
+        pass
 
 
 def test_scanner_is_driven_and_read() -> None:
@@ -210,9 +229,13 @@ def test_meter_without_a_measurement_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("quirk", ["late_s", "silent", "garbled", "cut"])
-@pytest.mark.parametrize("make", [scanner, module], ids=["scpi", "module"])
-def test_bad_answer_is_an_error_and_the_next_one_is_right(make: Any, quirk: str) -> None:
-    with make() as (link, served, side):
+@pytest.mark.parametrize(
+    ("make", "elsewhere"),
+    [(scanner, "SOUR:VOLT -5,(@204)"), (module, "#01C0-05.000")],
+    ids=["scpi", "module"],
+)
+def test_bad_answer_is_an_error_and_the_next_one_is_right(make: Any, elsewhere: str, quirk: str) -> None:
+    with make() as (link, served, _):
         (terminal,) = link.standing()
         link.drive({terminal: 5.0})
         late = 0.15  # after the next request, were it sent at once
@@ -221,7 +244,7 @@ def test_bad_answer_is_an_error_and_the_next_one_is_right(make: Any, quirk: str)
             served.behaviour.mangled = lambda answer, quirks: b"\xff" + answer if quirks.garbled else answer
         with pytest.raises(LinkError):
             link.standing()
-        side.drive({terminal: -5.0})
+        served._device.answer_to(elsewhere)
         assert link.standing() == {terminal: pytest.approx(-5.0)}
 
 
