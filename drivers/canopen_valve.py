@@ -1,4 +1,8 @@
-"""Proportional valves on CANopen, device profile CiA 408: state machine, set point, actual value, heartbeat, EMCY."""
+"""Proportional valves on CANopen, device profile CiA 408: state machine, set point, actual value, heartbeat, EMCY.
+
+Objects, states and identifiers are those of CiA 301 and CiA 408, and of a manual of Moog's valves. Our choice are the
+node that sends our heartbeat (127), and that status word and actual value are what TPDO 1 is made to carry.
+"""
 
 from __future__ import annotations
 

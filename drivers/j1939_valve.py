@@ -1,4 +1,8 @@
-"""Auxiliary valves on J1939/ISOBUS: flow command each 100 ms, estimated flow back (ISO 11783-7)."""
+"""Auxiliary valves on J1939/ISOBUS: flow command each 100 ms, estimated flow back (ISO 11783-7).
+
+Parameter groups and their bytes are those of ISO 11783-7. The addresses that stand in when the bench file says none,
+ours (0x26) and the valve's (0x80), are our choice.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,9 @@
-"""Modbus TCP and RTU: analogue I/O modules and flow meters, each a register map in this file."""
+"""Modbus TCP and RTU: analogue I/O modules and flow meters, each a register map in this file.
+
+Registers of the WAGO coupler and of the ioLogik modules are those of their manuals, but which modules sit behind the
+coupler, and in which order, is our choice. **The whole map of `flow-meter` is our choice**: makers agree on nothing
+but on floats in two registers each; put those of the meter's manual in its place.
+"""
 
 from __future__ import annotations
 
@@ -110,9 +115,9 @@ def _analogue(
 
 
 MODELS: Mapping[str, Model] = {
-    # WAGO 750-352 with 750-557 (4 AO) and 750-457 (4 AI): ±10 V are ±0x7FFF in two's complement, inputs from 0x0000,
-    # outputs from 0x0000 and read back from 0x0200. Unless the watchdog is armed, outputs keep their last value when
-    # the link fails; the alternative one (0x100A) starts with the first request and sets outputs to zero.
+    # WAGO 750-352 with 750-557 (4 AO) and 750-457 (4 AI), our choice of modules: ±10 V are ±0x7FFF in two's complement,
+    # inputs from 0x0000, outputs from 0x0000 and read back from 0x0200. Unless the watchdog is armed, outputs keep their
+    # last value when the link fails; the alternative one (0x100A) starts with the first request and sets outputs to zero.
     "wago-750": Model(
         {
             **_analogue(4, "ao", "out", "holding", 0x0000, low=-10.0, high=10.0, format="s16",
@@ -128,7 +133,8 @@ MODELS: Mapping[str, Model] = {
     ),
     # Moxa ioLogik E1240: 8 AI of 16 bit, 0 … 10 V.
     "iologik-e1240": Model(_analogue(8, "ai", "in", "input", 0x0000, low=0.0, high=10.0, slope=10.0 / 0xFFFF)),
-    # A flow meter with floats: flow [l/min] and oil temperature [°C] in two input registers each.
+    # A flow meter with floats: flow [l/min] and oil temperature [°C] in two input registers each; addresses and ranges
+    # are ours, of no maker.
     "flow-meter": Model(
         {
             "flow": Register("in", "value", "l/min", -500.0, 500.0, "input", 0, "f32"),

@@ -1,8 +1,8 @@
 """PWM current amplifiers for one solenoid on Modbus: set current, carrier, dither, watchdog (register map of our own).
 
 No public manual of such an amplifier with its registers was at hand. **Every address, scale and range in this file is
-our choice**: the least that an amplifier of this kind has to offer. To drive a real one, put the numbers of its manual
-in their place, here and, from the manual again, in the twin.
+our choice**: the least that an amplifier of this kind has to offer. To drive a real one, put the numbers of its
+manual in their place, here and, from the manual again, in the twin.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""SCPI instruments on a serial line or socket: sources and meters; every command is acknowledged by the error queue."""
+"""SCPI instruments on a serial line or socket: sources and meters; every command is acknowledged by the error queue.
+
+Common commands and the error queue are those of IEEE 488.2 and SCPI. **The two models are our choice**, of no maker:
+headers as instruments of their kind commonly have them; which channels they have, how these are numbered and what
+ranges they have is ours. For a real instrument, put what its manual says in their place.
+"""
 
 from __future__ import annotations
 
