@@ -116,8 +116,9 @@ def _analogue(
 
 MODELS: Mapping[str, Model] = {
     # WAGO 750-352 with 750-557 (4 AO) and 750-457 (4 AI), our choice of modules: ±10 V are ±0x7FFF in two's complement,
-    # inputs from 0x0000, outputs from 0x0000 and read back from 0x0200. Unless the watchdog is armed, outputs keep their
-    # last value when the link fails; the alternative one (0x100A) starts with the first request and sets outputs to zero.
+    # inputs from 0x0000, outputs from 0x0000 and read back from 0x0200. Unless the watchdog is armed, outputs keep
+    # their last value when the link fails; the alternative one (0x100A) starts with the first request and sets outputs
+    # to zero.
     "wago-750": Model(
         {
             **_analogue(4, "ao", "out", "holding", 0x0000, low=-10.0, high=10.0, format="s16",
