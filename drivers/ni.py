@@ -1,19 +1,28 @@
-"""NI multi-function DAQ through NI-DAQmx: outputs and inputs on one clock. Not run on hardware yet."""
+"""NI multi-function DAQ through NI-DAQmx: outputs, inputs and PWM counters on one clock. Not run on hardware yet."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat, PositiveInt
 
+from drivers._ni_counters import Counters
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Block, Promises, Waveform
-from hil.errors import DeviceLostError, HardwareError, LinkError, OutputUnderflowError, OverrunError
+from hil.errors import (
+    DeviceLostError,
+    HardwareError,
+    LinkError,
+    OutputUnderflowError,
+    OverrunError,
+    SettingError,
+)
 from hil.record.recording import Array
 
 _CLOCK_HZ = 20e6  # sample clocks are divided from it
@@ -33,6 +42,8 @@ class Settings(BaseModel):
     Attributes:
         device: as NI MAX names it.
         outputs, inputs: how many the device has.
+        counters: how many of its counters may be PWM outputs; they must know sample-clocked pulses (X Series).
+        pwm_hz: frequency of their pulses.
         wiring: of the inputs: against ground, against AI SENSE, or in pairs.
         skew_s: from one input to the next; the driver sets the convert clock so.
         highest_rate_hz: of the outputs.
@@ -43,6 +54,8 @@ class Settings(BaseModel):
     device: str = "Dev1"
     outputs: PositiveInt = 2
     inputs: PositiveInt = 16
+    counters: NonNegativeInt = 0
+    pwm_hz: PositiveFloat = Field(default=1000.0, le=20_000.0)
     wiring: Literal["rse", "nrse", "diff"] = "diff"
     skew_s: PositiveFloat = Field(default=14e-6, ge=1e-7)
     highest_rate_hz: PositiveFloat = 250_000.0
@@ -55,10 +68,11 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
 
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
-    """Outputs and inputs of ±10 V; in pairs there are half as many inputs."""
+    """Outputs and inputs of ±10 V, in pairs half as many inputs; counters as duty cycles."""
     inputs = settings.inputs // 2 if settings.wiring == "diff" else settings.inputs
     return {
         **{f"ao{i}": Terminal("out", "voltage", "V", -10.0, 10.0) for i in range(settings.outputs)},
+        **{f"ctr{i}": Terminal("out", "value", "%", 0.0, 100.0) for i in range(settings.counters)},
         **{f"ai{i}": Terminal("in", "voltage", "V", -10.0, 10.0) for i in range(inputs)},
     }
 
@@ -73,17 +87,23 @@ class NiDaq:
 
     The outputs start on the trigger of the inputs and use the same clock: an input that is read with sample k still
     shows what was driven before it. Outputs hold their value when a task ends, and when the program dies: the device
-    has no watchdog.
+    has no watchdog. A counter is started anew between tasks, without pulses for a moment, and stands still (0 %) once
+    the device is let go of, or a task is left early.
 
     Raises:
         DeviceLostError: no such device, or NI-DAQmx is not installed.
         LinkError: no input is in use; they start the outputs.
+        SettingError: a counter whose safe value is not 0 %.
     """
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         if not wiring.inputs:
             raise LinkError(f"{settings.device}: at least one input must be in use; its trigger starts the outputs")
+        _check_counters(wiring.outputs)
         self.outputs: Mapping[str, OutputChannel] = wiring.outputs
+        self._analogue = {n: c for n, c in wiring.outputs.items() if not _is_counter(c)}
+        counted = {n: c for n, c in wiring.outputs.items() if _is_counter(c)}
+        self._counters = Counters(settings.device, settings.pwm_hz, counted)
         self.inputs: Mapping[str, InputChannel] = wiring.inputs
         count = len(wiring.inputs)
         scan_hz = 1.0 / (count * settings.skew_s)
@@ -99,7 +119,7 @@ class NiDaq:
         self._after_s = 0.0
         with _told(settings.device):
             self.levels: Mapping[str, float] = {
-                name: min(max(self._found(c.terminal), c.low), c.high) for name, c in self.outputs.items()
+                name: min(max(self._found(c), c.low), c.high) for name, c in self.outputs.items()
             }
 
     def actual_rate_hz(self, asked_hz: float) -> float:
@@ -122,12 +142,12 @@ class NiDaq:
             return
         import nidaqmx
 
-        safe = {name: channel.safe for name, channel in self.outputs.items()}
-        with _told(self._settings.device, self.levels), nidaqmx.Task() as task:
-            self._add_outputs(task)
-            values = list(safe.values())
-            task.write(values if len(values) > 1 else values[0], auto_start=True)
-        self.levels = safe
+        if self._analogue:
+            with _told(self._settings.device, self.levels), nidaqmx.Task() as task:
+                self._add_outputs(task)
+                values = [channel.safe for channel in self._analogue.values()]
+                task.write(values if len(values) > 1 else values[0], auto_start=True)
+        self.levels = {name: channel.safe for name, channel in self.outputs.items()}
 
     def close(self) -> None:
         """Make safe and let go of the device."""
@@ -142,8 +162,8 @@ class NiDaq:
 
         outputs = self._whole(waveform)
         samples = max(_LEAST, len(waveform))
-        with self._task(waveform.rate_hz, AcquisitionType.FINITE, samples) as (writing, reading):
-            start_s = self._started(writing, reading, outputs, samples)
+        with self._task(waveform.rate_hz, AcquisitionType.FINITE, samples) as (writers, reading):
+            start_s = self._started(writers, reading, outputs, samples)
             for first in range(0, len(waveform), block_samples):
                 count = min(block_samples, len(waveform) - first)
                 yield self._block(reading, outputs, first, count, start_s, waveform.rate_hz)
@@ -159,14 +179,14 @@ class NiDaq:
                 raise failure
             return
         rate_hz, first = playing.rate_hz, 0
-        with self._task(rate_hz, AcquisitionType.CONTINUOUS, max(_LEAST, 8 * len(playing))) as (writing, reading):
-            if writing is not None:
-                writing.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
+        with self._task(rate_hz, AcquisitionType.CONTINUOUS, max(_LEAST, 8 * len(playing))) as (writers, reading):
+            for writer in writers:
+                writer.task.out_stream.regen_mode = RegenerationMode.DONT_ALLOW_REGENERATION
             outputs = self._whole(playing)
             following, failure = _next(waveforms)
             ahead = self._after(outputs, following, rate_hz)
             both = {name: np.concatenate((values, ahead[name])) for name, values in outputs.items()}
-            start_s = self._started(writing, reading, both, len(next(iter(both.values()), np.empty(0))))
+            start_s = self._started(writers, reading, both, len(next(iter(both.values()), np.empty(0))))
             while True:
                 yield self._block(reading, outputs, 0, len(playing), start_s + first / rate_hz, rate_hz)
                 first += len(playing)
@@ -175,7 +195,7 @@ class NiDaq:
                 playing, outputs = following, ahead
                 following, failure = _next(waveforms)
                 ahead = self._after(outputs, following, rate_hz)
-                self._write(writing, ahead, start=False)
+                self._write(writers, ahead, start=False)
         if failure is not None:
             raise failure
 
@@ -193,8 +213,8 @@ class NiDaq:
                 for name in self.outputs}  # fmt: skip
 
     @contextmanager
-    def _task(self, rate_hz: float, mode: Any, samples: int) -> Iterator[tuple[Any, Any]]:
-        """The tasks of outputs (None without any) and inputs, on one clock, not started."""
+    def _task(self, rate_hz: float, mode: Any, samples: int) -> Iterator[tuple[list[_Writer], Any]]:
+        """The tasks of outputs and of inputs, on one clock, not started; afterwards counters keep up their level."""
         import nidaqmx
 
         self._end_tasks()
@@ -211,24 +231,37 @@ class NiDaq:
                 if len(self.inputs) > 1:
                     reading.timing.ai_conv_rate = 1.0 / self._settings.skew_s
                 self._check_rate(reading, rate_hz)
-                writing = self._output_task(rate_hz, mode, samples) if self.outputs else None
-            yield writing, reading
+                writers = [*self._analogue_writers(rate_hz, mode, samples), *self._pwm_writers(rate_hz, mode, samples)]
+            yield writers, reading
         finally:
             self._end_tasks()
+            held = self.levels
+            self.levels = {**held, **dict.fromkeys(self._counters.channels, 0.0)}
+        with _told(self._settings.device, self.levels):
+            for task in self._counters.held(held):
+                self._tasks.append(task)
+        self.levels = held
 
-    def _output_task(self, rate_hz: float, mode: Any, samples: int) -> Any:
+    def _analogue_writers(self, rate_hz: float, mode: Any, samples: int) -> Iterator[_Writer]:
         import nidaqmx
 
+        if not self._analogue:
+            return
         writing = nidaqmx.Task()
         self._tasks.append(writing)
         self._add_outputs(writing)
         writing.timing.cfg_samp_clk_timing(rate_hz, sample_mode=mode, samps_per_chan=samples)
         writing.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{self._settings.device}/ai/StartTrigger")
         self._check_rate(writing, rate_hz)
-        return writing
+        yield _Writer(writing, tuple(self._analogue), _voltages)
+
+    def _pwm_writers(self, rate_hz: float, mode: Any, samples: int) -> Iterator[_Writer]:
+        for name, task in self._counters.clocked(self.levels, rate_hz, mode, samples):
+            self._tasks.append(task)
+            yield _Writer(task, (name,), lambda rows: self._counters.samples(rows[0]))
 
     def _add_outputs(self, task: Any) -> None:
-        for channel in self.outputs.values():
+        for channel in self._analogue.values():
             task.ao_channels.add_ao_voltage_chan(
                 f"{self._settings.device}/{channel.terminal}", min_val=channel.low, max_val=channel.high
             )
@@ -243,24 +276,21 @@ class NiDaq:
 
         return {"rse": Has.RSE, "nrse": Has.NRSE, "diff": Has.DIFF}[self._settings.wiring]
 
-    def _started(self, writing: Any, reading: Any, outputs: Mapping[str, Array], samples: int) -> float:
-        """Fill the buffer and start; the time of the first sample on the device's clock."""
+    def _started(self, writers: list[_Writer], reading: Any, outputs: Mapping[str, Array], samples: int) -> float:
+        """Fill the buffers and start; the time of the first sample on the device's clock."""
         padded = {name: np.append(v, np.full(samples - len(v), v[-1])) for name, v in outputs.items()}
-        if writing is not None:
-            self._write(writing, padded, start=True)
+        self._write(writers, padded, start=True)
         with _told(self._settings.device, self.levels):
             reading.start()
         self._after_s = max(self._after_s, time.monotonic() - self._zero_s)
         return self._after_s
 
-    def _write(self, writing: Any, outputs: Mapping[str, Array], start: bool) -> None:
-        if writing is None:
-            return
-        rows = list(outputs.values())
+    def _write(self, writers: list[_Writer], outputs: Mapping[str, Array], start: bool) -> None:
         with _told(self._settings.device, self.levels):
-            writing.write(np.array(rows) if len(rows) > 1 else rows[0], auto_start=False, timeout=_WAIT_S)
-            if start:
-                writing.start()
+            for writer in writers:
+                writer.write(outputs)
+                if start:
+                    writer.task.start()
 
     def _block(
         self, reading: Any, outputs: Mapping[str, Array], first: int, count: int, start_s: float, rate_hz: float
@@ -280,13 +310,15 @@ class NiDaq:
             read = reading.read(number_of_samples_per_channel=count, timeout=count / rate_hz + _WAIT_S)
         return np.asarray(read, dtype=np.float64).reshape(len(self.inputs), count)
 
-    def _found(self, terminal: str) -> float:
-        """Where an output stands, over the device's internal connection from outputs to inputs."""
+    def _found(self, channel: OutputChannel) -> float:
+        """Where an output stands: voltages over the device's internal connection to its inputs; counters are still."""
         import nidaqmx
 
+        if _is_counter(channel):
+            return 0.0
         with nidaqmx.Task() as task:
             task.ai_channels.add_ai_voltage_chan(
-                f"{self._settings.device}/_{terminal}_vs_aognd", min_val=-10.0, max_val=10.0
+                f"{self._settings.device}/_{channel.terminal}_vs_aognd", min_val=-10.0, max_val=10.0
             )
             return float(task.read())
 
@@ -297,6 +329,36 @@ class NiDaq:
                 task.stop()
             with suppress(Exception):
                 task.close()
+
+
+@dataclass(frozen=True, slots=True)
+class _Writer:
+    """A task of outputs, the channels on it, and how it takes their rows of samples."""
+
+    task: Any
+    names: tuple[str, ...]
+    packed: Callable[[list[Array]], Any]
+
+    def write(self, outputs: Mapping[str, Array]) -> None:
+        """Put samples into its buffer."""
+        self.task.write(self.packed([outputs[name] for name in self.names]), auto_start=False, timeout=_WAIT_S)
+
+
+def _voltages(rows: list[Array]) -> Array:
+    return np.array(rows) if len(rows) > 1 else rows[0]
+
+
+def _is_counter(channel: OutputChannel) -> bool:
+    return channel.terminal.startswith("ctr")
+
+
+def _check_counters(outputs: Mapping[str, OutputChannel]) -> None:
+    for name, channel in outputs.items():
+        if _is_counter(channel) and channel.safe != 0.0:
+            raise SettingError(
+                f"'{name}': safe = {channel.safe:g} %; {channel.terminal} stands still once the program lets go of it, "
+                f"so only 0 % can be its safe value"
+            )
 
 
 @contextmanager

@@ -10,15 +10,16 @@ from typing import Any
 import nidaqmx
 import numpy as np
 import pytest
-from nidaqmx.constants import AcquisitionType, RegenerationMode
+from nidaqmx.constants import AcquisitionType, Level, RegenerationMode
 from nidaqmx.errors import DaqError
 
 from drivers import ni
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform, joined
-from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, OverrunError, RangeError
+from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, OverrunError, RangeError, SettingError
 
 RATE_HZ = 1000.0
+PWM = {"duty": OutputChannel("duty", "ctr0", "value", "%", 0.0, 100.0)}
 WIRING = Wiring(
     {
         "a": OutputChannel("a", "ao0", "voltage", "V", -10.0, 10.0, 1.0),
@@ -32,9 +33,11 @@ class Board:
     """The device: what stands at its outputs, wired back to its inputs, and every call in order."""
 
     def __init__(self) -> None:
-        self.levels = {"ao0": 3.0, "ao1": 4.0}
+        self.levels = {"ao0": 3.0, "ao1": 4.0, "ctr0": 0.0}
         self.calls: list[str] = []
         self.playing: Task | None = None
+        self.counting: Task | None = None
+        self.pulses_hz: set[float] = set()
         self.codes: dict[str, int] = {}
         self.rate_hz: float | None = None
         self.open = 0
@@ -52,10 +55,13 @@ class Task:
     def __init__(self) -> None:
         self.channels: list[str] = []
         self.kwargs: list[dict[str, Any]] = []
-        self.ai_channels = self.ao_channels = self.timing = self.triggers = self.start_trigger = self.out_stream = self
+        self.ai_channels = self.ao_channels = self.co_channels = self.timing = self.triggers = self.start_trigger = (
+            self.out_stream
+        ) = self
         self.regen_mode = RegenerationMode.ALLOW_REGENERATION
         self.samp_clk_rate, self.mode, self.size = 0.0, None, 0
         self.buffer, self.done, self.triggered, self.started = np.empty((0, 0)), 0, "", False
+        self.created = 0.0
         self.board.open += 1
 
     def __enter__(self) -> Task:
@@ -70,15 +76,32 @@ class Task:
 
     add_ao_voltage_chan = add_ai_voltage_chan
 
-    def cfg_samp_clk_timing(self, rate: float, *, sample_mode: Any, samps_per_chan: int) -> None:
-        assert samps_per_chan >= 2
+    def add_co_pulse_chan_freq(self, counter: str, *, idle_state: Level, freq: float, duty_cycle: float) -> None:
+        assert idle_state is Level.LOW and 0.0 < duty_cycle < 1.0
+        self.channels.append(counter)
+        self.created = duty_cycle
+        self.board.pulses_hz.add(freq)
+
+    def cfg_implicit_timing(self, *, sample_mode: Any) -> None:
+        assert self.channels[0].startswith("Dev1/ctr") and sample_mode is AcquisitionType.CONTINUOUS
+
+    def cfg_samp_clk_timing(self, rate: float, *, source: str = "", sample_mode: Any, samps_per_chan: int) -> None:
+        assert samps_per_chan >= 2 and (source == "/Dev1/ai/SampleClock") == self.is_counter
         self.samp_clk_rate, self.mode, self.size = self.board.rate_hz or rate, sample_mode, samps_per_chan
 
     def cfg_dig_edge_start_trig(self, source: str) -> None:
         self.triggered = source
 
+    @property
+    def is_counter(self) -> bool:
+        return self.channels[0].startswith("Dev1/ctr")
+
     def write(self, data: Any, auto_start: bool, timeout: float = 10.0) -> None:
         self.board.fail("write")
+        if self.is_counter:
+            pulses = data if isinstance(data, list) else [data]
+            self.board.pulses_hz.update(pulse.freq for pulse in pulses)
+            data = [pulse.duty_cycle for pulse in pulses]
         rows = np.atleast_2d(np.asarray(data, dtype=float))
         if auto_start:
             if rows.shape[0] != len(self.channels):
@@ -94,7 +117,11 @@ class Task:
     def start(self) -> None:
         self.board.fail("start")
         self.started = True
-        if self.triggered:
+        if self.is_counter:
+            self.board.calls.append("start counter")
+            self.board.counting = self
+            self.board.levels["ctr0"] = self.created
+        elif self.triggered:
             self.board.calls.append("start outputs")
             self.board.playing = self
         else:
@@ -115,10 +142,20 @@ class Task:
                     self.board.levels[channel.split("/")[1]] = float(value)
             if playing is not None:
                 playing.done += 1
+            self.count()
         return read.tolist() if len(read) > 1 else read[0].tolist()
+
+    def count(self) -> None:
+        """An edge of the sample clock at the counter."""
+        counting = self.board.counting
+        if counting is not None and counting.done < counting.buffer.shape[1]:
+            self.board.levels["ctr0"] = float(counting.buffer[0, counting.done])
+            counting.done += 1
 
     def stop(self) -> None:
         self.started = False
+        if self.board.counting is self:
+            self.board.counting, self.board.levels["ctr0"] = None, 0.0
         if self.board.playing is self:
             self.board.playing = None
 
@@ -195,7 +232,7 @@ def test_safe_values_are_written_at_once(daq: ni.NiDaq, board: Board) -> None:
     blocks = daq.play(ramp(), 5)
     next(blocks)
     daq.make_safe()
-    assert board.levels == {"ao0": 1.0, "ao1": 0.5} and daq.levels == {"a": 1.0, "b": 0.5}
+    assert board.levels == {"ao0": 1.0, "ao1": 0.5, "ctr0": 0.0} and daq.levels == {"a": 1.0, "b": 0.5}
     daq.close()
     daq.close()
     assert board.open == 0
@@ -252,3 +289,81 @@ def test_without_the_driver_of_ni_it_says_so() -> None:
 def test_odd_inputs_are_no_pairs() -> None:
     assert [place for place, _ in ni.faults(ni.Settings(inputs=15))] == [("inputs",)]
     assert len(ni.terminals(ni.Settings())) == 2 + 8
+
+
+@pytest.fixture
+def pwm(board: Board) -> ni.NiDaq:
+    return ni.open_daq(ni.Settings(counters=1), Wiring({**WIRING.outputs, **PWM}, WIRING.inputs))
+
+
+def seen_while_reading(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """Duty cycle of the counter after each edge of the sample clock."""
+    seen: list[float] = []
+    count = Task.count
+    monkeypatch.setattr(Task, "count", lambda self: (count(self), seen.append(self.board.levels["ctr0"])))
+    return seen
+
+
+@pytest.mark.parametrize("finite", [True, False])
+def test_duty_cycle_follows_the_samples_on_the_clock_of_the_inputs(
+    pwm: ni.NiDaq, board: Board, monkeypatch: pytest.MonkeyPatch, finite: bool
+) -> None:
+    seen = seen_while_reading(monkeypatch)
+    duty = Waveform(RATE_HZ, {"duty": np.linspace(10.0, 90.0, 30)})
+    block = joined(list(pwm.play(duty, 7) if finite else pwm.stream(duty.slices(7))))
+    assert seen[:30] == pytest.approx(np.linspace(0.1, 0.9, 30))
+    assert np.array_equal(block.outputs["duty"], duty.outputs["duty"]) and (block.outputs["a"] == 3.0).all()
+    assert board.calls[:3] == ["start outputs", "start counter", "start inputs"]
+    assert board.pulses_hz == {1000.0}
+
+
+def test_duty_cycle_is_kept_up_between_tasks_and_until_the_next_one(pwm: ni.NiDaq, board: Board) -> None:
+    list(pwm.play(Waveform(RATE_HZ, {"duty": np.full(5, 40.0)})))
+    assert board.levels["ctr0"] == pytest.approx(0.4) and pwm.levels["duty"] == 40.0
+    block = joined(list(pwm.play(ramp(5))))
+    assert (block.outputs["duty"] == 40.0).all() and board.levels["ctr0"] == pytest.approx(0.4)
+    pwm.make_safe()
+    assert board.levels["ctr0"] == 0.0 and pwm.levels == {"a": 1.0, "b": 0.5, "duty": 0.0}
+    pwm.close()
+    assert board.open == 0
+
+
+def test_counter_stands_still_when_a_task_is_left_early(pwm: ni.NiDaq, board: Board) -> None:
+    blocks = pwm.play(Waveform(RATE_HZ, {"duty": np.full(20, 40.0)}), 5)
+    next(blocks)
+    assert board.levels["ctr0"] == pytest.approx(0.4)
+    blocks.close()  # type: ignore[attr-defined]
+    assert board.levels["ctr0"] == 0.0 and pwm.levels["duty"] == 0.0 and board.open == 0
+
+
+def test_ends_of_the_range_are_pulses_and_pauses_of_100_ns(pwm: ni.NiDaq, monkeypatch: pytest.MonkeyPatch) -> None:
+    seen = seen_while_reading(monkeypatch)
+    list(pwm.play(Waveform(RATE_HZ, {"duty": np.array([0.0, 100.0, 50.0])})))
+    assert seen[:3] == pytest.approx([1e-4, 1.0 - 1e-4, 0.5])
+
+
+def test_counter_alone_needs_no_voltage_output(board: Board) -> None:
+    daq = ni.open_daq(ni.Settings(counters=1, pwm_hz=200.0), Wiring(PWM, WIRING.inputs))
+    block = joined(list(daq.play(Waveform(RATE_HZ, {"duty": np.array([25.0])}))))
+    assert len(block) == 1 and daq.levels == {"duty": 25.0} and board.pulses_hz == {200.0}
+    assert board.levels["ao0"] == 3.0
+    daq.close()
+    assert board.levels["ctr0"] == 0.0 and board.open == 0
+
+
+def test_counter_that_cannot_be_started_is_let_go_of(pwm: ni.NiDaq, board: Board) -> None:
+    board.codes["start"] = -200022
+    with pytest.raises(LinkError, match="-200022"):
+        list(pwm.play(Waveform(RATE_HZ, {"duty": np.full(5, 40.0)})))
+    assert board.open == 0
+
+
+def test_only_standing_still_can_be_safe_for_a_counter(board: Board) -> None:
+    unsafe = {"duty": OutputChannel("duty", "ctr0", "value", "%", 0.0, 100.0, 10.0)}
+    with pytest.raises(SettingError, match=r"'duty': safe = 10 %; ctr0 stands still .* only 0 % can be its safe value"):
+        ni.open_daq(ni.Settings(counters=1), Wiring(unsafe, WIRING.inputs))
+
+
+def test_counters_are_terminals_where_the_device_is_said_to_have_them() -> None:
+    assert "ctr0" not in ni.terminals(ni.Settings())
+    assert [name for name in ni.terminals(ni.Settings(counters=2)) if name.startswith("ctr")] == ["ctr0", "ctr1"]
