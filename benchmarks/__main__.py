@@ -26,6 +26,7 @@ NAMES = (
     "recursive_least_squares",
     "virtual_time",
     "frequency_response",
+    "mismatch",
 )
 
 
