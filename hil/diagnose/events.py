@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
-from hil.diagnose.search import Fitted
+from hil.diagnose.search import Fitted, pool
 from hil.identify.experiment import Experiment
 from hil.identify.noise import resolution, white_floor
 from hil.record.recording import Array
@@ -33,7 +33,8 @@ _COARSER, _TELLING_STEP = 4.0, 0.5
 _BURST = 4.0
 _SPARSE_SHARE, _SPARSE_TIME = 0.6, 0.45
 _LOOK_BACK_S = 0.4
-_LASTING_S = (0.04, 0.08, 0.12, 0.18, 0.26, 0.36, 0.5, 0.75, 1.0, 1.4)
+_BACK_S = 0.024
+_LASTING_S = (0.03, 0.05, 0.08, 0.12, 0.16, 0.21, 0.27, 0.34, 0.43, 0.55, 0.75, 1.0, 1.4)
 _LEAST_TONE_RATIO = 60.0
 
 
@@ -79,12 +80,12 @@ def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, 
     """The experiments with samples ignored that only repeat the one before, and where those are."""
     kept, spells = [], []
     for e in experiments:
-        runs = _stale_runs(e.output)
-        if len(runs) < _LEAST_STALE:
+        repeated = _stale_runs(e.output)
+        if len(repeated) < _LEAST_STALE:
             kept.append(e)
             continue
         stale = np.zeros(len(e.output), dtype=np.bool_)
-        for start, stop in runs:
+        for start, stop in repeated:
             stale[start + 1 : stop] = True
             spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
         kept.append(replace(e, ignored=stale if e.ignored is None else e.ignored | stale))
@@ -157,38 +158,36 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
     )
     if len(spells) < _LEAST_STALE:
         return None
-    lasting = np.array([spell.stop_s - spell.start_s for spell in spells])
+    values = _how_often(spells)
     first = problem.plant.hooks[0]
     return Events(
-        "dropout", first.stage, first.name, spells,
-        {
-            "events": (float(len(spells)), None, "1"),
-            "lasting": (float(lasting.mean()), float(lasting.std() / np.sqrt(len(spells))), "s"),
-            "longest": (float(lasting.max()), None, "s"),
-        },
-        residuals,
+        "dropout", first.stage, first.name, spells, values, residuals,
         f"The command did not always arrive: {len(spells)} times the valve stood on the last one, "
-        f"{lasting.mean():.2g} s on average.",
+        f"{values['lasting'][0]:.2g} s on average.",
         "u(t) = u(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
 
 
 def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array) -> Events:
     """The finding for samples that `without_stale` left out."""
-    lasting = np.array([spell.stop_s - spell.start_s for spell in spells])
+    values = _how_often(spells)
     last = problem.plant.hooks[-1]
     return Events(
-        "dropout", last.stage, last.name, tuple(spells),
-        {
-            "events": (float(len(spells)), None, "1"),
-            "lasting": (float(lasting.mean()), float(lasting.std() / np.sqrt(len(spells))), "s"),
-            "longest": (float(lasting.max()), None, "s"),
-        },
-        residuals,
+        "dropout", last.stage, last.name, tuple(spells), values, residuals,
         f"Samples were not measured anew: {len(spells)} times the recording repeats its last value, "
-        f"{lasting.mean():.2g} s on average.",
+        f"{values['lasting'][0]:.2g} s on average.",
         "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
+
+
+def _how_often(spells: Sequence[Spell]) -> dict[str, tuple[float, float | None, str]]:
+    """Number and length of spells."""
+    lasting = np.array([spell.stop_s - spell.start_s for spell in spells])
+    return {
+        "events": (float(len(spells)), None, "1"),
+        "lasting": (float(lasting.mean()), float(lasting.std() / np.sqrt(len(spells))), "s"),
+        "longest": (float(lasting.max()), None, "s"),
+    }
 
 
 def _bursts(problem: Problem, residuals: Array, k: int) -> list[tuple[int, int]]:
@@ -219,59 +218,80 @@ def _is_sparse(problem: Problem, residuals: Array, bursts: Sequence[Sequence[tup
 
 
 Holds = list[list[tuple[int, int]]]
+Bursts = Sequence[Sequence[tuple[int, int]]]
 
 
-def _best_holds(problem: Problem, around: Fitted, bursts: Sequence[Sequence[tuple[int, int]]]) -> Holds:
+def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds:
     """For every burst the held stretch that explains most of it: a coarse look, then finer ones around the best."""
     chosen: Holds = [[(start, start) for start, _ in own] for own in bursts]
     step = [e.drive.interval_s for e in problem.experiments]
-    best = _burst_costs(problem, around.residuals, bursts)
-    back = np.arange(0.0, _LOOK_BACK_S, 0.04)
-    tries = [(float(b), d) for b in back for d in _LASTING_S]
-    for b, d in tries:
-        trial = [
-            [(max(start - round(b / dt), 1), max(start - round(b / dt), 1) + round(d / dt)) for start, _ in own]
-            for own, dt in zip(bursts, step, strict=True)
-        ]
-        _keep_better(problem, around, bursts, trial, chosen, best)
+    windows = [
+        [(max(start - round(_LOOK_BACK_S / dt), 0), stop + round(_LOOK_BACK_S / dt)) for start, stop in own]
+        for own, dt in zip(bursts, step, strict=True)
+    ]
+
+    def costs(holds: Holds) -> list[list[float]]:
+        return _costs(problem, _with_holds(problem, around, holds), windows)
+
+    def keep_better(trials: Sequence[Holds], parity: int) -> None:
+        """Try holds at every other burst, the ones between staying as they are: neighbours are felt in each other."""
+        mixed = [_mixed(chosen, trial, parity) for trial in trials]
+        best = costs(chosen)
+        for trial, tried in zip(mixed, pool().map(costs, mixed), strict=True):
+            for k, own in enumerate(tried):
+                for i in range(parity, len(own), 2):
+                    if own[i] < best[k][i] - 2.0 * np.log(problem.size):
+                        best[k][i], chosen[k][i] = own[i], trial[k][i]
+
+    coarse_look = [
+        _placed(bursts, step, back, lasting)
+        for back in np.arange(-_BLOCK_S, _LOOK_BACK_S, _BACK_S)
+        for lasting in _LASTING_S
+    ]
+    for parity in (0, 1):
+        keep_better(coarse_look, parity)
     for fine_s in (0.016, 0.008, 0.004):
-        for move_start, move_stop in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1)) * 2:
-            trial = [
-                [
-                    (max(a + move_start * max(1, round(fine_s / dt)), 1), z + move_stop * max(1, round(fine_s / dt)))
-                    if z > a
-                    else (a, z)
-                    for a, z in own
-                ]
-                for own, dt in zip(chosen, step, strict=True)
-            ]
-            _keep_better(problem, around, bursts, trial, chosen, best)
+        for moves in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1)) * 2:
+            for parity in (0, 1):
+                keep_better([_moved(chosen, bursts, step, fine_s, moves)], parity)
     return chosen
 
 
-def _keep_better(
-    problem: Problem,
-    around: Fitted,
-    bursts: Sequence[Sequence[tuple[int, int]]],
-    trial: Holds,
-    chosen: Holds,
-    best: list[list[float]],
-) -> None:
-    costs = _burst_costs(problem, _with_holds(problem, around, trial), bursts)
-    for k, own in enumerate(costs):
-        for i, cost in enumerate(own):
-            if cost < best[k][i] - 2.0 * np.log(problem.size):
-                best[k][i], chosen[k][i] = cost, trial[k][i]
+def _mixed(holds: Holds, trial: Holds, parity: int) -> Holds:
+    """Every other hold taken from the trial."""
+    return [
+        [tried if i % 2 == parity else held for i, (held, tried) in enumerate(zip(own, other, strict=True))]
+        for own, other in zip(holds, trial, strict=True)
+    ]
 
 
-def _burst_costs(problem: Problem, residuals: Array, bursts: Sequence[Sequence[tuple[int, int]]]) -> list[list[float]]:
-    """Squared residuals from shortly before each burst to shortly after, where a hold for it can be felt."""
+def _placed(bursts: Bursts, step: Sequence[float], back_s: float, for_s: float) -> Holds:
+    """A hold for every burst, so long before it; none lasts longer than the burst."""
     found = []
-    for e, part, own in zip(problem.experiments, problem.output_slices(), bursts, strict=True):
-        r, reach = residuals[part], round(_LOOK_BACK_S / e.drive.interval_s)
-        edges = [(max(start - reach, 0), stop + reach) for start, stop in own]
-        found.append([float(r[a:z] @ r[a:z]) for a, z in edges])
+    for own, dt in zip(bursts, step, strict=True):
+        starts = [max(start - round(back_s / dt), 1) for start, _ in own]
+        found.append([(a, min(a + round(for_s / dt), stop)) for a, (_, stop) in zip(starts, own, strict=True)])
     return found
+
+
+def _moved(holds: Holds, bursts: Bursts, step: Sequence[float], by_s: float, moves: tuple[int, int]) -> Holds:
+    """The holds with their start, end or both moved by so much, either way."""
+    found = []
+    for own, felt, dt in zip(holds, bursts, step, strict=True):
+        by = max(1, round(by_s / dt))
+        found.append(
+            [
+                (max(a + moves[0] * by, 1), min(z + moves[1] * by, stop)) if z > a else (a, z)
+                for (a, z), (_, stop) in zip(own, felt, strict=True)
+            ]
+        )
+    return found
+
+
+def _costs(problem: Problem, residuals: Array, windows: Sequence[Sequence[tuple[int, int]]]) -> list[list[float]]:
+    """Squared residuals in each window."""
+    parts = [residuals[part] for part in problem.output_slices()]
+    return [[float(r[a:z] @ r[a:z]) for a, z in own] for r, own in zip(parts, windows, strict=True)]
 
 
 def _with_holds(problem: Problem, around: Fitted, holds: Holds) -> Array:

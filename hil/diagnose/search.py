@@ -24,6 +24,8 @@ _TRIED, _LEADING, _FAVOURITES, _OTHER_STARTS = 16, 5, 2, 3
 _WORTH_A_TRY, _WORTH_MORE = 0.25, 0.75
 # A first look takes sub-steps this much coarser; only what a term changes is simulated so.
 _COARSE = 0.5
+# Where no start of a term gains anything, its strength is tried at these shares: the slope at nothing shows itself.
+_WEAKER = (0.2, 0.04)
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,23 +218,48 @@ def prior_root(problem: Problem, free: Sequence[int]) -> Array:
 
 
 def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
-    """Every term at its starts, all else adapting linearly; the term with the best start first."""
-    jobs = [(term, start) for term in terms for start in term.starts]
+    """Every term at its starts, all else adapting linearly; the term with the best start first.
+
+    Where every start overshoots, weaker ones are tried: a loop or a steep curve makes much of a little.
+    """
     place.coarse_residuals, place.gram  # noqa: B018  computed once, before threads ask for it
+    found = _judged(place, [(term, term.starts) for term in terms])
+    without = adapted_residuals(place, None)
+    level = float(without @ without)
+    overshooting = [(s.term, _weaker(s.term, s.starts[0])) for s in found if s.chi2 > level]
+    weaker = {id(s.term): s for s in _judged(place, [(term, starts) for term, starts in overshooting if starts])}
+    merged = [_both(s, weaker[id(s.term)]) if id(s.term) in weaker else s for s in found]
+    return sorted(merged, key=lambda s: s.chi2)
 
-    def judge(job: tuple[Term, tuple[float, ...]]) -> float:
+
+def _judged(place: Around, starts: Sequence[tuple[Term, tuple[tuple[float, ...], ...]]]) -> list[Screened]:
+    """Terms at these starts, in one batch."""
+    jobs = [(term, start) for term, own in starts for start in own]
+
+    def chi2(job: tuple[Term, tuple[float, ...]]) -> float:
         adapted = adapted_residuals(place, job, coarse=True)
-        chi2 = float(adapted @ adapted)
-        return chi2 if np.isfinite(chi2) else np.inf
+        found = float(adapted @ adapted)
+        return found if np.isfinite(found) else np.inf
 
-    judged: dict[int, list[tuple[float, tuple[float, ...]]]] = {id(term): [] for term in terms}
-    for (term, start), chi2 in zip(jobs, pool().map(judge, jobs), strict=True):
-        judged[id(term)].append((chi2, start))
-    found = [
+    judged: dict[int, list[tuple[float, tuple[float, ...]]]] = {id(term): [] for term, _ in starts}
+    for (term, start), value in zip(jobs, pool().map(chi2, jobs), strict=True):
+        judged[id(term)].append((value, start))
+    return [
         Screened(term, tuple(start for _, start in sorted(judged[id(term)])), min(judged[id(term)])[0])
-        for term in terms
+        for term, _ in starts
     ]
-    return sorted(found, key=lambda s: s.chi2)
+
+
+def _weaker(term: Term, start: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
+    """A start with less of an effect; none for what does nothing at infinity, and for base parameters."""
+    if term.kind == "parameter" or not np.isfinite(term.null):
+        return ()
+    return tuple((term.null + share * (start[0] - term.null), *start[1:]) for share in _WEAKER)
+
+
+def _both(a: Screened, b: Screened) -> Screened:
+    first, second = (a, b) if a.chi2 <= b.chi2 else (b, a)
+    return Screened(a.term, (*first.starts, *second.starts), first.chi2)
 
 
 def refine_all(place: Around, screened: Sequence[Screened]) -> list[Fitted]:
