@@ -14,6 +14,9 @@ from hil.record.recording import Array, Channel, Recording
 
 _TEMPERATURE_C, _TEMPERATURE_TOLERANCE_C = 40.0, 4.0
 _SPAN = 50  # samples over which the interval that was planned is judged
+# Driving and reading are an exchange each, stamped in the middle; the device acts anywhere within them. The delay is
+# half of both, so that two equal rectangles, each a whole delay wide, have this share of it as standard deviation.
+_WITHIN_EXCHANGES = 6.0**-0.5
 _STATED = {
     "fluid": "the fluid",
     "viscosity_class": "the viscosity class of the fluid",
@@ -60,7 +63,10 @@ def chain_of(recording: Recording) -> MeasuringChain:
     _, response = roles_of(recording)
     lag_s = float(response.calibration.get("lag_s") or 0.0)
     if has_own_stamps(recording):
-        return MeasuringChain(lag_s, hold_s=_planned_interval_s(recording.time_s))
+        delay_s = float(np.mean(recording.stamps(response.name) - recording.time_s))
+        return MeasuringChain(
+            lag_s, hold_s=_planned_interval_s(recording.time_s), read_std_s=abs(delay_s) * _WITHIN_EXCHANGES
+        )
     sampling = recording.meta.get("sampling", {})
     interval_s = recording.interval_s
     read_at_s = float(sampling.get("read_at") or 0.0) * interval_s

@@ -8,7 +8,6 @@ measured.
 from __future__ import annotations
 
 import threading
-import time
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -18,6 +17,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from hil.clock import Clock, RealClock, VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Block, Promises, Waveform
@@ -26,7 +26,8 @@ from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError
 _T = TypeVar("_T")
 
 _PROBES = 8  # readings by which a link is measured when it is opened
-_PROBING_S = 0.3  # but no longer than that
+_FEWEST_PROBES, _PROBING_S = 3, 0.3  # but no longer than that once there are so many
+_UNDISTURBED = 0.25  # quantile of them that is the link's own time: a busy host makes readings slower, never faster
 _BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
 _IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
 _SHARE = 0.8  # of the time that a link has, it is used: the rest is for what the computer does besides
@@ -75,6 +76,7 @@ class _Member:
     name: str
     link: Link
     wiring: Wiring
+    clock: Clock
     read_after_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
     read_for_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
@@ -94,9 +96,9 @@ class _Member:
             self._named(self.link.drive, values)
 
     def read(self) -> dict[str, float]:
-        begun_s = time.monotonic()
+        begun_s = self.clock.now_s
         values = self._named(self.link.read)
-        self.read_for_s.append(time.monotonic() - begun_s)
+        self.read_for_s.append(self.clock.now_s - begun_s)
         return {name: float(values[channel.terminal]) for name, channel in self.wiring.inputs.items()}
 
     def standing(self) -> dict[str, float]:
@@ -123,20 +125,22 @@ class PolledDaq:
     Args:
         links: by name of the device; the DAQ closes them.
         wirings: what is connected to each.
+        clock: by which samples are due and stamped; the host's monotonic one when not given.
 
     Raises:
         HardwareError: a device does not answer. All links are closed then.
     """
 
-    def __init__(self, links: Mapping[str, Link], wirings: Mapping[str, Wiring]) -> None:
-        self._members = [_Member(name, link, wirings[name]) for name, link in links.items()]
+    def __init__(self, links: Mapping[str, Link], wirings: Mapping[str, Wiring], clock: Clock | None = None) -> None:
+        self._clock = RealClock() if clock is None else clock
+        self._members = [_Member(name, link, wirings[name], self._clock) for name, link in links.items()]
         self.outputs: Mapping[str, OutputChannel] = _merged(member.wiring.outputs for member in self._members)
         self.inputs: Mapping[str, InputChannel] = _merged(member.wiring.inputs for member in self._members)
         self._lock = threading.Lock()
         self._task: _Task | None = None
         self._failed: HardwareError | None = None
         self._ended = threading.Event()
-        self._zero_s = self._used_s = time.monotonic()
+        self._zero_s = self._used_s = self._clock.now_s
         try:
             self.levels: Mapping[str, float] = _merged(member.standing() for member in self._members)
             self._cycle_s = self._measured()
@@ -212,13 +216,15 @@ class PolledDaq:
         reading_s: list[float] = []
         driving_s = 0.0
         for member in self._members:
-            until_s = time.monotonic() + _PROBING_S
+            until_s = self._clock.now_s + _PROBING_S
             probed_s: list[float] = []
-            while len(probed_s) < _PROBES and (not probed_s or time.monotonic() < until_s):
-                probed_s.append(_timed(member.standing))
+            while len(probed_s) < _FEWEST_PROBES or (len(probed_s) < _PROBES and self._clock.now_s < until_s):
+                begun_s = self._clock.now_s
+                member.standing()
+                probed_s.append(self._clock.now_s - begun_s)
                 member.read()
-            driving_s += float(np.median(probed_s))
-            reading_s.append(float(np.median(member.read_for_s)))
+            driving_s += float(np.quantile(probed_s, _UNDISTURBED))
+            reading_s.append(float(np.quantile(member.read_for_s, _UNDISTURBED)))
         asked_s = 0.5 * driving_s
         for member, takes_s in zip(self._members, reading_s, strict=True):  # until they are measured
             member.read_after_s.append(asked_s + 0.5 * takes_s - member.reading_age_s)
@@ -259,7 +265,7 @@ class PolledDaq:
 
     def _poll(self, task: _Task) -> None:
         """The polling thread: one task from its first sample to its last."""
-        due_s = time.monotonic()
+        due_s = self._clock.now_s
         try:
             while (waveform := task.next()) is not None:
                 due_s = self._run(waveform, due_s, task)
@@ -280,9 +286,9 @@ class PolledDaq:
         soonest_s = due_s
         try:
             for row in rows:
-                if task.stop.wait(max(0.0, max(due_s, soonest_s) - time.monotonic())):
+                if self._stopped_before(max(due_s, soonest_s), task):
                     break
-                now_s = time.monotonic()
+                now_s = self._clock.now_s
                 taken.late += now_s - due_s > 0.5 * interval_s
                 if now_s - due_s > _BEHIND_S:
                     due_s = now_s
@@ -295,21 +301,27 @@ class PolledDaq:
                 task.done.put(taken.block())
         return due_s
 
+    def _stopped_before(self, deadline_s: float, task: _Task) -> bool:
+        if isinstance(self._clock, VirtualClock):
+            self._clock.sleep_until(deadline_s)
+            return task.stop.is_set()
+        return task.stop.wait(max(0.0, deadline_s - self._clock.now_s))
+
     def _sample(self, levels: Mapping[str, float], taken: _Taken) -> None:
-        begun_s = time.monotonic()
+        begun_s = self._clock.now_s
         for member in self._members:
             member.drive(levels)
         self.levels = levels
-        updated_s = 0.5 * (begun_s + time.monotonic())
+        updated_s = 0.5 * (begun_s + self._clock.now_s)
         readings: dict[str, float] = {}
         delays_s: dict[str, float] = {}
         for member in self._members:
-            asked_s = time.monotonic()
+            asked_s = self._clock.now_s
             readings |= member.read()
-            delay_s = 0.5 * (asked_s + time.monotonic()) - updated_s - member.reading_age_s
+            delay_s = 0.5 * (asked_s + self._clock.now_s) - updated_s - member.reading_age_s
             member.read_after_s.append(delay_s)
             delays_s[member.delay_name] = delay_s
-        self._used_s = time.monotonic()
+        self._used_s = self._clock.now_s
         taken.add(updated_s - self._zero_s, levels, readings, delays_s)
 
     def _stop_task(self, task: _Task | None = None) -> None:
@@ -333,7 +345,7 @@ class PolledDaq:
     def _beat(self, every_s: float) -> None:
         """In a pause, drive again what stands, so that no watchdog takes it for a dead program."""
         while not self._ended.wait(every_s):
-            idle_s = time.monotonic() - self._used_s
+            idle_s = self._clock.now_s - self._used_s
             if self._failed is not None or not every_s <= idle_s < _IDLE_S:
                 continue
             with self._lock:
@@ -410,12 +422,6 @@ class _Taken:
             {name: np.array(values) for name, values in columns.items()} for columns in self._columns
         )
         return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s)
-
-
-def _timed(call: Callable[[], object]) -> float:
-    begun_s = time.monotonic()
-    call()
-    return time.monotonic() - begun_s
 
 
 def _driven_safe(member: _Member, safe: Mapping[str, float]) -> HardwareError | None:

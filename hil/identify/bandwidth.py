@@ -107,19 +107,21 @@ def reference_notes(response: FrequencyResponse, phase_90: Crossing, rule: Refer
 def magnitude_crossing(response: FrequencyResponse, level_db: float, reference_hz: float | None = None) -> Crossing:
     """Where magnitude falls to a level relative to that at a reference (the lowest frequency when None)."""
     relative = response.normalised(reference_hz)
-    return _crossing(relative.frequency_hz, relative.magnitude_db, relative.magnitude_std_db, level_db, "dB")
+    own = relative.magnitude_std_db
+    return _crossing(relative.frequency_hz, relative.magnitude_db, own, np.zeros(len(relative)), level_db, "dB")
 
 
 def phase_crossing(response: FrequencyResponse, level_deg: float) -> Crossing:
     """Where the unwrapped phase falls to a level."""
-    return _crossing(response.frequency_hz, response.phase_deg, response.phase_std_deg, level_deg, "°")
+    own, shared = response.own_phase_std_deg, response.shared_phase_std_deg
+    return _crossing(response.frequency_hz, response.phase_deg, own, shared, level_deg, "°")
 
 
-def _crossing(frequency_hz: Array, values: Array, std: Array, level: float, unit: str) -> Crossing:
+def _crossing(frequency_hz: Array, values: Array, own: Array, shared: Array, level: float, unit: str) -> Crossing:
     """First fall to a level of the cubic spline through the values over log frequency.
 
     The spline is linear in the values, so its uncertainty at the crossing follows from theirs exactly; over
-    the slope there it is that of the frequency.
+    the slope there it is that of the frequency. `own` errors of the lines are independent, `shared` ones common.
     """
     top = float(frequency_hz[-1])
     spline = _spline(frequency_hz, values)
@@ -135,7 +137,7 @@ def _crossing(frequency_hz: Array, values: Array, std: Array, level: float, unit
     at = float(brentq(lambda x: float(spline(x)) - level, grid[i - 1], grid[i], xtol=1e-12))
     weights = np.array([float(_spline(frequency_hz, unit_value)(at)) for unit_value in np.eye(len(values))])
     slope = abs(float(spline.derivative()(at)))
-    std_hz = math.exp(at) * float(np.sqrt(np.sum((weights * std) ** 2))) / slope
+    std_hz = math.exp(at) * math.hypot(float(np.linalg.norm(weights * own)), float(weights @ shared)) / slope
     return Crossing(level, unit, math.exp(at), std_hz, top)
 
 

@@ -32,6 +32,7 @@ class FrequencyResponse:
         input_amplitude, output_amplitude, output_offset, noise_std: per frequency, shape (n,).
         harmonics: output harmonics 2… over its fundamental, shape (n, harmonics − 1).
         corrections: what has been taken out of the raw response.
+        delay_std_s: standard uncertainty of a delay that all lines share; `covariance` is without it.
     """
 
     name: str
@@ -48,6 +49,7 @@ class FrequencyResponse:
     noise_std: Array
     harmonics: Complex
     corrections: tuple[str, ...] = ()
+    delay_std_s: float = 0.0
 
     def __len__(self) -> int:
         return len(self.frequency_hz)
@@ -72,7 +74,18 @@ class FrequencyResponse:
     @property
     def phase_std_deg(self) -> Array:
         """Standard uncertainty of the phase."""
+        return np.hypot(self.own_phase_std_deg, self.shared_phase_std_deg)
+
+    @property
+    def own_phase_std_deg(self) -> Array:
+        """The part of it that is each line's own."""
         made: Array = np.degrees(self._std_along(1j * self.response))
+        return made
+
+    @property
+    def shared_phase_std_deg(self) -> Array:
+        """The part of it that the lines share, by their common delay."""
+        made: Array = 360.0 * self.frequency_hz * self.delay_std_s
         return made
 
     @property

@@ -7,7 +7,7 @@ by phase shift. As a change of the complex response, 1 % is 0.087 dB or 0.57°.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,12 +27,14 @@ class MeasuringChain:
         skew_s: how much later the output is converted than its stamp says (multiplexer).
         hold_s: interval over which the command is held between updates; 0 for a continuous command.
         read_at_s: how long after the command's update the output is read (`read_at` times the interval).
+        read_std_s: standard uncertainty of when it is read, the same in every sample.
     """
 
     sensor_lag_s: float = 0.0
     skew_s: float = 0.0
     hold_s: float = 0.0
     read_at_s: float = 0.0
+    read_std_s: float = 0.0
 
     def at(self, frequency_hz: Array) -> NDArray[np.complex128]:
         """Its complex gain: recorded response = response of the valve × this."""
@@ -80,9 +82,10 @@ def check_chain(chain: MeasuringChain, frequency_hz: Array) -> ChainCheck:
 
 
 def corrected(response: FrequencyResponse, chain: MeasuringChain) -> FrequencyResponse:
-    """The valve's own response: the chain divided out."""
+    """The valve's own response: the chain divided out, what is not known of it added to the uncertainty."""
     note = (
         f"measuring chain taken out: sensor lag {1e3 * chain.sensor_lag_s:g} ms, skew {1e3 * chain.skew_s:g} ms, "
         f"hold {1e3 * chain.hold_s:g} ms, read {1e3 * chain.read_at_s:g} ms after the update"
     )
-    return response.divided_by(chain.at(response.frequency_hz), note)
+    valve = response.divided_by(chain.at(response.frequency_hz), note)
+    return replace(valve, delay_std_s=math.hypot(response.delay_std_s, chain.read_std_s))

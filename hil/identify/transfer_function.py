@@ -189,7 +189,10 @@ def _result(
     # Known noise: the data set the scale, but a misfit beyond it widens every interval (Birge). Unknown: the
     # residual sets it.
     factor = max(1.0, spread) if weights == "covariance" else spread
-    covariance = factor * np.linalg.pinv(solved.jacobian.T @ solved.jacobian, hermitian=True)
+    inverse = np.linalg.pinv(solved.jacobian.T @ solved.jacobian, hermitian=True)
+    later = given.white(given.s * given.scale * response.delay_std_s * given.response)
+    moved = inverse @ solved.jacobian.T @ later  # by a delay that all lines share
+    covariance = factor * inverse + np.outer(moved, moved)
     parameters = solved.parameters * seconds
     model = model_of(form, parameters)
     return TransferFunctionFit(

@@ -9,48 +9,59 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform, joined
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, LinkError, OutputUnderflowError
+from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, RangeError
 
 RATE_HZ = 200.0
 
 
 class Loop:
-    """A link whose one input reads its one output; it can be told to be slow, to fail, or to be gone."""
+    """A link whose one input reads its one output; it can be told to be slow, to fail, or to be gone.
+
+    Time passes on the clock, and only while it drives or reads; without a clock it takes none.
+    """
 
     watchdog_s: float | None = None
 
-    def __init__(self, keep_alive_s: float | None = None) -> None:
+    def __init__(self, keep_alive_s: float | None = None, clock: VirtualClock | None = None) -> None:
         self.keep_alive_s = keep_alive_s
         self.value, self.takes_s = 1.5, 0.0
         self.failures: list[Exception] = []
         self.stalls: dict[int, float] = {}
+        self.slow_readings: dict[int, float] = {}
         self.written: list[float] = []
         self.closed = 0
+        self._clock = clock
 
     def standing(self) -> Mapping[str, float]:
-        time.sleep(self.takes_s)
+        self._pass(self.takes_s)
         return {"out": self.value}
 
     def drive(self, values: Mapping[str, float]) -> None:
         self._happen()
-        time.sleep(self.stalls.pop(len(self.written), 0.0))
+        self._pass(self.stalls.pop(len(self.written), 0.0))
         self.value = values["out"]
         self.written.append(self.value)
 
     def read(self) -> Mapping[str, float]:
         self._happen()
+        self._pass(self.slow_readings.pop(len(self.written), 0.0))
         return {"in": self.value}
 
     def close(self) -> None:
         self.closed += 1
 
     def _happen(self) -> None:
-        time.sleep(self.takes_s)
+        self._pass(self.takes_s)
         if self.failures:
             raise self.failures.pop(0)
+
+    def _pass(self, duration_s: float) -> None:
+        if self._clock is not None:
+            self._clock.sleep_until(self._clock.now_s + duration_s)
 
 
 def wiring(suffix: str = "") -> Wiring:
@@ -64,6 +75,15 @@ def daq(link: Loop) -> PolledDaq:
     return PolledDaq({"loop": link}, {"loop": wiring()})
 
 
+def timed(**times: float | dict[int, float]) -> tuple[PolledDaq, Loop]:
+    """A device in virtual time whose link takes what it is told to."""
+    clock = VirtualClock()
+    link = Loop(clock=clock)
+    for name, value in times.items():
+        setattr(link, name, value)
+    return PolledDaq({"loop": link}, {"loop": wiring()}, clock), link
+
+
 def ramp(samples: int = 20) -> Waveform:
     return Waveform(RATE_HZ, {"a": np.linspace(0.0, 2.0, samples)})
 
@@ -73,12 +93,57 @@ def test_outputs_are_told_where_they_were_found() -> None:
 
 
 def test_each_sample_is_driven_then_read_and_has_the_stamp_it_had() -> None:
-    begun_s = time.monotonic()
-    block = joined(list(daq(Loop()).play(ramp(), 7)))
+    device, _ = timed(takes_s=1e-3)
+    before_s = 17e-3  # asked where it stands, then eight probes
+    block = joined(list(device.play(ramp(), 7)))
     assert np.array_equal(block.inputs["b"], block.outputs["a"])
     assert np.array_equal(block.outputs["a"], ramp().outputs["a"])
-    assert (np.diff(block.time_s) > 0.3 / RATE_HZ).all()
+    assert block.time_s == pytest.approx(before_s + np.arange(20) / RATE_HZ + 0.5e-3)
+    assert block.late == 0
+
+
+def test_samples_are_taken_as_wall_time_goes_on() -> None:
+    begun_s = time.monotonic()
+    block = joined(list(daq(Loop()).play(ramp(), 7)))
+    assert (np.diff(block.time_s) > 0.0).all()
     assert 19 / RATE_HZ < block.time_s[-1] < time.monotonic() - begun_s
+
+
+def test_each_reading_has_the_delay_that_it_had() -> None:
+    device, _ = timed(takes_s=1e-3, slow_readings={5: 8e-3, 13: 2e-3})
+    block = joined(list(device.play(ramp(), 7)))
+    expected_s = np.full(20, 1e-3)
+    expected_s[[4, 12]] += [4e-3, 1e-3]  # stamped in the middle of its exchange
+    assert block.delays_s["delay of loop"] == pytest.approx(expected_s)
+    assert block.columns["delay of loop"] is block.delays_s["delay of loop"]
+    promises = device.promises
+    assert promises.delay_channels == {"b": "delay of loop"} and promises.delay_names == ("delay of loop",)
+    assert promises.delays_s == {"b": pytest.approx(1e-3)}
+    assert promises.sampling(device.inputs, RATE_HZ)["read_at"] == 0.0
+
+
+def test_age_of_what_a_device_tells_unasked_is_part_of_the_delay() -> None:
+    clock = VirtualClock()
+    link = Loop(clock=clock)
+    link.reading_age_s = 0.05  # type: ignore[attr-defined]
+    device = PolledDaq({"loop": link}, {"loop": wiring()}, clock)
+    block = joined(list(device.play(ramp())))
+    assert block.delays_s["delay of loop"] == pytest.approx(-0.05)
+    assert device.promises.delays_s == {"b": pytest.approx(-0.05)}
+
+
+def test_delays_are_known_before_the_first_sample() -> None:
+    clock = VirtualClock()
+    first, second = Loop(clock=clock), Loop(clock=clock)
+    first.takes_s, second.takes_s = 4e-3, 2e-3
+    device = PolledDaq({"x": first, "y": second}, {"x": wiring("1"), "y": wiring("2")}, clock)
+    # driving both takes 6 ms and is stamped in the middle; then x is read for 4 ms, y for 2 ms
+    assert device.promises.delays_s == {"b1": pytest.approx(5e-3), "b2": pytest.approx(8e-3)}
+    block = joined(list(device.play(Waveform(20.0, {"a1": np.zeros(4)}))))
+    assert block.delays_s == {
+        "delay of x": pytest.approx(np.full(4, 5e-3)),
+        "delay of y": pytest.approx(np.full(4, 8e-3)),
+    }
 
 
 def test_stream_asks_for_the_next_waveform_while_one_plays() -> None:
@@ -94,21 +159,21 @@ def test_stream_asks_for_the_next_waveform_while_one_plays() -> None:
 
 
 def test_sample_that_is_late_counts_and_those_after_it_catch_up_without_a_burst() -> None:
-    link = Loop()
-    link.stalls = {12: 0.03}
-    block = joined(list(daq(link).play(ramp(60))))
+    device, _ = timed(takes_s=1e-4, stalls={12: 0.03})
+    block = joined(list(device.play(ramp(60))))
     steps_s = np.diff(block.time_s)
-    assert block.late >= 1
-    assert steps_s.max() > 0.015 and (steps_s > 0.3 / RATE_HZ).all()
-    assert block.time_s[-1] - block.time_s[0] == pytest.approx(59 / RATE_HZ, abs=0.03)
+    assert block.late == 10  # 25.2 ms late, 2.5 ms less with each sample, as long as it is more than 2.5 ms
+    assert steps_s.max() == pytest.approx(0.02, abs=1e-3)
+    assert steps_s[13:].min() == pytest.approx(0.5 / RATE_HZ, rel=1e-6)
+    assert block.time_s[-1] - block.time_s[0] == pytest.approx(59 / RATE_HZ, abs=1e-6)
 
 
 def test_rate_beyond_what_the_link_has_shown_is_refused() -> None:
-    link = Loop()
-    link.takes_s = 0.005
-    slow = daq(link)
-    assert slow.promises.highest_rate_hz < 100.0
-    assert slow.promises.latency_s == pytest.approx(0.005, rel=0.5)
+    slow, _ = timed(takes_s=0.005)
+    assert slow.promises.highest_rate_hz == pytest.approx(80.0)
+    assert slow.promises.latency_s == pytest.approx(0.005)
+    with pytest.raises(RangeError, match=r"sample rate 81 Hz: the device offers 0\.001 … 80 Hz"):
+        slow.actual_rate_hz(81.0)
 
 
 def test_blocks_before_a_failure_are_handed_over_before_it_is_raised() -> None:
@@ -173,7 +238,10 @@ def test_one_link_that_is_gone_does_not_keep_the_others_from_safety() -> None:
 
 
 def test_devices_share_one_time_base() -> None:
-    device = PolledDaq({"x": Loop(), "y": Loop()}, {"x": wiring("1"), "y": wiring("2")})
+    clock = VirtualClock()
+    links = {"x": Loop(clock=clock), "y": Loop(clock=clock)}
+    links["x"].takes_s = links["y"].takes_s = 1e-4
+    device = PolledDaq(links, {"x": wiring("1"), "y": wiring("2")}, clock)
     block = joined(list(device.play(Waveform(RATE_HZ, {"a1": np.full(5, 2.0)}))))
     assert (block.outputs["a2"] == 1.5).all() and (block.inputs["b1"] == 2.0).all()
     delays = device.promises.sampling(device.inputs, RATE_HZ)["delay_s"]
@@ -184,7 +252,9 @@ def test_levels_are_driven_again_in_a_pause() -> None:
     link = Loop(keep_alive_s=0.02)
     device = daq(link)
     device.make_safe()
-    time.sleep(0.15)
+    deadline_s = time.monotonic() + 3.0
+    while len(link.written) < 3 and time.monotonic() < deadline_s:
+        time.sleep(0.01)
     assert len(link.written) >= 3 and set(link.written) == {-1.0}
     device.close()
     count = len(link.written)
