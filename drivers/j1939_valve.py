@@ -1,7 +1,8 @@
 """Auxiliary valves on J1939/ISOBUS: flow command each 100 ms, estimated flow back (ISO 11783-7).
 
-Parameter groups and their bytes are those of ISO 11783-7. The addresses that stand in when the bench file says none,
-ours (0x26) and the valve's (0x80), are our choice.
+Parameter groups and their bytes are those of ISO 11783-7, the claim of our address those of SAE J1939-81 and ISO
+11783-5. The addresses that stand in when the bench file says none, ours (0x26) and the valve's (0x80), and our NAME
+are our choice.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
+from drivers._address_claim import CLAIM_WAIT_S, AddressClaim, default_name
 from drivers._can import bus_fault, open_bus
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -32,7 +34,8 @@ class Settings(BaseModel):
     Attributes:
         address: of the bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:host:port`, `virtual:name`.
         valve: its number, 0 … 15.
-        source: our address on the bus.
+        source: our address on the bus, which we claim.
+        name: our NAME on the bus (64 bit); one that every other controller goes before if not given.
         device: address of the valve's controller; messages of others are not believed.
         bitrate: of the bus.
         timeout_s: estimated flow that is older than that counts as none.
@@ -46,6 +49,7 @@ class Settings(BaseModel):
     address: str
     valve: int = Field(default=1, ge=0, le=15)
     source: int = Field(default=0x26, ge=0, le=253)
+    name: int | None = Field(default=None, ge=0, lt=1 << 64)
     device: int = Field(default=0x80, ge=0, le=253)
     bitrate: PositiveInt = 250_000
     timeout_s: PositiveFloat = 0.3
@@ -71,7 +75,7 @@ def terminals(_settings: Settings) -> dict[str, Terminal]:
 
 
 def open_link(settings: Settings, _wiring: Wiring) -> J1939ValveLink:
-    """The bus, open; nothing is sent before the first command."""
+    """The bus, open, our address on it claimed; nothing else is sent before the first command."""
     return J1939ValveLink(settings)
 
 
@@ -91,6 +95,9 @@ class J1939ValveLink:
     """A valve on J1939 (see `hil.daq.polled.Link`). Its flow is estimated by itself, not measured.
 
     The valve tells it each 100 ms without being asked, so a reading is half as old on average.
+
+    Raises:
+        LinkError: another controller has our address.
     """
 
     reading_age_s = 0.05
@@ -104,7 +111,18 @@ class J1939ValveLink:
         self._told, self._told_s = 0.0, time.monotonic()
         self._latest: bytes | None = None
         self._came_s = self._quiet_until_s = 0.0
+        name = default_name() if settings.name is None else settings.name
+        self._claim = AddressClaim(settings.source, name)
         self._bus = open_bus(settings.address, settings.bitrate)
+        try:
+            self._send(*self._claim.claim())
+            until_s = time.monotonic() + CLAIM_WAIT_S
+            while (left_s := until_s - time.monotonic()) > 0.0:
+                self._heard(left_s)
+            self._address_is_ours()
+        except BaseException:
+            self.close()
+            raise
 
     def standing(self) -> dict[str, float]:
         """Before the first command the valve is in its fail-safe state: no flow is commanded."""
@@ -112,14 +130,11 @@ class J1939ValveLink:
 
     def drive(self, values: Mapping[str, float]) -> None:
         """Send the flow command. Nothing acknowledges it but the flow that the valve then estimates."""
-        import can
-
+        while self._heard(0.0) is not None:  # who asks for our address is answered in a pause too
+            pass
+        self._address_is_ours()
         self._told, self._told_s = values["flow command"], time.monotonic()
-        data = command_frame(values["flow command"], self._settings.fail_safe)
-        try:
-            self._bus.send(can.Message(arbitration_id=self._command_id, data=data, is_extended_id=True))
-        except (can.CanError, OSError) as error:
-            raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+        self._send(self._command_id, command_frame(values["flow command"], self._settings.fail_safe))
 
     def read(self) -> dict[str, float]:
         """The flow that the valve has estimated last.
@@ -137,6 +152,7 @@ class J1939ValveLink:
             self._latest = None
         self._quiet_until_s = 0.0
         self._receive(0.0)
+        self._address_is_ours()
         if self._latest is None:
             self._receive(self._settings.timeout_s)
         if self._latest is None or time.monotonic() - self._came_s > self._settings.timeout_s:
@@ -149,19 +165,46 @@ class J1939ValveLink:
         self._bus.shutdown()
 
     def _receive(self, wait_s: float) -> None:
-        """Take in every message that has come; wait for the first one so long if there is none."""
+        """Take in every message that has come; wait for the first estimate so long if there is none."""
+        until_s = time.monotonic() + wait_s
+        while (estimate := self._heard(max(0.0, until_s - time.monotonic()))) is not None:
+            if estimate:
+                until_s = 0.0
+
+    def _heard(self, wait_s: float) -> bool | None:
+        """Take in one message: whether it was an estimate of our valve; None when none came."""
         import can
 
-        until_s = time.monotonic() + wait_s
         try:
-            while (message := self._bus.recv(max(0.0, until_s - time.monotonic()))) is not None:
-                identifier = message.arbitration_id
-                mine = identifier >> 8 & 0x3FFFF == self._group and identifier & 0xFF == self._settings.device
-                if mine and message.is_extended_id and len(message.data) == 8:
-                    self._latest, self._came_s = bytes(message.data), time.monotonic()
-                    until_s = 0.0
+            message = self._bus.recv(wait_s)
         except (can.CanError, OSError) as error:
             raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+        if message is None:
+            return None
+        identifier, data = message.arbitration_id, bytes(message.data)
+        if not message.is_extended_id:
+            return False
+        if answer := self._claim.answer_to(identifier, data):
+            self._send(*answer)
+        mine = identifier >> 8 & 0x3FFFF == self._group and identifier & 0xFF == self._settings.device
+        if mine and len(data) == 8:
+            self._latest, self._came_s = data, time.monotonic()
+        return mine and len(data) == 8
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        import can
+
+        try:
+            self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=True))
+        except (can.CanError, OSError) as error:
+            raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+
+    def _address_is_ours(self) -> None:
+        if self._claim.lost_to is not None:
+            raise LinkError(
+                f"address {self._settings.source:#04x} belongs to a controller with NAME {self._claim.lost_to:#018x}, "
+                f"which goes before ours: say another source"
+            )
 
     def _estimated(self, data: bytes) -> float:
         limit = data[3] >> 5

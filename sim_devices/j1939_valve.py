@@ -13,10 +13,13 @@ from sim_devices._twin import Twin, TwinSettings, quirks, world
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
 _EVERY_S = 0.1
+_FUNCTION = 129  # auxiliary valve control
 
 
 class Valve:
     """A valve that obeys its command, tells the flow that it estimates, and blocks when it hears nothing.
+
+    It claims its address and defends it; when a smaller NAME takes it, it says so once and does nothing any more.
 
     Args:
         side: its terminals, `flow command` and `estimated flow` in %.
@@ -31,10 +34,13 @@ class Valve:
         self._side, self._number, self._address, self._patience_s = side, number, address, patience_s
         self._heard_s = self._said_s = side.clock.now_s
         self._state = 0
+        self._name = 2 << 60 | _FUNCTION << 40 | number
+        self._claimed, self._silenced = False, False
 
     def on_frame(self, identifier: int, data: bytes) -> Iterator[Frame]:
         """A command is obeyed, and answered with the flow that follows from it."""
-        if (identifier >> 8) & 0x3FFFF != 0xFE30 + self._number or len(data) != 8:
+        yield from self._management(identifier, data)
+        if (identifier >> 8) & 0x3FFFF != 0xFE30 + self._number or len(data) != 8 or self._silenced:
             return
         flow, state = data[0], data[2] & 0x0F
         if flow > 0xFA or state > 3:
@@ -47,17 +53,37 @@ class Valve:
     def tick(self) -> Iterator[Frame]:
         """Flow each 100 ms; no flow when no command came."""
         now_s = self._side.clock.now_s
+        if not self._claimed:
+            self._claimed = True
+            yield self._claim()
         if now_s - self._heard_s > self._patience_s and self._state:
             self._state = 0
             self._drive(0.0)
-        if now_s - self._said_s >= _EVERY_S:
+        if now_s - self._said_s >= _EVERY_S and not self._silenced:
             self._said_s = now_s
             yield self._estimate()
 
     def restart(self) -> None:
-        """Blocked."""
+        """Blocked, its address claimed anew."""
         self._state = 0
+        self._claimed, self._silenced = False, False
         self._drive(0.0)
+
+    def _management(self, identifier: int, data: bytes) -> Iterator[Frame]:
+        """What it says to a request for its address, and to one who claims the same."""
+        group, to, source = identifier >> 16 & 0x3FF, identifier >> 8 & 0xFF, identifier & 0xFF
+        if group == 0xEA and to in (self._address, 0xFF) and data == b"\x00\xee\x00":
+            yield self._claim()
+        elif group == 0xEE and source == self._address and len(data) == 8 and not self._silenced:
+            self._silenced = int.from_bytes(data, "little") < self._name
+            if self._silenced:
+                self._state = 0
+                self._drive(0.0)
+            yield self._claim()
+
+    def _claim(self) -> Frame:
+        source = 0xFE if self._silenced else self._address
+        return 0x18EEFF00 | source, self._name.to_bytes(8, "little")
 
     def _drive(self, percent: float) -> None:
         self._side.drive({"flow command": percent})

@@ -7,11 +7,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import can
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import j1939_valve
+from drivers._address_claim import CLAIM_WAIT_S, AddressClaim, default_name
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import LinkError
@@ -44,12 +46,19 @@ def linked(bus: str, **settings: Any) -> Iterator[tuple[Any, Any, Side]]:
     side = twin.world(SIMULATION, {"": WIRING}).side("")
     told = {"address": f"virtual:{bus}", **settings}
     served = twin.serve(told, side, Quirks())
-    link = j1939_valve.open_link(j1939_valve.Settings.model_validate(told), WIRING)
     try:
-        yield link, served, side
+        link = j1939_valve.open_link(j1939_valve.Settings.model_validate(told), WIRING)
+        try:
+            yield link, served, side
+        finally:
+            link.close()
     finally:
-        link.close()
         served.close()
+
+
+@pytest.fixture(autouse=True)
+def _claimed_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(j1939_valve, "CLAIM_WAIT_S", 0.02)
 
 
 @pytest.fixture
@@ -76,7 +85,8 @@ def test_valve_nine_has_the_groups_of_the_standard() -> None:
     assert side.standing("flow command") == 40.0
     assert answer[0] >> 8 & 0x3FFFF == 65049
     clock.sleep_until(0.1)
-    ((_, data),) = list(valve.tick())
+    claim, (_, data) = list(valve.tick())
+    assert claim[0] == 0x18EEFF80
     assert data[0] == 165 and data[1] == 85 and data[2] & 0x0F == 1
     assert list(valve.on_frame(0x0CFE3826, bytes.fromhex("fa ff 31 ff ff ff ff ff"))) == []
 
@@ -133,6 +143,116 @@ def test_hostile_frames_neither_crash_nor_move_an_output(frames: list[tuple[int,
 
 
 HOSTILE = by_hand()
+
+
+CLAIM = "18EEFF26"
+NAME = 0x2000_FF00_FFE0_0001
+
+
+def test_claim_bit_by_bit() -> None:
+    """NAME, least significant byte first, from our address to all, with priority 6; requests are those of J1939-21."""
+    claim = AddressClaim(0x26, NAME)
+    told = (int(CLAIM, 16), bytes.fromhex("01 00 e0 ff 00 ff 00 20"))
+    assert claim.claim() == told
+    request = bytes.fromhex("00 ee 00")
+    assert [claim.answer_to(i, request) for i in (0x18EAFF80, 0x18EA26FE)] == [told, told]
+    assert claim.answer_to(0x18EA2780, request) is None
+    assert claim.answer_to(0x18EAFF80, bytes.fromhex("da fe 00")) is None
+
+
+def test_smaller_name_keeps_the_address() -> None:
+    claim = AddressClaim(0x26, NAME)
+    assert claim.answer_to(0x18EEFF27, bytes(8)) is None and claim.lost_to is None
+    assert claim.answer_to(0x18EEFF26, (NAME + 1).to_bytes(8, "little")) == claim.claim()
+    assert claim.lost_to is None
+    sent = claim.answer_to(0x18EEFF26, (NAME - 1).to_bytes(8, "little"))
+    assert sent == (0x18EEFFFE, NAME.to_bytes(8, "little")) and claim.lost_to == NAME - 1
+    assert claim.answer_to(0x18EEFF26, bytes(8)) is None  # said once
+
+
+def test_second_program_with_our_name_ends_both() -> None:
+    claim = AddressClaim(0x26, NAME)
+    claim.answer_to(*claim.claim())
+    assert claim.lost_to == NAME
+
+
+def test_every_other_controller_goes_before_a_bench_without_a_name() -> None:
+    by_fields = {"industry group": default_name() >> 60, "function": default_name() >> 40 & 0xFF}
+    assert by_fields == {"industry group": 2, "function": 255}
+    assert default_name() > 2 << 60 | 254 << 40 | (1 << 40) - 1 and default_name() < 1 << 63
+
+
+@contextmanager
+def beside(bus: str) -> Iterator[can.BusABC]:
+    """Another controller on the bus."""
+    other = can.Bus(interface="virtual", channel=bus)
+    try:
+        yield other
+    finally:
+        other.shutdown()
+
+
+def heard(other: can.BusABC, identifier: int) -> list[bytes]:
+    """What came with an identifier within a moment."""
+    found, until_s = [], time.monotonic() + 0.1
+    while (left_s := until_s - time.monotonic()) > 0.0:
+        message = other.recv(left_s)
+        if message is not None and message.arbitration_id == identifier:
+            found.append(bytes(message.data))
+    return found
+
+
+def claims(name: int) -> can.Message:
+    return can.Message(arbitration_id=int(CLAIM, 16), data=name.to_bytes(8, "little"), is_extended_id=True)
+
+
+def test_address_is_claimed_before_the_first_command(bus: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(j1939_valve, "CLAIM_WAIT_S", CLAIM_WAIT_S)
+    with beside(bus) as other:
+        begun_s = time.monotonic()
+        with linked(bus, name=NAME) as (link, _, _):
+            link.drive({"flow command": 40.0})
+            assert time.monotonic() - begun_s > 0.25
+        ours = [m for m in iter(lambda: other.recv(0.0), None) if m.arbitration_id & 0xFF == 0x26]
+    assert [m.arbitration_id for m in ours] == [int(CLAIM, 16), 0x0CFE3126]
+    assert bytes(ours[0].data) == NAME.to_bytes(8, "little")
+
+
+def test_address_that_is_lost_ends_the_commands(bus: str) -> None:
+    with beside(bus) as other, linked(bus, name=NAME) as (link, _, _):
+        link.drive({"flow command": 40.0})
+        other.send(claims(NAME + 1))
+        link.drive({"flow command": 40.0})
+        other.send(claims(7))
+        for call in (link.read, lambda: link.drive({"flow command": 0.0})):
+            with pytest.raises(LinkError, match="address 0x26 belongs to a controller with NAME 0x0000000000000007"):
+                call()
+        commands = heard(other, 0x0CFE3126)
+    assert len(commands) == 2
+
+
+def test_request_in_a_pause_is_answered_with_the_next_command(bus: str) -> None:
+    with beside(bus) as other, linked(bus, name=NAME) as (link, _, _):
+        while other.recv(0.0) is not None:
+            pass
+        other.send(can.Message(arbitration_id=0x18EAFFFE, data=bytes.fromhex("00 ee 00"), is_extended_id=True))
+        link.drive({"flow command": 0.0})
+        assert heard(other, int(CLAIM, 16)) == [NAME.to_bytes(8, "little")]
+
+
+def test_valve_claims_defends_and_loses_its_address() -> None:
+    valve, side, clock = by_hand()
+    ((identifier, name),) = list(valve.tick())
+    assert identifier == 0x18EEFF80
+    assert list(valve.on_frame(0x18EAFFFE, bytes.fromhex("00 ee 00"))) == [(identifier, name)]
+    assert list(valve.on_frame(0x18EEFF80, bytes(7) + b"\x40")) == [(identifier, name)]  # a larger NAME
+    list(valve.on_frame(0x0CFE3926, bytes.fromhex("64 ff 31 ff ff ff ff ff")))
+    assert side.standing("flow command") == 40.0
+    assert list(valve.on_frame(0x18EEFF80, bytes(8))) == [(0x18EEFFFE, name)]
+    assert side.standing("flow command") == 0.0
+    assert list(valve.on_frame(0x0CFE3926, bytes.fromhex("64 ff 31 ff ff ff ff ff"))) == []
+    clock.sleep_until(0.2)
+    assert list(valve.tick()) == [] and side.standing("flow command") == 0.0
 
 
 def test_settings_that_cannot_be_are_told() -> None:
