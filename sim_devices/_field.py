@@ -112,7 +112,8 @@ class Side:
     """The terminals of one device on a `Field`. What is not connected reads 0 and drives nothing.
 
     Attributes:
-        quirks: those in force; inputs that are stuck or no numbers are so here, the rest is the device's.
+        quirks: those in force; inputs that are stuck or no numbers and outputs that are frozen are so here, the rest
+            is the device's.
     """
 
     def __init__(self, field: Field, wiring: Wiring) -> None:
@@ -129,7 +130,9 @@ class Side:
         return self._field.clock
 
     def drive(self, values: Mapping[str, float]) -> None:
-        """Put outputs, by terminal, at these values."""
+        """Put outputs, by terminal, at these values, unless they are frozen."""
+        if self.quirks.frozen:
+            return
         mine = {self._outputs[terminal]: value for terminal, value in values.items() if terminal in self._outputs}
         self._loose.update({terminal: value for terminal, value in values.items() if terminal not in self._outputs})
         if mine:

@@ -19,6 +19,7 @@ class Quirks(BaseModel):
         word_order: the words of floating-point numbers come in the other order.
         not_a_number: inputs read NaN (0 where the protocol has none).
         stuck: inputs keep their last value.
+        frozen: outputs stay where they are, whatever they are told; the device agrees to everything.
         reboot: instead of an answer the device starts anew: outputs at their power-on values, no watchdog armed.
         baud: the line carries so many bits a second, ten for each byte; always on.
         after, answers: when it begins, and for how many answers; without end if not given.
@@ -33,6 +34,7 @@ class Quirks(BaseModel):
     word_order: bool = False
     not_a_number: bool = False
     stuck: bool = False
+    frozen: bool = False
     reboot: bool = False
     baud: PositiveFloat | None = None
     after: int = Field(default=0, ge=0)

@@ -411,3 +411,17 @@ def test_refused_value_writes_nothing() -> None:
     answer = answered(bytes.fromhex("10 04 00 00 02 04 01 00 FF FF"), bank)
     assert answer == bytes.fromhex("90 03")
     assert bank.holding(0x0400) == 0
+
+
+def test_frozen_outputs_are_agreed_to_and_stand_still_until_they_thaw() -> None:
+    with linked() as (link, served, terminals):
+        link.drive({"ao0": 2.5})
+        served.behaviour.quirks = Quirks(frozen=True)
+        link.drive({"ao0": -4.0})
+        time.sleep(0.003)
+        assert terminals.standing("ao0") == pytest.approx(2.5, abs=1e-3)
+        assert link.read()["ai0"] == pytest.approx(2.5, abs=1e-3)
+        assert link.standing()["ao0"] == pytest.approx(-4.0, abs=1e-3)  # its registers know nothing of it
+        served.behaviour.quirks = Quirks()
+        link.drive({"ao0": -4.0})
+        assert terminals.standing("ao0") == pytest.approx(-4.0, abs=1e-3)
