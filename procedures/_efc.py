@@ -31,8 +31,13 @@ def play(rig: Rig, stages: Sequence[Stage], rate_hz: float) -> list[Recording]:
     The limits of the command stay as they are, so that another procedure may follow in the same run.
 
     Raises:
+        SettingError: the command is no current in A.
         RangeError: a stage would leave the envelope; nothing has moved.
     """
+    if rig.command.unit != "A":
+        raise SettingError(
+            f"command '{rig.command.name}' is in {rig.command.unit}; a test of an EFC states its currents in A"
+        )
     for stage in stages:
         rig.check(stage.command, rate_hz)
     made = []

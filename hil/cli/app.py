@@ -6,6 +6,7 @@ import importlib
 import pkgutil
 import sys
 import traceback
+from typing import Any
 
 import typer
 
@@ -42,8 +43,10 @@ def _assembled() -> typer.Typer:
 def main() -> int:
     """Run the command line; returns the exit status of the contract (0, 1, 2, 3)."""
     app = _assembled()
+    silent = len(sys.argv) == 1  # the help is shown, and nothing was done
     try:
-        app()
+        status = app(["--help"] if silent else None, standalone_mode=False)
+        return 2 if silent else int(status or 0)
     except HilError as error:
         return _say(str(error), error.exit_status)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
@@ -51,9 +54,18 @@ def main() -> int:
     except OSError as error:
         return _say(f"{error.filename or 'file'}: {error.strerror or error}", 2)
     except Exception as error:
+        if hasattr(error, "format_message"):  # of click or of typer's own copy of it, by version
+            return _say(_usage(error), 2)
         hint = "" if _debug else "; `hil --debug …` shows where"
         return _say(f"a fault of this program, not of its input: {type(error).__name__}: {error}{hint}", 2)
     return 0
+
+
+def _usage(error: Any) -> str:
+    """A wrong use in one line; where the command is known, how to see its right use."""
+    text = str(error.format_message()).rstrip(".")
+    context = getattr(error, "ctx", None)
+    return text if context is None else f"{text}; `{context.command_path} --help` shows what is allowed"
 
 
 def _say(text: str, status: int) -> int:

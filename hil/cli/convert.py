@@ -14,11 +14,14 @@ def command(
     overwrite: bool = typer.Option(False, "--overwrite", help="Replace DST if it exists."),
 ) -> None:
     """Convert a recording between formats; DST without an ending becomes a run folder."""
+    from hil.cli.places import check_file
     from hil.errors import FileError
     from hil.record.read import read_recording, write_recording
 
     if target.exists() and not overwrite:
         raise FileError(f"{target}: exists already; --overwrite replaces it")
+    if not target.is_dir():  # a run folder that exists is refused where it would be made
+        check_file(target)
     found = read_recording(source).with_units(_pairs(unit))
     write_recording(found, target)
     channels = ", ".join(channel.heading for channel in found.channels.values())

@@ -12,9 +12,11 @@ def command(
     conceal: str = typer.Option("friction", "--conceal", help="The effect that the second recordings conceal."),
 ) -> None:
     """Test and identify a valve, meet recordings that conceal an effect, diagnose them, write the reports."""
+    from hil.cli.places import check_folder
     from hil.cli.progress import shown
     from hil.session.demo import demonstrate
 
+    check_folder(out)
     typer.echo("Brevini HPV41 on the simulated bench, in virtual time")
     with shown() as progress:
         done = demonstrate(out, conceal, progress)

@@ -27,6 +27,9 @@ def command(
     scheduler: str = typer.Option("", "--scheduler", metavar="tcp://…", help="Dask scheduler that does the units."),
 ) -> None:
     """Locate a mismatch, name the physics that was left out, model it, and show the fit improve."""
+    from hil.cli.places import check_distinct, check_folder
+
+    check_folder(out)
     if units:
         _diagnose_units(units, model, out, scheduler)
         return
@@ -36,6 +39,7 @@ def command(
         raise typer.BadParameter(
             "spreads units (--unit) over machines; one unit is done on this one", param_hint="--scheduler"
         )
+    check_distinct(recordings)
     from hil.cli.progress import shown
     from hil.diagnose.diagnose import diagnose
     from hil.identify.experiment import for_model

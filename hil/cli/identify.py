@@ -16,14 +16,14 @@ def command(
     free: list[str] = typer.Option([], "--free", help="Also estimate this parameter, held fixed otherwise."),
 ) -> None:
     """Fit a plant's parameters to all recordings together and write a model file."""
-    from hil.errors import FileError
+    from hil.cli.places import check_distinct, check_file
     from hil.identify.experiment import experiment
     from hil.identify.grey_box import fit_plant, starting_model
     from hil.physics.model import save_model
     from hil.record.read import read_recording
 
-    if not out.parent.is_dir():
-        raise FileError(f"{out}: there is no folder {out.parent}")
+    check_distinct(recordings)
+    check_file(out, recordings)
     start = starting_model(plant, free)
     experiments = [
         experiment(read_recording(path), start.definition, input_name or None, output_name or None)

@@ -42,7 +42,10 @@ def command(
         return
     if not bench:
         raise typer.BadParameter("say on which bench: --bench BENCH.toml", param_hint="--bench")
+    from hil.cli.places import check_folder
+
     folder = out or Path("runs") / f"{chosen.name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+    check_folder(folder)
 
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench

@@ -18,13 +18,15 @@ def command(
 
     Of the recording's output only the first sample is used, to set the initial state.
     """
+    from hil.cli.places import check_file
     from hil.identify.experiment import for_model
     from hil.physics.model import load_model
     from hil.record.read import read_recording, write_recording
     from hil.record.recording import recording as make
 
+    check_file(out, (model, recording))
     loaded = load_model(model)
     read = read_recording(recording)
-    bound = for_model(loaded, read, input_name, output_name)
+    bound = for_model(loaded, read, input_name, output_name, output_needed=False)
     simulated = bound.respond(loaded.definition, loaded.values, loaded.active_effects)[0]
     write_recording(make(str(out), read.time_s, {loaded.output: simulated}), out)

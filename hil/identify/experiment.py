@@ -99,6 +99,7 @@ def experiment(
         UnitError: a channel's unit does not convert to the plant's.
     """
     names = [input_name or plant.inputs[0].name, *(signal.name for signal in plant.inputs[1:])]
+    _check_named(recording, plant, names[0], output_name or plant.output.name)
     units = _input_units(plant, recording, names[0])
     inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
     measured = recording.channel(output_name or plant.output.name)
@@ -121,14 +122,25 @@ def experiment(
     )  # fmt: skip
 
 
-def for_model(model: Model, recording: Recording, input_name: str = "", output_name: str = "") -> Experiment:
+def for_model(
+    model: Model, recording: Recording, input_name: str = "", output_name: str = "", *, output_needed: bool = True
+) -> Experiment:
     """Bind a recording to a model: its channels (other names may be given) and its reading instant.
 
-    A recording without the output channel is bound too; only its first sample would have been used.
+    Args:
+        model: with the names of its channels.
+        recording: what was measured.
+        input_name: of the command, if not the model's own.
+        output_name: of the response, if not the model's own.
+        output_needed: no: a recording without the response is bound too, to be simulated; the response is NaN then.
+
+    Raises:
+        FileError: a channel is missing.
+        UnitError: a channel's unit does not convert to the plant's.
     """
     plant = model.definition
     output_name = output_name or split_heading(model.output)[0]
-    if output_name not in recording.channels:
+    if output_name not in recording.channels and not output_needed:
         nothing = Channel(output_name, plant.output.unit, np.full(len(recording), np.nan))
         recording = replace(recording, channels={**recording.channels, output_name: nothing})
     input_name = input_name or split_heading(model.input)[0]
@@ -140,6 +152,19 @@ def declared_read_at(recording: Recording) -> float | None:
     promised = recording.meta.get("sampling", {})
     value = promised.get("read_at") if isinstance(promised, Mapping) else None
     return None if value is None else float(value)
+
+
+def _check_named(recording: Recording, plant: Plant, input_name: str, output_name: str) -> None:
+    for role, name in (("input", input_name), ("output", output_name)):
+        if name in recording.channels:
+            continue
+        have = ", ".join(channel.heading for channel in recording.channels.values())
+        alike = [known for known in recording.channels if known.casefold() == name.casefold()]
+        hint = f", did you mean '{alike[0]}'?" if alike else ";"
+        raise FileError(
+            f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have or 'none'}; "
+            f"say which is the {role}"
+        )
 
 
 def _input_units(plant: Plant, recording: Recording, first: str) -> list[str]:

@@ -131,7 +131,9 @@ def load_model(path: Path) -> Model:
 
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+    except OSError as error:
+        raise FileError(f"{path}: not a model file: {error.strerror}") from error
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise FileError(f"{path}: not a model file: {error}") from error
     if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
         raise FileError(f"{path}: not a model file: field 'format' must be '{FORMAT}'")

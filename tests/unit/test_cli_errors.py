@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hil.__main__ import main
+from hil.physics.model import save_model, typical_model
 
 FLOW_PER_COMMAND = 0.5
 
@@ -62,12 +63,38 @@ CASES = [
     (("simulate", "--model", "good.csv", "--input", "good.csv", "--out", "x.csv"), "good.csv: not a model file"),
     (("convert", "good.csv", "good.xyz"), "known endings: .csv"),
     (("convert", "good.csv", "mass.csv"), "exists already; --overwrite replaces it"),
+    (("convert", "good.csv", "nowhere/good.csv"), "nowhere/good.csv: there is no folder nowhere"),
+    (("identify", "capitals.csv", *IDENTIFY), "'command', the input of brevini-hpv41, did you mean 'Command'?"),
+    (("identify", "good.csv", "--plant", "transfer-function", "--out", "m.json"), "say which is the input"),
+    (("identify", "good.csv", "good.csv", *IDENTIFY), "good.csv: named twice; a recording counts once"),
+    (("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "good.csv"), "would be lost; write another file"),
+    (("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "folder"), "folder: is a folder; name a file"),
+    (("compare", "--model", "valve.json", "alone.csv"), "no channel 'flow', the output of brevini-hpv41"),
+    (("diagnose", "--model", "valve.json", "alone.csv", "--out", "d"), "no channel 'flow'"),
+    (("diagnose", "--model", "valve.json", "good.csv", "./good.csv", "--out", "d"), "good.csv: named twice"),
+    (("diagnose", "--model", "valve.json", "good.csv", "--out", "good.csv"), "good.csv: good.csv is a file; name a"),
+    (("simulate", "--model", "valve.json", "--input", "good.csv", "--out", "./good.csv"), "good.csv: is read by this"),
+    (("simulate", "--model", "valve.json", "--input", "good.csv", "--out", "no/x.csv"), "there is no folder no"),
+    (
+        ("simulate", "--model", "nope.json", "--input", "good.csv", "--out", "x.csv"),
+        "nope.json: not a model file: No such",
+    ),
+    (("run", "step_response", "--bench", "brevini-hpv41", "--out", "good.csv/x"), "good.csv is a file; name a folder"),
+    (("run", "step_response"), "--bench BENCH.toml; `hil run --help` shows what is allowed"),
+    (("frobnicate",), "No such command 'frobnicate'"),
+    (("identify", "good.csv"), "Missing option '--plant'; `hil identify --help` shows what is allowed"),
+    (("identify", "--plant", "brevini-hpv41", "--out", "m.json"), "Missing argument 'RECORDING...'"),
+    (("list", "--colour"), "No such option"),
 ]
 
 
 @pytest.fixture
 def recordings(tmp_path: Path) -> None:
     write_recording(tmp_path / "good.csv")
+    write_recording(tmp_path / "capitals.csv", "time [s],Command [%],Flow [l/min]")
+    (tmp_path / "alone.csv").write_text("time [s],command [%]\n0,1\n1,2\n2,3\n", encoding="utf-8")
+    save_model(typical_model("brevini-hpv41"), tmp_path / "valve.json")
+    (tmp_path / "folder").mkdir()
     write_recording(tmp_path / "nan.csv", spoil="nan")
     write_recording(tmp_path / "words.csv", spoil="broken")
     write_recording(tmp_path / "mass.csv", "time [s],command [%],flow [kg]")
@@ -93,19 +120,17 @@ def test_bad_input_is_one_line_and_exit_status_2(hil, arguments: tuple[str, ...]
     assert not Path("model.json").exists()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "says"),
-    [
-        (("frobnicate",), "No such command 'frobnicate'"),
-        (("identify", "good.csv"), "Missing option '--plant'"),
-        (("identify", "--plant", "brevini-hpv41", "--out", "m.json"), "Missing argument"),
-        (("list", "--colour"), "No such option"),
-    ],
-)
-def test_wrong_usage_is_exit_status_2(hil, arguments: tuple[str, ...], says: str) -> None:
-    status, _, err = hil(*arguments)
-    assert status == 2
-    assert says in err
+def test_no_command_shows_the_help_and_is_exit_status_2(hil) -> None:
+    status, out, err = hil()
+    assert (status, err) == (2, "")
+    assert "Commands:" in out
+
+
+@pytest.mark.usefixtures("recordings")
+def test_what_is_read_is_not_written_over(hil) -> None:
+    before = Path("good.csv").read_bytes()
+    assert hil("simulate", "--model", "valve.json", "--input", "good.csv", "--out", "good.csv")[0] == 2
+    assert Path("good.csv").read_bytes() == before
 
 
 @pytest.mark.usefixtures("recordings")
@@ -120,14 +145,6 @@ def test_debug_adds_the_traceback(hil) -> None:
 def test_a_folder_that_is_not_there_is_found_before_the_work(hil) -> None:
     status, _, err = hil("identify", "good.csv", "--plant", "brevini-hpv41", "--out", "nowhere/model.json")
     assert (status, err) == (2, "hil: nowhere/model.json: there is no folder nowhere\n")
-
-
-@pytest.mark.usefixtures("recordings")
-def test_a_recording_that_cannot_be_written_is_exit_status_3(hil) -> None:
-    status, _, err = hil("convert", "good.csv", "nowhere/good.csv")
-    assert status == 3
-    assert err.startswith("hil: nowhere/good.csv")
-    assert err.count("\n") == 1
 
 
 def test_a_broken_file_system_is_one_line(hil, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -154,3 +171,10 @@ def test_version_and_help_are_no_errors(hil) -> None:
     status, out, _ = hil("--help")
     assert status == 0
     assert "identify" in out
+
+
+@pytest.mark.parametrize("procedure", ["efc_step_response", "pressure_current"])
+def test_currents_are_not_driven_as_anything_else(hil, procedure: str) -> None:
+    status, _, err = hil("run", procedure, "--bench", "brevini-hpv41", "--out", "r")
+    assert status == 2
+    assert err.splitlines()[-1] == "hil: command 'command' is in %; a test of an EFC states its currents in A"
