@@ -34,6 +34,7 @@ from hil.diagnose.terms import Term
 from hil.diagnose.wording import headline, quantity_text, sentence
 from hil.identify.experiment import Experiment
 from hil.identify.grey_box import fit_ceiling, fit_percent
+from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
 from hil.physics.model import Covariance, Model, ModelEffect, Value
 from hil.physics.simulate import ActiveEffect
@@ -250,7 +251,7 @@ class _Answer:
         name = term.effect_name(values)
         if not name:
             return None
-        effect = next(e for e in installed_effects() if e.name == name)
+        effect = installed_effect(term.name if term.kind == "effect" else name)
         quantities = self._quantities(f, term, values)
         where = locate(self.problem, self._outputs(self._without(f, k)))
         return Finding(
@@ -267,7 +268,7 @@ class _Answer:
                 term.name: Quantity(values[0], std, u.unit, self.problem.plant.parameter(term.name).meaning),
                 "change": Quantity(values[0] - term.nominal, std, u.unit, "beyond the nominal model"),
             }
-        effect = next(e for e in installed_effects() if e.name == term.name)
+        effect = installed_effect(term.name)
         meanings = {p.name: p.meaning for p in effect.parameters}
         return {
             u.name: Quantity(float(v), stds.get((f"{term.name}.{u.name}", term.hook)), u.unit, meanings[u.name])

@@ -29,7 +29,8 @@ class Term:
         name: of the parameter or the effect. `hook`, `stage`: where the effect sits.
         unknowns: what is estimated. `starts`: where from, one tuple for each start.
         nominal: value of a base parameter in the nominal model.
-        growth, change: the effects that a larger, or any other, value of the base parameter is known as.
+        growth, change: the effects that a larger, or any other, value of the base parameter is known as; `change` also
+            what an effect is known as under another name.
         null: value of the first unknown at which an effect does nothing.
     """
 
@@ -52,7 +53,7 @@ class Term:
     def effect_name(self, values: Sequence[float]) -> str:
         """The effect that these values stand for, or nothing when it is a changed parameter."""
         if self.kind == "effect":
-            return self.name
+            return self.change or self.name
         return self.change or (self.growth if values[0] > self.nominal else "")
 
     def apply(self, values: Sequence[float], parameters: dict[str, float], effects: list[ActiveEffect]) -> None:
@@ -106,8 +107,9 @@ def _effect_term(site: Site, seen: Seen) -> Term:
     )
     null = next(iter(site.effect.null_at(site.hook).values()))
     return Term(
-        "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)), null=null
-    )
+        "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
+        change=site.effect.known_as, null=null,
+    )  # fmt: skip
 
 
 def _size(parameter: Parameter, starts: Sequence[tuple[float, ...]], k: int) -> float:

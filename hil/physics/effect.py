@@ -9,6 +9,7 @@ nothing else; the composer passes by name:
     time_s      time since the start of the recording
     step_s      the sub-step
     opening     (flow hook) opening as a share of full opening
+    travel      (load pressure hook) place of the load as a share of half its stroke
     full_scale  of the hook
     state       the effect's own memory, an array of `memory` words
     …           its own parameters, or the names that its `coefficients` returns
@@ -103,7 +104,8 @@ class Effect:
     """A physical effect and everything that the tool says about it.
 
     Attributes:
-        name: one of the contract's names, or a new one.
+        name: one of the contract's names, or a new one. `known_as`: the name that a diagnosis uses, where one cause
+            has several files because it acts in different ways in different plants.
         title: as a fitter would say it.
         hooks: where it can sit; a plant has it wherever it has a hook of that name.
         parameters: the first is the one whose size says how strong the effect is.
@@ -130,6 +132,7 @@ class Effect:
     memory: Callable[[Mapping[str, Parameter], float], int] = lambda _parameters, _step_s: 0
     settle: Callable[..., Any] | None = None
     coefficients: Callable[[Mapping[str, float], float], Mapping[str, float]] | None = None
+    known_as: str = ""
 
     def parameters_at(self, hook: Hook) -> tuple[Parameter, ...]:
         """The parameters in the units of a hook."""

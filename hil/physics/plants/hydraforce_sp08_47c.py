@@ -30,7 +30,8 @@ def equations(request: Any, x: Any, c: Any, hook: Any) -> Any:
     opening = hook.opening(x.spool)
     share = 0.01 * opening
     supply = hook.supply(c.supply, share)
-    velocity = share * math.sqrt(max(supply, 0.0) / c.supply)
+    load = hook.load_pressure(0.0, 0.008 * x.cylinder)
+    velocity = share * math.sqrt(max(supply - (load if share > 0.0 else -load), 0.0) / c.supply)
     if velocity > 0.0:
         velocity = velocity * c.extend
     else:
@@ -101,6 +102,7 @@ PLANT = Plant(
         Hook("force", "spool", "%", 100.0, extra="mobility"),
         Hook("opening", "orifice", "%", 100.0),
         Hook("supply", "supply", "bar", 100.0, extra="flow"),
+        Hook("load_pressure", "cylinder", "bar", 100.0, extra="travel"),
         Hook("flow", "flow", "mm/s", 200.0, extra="opening"),
         Hook("load", "cylinder", "mm", 125.0),
         Hook("position", "linkage", "mm", 125.0),
