@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -11,10 +12,12 @@ from hil.bench.file import Bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.bench.rig import Progress
-from hil.errors import SettingError
+from hil.errors import InputError, SettingError
+from hil.record.events import EVENTS_FILE
 from hil.record.folder import read
 from hil.record.measurement import Limit
 from hil.record.recording import Recording
+from hil.record.samples import ROWS_FILE
 from hil.report.run_page import write_run_report
 from hil.safety.interrupt import terminable
 from hil.session.limit import checked_limits, limits_of
@@ -59,8 +62,14 @@ def run_procedure(
     about = {"procedure": procedure.name, "settings": values, "limits": judged_by}
     if earlier is not None:
         about["resumes"] = earlier.name
-    with terminable(), open_rig(bench, out, about, progress, resets, earlier) as rig:
-        procedure.run(rig, **values)
+    new = not out.exists()
+    try:
+        with terminable(), open_rig(bench, out, about, progress, resets, earlier) as rig:
+            procedure.run(rig, **values)
+    except InputError:
+        if new:
+            _take_back(out)
+        raise
     return evaluate_run(procedure, out)
 
 
@@ -110,6 +119,13 @@ def evaluate_run(procedure: Procedure, folder: Path) -> Outcome:
     write_findings(findings, folder)
     write_run_report(recording, findings, folder / REPORT_FILE)
     return Outcome(folder, findings, folder / REPORT_FILE)
+
+
+def _take_back(folder: Path) -> None:
+    """Remove the folder of a run that was refused before its first sample: its name is wanted for the next try."""
+    records = [path for path in (folder / ROWS_FILE, folder / EVENTS_FILE) if path.exists()]
+    if records and not any(path.stat().st_size for path in records):
+        shutil.rmtree(folder)
 
 
 def _acceptance(bench: Bench, procedure: str) -> dict[str, Limit]:

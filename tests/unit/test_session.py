@@ -10,7 +10,7 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.catalog import Entry
-from hil.errors import FileError, SettingError, UnknownNameError
+from hil.errors import FileError, RangeError, SettingError, UnknownNameError
 from hil.record.read import read_recording
 from hil.session.procedure import Procedure, argument_lines, load_procedure
 from hil.session.run import evaluate_run, run_procedure
@@ -122,6 +122,17 @@ def test_bad_setting_makes_no_folder(tiny: Procedure, bench: BenchFile, tmp_path
     with pytest.raises(SettingError):
         run_procedure(tiny, bench, {"hold_s": "-1"}, tmp_path / "run")
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_refused_before_its_first_sample_leaves_its_name_free(
+    tiny: Procedure, bench: BenchFile, tmp_path: Path
+) -> None:
+    with pytest.raises(RangeError):
+        run_procedure(tiny, bench, {"levels": "300"}, tmp_path / "run")
+    assert run_procedure(tiny, bench, {"levels": "50"}, tmp_path / "run").exit_status == 0
+    with pytest.raises(FileError, match="exists already"):
+        run_procedure(tiny, bench, {"levels": "50"}, tmp_path / "run")
+    assert (tmp_path / "run" / "findings.json").exists()
 
 
 def test_outputs_are_safe_and_the_run_closed_before_it_is_evaluated(
