@@ -81,6 +81,23 @@ def step(to_percent: float) -> Curve:
     }  # fmt: skip
 
 
+def velocity_step(speed_per_s: float) -> Curve:
+    time_s = np.arange(0.0, 2.0, 1e-2)
+    fitted = speed_per_s * time_s
+    return {
+        "label": f"0 → {speed_per_s / 100.0:g} A", "response_unit": "mm", "time_s": time_s, "measured": fitted + 0.01,
+        "fitted": fitted, "from_s": 0.8, "to_s": 1.99, "speed_per_s": speed_per_s,
+    }  # fmt: skip
+
+
+def drift(level: float) -> Curve:
+    time_s = np.arange(0.5, 60.0)
+    return {
+        "label": f"{level:g} A", "response_unit": "mm", "time_s": time_s, "position": 1e-3 * time_s,
+        "fitted": 1e-3 * time_s,
+    }  # fmt: skip
+
+
 def large_sine(frequency_hz: float) -> Curve:
     time_s = np.linspace(0.0, 2.0 / frequency_hz, 2000)
     phase = 2.0 * np.pi * frequency_hz * time_s

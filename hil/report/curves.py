@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
-from hil.report import flow_curves, large_sines, responses, steps
+from hil.report import flow_curves, large_sines, motions, responses, steps
 from hil.report.overview import overview
 from hil.report.plain_curve import plain_section
 from hil.report.section import Section
@@ -40,6 +40,8 @@ KINDS: Mapping[str, Kind] = {
     "flow_curve": Kind(flow_curves.NEEDED, flow_curves.flow_curve_section, several=False),
     "steps": Kind(steps.NEEDED, steps.steps_section),
     "large_sines": Kind(large_sines.NEEDED, large_sines.large_sines_section),
+    "velocity_steps": Kind(motions.STEPS_NEEDED, motions.velocity_steps_section),
+    "drift": Kind(motions.DRIFT_NEEDED, motions.drift_section),
 }
 
 

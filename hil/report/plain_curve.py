@@ -46,7 +46,9 @@ def _entries(curve: Any) -> Iterator[tuple[str, Mapping[str, Any]]]:
         yield "", curve
     elif isinstance(curve, list | tuple) and curve and all(_is_nested(v) for v in curve):
         for i, value in enumerate(curve, 1):
-            yield from ((" ".join(filter(None, (str(i), label))), entry) for label, entry in _entries(value))
+            named = isinstance(value, Mapping) and value.get("label")
+            own = f"{i}: {named}" if named else str(i)
+            yield from ((" ".join(filter(None, (own, label))), entry) for label, entry in _entries(value))
     elif curve is not None:
         yield "", {"value": curve}
 

@@ -139,6 +139,17 @@ def test_flow_curve_steps_and_large_sines_have_their_sections(tmp_path: Path) ->
         assert text in page.text, text
 
 
+def test_a_cylinders_steps_and_drift_have_their_sections(tmp_path: Path) -> None:
+    drawn = {
+        "velocity_steps": [curves.velocity_step(s) for s in (26.2361, -20.8, 26.3, -20.7, 1.0)],
+        "drift": [curves.drift(0.0)],
+    }
+    page = page_of(Findings(curves=drawn), tmp_path)
+    assert page.drawings == 1 + 1 + 1
+    for text in ("Speed [mm/s]", "0 → 0.262361 A 26.236 0.8 … 1.99", "0 → −0.208 A −20.8", "position [mm]"):
+        assert text in page.text, text
+
+
 def test_a_flow_curve_without_options_is_drawn(tmp_path: Path) -> None:
     command = np.linspace(0.0, 1.0, 20)
     bare = {"command": command, "rising": command, "falling": command, "std": None, "dead_band": None}
@@ -148,11 +159,13 @@ def test_a_flow_curve_without_options_is_drawn(tmp_path: Path) -> None:
 def test_a_strangers_curves_are_drawn_plainly(tmp_path: Path) -> None:
     strange = {
         "steps": {"time_s": np.arange(99.0), "pressure_bar": np.arange(99.0), "gain": 3.25, "remark": "as usual"},
-        "spectrum": [{"frequency_hz": np.arange(5.0), "gain": np.ones(5) * 1j}, {"alone": [1.0, 2.0]}],
+        "spectrum": [
+            {"label": "cold", "frequency_hz": np.arange(5.0), "gain": np.ones(5) * 1j}, {"alone": [1.0, 2.0]}
+        ],
         "nothing": None, "empty": [], "value": 7, "table": np.ones((2, 3)),
     }  # fmt: skip
     page = page_of(Findings(curves=strange), tmp_path)
-    for text in ("time [s]", "pressure [bar]", "gain 3.25", "remark as usual", "|gain|", "array of 2 × 3"):
+    for text in ("time [s]", "pressure [bar]", "gain 3.25", "remark as usual", "|gain|", "array of 2 × 3", "1: cold"):
         assert text in page.text, text
     assert page.drawings == 1 + 2 + 1
 

@@ -1,0 +1,71 @@
+"""Positions of a cylinder over time with the straight lines that were fitted to them: velocity steps and drift."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from hil.report.field import Curve, label_of, needed, unit_of
+from hil.report.figure import BLUE, GRID, Picture, drawn, legend_on_top, thinned
+from hil.report.number import number
+from hil.report.section import Section, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+STEPS_NEEDED = ("time_s", "measured", "fitted", "from_s", "to_s", "speed_per_s")
+DRIFT_NEEDED = ("time_s", "position", "fitted")
+_MOST = 12
+_COLUMNS = 3
+
+
+def velocity_steps_section(curves: Sequence[Curve]) -> Section:
+    """Every step, where its speed is read, and the speed."""
+    caption = "The speed is the slope of the fitted line over the shaded stretch."
+    unit = unit_of(curves[0], "response_unit").replace("]", "/s]")
+    rows = tuple(
+        (label_of(c), number(float(c["speed_per_s"]), 5), f"{number(float(c['from_s']))} … {number(float(c['to_s']))}")
+        for c in curves
+    )
+    table = Table("", ("Step", f"Speed{unit}", "Read from … to [s]"), rows)
+    return Section(
+        "Velocity steps", figures=(_picture("velocity-steps", curves, "measured", caption),), tables=(table,)
+    )
+
+
+def drift_section(curves: Sequence[Curve]) -> Section:
+    """The position at every level at which the command stands."""
+    caption = "Means over one second, and the straight line whose slope is the rate of the drift."
+    return Section("Drift", figures=(_picture("drift", curves, "position", caption),))
+
+
+def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) -> Picture:
+    shown, left_out = curves[:_MOST], max(0, len(curves) - _MOST)
+    columns = min(_COLUMNS, len(shown))
+    rows = -(-len(shown) // columns)
+
+    def draw(figure: Figure) -> None:
+        grid = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, curve in zip(grid, shown, strict=False):
+            _motion(axes, curve, position)
+        for axes in grid[::columns]:
+            axes.set_ylabel(f"position{unit_of(shown[0], 'response_unit')}")
+        for axes in grid[max(0, len(shown) - columns) : len(shown)]:
+            axes.set_xlabel("time [s]")
+        for axes in grid[len(shown) :]:
+            axes.set_visible(False)
+        legend_on_top(grid[0])
+
+    more = f" {left_out} more are not drawn." if left_out else ""
+    return drawn(name, 0.5 + (2.3 if columns < _COLUMNS else 1.75) * rows, draw, caption + more)
+
+
+def _motion(axes: Axes, curve: Curve, position: str) -> None:
+    time_s = needed(curve, "time_s")
+    if "from_s" in curve:
+        axes.axvspan(float(curve["from_s"]), float(curve["to_s"]), color=GRID, lw=0.0)
+    axes.plot(*thinned(time_s, needed(curve, position)), color="#8b949e", lw=1.8, label="measured")
+    axes.plot(*thinned(time_s, needed(curve, "fitted")), color=BLUE, lw=1.0, ls="--", label="fitted line")
+    axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
+    axes.margins(x=0.0)
