@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,6 +28,7 @@ from hil.record.recording import Array, Recording, recording
 from hil.signals.multisine import odd_multisine
 from hil.signals.stepped_sine import sine
 from procedures._recorded import chain_of, reading_of
+from procedures._steady_sine import Patience, Tone, listen
 
 MODEL = transfer_function([40.0], [1.0, 12.0, 50.0], 0.02)
 RATE_HZ, FINE = 100.0, 20
@@ -154,3 +158,32 @@ def test_uncertain_delay_is_the_dead_times_and_no_other_parameters() -> None:
     later = replace(sure, response=sure.response * np.exp(-2j * np.pi * frequency_hz * 0.002))
     shift_hz = abs(phase_crossing(later, -90.0).frequency_hz - plain.frequency_hz)
     assert moved.std_hz == pytest.approx(math.hypot(plain.std_hz, shift_hz), rel=0.05)
+
+
+class Echo:
+    """A rig whose response is its command, on a host that stalls for 0.4 s every 1.3 s and then catches up."""
+
+    response = SimpleNamespace(name="flow")
+
+    def __init__(self) -> None:
+        self.marked: list[int] = []
+
+    def stream(self, pieces: Iterable[Array], rate_hz: float) -> Iterator[Recording]:
+        begun = 0
+        for piece in pieces:
+            k = begun + np.arange(len(piece))
+            late_s = np.maximum(0.4 - 0.5 / rate_hz * (k % 130), 0.0)
+            yield recording("piece", k / rate_hz + late_s, {"flow [l/min]": piece})
+            begun += len(piece)
+
+    def mark(self, samples: int, _part: Mapping[str, Any]) -> None:
+        self.marked.append(samples)
+
+
+def test_sine_that_a_stalling_host_squeezes_is_listened_to_all_the_same() -> None:
+    rig: Any = Echo()
+    course: Any = SimpleNamespace(rate_hz=RATE_HZ, heard=lambda _piece, _text: None)
+    patience = Patience(settling_s=0.4, periods=2, seconds=2.0, tolerance=0.005, longest_wait_s=2.0)
+    heard = listen(rig, course, Tone(1.0, 10.0, 50.0), patience, 0.0, "")
+    assert rig.marked == [200]
+    assert abs(heard.response) == pytest.approx(1.0, abs=0.3)
