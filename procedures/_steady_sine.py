@@ -22,7 +22,6 @@ from procedures._course import Course
 
 _HARMONICS = 5
 _LEAST_TURNS = 2
-_WARPED = 0.05  # of its duration: a turn that a busy link played so much shorter or longer was no such sine
 _STALLED = 0.02  # share by which a turn may last longer or shorter than planned
 
 
@@ -139,7 +138,6 @@ class _Ear:
         self._turn: list[Recording] = []
         self._fits: list[SineFit] = []
         self._first: int | None = None
-        self._since = 0  # the turn from which on the sine was undisturbed
         self._steady = True
 
     def pieces(self) -> Iterator[Array]:
@@ -185,19 +183,23 @@ class _Ear:
         time_s = self._judged_s(np.concatenate([piece.stamps(self._response) for piece in self._turn]))
         values = np.concatenate([piece.values(self._response) for piece in self._turn])
         self._turn = []
-        waited_out = self._edge(len(self._fits) + 1) / self._rate_hz >= self._patience.longest_wait_s
-        asked_s = (len(time_s) - 1) / self._rate_hz
-        warped = abs(time_s[-1] - time_s[0] - asked_s) > _WARPED * asked_s
-        harmonics = 1 if warped else _HARMONICS  # a turn that is too short has no room for more
-        self._fits.append(sine_fit(time_s, values, self._tone.frequency_hz, harmonics=harmonics))
-        if warped and not waited_out:
-            self._first, self._since = None, len(self._fits)
+        self._fits.append(sine_fit(time_s, values, self._tone.frequency_hz, harmonics=_HARMONICS))
         if self._first is not None:
             return
-        if steadiness(self._fits[self._since :], self._patience.tolerance).steady:
+        if steadiness(self._fits, self._patience.tolerance).steady:
             self._first = len(self._fits) - 2
-        elif waited_out:
-            self._first, self._steady = max(len(self._fits) - 1, self._since), False
+        elif self._edge(len(self._fits)) / self._rate_hz >= self._patience.longest_wait_s:
+            self._first, self._steady = len(self._fits) - 1, False
+
+    def _judged_s(self, stamps_s: Array) -> Array:
+        """Stamps of a turn; those that were planned where a host that stalled has stretched or squeezed it.
+
+        A turn that does not last as long as its periods cannot be fitted with harmonics. What is reported is fitted
+        to the whole measurement, at the stamps as they were.
+        """
+        planned_s: Array = stamps_s[0] + np.arange(len(stamps_s)) / self._rate_hz
+        lasted = (stamps_s[-1] - stamps_s[0]) / (planned_s[-1] - planned_s[0])
+        return stamps_s if abs(lasted - 1.0) <= _STALLED else planned_s
 
     def _edge(self, turn: int) -> int:
         """Sample, counted from the first turn, at which a turn begins."""
