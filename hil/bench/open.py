@@ -19,6 +19,7 @@ from hil.bench.rig import BenchRig, Progress, conditions_of
 from hil.clock import Clock, clock
 from hil.daq.contract import Daq
 from hil.daq.scaled import Scaled
+from hil.errors import FileError
 from hil.record.folder import RunWriter
 from hil.record.header import Column
 from hil.record.recording import Recording
@@ -50,7 +51,7 @@ def open_rig(
             parts are finished.
 
     Raises:
-        FileError: the folder exists.
+        FileError: the folder exists, or the earlier run lacks a channel.
         InUseError: another program drives this bench.
         HardwareError: the device cannot be opened, or does not answer.
         TrippedError: an interlock is tripped and not reset.
@@ -88,6 +89,11 @@ def _taken_over(writer: RunWriter, earlier: Recording | None) -> Sequence[Mappin
     """Begin a run with what an earlier one has recorded; returns the parts that it has finished."""
     if earlier is None:
         return ()
+    if lacking := [column.name for column in writer.header.samples.columns[1:] if column.name not in earlier.channels]:
+        raise FileError(
+            f"{earlier.name}: no channel '{lacking[0]}'; an earlier version of this program recorded it, it cannot be "
+            "resumed; run it again"
+        )
     writer.take_over(earlier)
     writer.event("resumed", run=earlier.name)
     return [part for part in earlier.meta["parts"] if not part.get("unfinished")]

@@ -281,6 +281,18 @@ def test_existing_folder_is_not_touched(tmp_path: Path) -> None:
         pytest.fail("it was opened")
 
 
+def test_run_that_lacks_a_channel_is_not_resumed(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        rig.hold(0.1)
+    earlier = read_recording(tmp_path / "run")
+    older = replace(earlier, channels={"flow": earlier.channels["flow"]})
+    with (
+        pytest.raises(FileError, match="no channel 'command'; an earlier version of this program recorded it"),
+        open_rig(read_bench(tmp_path / "run.toml"), tmp_path / "again", {}, lambda _d, _t: None, (), older),
+    ):
+        pytest.fail("it was opened")
+
+
 def test_samples_do_not_depend_on_how_often_the_bench_is_judged(tmp_path: Path) -> None:
     flows = []
     for name, block_s in (("one", "block_s = 1.0"), ("two", "block_s = 0.13")):
