@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from efc_bench import BENCH, STUCK, friction, outcome, value, valve
 
-from hil.errors import FileError, InputError, RangeError, SettingError, TrippedError
+from hil.errors import InputError, RangeError, SettingError, TrippedError
 from hil.identify.coil import CoilReadings, copper_factor, fit_coil
 from hil.identify.pressure_curve import Sweep, pressure_curve
 from hil.record.measurement import Findings
@@ -106,8 +106,7 @@ def test_current_above_the_coil_s_rating_is_refused_before_anything_moves(tmp_pa
         run(tmp_path / "a", "electrical_check", test_current=6.5)
     with pytest.raises(RangeError, match=r"outside 0 … 2\.2 A"):
         run(tmp_path, "efc_step_response", currents=(2.5,))
-    with pytest.raises(FileError, match="0 samples"):
-        read_recording(tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 def test_a_coil_that_is_open_trips_before_the_current_is_far_up(tmp_path: Path) -> None:
