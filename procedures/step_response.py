@@ -34,7 +34,7 @@ _HOLD_SETTLINGS = 2.0
 _BEFORE = 0.1  # of a step's time, shown before it
 _MOST_POINTS = 1500
 _TAIL, _CLEAR = 4, 3.0  # the last quarter of a level is steady; a change of so many noise deviations can be read
-_BY_NOISE = 2.5  # standard deviations of a sample: the largest of thousands of smoothed ones
+_BY_NOISE = 5.0  # standard deviations of a smoothed sample: the largest of thousands of them
 
 
 def run(
@@ -147,7 +147,7 @@ def _measured(label: str, found: MeasuredStep, unit: str) -> list[Measured]:
 def _overshoot(what: Measurement, found: MeasuredStep) -> Measured:
     """The overshoot, or what noise alone can make of the largest of many samples."""
     value, change = found.figures.overshoot, abs(found.figures.final - found.figures.start)
-    least = _BY_NOISE * found.noise_std / change
+    least = _BY_NOISE * found.smoothed_std / change
     if value < least:
         return what.of(round(100.0 * least, 2), 0.0, relation="<")
     return what.of(100.0 * value, 100.0 * found.std.overshoot)

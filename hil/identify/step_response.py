@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, replace
 
 import numpy as np
@@ -18,6 +19,10 @@ _DRAWS = 100
 _LEAST_JUMP = 0.01  # of the command's span
 _WINDOW = 9
 _SMOOTHED_VARIANCE = 59.0 / 231.0  # of white noise after a quadratic over nine samples
+_BY_NOISE = 5.0  # standard deviations: the largest of thousands of samples
+_ALIKE = 2.0  # of the noise of two stretches, beyond which one of them is not noise alone
+_COLOURED = 1.3  # times what white noise would leave: then the noise is taken from where the response stands
+_LEAST_QUIET = 5 * _WINDOW
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +35,8 @@ class StepFigures:
         rise_s: from 10 % to 90 % of the change. `response_s`: until 90 %.
         settling_s: after which the output stays within `band` of the change.
         reaches_s: until it first comes within `band`, as the HPV41 paper defines its settling time.
-        overshoot: beyond the final value, as a share of the change; 0 where noise alone could make it.
+        overshoot: beyond the final value, as a share of the change; 0 where noise alone could make it (five standard
+            deviations).
         band: share of the change that counts as settled.
     """
 
@@ -52,13 +58,14 @@ class MeasuredStep:
     Attributes:
         figures: of the smoothed response.
         std: standard uncertainty of each figure, infinite where the noise can move it past the record.
-        noise_std: of a sample, in the output's unit.
+        noise_std: of a sample, in the output's unit. `smoothed_std`: of what smoothing leaves of it.
         from_command, to_command: the step, in the command's unit.
     """
 
     figures: StepFigures
     std: StepFigures
     noise_std: float
+    smoothed_std: float
     from_command: float
     to_command: float
 
@@ -88,13 +95,14 @@ def step_figures(
         raise InputError("step response: the output does not change")
     share = (response - first) / change
     moved = max(0.02, 4.0 * noise_std / abs(change))
-    allowed = max(band, 3.0 * noise_std / abs(change))
+    by_noise = _BY_NOISE * noise_std / abs(change)
+    allowed = max(band, by_noise)
     beyond = float(share.max()) - 1.0
     ten, ninety = _reaches(time_s, share, 0.1), _reaches(time_s, share, 0.9)
     return StepFigures(
         first, last, _reaches(time_s, share, moved), ninety - ten, ninety,
         _stays(time_s, share, allowed), _reaches(time_s, share, 1.0 - band),
-        beyond if beyond > 3.0 * noise_std / abs(change) else 0.0, band,
+        beyond if beyond > by_noise else 0.0, band,
     )  # fmt: skip
 
 
@@ -104,7 +112,8 @@ def measured_steps(
     """Figures of every step of the command in a recording, with uncertainty.
 
     A step begins where the command jumps and ends at the next jump. Uncertainties come from repeats of the
-    evaluation on the smoothed response with the residual's noise redrawn (seeded, so results repeat).
+    evaluation on the smoothed response with noise redrawn (seeded, so results repeat): white noise as large as
+    smoothing removes it; where the standing response shows more than that leaves, the noise there as it is.
 
     Raises:
         InputError: the command holds no step.
@@ -166,25 +175,61 @@ def _measured(
     y = output[first:stop]
     rest = output[before:first][-max(1, (first - before) // 4) :]
     smooth = _smoothed(y)
-    noise = float(np.std(y - smooth)) / math.sqrt(1.0 - _SMOOTHED_VARIANCE)
-    start, start_std = float(np.mean(rest)), noise * math.sqrt(colour_factor(y - smooth) / len(rest))
+    noise = _noise(y - smooth, [rest, y[-max(1, round(_SETTLED_SHARE * len(y))) :]])
+    start, start_std = float(np.mean(rest)), noise.std * math.sqrt(noise.colour / len(rest))
 
     inner = slice(0, max(1, len(y) - _WINDOW // 2))  # the last samples are hardly smoothed
 
-    left = noise * math.sqrt(_SMOOTHED_VARIANCE)
-
     def evaluate(response: Array, level: float) -> StepFigures:
-        return step_figures(time_s[inner], response, start=level, band=band, noise_std=left)
+        return step_figures(time_s[inner], response, start=level, band=band, noise_std=noise.smoothed_std)
 
     rng = np.random.default_rng(0)
-    again = _smoothed(smooth + noise * rng.normal(size=(_DRAWS, len(y))))
+    again = _smoothed(smooth + noise.redrawn(rng, len(y)))
     levels = start + start_std * rng.normal(size=_DRAWS)
     drawn = [astuple(evaluate(response[inner], float(level))) for response, level in zip(again, levels, strict=True)]
     spread = [float(np.std(column)) if np.all(np.isfinite(column)) else math.inf for column in zip(*drawn, strict=True)]
     return MeasuredStep(
-        evaluate(smooth[inner], start), replace(StepFigures(*spread), band=band), noise,
+        evaluate(smooth[inner], start), replace(StepFigures(*spread), band=band), noise.std, noise.smoothed_std,
         float(command[first - 1]), float(command[first]),
     )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class _Noise:
+    """Noise of a response: of a sample, of what smoothing leaves; `quiet` as recorded where it is coloured."""
+
+    std: float
+    smoothed_std: float
+    colour: float
+    quiet: Array | None = None
+
+    def redrawn(self, rng: np.random.Generator, count: int) -> Array:
+        """Noise of the same kind, shape (draws, count)."""
+        if self.quiet is None:
+            return self.std * rng.normal(size=(_DRAWS, count))
+        begin, sign = rng.integers(len(self.quiet), size=(_DRAWS, 1)), rng.choice([-1.0, 1.0], size=(_DRAWS, 1))
+        made: Array = sign * self.quiet[(begin + np.arange(count)) % len(self.quiet)]
+        return made
+
+
+def _noise(removed: Array, stretches: Sequence[Array]) -> _Noise:
+    """From what smoothing removes, and from stretches where the response stands."""
+    white = float(np.std(removed)) / math.sqrt(1.0 - _SMOOTHED_VARIANCE)
+    left = white * math.sqrt(_SMOOTHED_VARIANCE)
+    quiet = [_detrended(values) for values in stretches if len(values) >= _LEAST_QUIET]
+    levels = [float(np.std(_smoothed(values))) for values in quiet]
+    quiet = [values for values, level in zip(quiet, levels, strict=True) if level <= _ALIKE * min(levels)]
+    smoothed_std = float(np.std(np.concatenate([_smoothed(values) for values in quiet]))) if quiet else 0.0
+    if smoothed_std <= _COLOURED * left:
+        return _Noise(white, left, colour_factor(removed))
+    standing = np.concatenate(quiet)
+    return _Noise(float(np.std(standing)), smoothed_std, max(colour_factor(values) for values in quiet), standing)
+
+
+def _detrended(values: Array) -> Array:
+    late = np.linspace(-1.0, 1.0, len(values))
+    made: Array = values - np.mean(values) - late * float(late @ values) / float(late @ late)
+    return made
 
 
 def _jumps(values: Array) -> list[int]:

@@ -3,6 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from hil.errors import InputError
 from hil.identify.step_response import measured_steps, second_order_from_step, step_figures
@@ -59,6 +60,24 @@ def test_every_step_of_a_recording_is_measured_with_honest_uncertainty():
         assert 0.7 < stated / np.std(rises) < 2.2  # on the safe side: noise of the base and of the draw both count
         assert found[0][i].figures.final == pytest.approx(levels[i + 1], abs=0.1)
         assert found[0][i].figures.overshoot < 0.02
+
+
+@pytest.mark.parametrize("corner_hz", [100.0, 40.0, 15.0])
+def test_coloured_noise_is_no_overshoot_and_widens_what_is_stated(corner_hz):
+    keep = math.exp(-2.0 * math.pi * corner_hz / RATE_HZ)
+    rises, stated = [], []
+    for seed in range(12):
+        plain = bench(FIRST, (0.0, 50.0))
+        white = np.random.default_rng(seed).normal(size=len(plain) + 500)
+        noise = lfilter([1.0 - keep], [1.0, -keep], white)[500:]
+        noisy = plain.values("flow") + 0.2 * noise / noise.std()
+        columns = {"command [%]": plain.values("command"), "flow [l/min]": noisy}
+        (found,) = measured_steps(recording("noisy", plain.time_s, columns), "command", "flow")
+        assert found.figures.overshoot == 0.0
+        assert found.noise_std == pytest.approx(0.2, rel=0.35)
+        rises.append(found.figures.rise_s)
+        stated.append(found.std.rise_s)
+    assert 0.6 < np.mean(stated) / np.std(rises) < 2.2
 
 
 def test_the_last_step_goes_on_to_the_end():
