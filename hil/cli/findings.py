@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from hil.report.number import MINUS, limits_text
-from hil.report.results import value_text
-
 if TYPE_CHECKING:
     from hil.record.measurement import Findings
 
 
 def findings_text(findings: Findings) -> str:
     """Every measured value with its expanded uncertainty as in the report, limits and verdict; then the notes."""
+    from hil.report.number import limits_text
+    from hil.report.results import value_text
+
     rows = [
         (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "")
         for m in findings.measured
@@ -27,4 +27,6 @@ def findings_text(findings: Findings) -> str:
 
 def _plain(text: str) -> str:
     """With a hyphen for minus: what is printed here is pasted into spreadsheets and read by scripts."""
+    from hil.report.number import MINUS
+
     return text.replace(MINUS, "-")
