@@ -6,6 +6,7 @@ reading files in their own units stay fast.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 # Spellings that benches use and pint does not know.
 _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute", "GPM": "gallon/minute",
-              "lpm": "l/min", "m3/s": "m^3/s", "psig": "psi", "counts": "count"}  # fmt: skip
+              "lpm": "l/min", "psig": "psi", "counts": "count"}  # fmt: skip
 
 
 @cache
@@ -32,7 +33,8 @@ def _registry() -> pint.UnitRegistry[Any]:
 @cache
 def _unit(text: str) -> pint.Unit:
     try:
-        return _registry().parse_units(_SPELLINGS.get(text.strip(), text.strip()))
+        spelt = re.sub(r"(?<=[A-Za-z])([23])(?=$|[/*· ])", r"^\1", text.strip())  # m3/h is m^3/h, mmH2O is not
+        return _registry().parse_units(_SPELLINGS.get(spelt, spelt))
     except Exception as error:  # pint raises several unrelated types for bad text
         raise UnitError(f"unknown unit '{text}'; examples: %, V, mA, l/min, bar, psi, mm, N, s, Hz, °C, 1") from error
 
