@@ -223,7 +223,7 @@ def _ratio(retracting: tuple[float, float], extending: tuple[float, float]) -> t
 def _areas(place: str, ratio: float, std: float, area_ratio: float) -> str:
     """What a limited flow and what a constant pressure would make of the areas."""
     return (
-        f"{place}: retracts {ratio:.3f} ± {2.0 * std:.1g} times as fast as it extends. By its areas it would be "
+        f"{place}: retracts {ratio:.4f} ± {2.0 * std:.4f} times as fast as it extends. By its areas it would be "
         f"{area_ratio:.4g} with the same flow both ways, and {1.0 / math.sqrt(area_ratio):.3g} with equal edges at "
         "constant pressure and no load."
     )

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
+
+if TYPE_CHECKING:
+    from hil.record.recording import Recording
 
 
 def command(
@@ -22,13 +26,24 @@ def command(
         raise FileError(f"{target}: exists already; --overwrite replaces it")
     if not target.is_dir():  # a run folder that exists is refused where it would be made
         check_file(target)
-    found = read_recording(source).with_units(_pairs(unit))
+    read = read_recording(source)
+    found = read.with_units(_pairs(unit))
     write_recording(found, target)
     channels = ", ".join(channel.heading for channel in found.channels.values())
     typer.echo(f"{target}: {len(found)} samples, {found.duration_s:g} s, {channels}")
     missing = [f"no unit is stated for '{name}', taken as 1" for name in found.meta.get("units_missing", ())]
-    for sentence in (*found.meta.get("assumed", ()), *missing):
+    for sentence in (*found.meta.get("assumed", ()), *missing, *_restated(read, found)):
         typer.echo(f"note: {sentence}")
+
+
+def _restated(read: Recording, found: Recording) -> list[str]:
+    """What `--unit` says of a channel whose unit the file stated: its numbers stay as they are."""
+    without = read.meta.get("units_missing", ())
+    return [
+        f"'{name}' was in {channel.unit} and is now said to be in {found.channel(name).unit}; its numbers are the same"
+        for name, channel in read.channels.items()
+        if name not in without and channel.unit != found.channel(name).unit
+    ]
 
 
 def _pairs(texts: list[str]) -> dict[str, str]:

@@ -39,8 +39,9 @@ def assemble(name: str, tables: Sequence[Table], meta: Mapping[str, Any] | None 
     """
     timed = list(_timed(name, tables))
     if not timed:
-        have = ", ".join(f"'{column.heading}'" for table in tables for column in table.columns) or "nothing"
-        raise FileError(f"{name}: no signal with a time was found, but {have}; call the column of the time 'time [s]'")
+        have = ", ".join(f"'{column.heading}'" for table in tables for column in table.columns)
+        there = f"no signal with a time was found, but {have}" if have else "no signal was found"
+        raise FileError(f"{name}: {there}; call the column of the time 'time [s]'")
     timed = [table for table in timed if len(table.time_s)] or timed[:1]
     base = max(timed, key=lambda table: len(table.time_s))
     time_s = _common(name, base.time_s, timed)

@@ -6,6 +6,7 @@ import json
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from typing import Any, get_args, get_origin
 
 from hil.errors import SettingError
@@ -51,7 +52,9 @@ def parse_settings(known: Mapping[str, Setting], given: Mapping[str, Any]) -> di
     try:
         for name in given:
             if name not in known:
-                raise SettingError(f"no setting '{name}'")
+                close = get_close_matches(name, known, n=1, cutoff=0.5)
+                hint = f"; the nearest is '{close[0]}'" if close else ""
+                raise SettingError(f"no setting '{name}'{hint}")
         return {name: s.parsed(given[name]) if name in given else s.default for name, s in known.items()}
     except SettingError as error:
         have = "; ".join(f"{s.name}: {type_text(s.type)} = {value_text(s.default)}" for s in known.values())

@@ -178,3 +178,11 @@ def test_currents_are_not_driven_as_anything_else(hil, procedure: str) -> None:
     status, _, err = hil("run", procedure, "--bench", "brevini-hpv41", "--out", "r")
     assert status == 2
     assert err.splitlines()[-1] == "hil: command 'command' is in %; a test of an EFC states its currents in A"
+
+
+@pytest.mark.usefixtures("recordings")
+def test_a_unit_that_the_file_stated_otherwise_is_remarked(hil) -> None:
+    status, out, _ = hil("convert", "good.csv", "new.csv", "--unit", "flow=bar")
+    assert status == 0
+    assert "note: 'flow' was in l/min and is now said to be in bar; its numbers are the same" in out
+    assert "note" not in hil("convert", "good.csv", "same.csv", "--unit", "flow=l/min")[1]

@@ -58,7 +58,8 @@ def test_text_becomes_a_value_of_the_declared_type(tiny: Procedure, name: str, t
         ("slow", "perhaps", "boolean"),
         ("kind", "jump", "'step' or 'ramp'"),
         ("limit", "wide", "number"),
-        ("level", "5", "no setting 'level'"),
+        ("level", "5", "no setting 'level'; the nearest is 'levels'"),
+        ("colour", "5", "no setting 'colour'"),
     ],
 )
 def test_bad_setting_lists_what_there_is(tiny: Procedure, name: str, text: str, says: str) -> None:
