@@ -73,7 +73,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path) -> None:
         spectra=_spectra(d, corrected=corrected),
         regions=_regions(d, corrected=corrected),
         chain=_chain(d),
-        candidates=candidate_rows(d.candidates, d.effects),
+        candidates=candidate_rows(d.candidates, d.effects, d.changed_parameters),
         not_separable=_rivals(d, "or"),
         settled=d.verdict not in ("partly_explained", "unexplained") and not d.not_separable,
         left=_left(d),
@@ -187,7 +187,7 @@ def _next_test(test: NextTest | None) -> dict[str, Any] | None:
     settings = [f"--set {shlex.quote(f'{name}={_setting(value)}')}" for name, value in test.settings.items()]
     return {
         "command": " ".join(["hil run", test.procedure, *settings, "--bench BENCH.toml"]),
-        "why": test.why,
+        "why": capital(test.why),
         "seconds": f"{number(test.bench_s, 3)} s of bench time",
     }
 

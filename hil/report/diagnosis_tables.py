@@ -98,19 +98,31 @@ def changed_rows(changed: Iterable[ChangedParameter]) -> list[dict[str, Any]]:
     ]
 
 
-def candidate_rows(candidates: Sequence[Candidate], effects: Sequence[Finding]) -> list[dict[str, Any]]:
-    """Explanations that were fitted, best first, with their evidence and how far it is behind the best."""
+def candidate_rows(
+    candidates: Sequence[Candidate], effects: Sequence[Finding], changed: Sequence[ChangedParameter] = ()
+) -> list[dict[str, Any]]:
+    """Explanations that were fitted, best first, with their evidence and how far it is behind the best.
+
+    The one that holds every effect found, and nothing but these and the changed parameters, is marked; where there
+    is none, each of the effects by itself.
+    """
     most = max((c.evidence for c in candidates), default=0.0)
     named = {f.name for f in effects}
+    whole = [c.name for c in candidates if named <= _parts(c) <= named | {p.name for p in changed}] if named else []
+    marked = set(whole[:1]) or named
     return [
         {
             "name": c.name, "stage": c.stage, "fit": decimals(c.fit_held_out), "evidence": grouped(c.evidence),
             "behind": grouped(most - c.evidence) if c.evidence < most else "best",
             "share": max(0.0, min(1.0, c.evidence / most)) if most > 0.0 else 0.0,
-            "probability": _probability(c.probability), "named": c.name in named,
+            "probability": _probability(c.probability), "named": c.name in marked,
         }
         for c in candidates[:_MOST_CANDIDATES]
     ]  # fmt: skip
+
+
+def _parts(candidate: Candidate) -> set[str]:
+    return set(candidate.name.split(" + "))
 
 
 def limit_table(limits: Sequence[Limit]) -> Table | None:

@@ -25,6 +25,7 @@ from hil.diagnose.diagnosis import (
 from hil.diagnose.locate import StageShare, Where
 from hil.report.diagnosis_figures import worst_stretch
 from hil.report.diagnosis_page import write_diagnosis_report
+from hil.report.diagnosis_tables import candidate_rows
 from hil.report.equation import equation_lines
 from tests.page import Page, read_page
 
@@ -98,6 +99,19 @@ def test_explained_says_what_where_and_how_well(tmp_path: Path) -> None:
     ):  # fmt: skip
         assert text in page.text, text
     assert page.drawings == 5
+
+
+def test_the_explanation_that_was_chosen_is_marked() -> None:
+    friction = a_diagnosis().effects[0]
+    mass = ChangedParameter("mass", 20.0, 100.0, 0.2, "kg", "moved mass")
+    tried = [Candidate(name, "spool", 99.0, 9000.0 - i, 0.5) for i, name in enumerate(("friction + mass", "friction"))]
+
+    def marked(candidates: list[Candidate], changed: tuple[ChangedParameter, ...]) -> list[str]:
+        return [row["name"] for row in candidate_rows(candidates, (friction,), changed) if row["named"]]
+
+    assert marked(tried, (mass,)) == ["friction + mass"]
+    assert marked(tried, ()) == ["friction"]
+    assert marked(tried[1:], (mass,)) == ["friction"]
 
 
 def test_limits_on_what_cannot_be_seen_come_first(tmp_path: Path) -> None:
