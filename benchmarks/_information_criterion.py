@@ -26,7 +26,8 @@ from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
 _LOOKED_AT, _FIRST_LOOK, _SEEN_TO_THE_END, _TO_THE_END = 12, 6, 3, 30
-MOST_EFFECTS = 2
+_MOST_EFFECTS = 2
+_MOVED = 3.0  # standard uncertainties from the nominal value, as for the diagnosis
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,19 +65,22 @@ def answer(case: Case) -> Answer:
     best = min([nothing, refitted, *one_changed], key=lambda h: h.bic)
     effects = [t for t in terms if t.kind == "effect"]
     around = refitted
-    for _ in range(MOST_EFFECTS):
+    for _ in range(_MOST_EFFECTS):
         grown = _with_one_more(problem, names, around, effects)
         if grown.bic >= best.bic:
             break
         best = around = grown
-    return _said(case, best, terms)
+    return _said(case, problem, best, terms)
 
 
-def _said(case: Case, best: Hypothesis, terms: Sequence[Term]) -> Answer:
+def _said(case: Case, problem: Problem, best: Hypothesis, terms: Sequence[Term]) -> Answer:
+    """The effects, then what the base parameters that changed with them are known as (more dead time *is* one)."""
     nominal = case.nominal.values
+    least = {p.name: _MOVED * std for p, std in zip(problem.base, problem.prior_std, strict=True)}
     moved = [t for t in terms if t.kind == "parameter" and best.base[t.name] != nominal[t.name]]
-    known = [t.effect_name([best.base[t.name]]) for t in moved] if len(moved) == 1 else []
-    named = tuple(dict.fromkeys(t.name for t in best.terms)) or tuple(name for name in known if name)
+    far = [t for t in moved if abs(best.base[t.name] - nominal[t.name]) > least[t.name]]
+    known = [t.effect_name([best.base[t.name]]) for t in far] if best.terms or len(moved) == 1 else []
+    named = tuple(dict.fromkeys(name for name in (*(t.name for t in best.terms), *known) if name))
 
     def predict(e: Experiment) -> Array:
         output: Array = e.respond(case.nominal.definition, best.base, best.effects)[0]
