@@ -186,3 +186,11 @@ def test_a_unit_that_the_file_stated_otherwise_is_remarked(hil) -> None:
     assert status == 0
     assert "note: 'flow' was in l/min and is now said to be in bar; its numbers are the same" in out
     assert "note" not in hil("convert", "good.csv", "same.csv", "--unit", "flow=l/min")[1]
+
+
+def test_ctrl_c_is_exit_status_130(hil, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(_kind: str) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hil.cli.list_.entries", stopped)
+    assert hil("list", "plants")[0] == 130
