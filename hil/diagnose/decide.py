@@ -9,11 +9,11 @@ import numpy as np
 
 from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events import Events, held_commands, tone
+from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.problem import Problem
 from hil.diagnose.search import Around, Fitted, around, nothing, polish, refine_all, screen
 from hil.diagnose.terms import Term, all_terms
 from hil.physics.simulate import sub_steps
-from hil.record.recording import Array
 
 # The χ² that chance may give back to the best of all terms; found on simulated data without any effect
 # (docs/explanation/diagnosis.md), with a margin.
@@ -36,12 +36,14 @@ PRESENT_SIGMAS = 5.0
 
 _POLISHED = 2
 _NEW_PHYSICS = 10.0
+# An unknown costs so many times what it would if the laws of the library were those of nature (Schwarz: ln n).
+_PRICE = 2.0
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
 _PAIR_SEEDS = 2
 OPEN = ("unexplained", "partly_explained")
 # Events may leave so much: a tone has more harmonics, a held command a start between two samples.
-_ADEQUATE_TONE, _ADEQUATE_HOLD = 0.1, 0.15
+TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
 _SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
 # So many causes may be named together; more of them describe, but anything can be described with enough of them.
@@ -93,9 +95,9 @@ def share_left(problem: Problem, chi2: float, beyond: float) -> float:
 
 def recognised(problem: Problem, baseline: Fitted, beyond: float) -> Events | None:
     """Events that explain a misfit, given as variance beyond the noise."""
-    for events, allowed in ((tone, _ADEQUATE_TONE), (held_commands, _ADEQUATE_HOLD)):
+    for events in (tone, held_commands):
         found = events(problem, baseline)
-        if found is not None and share_left(problem, found.chi2, beyond) <= allowed:
+        if found is not None and share_left(problem, found.chi2, beyond) <= TOLERANCE_OF_EVENTS[found.name]:
             return found
     return None
 
@@ -152,7 +154,7 @@ class _Judge:
     def cost(self, f: Fitted) -> float:
         """χ² and the price of unknowns; physics that the nominal model lacks costs more than what it has."""
         added = sum(term.kind == "effect" for term in f.terms)
-        return f.chi2 + f.unknowns * float(np.log(self.size)) + added * _NEW_PHYSICS
+        return f.chi2 + f.unknowns * _PRICE * float(np.log(self.size)) + added * _NEW_PHYSICS
 
     def is_full(self, f: Fitted) -> bool:
         return self.excess(f) <= SMALL_EXCESS or self.left(f) <= FULL_TOLERANCE
@@ -226,14 +228,18 @@ class _Judge:
         found = []
         for seed in seeds[:_PAIR_SEEDS]:
             place = around(self.problem, seed)
-            taken = {(term.name, term.hook) for term in seed.terms}
-            screened = screen(place, [t for t in self.terms if (t.name, t.hook) not in taken])
+            screened = screen(place, self.others(seed))
             if self._gain(seed, screened[0].chi2) < _HOPE:
                 continue
             both = polish(self.problem, refine_all(place, screened)[0])
             if self._gain(seed, both.chi2) >= SECOND_SHARE and seed.chi2 - both.chi2 > ALARM_GAIN:
                 found.append(both)
         return [f for f in found if self.is_present(f)]
+
+    def others(self, f: Fitted) -> list[Term]:
+        """The terms that an explanation does not have yet."""
+        taken = {(term.name, term.hook) for term in f.terms}
+        return [term for term in self.terms if (term.name, term.hook) not in taken]
 
     def is_short(self) -> bool:
         """Whether fits are so quick that hundreds of them are affordable."""
@@ -262,8 +268,7 @@ class _Judge:
 
     def _grown(self, place: Around, most: int) -> list[Fitted]:
         parent = place.accepted
-        taken = {(term.name, term.hook) for term in parent.terms}
-        screened = screen(place, [t for t in self.terms if t.kind == "effect" and (t.name, t.hook) not in taken])
+        screened = screen(place, [term for term in self.others(parent) if term.kind == "effect"])
         starts = [
             Fitted((*parent.terms, s.term), (*parent.values, s.starts[0]), parent.parameters, s.chi2, parent.residuals)
             for s in screened[:most]
@@ -316,15 +321,6 @@ class _Judge:
         others = {
             f.names[0]
             for f in polished
-            if f.names and f.names[0] not in best.names and f.chi2 - best.chi2 < 9.0 + 0.01 * best.chi2
+            if f.names and f.names[0] not in best.names and f.chi2 - best.chi2 < indistinguishable(best.chi2)
         }
         return tuple((first, name) for name in sorted(others))
-
-
-def share_by_block(problem: Problem, residuals: Array, seconds: float = 1.0) -> tuple[Array, Array]:
-    """Mean square of residuals in stretches of time: (mean squares, block numbers of the residuals)."""
-    labels = problem.block_labels(seconds)
-    counts = np.bincount(labels)
-    sums = np.bincount(labels, residuals**2)
-    keep = counts > 0
-    return sums[keep] / counts[keep], labels

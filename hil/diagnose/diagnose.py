@@ -10,7 +10,16 @@ import numpy as np
 
 from hil.diagnose.check import check
 from hil.diagnose.coverage import limits
-from hil.diagnose.decide import OPEN, Choice, decide, excess, healthy, share_left
+from hil.diagnose.decide import (
+    LAW_TOLERANCE,
+    OPEN,
+    TOLERANCE_OF_EVENTS,
+    Choice,
+    decide,
+    excess,
+    healthy,
+    share_left,
+)
 from hil.diagnose.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -20,6 +29,7 @@ from hil.diagnose.diagnosis import (
     Left,
     NextTest,
     Quantity,
+    Strip,
     Verdict,
 )
 from hil.diagnose.events import Events, coarse, coarse_step, stale_outputs, without_stale
@@ -44,6 +54,8 @@ Progress = Callable[[float, str], None]
 
 # Measured on simulated units without any effect (docs/explanation/diagnosis.md).
 FALSE_ALARM_RATE = 0.01
+# Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
+_MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
 _JUDGED = 4
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
@@ -84,7 +96,7 @@ def diagnose(
     progress(0.1, "searching for the cause")
     choice = decide(problem)
     if checked.clocks_set and choice.verdict in OPEN and choice.events is None:
-        set_back = pose(model, without_stale(checked.clocks_set)[0])
+        set_back = replace(pose(model, without_stale(checked.clocks_set)[0]), factor=problem.factor)
         second = decide(set_back)
         if second.verdict not in OPEN:
             problem, choice = set_back, second
@@ -97,7 +109,7 @@ def diagnose(
         only = excess(problem, choice.baseline.chi2) < _COARSE_EXCESS
         choice = healthy(choice) if only else choice
         events = coarse(problem, step, choice.chosen.residuals)
-    verdict = _verdict(choice, events, events is not None and events is not choice.events)
+    verdict = _verdict(choice, events)
     answer = _Answer(model, problem, choice, verdict, events, tuple(warnings), span)
     progress(0.8, "locating the mismatch")
     diagnosis = answer.diagnosis(time.perf_counter() - started)
@@ -105,13 +117,17 @@ def diagnose(
     return Diagnosed(diagnosis, answer.corrected)
 
 
-def _verdict(choice: Choice, events: Events | None, beside: bool) -> Verdict:
-    """`beside`: whether the events are there beside what the library has to say of the rest."""
+def _verdict(choice: Choice, events: Events | None) -> Verdict:
     if events is None:
         return choice.verdict
-    if beside and choice.verdict in OPEN:
+    if _beside(choice, events) and choice.verdict in OPEN:
         return "partly_explained"
     return "explained"
+
+
+def _beside(choice: Choice, events: Events) -> bool:
+    """Whether events are there beside what the library has to say of the rest, instead of it."""
+    return events is not choice.events
 
 
 class _Answer:
@@ -129,7 +145,7 @@ class _Answer:
     ) -> None:
         self.model, self.problem, self.choice, self.verdict, self.events = model, problem, choice, verdict, events
         self.warnings, self.span = warnings, span
-        self.by_law = events is None or (events is not choice.events and choice.verdict != "unexplained")
+        self.by_law = events is None or (_beside(choice, events) and choice.verdict != "unexplained")
         self.named = choice.chosen if verdict != "unexplained" and self.by_law else choice.baseline
         self.used = self._used()
         self.judged = self._judged()
@@ -194,6 +210,7 @@ class _Answer:
         left = self.left()
         unseen = limits(around(problem, self.named), self.choice.terms)
         rivals = self.not_separable()
+        drawn = strips(problem, self.used)
         return Diagnosis(
             verdict=self.verdict,
             headline=headline(self.verdict, found, changed, left),
@@ -208,7 +225,7 @@ class _Answer:
             next_test=self.next_test(rivals, [limit.effect for limit in unseen if not limit.visible]),
             candidates=self.candidates(),
             held_out=self.held_out(),
-            recordings=self.fits(),
+            recordings=self.fits(drawn),
             mismatch=locate(problem, self._outputs(nominal.residuals)) if mismatch else None,
             stage_shares=self.stage_shares(nominal) if mismatch else (),
             left=left,
@@ -216,7 +233,7 @@ class _Answer:
             warnings=self.all_warnings(),
             false_alarm_rate=FALSE_ALARM_RATE,
             seconds=round(seconds, 3),
-            strips=strips(problem, self.used),
+            strips=drawn,
             spectra=spectra(problem, nominal, self.used),
         )
 
@@ -227,12 +244,10 @@ class _Answer:
         if self.verdict == "unexplained" or not self.by_law:
             return tuple(found)
         f = self.choice.chosen
-        order = sorted(range(len(f.terms)), key=lambda k: -self._weight(f, k))
-        found += [x for k in order if (x := self._finding(f, k)) is not None]
+        changes = [self._without(f, k) for k in range(len(f.terms))]
+        order = sorted(range(len(f.terms)), key=lambda k: -float(changes[k] @ changes[k]))
+        found += [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
         return tuple(found)
-
-    def _weight(self, f: Fitted, k: int) -> float:
-        return float(np.sum(self._without(f, k) ** 2))
 
     def _without(self, f: Fitted, k: int) -> Array:
         """How residuals change when one term is taken away."""
@@ -246,16 +261,17 @@ class _Answer:
         difference: Array = self.problem.residuals(parameters, effects) - f.residuals
         return difference
 
-    def _finding(self, f: Fitted, k: int) -> Finding | None:
+    def _finding(self, f: Fitted, k: int, change: Array) -> Finding | None:
+        """One term as a finding; `change`: what residuals would be without it, less what they are."""
         term, values = f.terms[k], f.values[k]
         name = term.effect_name(values)
         if not name:
             return None
         effect = installed_effect(term.name if term.kind == "effect" else name)
         quantities = self._quantities(f, term, values)
-        where = locate(self.problem, self._outputs(self._without(f, k)))
+        where = locate(self.problem, self._outputs(change))
         return Finding(
-            name, effect.title, self._probability(name), term.stage or _stage_of(self.problem, term), term.hook,
+            name, effect.title, self._probability(name), term.stage, term.hook,
             quantities, where, sentence(effect, term, quantities), effect.equation, effect.source,
         )  # fmt: skip
 
@@ -283,7 +299,8 @@ class _Answer:
         if spells:
             where = replace(where, time_s=spells, recording=events.spells[0].recording)
         return Finding(
-            events.name, effect.title if effect else events.name, 0.97, events.stage, events.hook,
+            events.name, effect.title if effect else events.name, self._event_probability(events), events.stage,
+            events.hook,
             {name: Quantity(value, std, unit) for name, (value, std, unit) in events.values.items()},
             where, events.sentence, events.equation, effect.source if effect else "",
         )  # fmt: skip
@@ -309,11 +326,17 @@ class _Answer:
     # -- evidence ----------------------------------------------------------------------------------------
 
     def _none_of_these(self) -> float:
-        """The probability that no explanation of the library is the true one, from what the best one leaves."""
+        """The probability that no explanation of the library is the true one."""
         if self.verdict == "unexplained":
-            return 0.95
-        left = self.choice.left
-        return float(np.clip(0.01 + 0.2 * left / 0.02, 0.01, 0.6))
+            return _NOTHING_KNOWN
+        return _something_else(self.choice.left, LAW_TOLERANCE)
+
+    def _event_probability(self, events: Events) -> float:
+        """Of events that were read off the recordings themselves, next to certain; else from what they leave."""
+        if _beside(self.choice, events):
+            return _MOST_SURE
+        left = share_left(self.problem, events.chi2, excess(self.problem, self.choice.baseline.chi2))
+        return round(1.0 - _something_else(left, TOLERANCE_OF_EVENTS[events.name]), 3)
 
     def _chances(self) -> list[float]:
         return probabilities(self.judged, self._none_of_these())
@@ -322,7 +345,7 @@ class _Answer:
         chosen = self.choice.chosen
         total = sum(p for p, j in zip(self._chances(), self.judged, strict=True)
                     if name in j.fitted.names or (j.fitted is chosen and name in chosen.names))  # fmt: skip
-        return round(min(total, 0.99), 3)
+        return round(min(total, _MOST_SURE), 3)
 
     def candidates(self) -> tuple[Candidate, ...]:
         if not self.judged:
@@ -332,7 +355,7 @@ class _Answer:
         nothing = float(r @ r)
         rows = [
             Candidate(
-                _name(j.fitted), ", ".join(t.stage or _stage_of(self.problem, t) for t in j.fitted.terms),
+                _name(j.fitted), ", ".join(t.stage for t in j.fitted.terms),
                 round(j.fit_held_out, 3), round(0.5 * (nothing - j.chi2_held_out), 1), round(p, 3),
             )
             for j, p in zip(self.judged, self._chances(), strict=True)
@@ -353,17 +376,15 @@ class _Answer:
         corrected = held_out_fit(self.problem, self.used.residuals, held) if best is None else best
         return Fit(round(nominal, 3), round(corrected, 3), round(ceiling(self.problem), 3))
 
-    def fits(self) -> dict[str, Fit]:
+    def fits(self, drawn: Sequence[Strip]) -> dict[str, Fit]:
+        """Of every recording, from the simulations that the report draws."""
         found = {}
-        nominal, effects = self.model.values, list(self.model.active_effects)
-        for e, noise in zip(self.problem.experiments, self.problem.noises, strict=True):
-            before = e.respond(self.problem.plant, nominal, effects)[0]
-            after = e.respond(self.problem.plant, self.used.parameters, [*effects, *self.used.effects])[0]
+        for e, strip in zip(self.problem.experiments, drawn, strict=True):
             keep = np.ones(len(e.output), dtype=np.bool_) if e.ignored is None else ~e.ignored
             found[e.name] = Fit(
-                round(fit_percent(e.output[keep], before[keep]), 3),
-                round(fit_percent(e.output[keep], after[keep]), 3),
-                round(fit_ceiling(e.output[keep], noise.std), 3),
+                round(fit_percent(e.output[keep], strip.nominal[keep]), 3),
+                round(fit_percent(e.output[keep], strip.corrected[keep]), 3),
+                round(fit_ceiling(e.output[keep], strip.noise_std), 3),
             )
         return found
 
@@ -380,7 +401,7 @@ class _Answer:
         )  # fmt: skip
         outputs: Array = np.concatenate(self._outputs(r))
         rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
-        open_question = self.verdict in ("unexplained", "partly_explained")
+        open_question = self.verdict in OPEN
         where: Where | None = locate(problem, self._outputs(r)) if open_question else None
         curves = self.stage_shares(self.used) if open_question else ()
         return Left(round(share, 4), rms, noise.std, problem.plant.output.unit, where, curves)
@@ -406,6 +427,14 @@ class _Answer:
                 "corrected model holds it as a description"
             )
         return (*self.warnings, *said)
+
+
+def _something_else(left: float, tolerance: float) -> float:
+    """The probability that the truth is something else, from the share of the misfit that an explanation leaves.
+
+    `tolerance`: the share at which it would no longer have been accepted; one in five of those at it may be wrong.
+    """
+    return float(np.clip(1.0 - _MOST_SURE + _WRONG_AT_TOLERANCE * left / tolerance, 0.0, 0.6))
 
 
 def _name(f: Fitted) -> str:
@@ -440,8 +469,3 @@ def _covariance(f: Fitted, nominal: Model) -> Covariance | None:
         return nominal.covariance
     matrix = f.estimate.covariance[np.ix_(keep, keep)]
     return Covariance(names, tuple(tuple(row) for row in matrix.tolist()))
-
-
-def _stage_of(problem: Problem, term: Term) -> str:
-    """The stage of a base parameter."""
-    return problem.plant.stage(term.name) if term.kind == "parameter" else term.stage

@@ -18,6 +18,7 @@ Mask = NDArray[np.bool_]
 # news, short against a recording, so that both halves see every kind of excitation.
 _STRETCH_S = 4.0
 _REFIT_EVALUATIONS = 8
+_WORTH = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,16 +79,23 @@ def ceiling(problem: Problem) -> float:
 def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
     """How probable each explanation is, given that one of them or none of the library is true.
 
-    The laws of the library are not the laws of nature, so likelihoods are tempered by what even the best
-    explanation leaves on data it was not fitted to. `unexplained` is the probability of none.
+    The laws of the library are not the laws of nature, so likelihoods are tempered: by what even the best explanation
+    leaves on data it was not fitted to, and so that a difference of `indistinguishable` is worth a factor of 150 at
+    most. `unexplained` is the probability of none.
     """
     if not judged:
         return []
     costs = [j.chi2_held_out + j.prior_cost for j in judged]
-    spread = max(1.0, min(j.chi2_held_out for j in judged) / judged[0].count)
+    least = min(j.chi2_held_out for j in judged)
+    temper = max(least / judged[0].count, indistinguishable(least) / _WORTH)
     logs = np.array(
-        [-0.5 * (c - min(costs)) / spread - 2.0 * j.fitted.unknowns for c, j in zip(costs, judged, strict=True)]
+        [-(c - min(costs)) / (2.0 * temper) - 0.5 * j.fitted.unknowns for c, j in zip(costs, judged, strict=True)]
     )
     weights = np.exp(np.maximum(logs - logs.max(), -700.0))
     shares = (1.0 - unexplained) * weights / weights.sum()
     return [float(share) for share in shares]
+
+
+def indistinguishable(chi2: float) -> float:
+    """How far above the least χ² an explanation is as good: chance, and laws that are not exact."""
+    return 9.0 + 0.01 * chi2

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.diagnose.decide import Choice
+from hil.diagnose.decide import OPEN, Choice
 from hil.diagnose.diagnosis import NextTest, Verdict
 from hil.diagnose.problem import Problem
 from hil.diagnose.search import Fitted
@@ -151,7 +151,7 @@ def _competitors(choice: Choice, rivals: Sequence[Sequence[str]], verdict: Verdi
     names = {name for pair in rivals for name in pair} - set(choice.chosen.names)
     found, seen = [choice.chosen], set(_names(choice.chosen))
     for f in choice.candidates:
-        wanted = bool(names & set(f.names)) if rivals else verdict in ("unexplained", "partly_explained")
+        wanted = bool(names & set(f.names)) if rivals else verdict in OPEN
         if wanted and not seen & set(_names(f)):
             seen |= set(_names(f))
             found.append(f)

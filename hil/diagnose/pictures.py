@@ -21,8 +21,8 @@ def strips(problem: Problem, used: Fitted) -> tuple[Strip, ...]:
     found = []
     effects = list(problem.model.active_effects)
     for e, noise in zip(problem.experiments, problem.noises, strict=True):
-        nominal = e.respond(problem.plant, problem.model.values, effects)[0]
-        corrected = e.respond(problem.plant, used.parameters, [*effects, *used.effects])[0]
+        nominal = e.respond(problem.plant, problem.model.values, effects, factor=problem.factor)[0]
+        corrected = e.respond(problem.plant, used.parameters, [*effects, *used.effects], factor=problem.factor)[0]
         found.append(Strip(e.name, e.time_s, e.on_grid_input(), e.output, nominal, corrected, noise.std))
     return tuple(found)
 

@@ -47,7 +47,7 @@ class Term:
 
     @property
     def label(self) -> str:
-        """For tables: `friction at spool`, `pilot_rate`."""
+        """For messages: `friction at spool`, `pilot_rate`."""
         return f"{self.name} at {self.stage}" if self.kind == "effect" else self.name
 
     def effect_name(self, values: Sequence[float]) -> str:
@@ -74,11 +74,11 @@ def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
     sites = kernel(problem.plant.name).sites
     present = {effect.key for effect in problem.model.active_effects}
     effects = [_effect_term(site, seen[site.hook.name]) for site in sites if site.key not in present]
-    parameters = [_parameter_term(p, problem.model.values[p.name]) for p in problem.base]
+    parameters = [_parameter_term(p, problem.model.values[p.name], problem.plant.stage(p.name)) for p in problem.base]
     return tuple(parameters + [term for term in effects if term.starts])
 
 
-def _parameter_term(parameter: Parameter, value: float) -> Term:
+def _parameter_term(parameter: Parameter, value: float, stage: str) -> Term:
     unknown = Unknown(parameter.name, parameter.unit, value, parameter.low, parameter.high, parameter.scale)
     size = max(abs(value), parameter.scale)
     starts = {float(np.clip(value + (factor - 1.0) * size, parameter.low, parameter.high)) for factor in _FACTORS}
@@ -86,7 +86,7 @@ def _parameter_term(parameter: Parameter, value: float) -> Term:
         "parameter",
         parameter.name,
         "",
-        "",
+        stage,
         (unknown,),
         tuple((s,) for s in sorted(starts)),
         value,

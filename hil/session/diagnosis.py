@@ -21,7 +21,6 @@ from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 
 DIAGNOSIS_FILE, CORRECTED_FILE, REPORT_FILE = "diagnosis.json", "corrected.json", "report.html"
-_SHARE_OF_DIAGNOSIS = 0.5
 
 Progress = Callable[[float, str], None]
 

@@ -23,7 +23,7 @@ from .score.result import Result, failed, judged
 from .truth.law import Array
 
 
-def examine(sealed: Path, published: str, diagnoser: Diagnoser, kept: Path) -> Result:
+def examine(sealed: Path, published: str, diagnoser: Diagnoser, kept: Path, every: int = 1) -> Result:
     """Write the recordings of a case, have it diagnosed, open the truth, and score.
 
     Args:
@@ -31,6 +31,7 @@ def examine(sealed: Path, published: str, diagnoser: Diagnoser, kept: Path) -> R
         published: Its fingerprint, as it was published.
         diagnoser: Program under test; it sees a folder with a veiled name, and only healthy and changed recordings.
         kept: Where its diagnosis is kept.
+        every: Hand over every so-manyth recording only.
     """
     truth = from_json(sealed.read_text())
     with tempfile.TemporaryDirectory(prefix="proof-") as place:
@@ -38,7 +39,7 @@ def examine(sealed: Path, published: str, diagnoser: Diagnoser, kept: Path) -> R
         write_case(truth, case)
         seconds: dict[str, float] = {}
         try:
-            _diagnose(diagnoser, truth.plant.name, case, seconds)
+            _diagnose(diagnoser, truth.plant.name, case, seconds, every)
         except Exception as error:  # whatever the program under test does, the proof goes on and counts it
             return failed(truth, f"{type(error).__name__}: {error}", seconds=seconds)
         kept.mkdir(parents=True, exist_ok=True)
@@ -48,11 +49,11 @@ def examine(sealed: Path, published: str, diagnoser: Diagnoser, kept: Path) -> R
         return _score(truth, case, diagnoser, seconds)
 
 
-def _diagnose(diagnoser: Diagnoser, plant: str, case: Path, seconds: dict[str, float]) -> None:
+def _diagnose(diagnoser: Diagnoser, plant: str, case: Path, seconds: dict[str, float], every: int) -> None:
     with _timed(seconds, "identify"):
-        diagnoser.identify(sorted((case / "baseline").glob("*.csv")), plant, case / "nominal.json")
+        diagnoser.identify(sorted((case / "baseline").glob("*.csv"))[::every], plant, case / "nominal.json")
     with _timed(seconds, "diagnose"):
-        diagnoser.diagnose(case / "nominal.json", sorted((case / "changed").glob("*.csv")), case / "answer")
+        diagnoser.diagnose(case / "nominal.json", sorted((case / "changed").glob("*.csv"))[::every], case / "answer")
 
 
 def _score(truth: Truth, case: Path, diagnoser: Diagnoser, seconds: dict[str, float]) -> Result:

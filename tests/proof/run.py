@@ -22,11 +22,18 @@ Progress = Callable[[str, int, int], None]
 
 
 def prove(
-    labels: Sequence[Label], seed: int, out: Path, diagnoser: Diagnoser, jobs: int, progress: Progress
+    labels: Sequence[Label],
+    seed: int,
+    out: Path,
+    diagnoser: Diagnoser,
+    jobs: int,
+    progress: Progress,
+    every: int = 1,
 ) -> tuple[list[Result], str]:  # fmt: skip
     """Return the results of all cases and the fingerprint of their seals.
 
-    A proof that was stopped goes on where it was: truths and results on disk are not made again.
+    `every`: hand over every so-manyth recording only. A proof that was stopped goes on where it was: truths and
+    results on disk are not made again.
     """
     for name in ("truth", "results", "kept"):
         (out / name).mkdir(parents=True, exist_ok=True)
@@ -37,7 +44,11 @@ def prove(
     fingerprint = publish(sealed, seals)
     progress(f"seals published, sha256 {fingerprint}", len(labels), len(labels))
     published = read(seals)
-    todo = [(path, published[name], diagnoser, out) for name, path in sealed.items() if not _result(out, name).exists()]
+    todo = [
+        (path, published[name], diagnoser, out, every)
+        for name, path in sealed.items()
+        if not _result(out, name).exists()
+    ]
     _parallel(_examine, todo, jobs, "diagnosing", progress)
     return [result.read(_result(out, name)) for name in sealed], fingerprint
 
@@ -50,8 +61,8 @@ def _draw(seed: int, name: str, path: Path) -> None:
     _write(path, to_json(draw(seed, parse(name))))
 
 
-def _examine(sealed: Path, published: str, diagnoser: Diagnoser, out: Path) -> None:
-    examine(sealed, published, diagnoser, out / "kept" / sealed.stem).write(_result(out, sealed.stem))
+def _examine(sealed: Path, published: str, diagnoser: Diagnoser, out: Path, every: int) -> None:
+    examine(sealed, published, diagnoser, out / "kept" / sealed.stem, every).write(_result(out, sealed.stem))
 
 
 def _write(path: Path, text: str) -> None:
