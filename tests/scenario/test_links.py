@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import signal
-import subprocess
-import sys
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -16,85 +15,123 @@ from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.clock import VirtualClock
 from hil.daq.contract import Block, Waveform, joined
+from hil.errors import LinkError
 from hil.record.measurement import Measured
 from hil.record.read import read_recording
+from hil.record.recording import Array, Recording
 from hil.session.procedure import load_procedure
 from hil.signals.sine_fit import sine_fit
-from tests.links import moved, served
+from tests import link_page
+from tests.links import CALM, devices_of, moved, served
 from tests.simulated import FLOW, SPOOL, hpv41
 
 BENCHES = ["hpv41-modbus-tcp", "hpv41-modbus-rtu", "hpv41-serial", "hpv41-canopen", "hpv41-mixed"]
-FREQUENCY_HZ = 2.0
-RATE_HZ = 100.0
-SECONDS = 1.5
+FREQUENCY_HZ = 1.0
+RATE_HZ = 20.0
+SECONDS = 3.5
+SETTLE_S = 0.5
+STALLED_RAD = 0.04  # standard uncertainty beyond which the host, not the link, decides what is measured
+TRIES = 3
+UNEVEN = 0.2  # of the delay: a stamp lies in the middle of an exchange, the device acts somewhere within it
+LEVEL = 0.01  # of the response: converters
 
 
-def command() -> np.ndarray:
-    time_s = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
+@dataclass(frozen=True)
+class Response:
+    """Response over command, by how much it may be wrong, and what the link did meanwhile."""
+
+    value: complex
+    std: float
+    delay_s: float
+
+    @property
+    def allowed(self) -> float:
+        """How far it may be from the direct one."""
+        uneven = UNEVEN * 2.0 * np.pi * FREQUENCY_HZ * self.delay_s
+        return 3.0 * self.std + (uneven + LEVEL) * abs(self.value)
+
+    @property
+    def stalled(self) -> bool:
+        return self.std > STALLED_RAD * abs(self.value)
+
+
+def command(rate_hz: float = RATE_HZ) -> Array:
+    time_s = np.arange(round(SECONDS * rate_hz)) / rate_hz
     return 60.0 + 15.0 * np.sin(2.0 * np.pi * FREQUENCY_HZ * time_s)
 
 
-def response(time_s: np.ndarray, driven: np.ndarray, flow: np.ndarray, delay_s: float) -> complex:
-    """Flow over command at the frequency of the sine, from its last samples, [l/min per %]."""
-    last = time_s > time_s[-1] - 1.2 / FREQUENCY_HZ
+def response(time_s: Array, driven: Array, read_s: Array, read: Array) -> Response:
+    """At the frequency of the sine, whole periods of it, each channel at its own stamps."""
+    last = time_s >= time_s[0] + SETTLE_S
     told, answered = (
-        sine_fit(time_s[last] - time_s[0] + late, values[last], FREQUENCY_HZ, harmonics=2).phasor
-        for values, late in ((driven, 0.0), (flow, delay_s))
+        sine_fit(stamps[last] - time_s[0], values[last], FREQUENCY_HZ, harmonics=3)
+        for stamps, values in ((time_s, driven), (read_s, read))
     )
-    return answered / told
+    size = answered.amplitude / told.amplitude
+    std = size * float(np.hypot(told.phase_std_rad, answered.phase_std_rad))
+    return Response(answered.phasor / told.phasor, std, float(np.mean(read_s - time_s)))
 
 
-@pytest.fixture(scope="module")
-def direct() -> dict[str, complex]:
-    """The same sine on the plant behind a simulated DAQ, without any link: by response."""
-    daq = hpv41({"flow": FLOW, "spool position": SPOOL}, clock=VirtualClock())
-    block: Block = joined(list(daq.play(Waveform(RATE_HZ, {"command": command() / 10.0}))))
-    driven = 10.0 * block.outputs["command"]
-    return {
-        name: response(block.time_s, driven, slope * block.inputs[name], 0.0)
-        for name, slope in (("flow", 10.0), ("spool position", 12.5))
-    }
+@cache
+def direct(name: str, rate_hz: float = RATE_HZ) -> complex:
+    """The same sine on the plant behind a simulated DAQ, without any link."""
+    signal, slope = {"flow": (FLOW, 10.0), "spool position": (SPOOL, 12.5)}[name]
+    daq = hpv41({name: signal}, clock=VirtualClock())
+    block: Block = joined(list(daq.play(Waveform(rate_hz, {"command": command(rate_hz) / 10.0}))))
+    return response(block.time_s, 10.0 * block.outputs["command"], block.time_s, slope * block.inputs[name]).value
+
+
+def linked(file: BenchFile, folder: Path, rate_hz: float = RATE_HZ) -> tuple[Response, Recording]:
+    """The same over a link; again, up to three times, while the recording itself shows that the host stalled."""
+    for attempt in range(TRIES):
+        try:
+            with open_rig(file, folder / f"run {attempt}", {}, lambda _d, _t: None) as rig:
+                name = rig.response.name
+                played = rig.play(command(rate_hz), rig.actual_rate_hz(rate_hz), part={"kind": "sine"})
+        except LinkError:  # a busy kernel may take more than a second to hand on what was written to a pseudo terminal
+            if attempt == TRIES - 1:
+                raise
+            continue
+        found = response(played.time_s, played.values("command"), played.stamps(name), played.values(name))
+        if not found.stalled:
+            break
+    return found, read_recording(folder / f"run {attempt}")
 
 
 @pytest.mark.parametrize("bench", BENCHES)
-def test_response_over_a_link_is_the_direct_one(bench: str, direct: dict[str, complex], tmp_path: Path) -> None:
-    text = benches()[bench].read_text(encoding="utf-8")
-    quiet = [(f"noise = {std}", "noise = 0.01") for std in ("0.3", "0.1", "0.2") if f"noise = {std}" in text]
-    with (
-        served(bench, tmp_path, *quiet) as (file, _),
-        open_rig(file, tmp_path / "run", {}, lambda _d, _t: None) as rig,
-    ):
-        rate_hz = rig.actual_rate_hz(RATE_HZ)
-        recording = rig.play(command(), rate_hz, part={"kind": "sine"})
-        name = rig.response.name
-        delay_s = rig.promises["delay_s"][name]
-    found = response(recording.time_s, recording.values("command"), recording.values(name), delay_s)
-    ratio = found / direct[name]
-    assert abs(ratio) == pytest.approx(1.0, abs=0.03)
-    assert abs(np.angle(ratio, deg=True)) < 3.0
-    header = read_recording(tmp_path / "run").meta["sampling"]
+def test_response_over_a_link_is_the_direct_one(bench: str, tmp_path: Path) -> None:
+    with served(bench, tmp_path, *CALM) as (file, _):
+        found, recording = linked(file, tmp_path)
+    name = recording.meta["roles"]["response"]
+    assert not found.stalled, f"the host stalled {TRIES} times; standard uncertainty {found.std:.3g}"
+    assert abs(found.value - direct(name)) < found.allowed
+    header = recording.meta["sampling"]
     assert header["timing"] == "polled"
     assert 0.0 < header["latency_s"] < 0.05
     assert 0.0 < header["delay_s"][name] < 0.05
+    assert header["read_at"] == 0.0
     assert json.dumps(header)
+
+
+def test_delay_of_a_slow_device_is_taken_out(tmp_path: Path) -> None:
+    rate_hz = 12.5
+    changes = (*CALM, ("sample_rate_hz = 20", "sample_rate_hz = 12.5"))
+    with served("hpv41-modbus-tcp", tmp_path, *changes, quirks={"io": {"late_s": 0.02}}) as (file, _):
+        found, _ = linked(file, tmp_path, rate_hz)
+    plain = direct("flow", rate_hz)
+    uncorrected = found.value * np.exp(2j * np.pi * FREQUENCY_HZ * found.delay_s)
+    assert not found.stalled
+    assert found.delay_s > 0.015
+    assert abs(found.value - plain) < found.allowed < abs(uncorrected - plain)
 
 
 def test_devices_are_served_in_a_process_of_their_own(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
     path.write_text(moved(benches()["hpv41-mixed"].read_text(encoding="utf-8"), tmp_path), encoding="utf-8")
-    process = subprocess.Popen(
-        [sys.executable, "-m", "hil", "devices", str(path)], stdout=subprocess.PIPE, text=True, encoding="utf-8"
-    )
-    assert process.stdout is not None
-    try:
-        told = [process.stdout.readline().strip() for _ in range(4)]
+    with devices_of(path) as (process, told):
         daq = read_bench(path).open()
         block = joined(list(daq.play(Waveform(50.0, {"command": np.full(10, 30.0)}))))
         daq.close()
-    finally:
-        process.send_signal(signal.SIGINT)
-        process.wait(5.0)
-        process.stdout.close()
     assert [line.partition(" at ")[0] for line in told[:3]] == [
         "valve: canopen_valve", "meter: modbus", "module: ascii_module",
     ]  # fmt: skip
@@ -117,3 +154,28 @@ def test_step_response_of_the_procedure_is_the_direct_one(tmp_path: Path) -> Non
     plain = rise(read_bench(benches()["brevini-hpv41"]), tmp_path / "plain")
     assert linked.std and plain.std and 150.0 < plain.value < 450.0
     assert abs(linked.value - plain.value) < 3.0 * np.hypot(linked.std, plain.std) + 5.0
+
+
+SHORT = {**link_page.WHOLE, "frequencies": (0.5, 1.1, 1.7, 2.9, 4.1, 4.9), "measure_s": 3.0}
+
+
+@pytest.mark.slow
+def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_one(tmp_path: Path) -> None:
+    plain = link_page.direct("flow", tmp_path, SHORT)
+    seen = link_page.over("hpv41-modbus-rtu", tmp_path, SHORT)
+    off = {name: figure.off_by(plain[name]) for name, figure in seen.corrected.items()}
+    assert max(map(abs, off.values())) < 4.0, off
+    assert seen.uncorrected["dead time"].off_by(plain["dead time"]) < -4.0
+
+
+def test_the_page_of_links_names_what_is_off() -> None:
+    text = link_page.PAGE.read_text(encoding="utf-8")
+    sections = dict(part.split("\n", 1) for part in text.split("\n## ")[1:])
+    *links, short = sections
+    assert links == list(link_page.LINKS.values())
+    for title in links:
+        rows = [line.strip("| ").split(" | ") for line in sections[title].splitlines() if " ± " in line and "|" in line]
+        assert len(rows) == 7
+        for name, _, _, off, _, _ in rows:
+            named = f"{title}: {name.partition(' [')[0]} {off}" in " ".join(sections[short].split())
+            assert named == (abs(float(off)) > link_page.CLEAR), name

@@ -1,0 +1,269 @@
+"""Run the frequency-response test over every link in wall-clock time and write the page of the documentation.
+
+python -m tests.link_page
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+
+from hil.bench.find import benches
+from hil.bench.read import BenchFile, read_bench
+from hil.errors import LinkError
+from hil.identify.sine_segments import frequency_responses
+from hil.identify.transfer_function import TransferFunctionFit
+from hil.record.read import read_recording
+from hil.record.recording import Array, Recording
+from hil.session.procedure import load_procedure
+from hil.session.run import run_procedure
+from procedures._recorded import roles_of
+from procedures._response import evaluated
+from tests.links import PATIENT, devices_of, moved
+
+PAGE = Path(__file__).parents[1] / "docs" / "reference" / "links.md"
+LINKS = {
+    "hpv41-modbus-tcp": "Modbus TCP",
+    "hpv41-modbus-rtu": "Modbus RTU",
+    "hpv41-serial": "Serial: ASCII module and SCPI scanner",
+    "hpv41-canopen": "CANopen",
+    "hpv41-mixed": "Mixed: CANopen, Modbus TCP and serial",
+}
+FORM = {"poles": 3, "zeros": 0, "dead_time": True}  # what the simulated valve is for small amplitudes
+WHOLE = {
+    "frequencies": (0.1, 0.3, 0.5, 0.7, 1.1, 1.5, 2.1, 2.9, 3.7, 4.9), "amplitudes": (20.0,), "biases": (50.0,),
+    "rate_hz": 100.0, **FORM,
+}  # fmt: skip
+RATE_HZ = 1000.0  # of the direct test, in virtual time
+RESUMED = 4  # so often a run is begun or resumed
+CLEAR = 2.0  # standard uncertainties beyond which a deviation is named
+HEAD = """\
+# The frequency response over each link
+
+<!-- Made by `python -m tests.link_page` from what it measures. -->
+
+The procedure `frequency_response` on the HPV41 of each bench on a link, {count} sines of {lowest:g} … {highest:g} Hz,
+±{amplitude:g} % about {bias:g} %, {rate:g} samples a second, in wall-clock time, the devices served by `hil devices` in
+a process of their own; and the same procedure on the simulated DAQ `brevini-hpv41` in virtual time at {direct_rate:g}
+samples a second: the *direct* result. Both with the noise of their sensors and with the whole evaluation, a transfer
+function of three poles and a dead time. Devices are simulated ones that speak the real protocols over loopback, pseudo
+terminals and a CAN hub; nothing here was measured on hardware. The machine: {machine}.
+
+- *corrected* is what `hil run` reports: every sample of the response counts from when it was really read, and the
+  hold of the command and the lag of the sensor are taken out. *uncorrected* is the same evaluation of the same
+  recording as if every input had been read at the moment at which the output was updated.
+- ± is one standard uncertainty. It holds the noise, what no linear model explains, and that nobody knows where within
+  its exchange a device acts: command and reading are stamped in the middle of theirs. *off by* is the difference to the
+  direct result over both standard uncertainties together.
+- *delay* is from the update of the output to the reading of the response, mean and standard deviation over all samples;
+  *skew* is how far apart the inputs of one sample are read, from the first link to the last. A sample that begins more
+  than half an interval late is counted *late*.
+- Time-outs are 1 s (CANopen: 0.25 s) here instead of those of the bench files, as the machine did other things besides.
+"""
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure of the valve with its standard uncertainty."""
+
+    name: str
+    unit: str
+    value: float
+    std: float
+
+    def off_by(self, other: Figure) -> float:
+        """The difference in standard uncertainties of both."""
+        return (self.value - other.value) / float(np.hypot(self.std, other.std))
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What a run over a link brought: figures as reported and without the link's correction, by name; and the link."""
+
+    corrected: Mapping[str, Figure]
+    uncorrected: Mapping[str, Figure]
+    recording: Recording
+
+
+def direct(response: str, folder: Path, settings: Mapping[str, Any] = MappingProxyType(WHOLE)) -> dict[str, Figure]:
+    """The figures of the simulated DAQ in virtual time, with a channel as the response."""
+    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+    if response == "spool position":
+        text = text.replace('role = "response"\n', "").replace(
+            '[channels."spool position"]\n', '[channels."spool position"]\nrole = "response"\n'
+        )
+    path = folder / "direct.toml"
+    path.write_text(text, encoding="utf-8")
+    procedure = load_procedure("frequency_response")
+    run_procedure(procedure, read_bench(path), {**settings, "rate_hz": RATE_HZ}, folder / "direct")
+    return figures(read_recording(folder / "direct"))
+
+
+def over(bench: str, folder: Path, settings: Mapping[str, Any] = MappingProxyType(WHOLE)) -> Seen:
+    """The same over the links of a bench, its devices in a process of their own."""
+    text = benches()[bench].read_text(encoding="utf-8")
+    for old, new in PATIENT:
+        text = text.replace(old, new)
+    path = folder / "linked.toml"
+    path.write_text(moved(text, folder), encoding="utf-8")
+    with devices_of(path):
+        recording = read_recording(_finished(read_bench(path), folder, settings))
+    return Seen(figures(recording), figures(uncorrected(recording)), recording)
+
+
+def _finished(file: BenchFile, folder: Path, settings: Mapping[str, Any]) -> Path:
+    """The folder of the whole run; where an answer did not come in time, it is resumed at its next sine."""
+    procedure = load_procedure("frequency_response")
+    out = folder / "linked"
+    for again in range(RESUMED):
+        try:
+            if again:
+                run_procedure(procedure, file, {}, folder / f"linked {again}", resume=out)
+                return folder / f"linked {again}"
+            run_procedure(procedure, file, settings, out)
+            return out
+        except LinkError as error:
+            print(error, flush=True)
+            out = folder / f"linked {again}" if again else out
+    raise AssertionError(f"{file.bench.name}: broken off {RESUMED} times")
+
+
+def uncorrected(recording: Recording) -> Recording:
+    """The recording as if it did not know when its inputs were read."""
+    told = ("delay_channels", "delays_s", "delay_s")
+    sampling = {name: value for name, value in recording.meta["sampling"].items() if name not in told}
+    return replace(recording, meta={**recording.meta, "sampling": sampling})
+
+
+def figures(recording: Recording) -> dict[str, Figure]:
+    """What the evaluation of the procedure makes of a recording, by name."""
+    command, response = roles_of(recording)
+    (one,) = evaluated(recording, frequency_responses(recording, command.name, response.name))
+    gain, amplitude, phase, _ = one.measured()
+    assert one.fit is not None and gain.value and amplitude.value and phase.value
+    found = [
+        Figure("gain", f"{response.unit} per {command.unit}", gain.value, gain.std or 0.0),
+        Figure("−3 dB bandwidth", "Hz", amplitude.value, amplitude.std or 0.0),
+        Figure("−90° bandwidth", "Hz", phase.value, phase.std or 0.0),
+        *_of_the_model(one.fit),
+    ]
+    return {figure.name: figure for figure in found}
+
+
+def _of_the_model(fit: TransferFunctionFit) -> Iterator[Figure]:
+    """Natural frequency and damping of the pole pair, the pilot's time constant, the dead time."""
+    names = (
+        ("natural frequency", "Hz", 1.0),
+        ("damping ratio", "1", 1.0),
+        ("time constant", "ms", 1e3),
+        ("dead time", "ms", 1e3),
+    )
+
+    def physical(parameters: Array) -> Array:
+        _, first, second, lag, dead_time = parameters
+        return np.array([0.5 / np.pi / np.sqrt(second), 0.5 * first / np.sqrt(second), lag, dead_time])
+
+    values = physical(fit.parameters)
+    stds = np.sqrt(np.diag(fit.propagated(physical)))
+    for (name, unit, scale), value, std in zip(names, values, stds, strict=True):
+        yield Figure(name, unit, scale * float(value), scale * float(std))
+
+
+def main() -> None:
+    """Measure and write."""
+    os.environ.setdefault("HIL_STATE_DIR", tempfile.mkdtemp())
+    references: dict[str, dict[str, Figure]] = {}
+    sections, apart = [], []
+    for bench, title in LINKS.items():
+        with tempfile.TemporaryDirectory() as name:
+            seen = over(bench, Path(name))
+            response = roles_of(seen.recording)[1].name
+            if response not in references:
+                references[response] = direct(response, Path(name))
+            sections.append(section(title, bench, seen, references[response]))
+            apart += list(far(title, seen, references[response]))
+            print(sections[-1], flush=True)
+    PAGE.write_text("\n".join([_head(), *sections, _short(apart)]), encoding="utf-8")
+
+
+def section(title: str, bench: str, seen: Seen, plain: Mapping[str, Figure]) -> str:
+    """A link and its figures."""
+    rows = [
+        f"| {name} [{figure.unit}] | {told(plain[name])} | {told(figure)} | {figure.off_by(plain[name]):+.1f} | "
+        f"{told(seen.uncorrected[name])} | {seen.uncorrected[name].off_by(plain[name]):+.1f} |"
+        for name, figure in seen.corrected.items()
+    ]
+    response = roles_of(seen.recording)[1].name
+    return "\n".join([
+        f"## {title}", "", f"Bench `{bench}`; response: {response}. {link_sentence(seen.recording)}",
+        "", "| figure | direct | corrected | off by | uncorrected | off by |", "|---|---|---|---|---|---|", *rows, "",
+    ])  # fmt: skip
+
+
+def link_sentence(recording: Recording) -> str:
+    """Rate, latency, delay and skew of a link, as the header of the run and its samples say."""
+    sampling = recording.meta["sampling"]
+    response = roles_of(recording)[1].name
+    delays_s = {name: recording.values(name) for name in dict.fromkeys(sampling["delay_channels"].values())}
+    own_s = delays_s[sampling["delay_channels"][response]]
+    means_s = [float(values.mean()) for values in delays_s.values()]
+    late = sum(event["details"]["count"] for event in recording.meta["events"] if event["event"] == "late samples")
+    skew = f"skew {1e3 * (max(means_s) - min(means_s)):.2f} ms" if len(means_s) > 1 else "inputs in one exchange"
+    broken = sum(event["event"] == "resumed" for event in recording.meta["events"])
+    again = f"; resumed {broken} times after an answer that did not come in time" if broken else ""
+    return (
+        f"It offers {sampling['highest_rate_hz']:.0f} samples a second; latency of a reading "
+        f"{1e3 * sampling['latency_s']:.2f} ms; delay {1e3 * own_s.mean():.2f} ± {1e3 * own_s.std():.2f} ms, at most "
+        f"{1e3 * own_s.max():.1f} ms; {skew}; {late} of {len(recording)} samples late{again}."
+    )
+
+
+def told(figure: Figure) -> str:
+    """Value ± standard uncertainty, as many digits as that has two of."""
+    digits = max(0, 1 - int(np.floor(np.log10(figure.std))))
+    return f"{figure.value:.{digits}f} ± {figure.std:.{digits}f}"
+
+
+def far(title: str, seen: Seen, plain: Mapping[str, Figure]) -> Iterator[str]:
+    """Figures that are further from the direct ones than their uncertainties explain."""
+    for name, figure in seen.corrected.items():
+        if abs(off := round(figure.off_by(plain[name]), 1)) > CLEAR:
+            yield f"{title}: {name} {off:+.1f}"
+
+
+def _head() -> str:
+    frequencies = WHOLE["frequencies"]
+    return HEAD.format(
+        count=len(frequencies), lowest=frequencies[0], highest=frequencies[-1], amplitude=WHOLE["amplitudes"][0],
+        bias=WHOLE["biases"][0], rate=WHOLE["rate_hz"], direct_rate=RATE_HZ,
+        machine=f"{os.cpu_count()} cores, load {os.getloadavg()[1]:.1f} over the last five minutes",
+    )  # fmt: skip
+
+
+def _short(apart: list[str]) -> str:
+    figures_told = "; ".join(apart) if apart else "none"
+    return f"""\
+## What falls short
+
+- Figures off by more than {CLEAR:g} standard uncertainties: {figures_told}. By chance one
+  or two of 35 figures would be.
+- Where within its exchange a device acts is not measured. On a slow line this is most of the uncertainty of the dead
+  time and of the −90° bandwidth; a device that always acts at one end of its exchange is off by up to the delay.
+- A host that stalls within a sine disturbs it: every sample keeps the stamps that it had, but the valve was not driven
+  by a sine any more. What comes of it is in the stated uncertainty as far as it shows in the residuals of the fits.
+- Uncorrected figures state too small an uncertainty: they do not know of the link.
+- Outputs that lie on several links have one stamp, in the middle of driving them all.
+- Time-domain fits use the stamps of the readings too (lines drawn between simulated values), but their uncertainty does
+  not hold that of the stamps; a multisine is corrected by the mean delay alone.
+"""
+
+
+if __name__ == "__main__":
+    main()
