@@ -80,7 +80,8 @@ def _said(case: Case, problem: Problem, best: Hypothesis, terms: Sequence[Term])
     moved = [t for t in terms if t.kind == "parameter" and best.base[t.name] != nominal[t.name]]
     far = [t for t in moved if abs(best.base[t.name] - nominal[t.name]) > least[t.name]]
     known = [t.effect_name([best.base[t.name]]) for t in far] if best.terms or len(moved) == 1 else []
-    named = tuple(dict.fromkeys(name for name in (*(t.name for t in best.terms), *known) if name))
+    effects = [t.effect_name(own) for t, own in zip(best.terms, best.values, strict=True)]
+    named = tuple(dict.fromkeys(name for name in (*effects, *known) if name))
 
     def predict(e: Experiment) -> Array:
         output: Array = e.respond(case.nominal.definition, best.base, best.effects)[0]

@@ -66,7 +66,7 @@ def candidates(case: Case) -> list[Candidate]:
             start, _ = best_start(problem, values, [], term, basis)
             added: list[ActiveEffect] = []
             term.apply(start, {}, added)
-            found.append(_response(case, term.name, tuple(added)))
+            found.append(_response(case, term.effect_name(start), tuple(added)))
     return found
 
 
