@@ -92,7 +92,7 @@ def diagnose(
     checked = check(model, experiments)
     kept, stale = without_stale(checked.experiments)
     problem, solver_warnings = settled(pose(model, kept))
-    warnings = [*checked.warnings, *solver_warnings]
+    warnings = [*checked.warnings, *solver_warnings, *_known_hum(model)]
     progress(0.1, "searching for the cause")
     choice = decide(problem)
     if checked.clocks_set and choice.verdict in OPEN and choice.events is None:
@@ -115,6 +115,14 @@ def diagnose(
     diagnosis = answer.diagnosis(time.perf_counter() - started)
     progress(1.0, "done")
     return Diagnosed(diagnosis, answer.corrected)
+
+
+def _known_hum(model: Model) -> tuple[str, ...]:
+    noise = model.noise
+    if noise is None or noise.hum_hz is None:
+        return ()
+    size = quantity_text(noise.hum, None, model.definition.output.unit)
+    return (f"a hum of {noise.hum_hz:.4g} Hz ({size}) that the healthy unit had too was taken out of the recordings",)
 
 
 def _verdict(choice: Choice, events: Events | None) -> Verdict:

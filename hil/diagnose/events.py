@@ -15,6 +15,7 @@ from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
 from hil.diagnose.search import Fitted, pool
 from hil.identify.experiment import Experiment
+from hil.identify.lines import common_line
 from hil.identify.noise import resolution, white_floor
 from hil.record.recording import Array
 
@@ -313,7 +314,8 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
 
     Its amplitude may grow with the output, as ripple does that enters before the orifice.
     """
-    frequency = _common_line(problem, around.residuals)
+    parts = [around.residuals[part] for part in problem.output_slices()]
+    frequency = common_line(problem.experiments, parts, _LEAST_TONE_RATIO)
     if frequency is None:
         return None
     frequency = _sharpened(problem, around.residuals, frequency)
@@ -333,26 +335,6 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
         "command does.",
         "y = y₀ + a·sin(2πft + φ), φ by chance in each recording",
     )  # fmt: skip
-
-
-def _common_line(problem: Problem, residuals: Array) -> float | None:
-    """The frequency whose line stands out most over all recordings together, away from the command's own lines."""
-    durations = [float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments]
-    rates = [1.0 / e.drive.interval_s for e in problem.experiments]
-    grid = np.arange(1.0, min(rates) / 2.0 * min(durations)) / min(durations)
-    grid = grid[grid > 3.0 / min(durations)]
-    total = np.zeros(len(grid))
-    for e, part in zip(problem.experiments, problem.output_slices(), strict=True):
-        r = residuals[part] * np.hanning(part.stop - part.start)
-        power = np.abs(np.fft.rfft(r)) ** 2 / len(r)
-        command = np.abs(np.fft.rfft((e.on_grid_input() - e.on_grid_input().mean()) * np.hanning(len(r)))) ** 2
-        power[command > 1e-4 * command.max()] = np.median(power)
-        own = np.fft.rfftfreq(len(r), e.drive.interval_s)
-        # the highest within a bin of the coarsest grid
-        edges = np.searchsorted(own, grid - 0.5 / min(durations))
-        total += np.maximum.reduceat(power, np.minimum(edges, len(power) - 1)) / np.median(power)
-    k = int(np.argmax(total))
-    return float(grid[k]) if total[k] > _LEAST_TONE_RATIO * len(problem.experiments) else None
 
 
 def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float:

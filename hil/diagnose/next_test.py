@@ -30,6 +30,8 @@ _SEPARATED = 10.0
 _ENOUGH = 30.0
 _COMPETITORS = 3
 _BOUND_MARGIN = 0.9
+# So far beyond what was recorded a part that integrates may go, as a share of its travel.
+_BEYOND = 0.1
 # The menu's tests last seconds: a plant that is sampled slower than this has no use for them.
 _SLOWEST_SAMPLING_S = 0.2
 
@@ -131,7 +133,9 @@ def next_test(
     if _interval_s(problem) > _SLOWEST_SAMPLING_S:
         return None
     span = span or span_of(problem)
-    tests = menu(span)
+    tests = [test for test in menu(span) if _stays(problem, _planned(problem, test, span))]
+    if not tests:
+        return None
     if verdict == "consistent":
         return _revealing(problem, choice, tests, span, unseen) if unseen else None
     competitors = _competitors(choice, rivals, verdict)
@@ -144,6 +148,17 @@ def next_test(
     names = " from ".join(_label(f) for f in competitors[:2])
     return _chosen(problem, best[1], span, f"tells {names}: their outputs would differ by {best[0]:.0f} standard "
                                            "uncertainties that base parameters cannot imitate")  # fmt: skip
+
+
+def _stays(problem: Problem, planned: Experiment) -> bool:
+    """Whether a plant that integrates stays where it has been: nobody knows what comes beyond."""
+    if not any(slope is not None for slope in problem.start_slopes):
+        return True
+    rows = planned.respond(problem.plant, problem.model.values, problem.model.active_effects, factor=problem.factor)
+    low = min(float(e.output.min()) for e in problem.experiments)
+    high = max(float(e.output.max()) for e in problem.experiments)
+    margin = _BEYOND * (high - low)
+    return bool(rows[0].min() >= low - margin and rows[0].max() <= high + margin)
 
 
 def _competitors(choice: Choice, rivals: Sequence[Sequence[str]], verdict: Verdict) -> list[Fitted]:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from hil.identify.estimate import jacobian
 from hil.identify.experiment import Experiment
+from hil.identify.first_reading import start_slope, with_free_start
+from hil.identify.lines import line_at
 from hil.identify.noise import channel_floor, white_floor, whiten
 from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Plant
@@ -21,6 +23,8 @@ from hil.record.recording import Array
 _DRIFT_SHARE = 0.005
 # A channel's own floor stands in for the model's noise when they differ by more than this factor.
 _SAME_NOISE = 1.25
+# A hum is known up to this multiple of what it was.
+_SAME_HUM = 1.5
 
 
 @dataclass(frozen=True)
@@ -80,6 +84,15 @@ class Problem:
         return len(self.nominal_residuals) - ignored
 
     @cached_property
+    def start_slopes(self) -> tuple[Array | None, ...]:
+        """Of each whitened output in what its first reading got wrong (see `hil.identify.first_reading`)."""
+        model, found = self.model, []
+        for e, noise in zip(self.experiments, self.noises, strict=True):
+            slope = start_slope(e, self.plant, model.values, model.active_effects, noise.std, self.factor)
+            found.append(None if slope is None else whiten(slope, noise, _interval_s(e)))
+        return tuple(found)
+
+    @cached_property
     def nominal_residuals(self) -> Array:
         """Whitened residuals of the nominal model, shape (n,)."""
         return self.residuals(self.model.values, self.model.active_effects)
@@ -97,10 +110,11 @@ class Problem:
         `factor`: other sub-steps than the problem's; `inject`: a disturbance at a hook, one array for each experiment.
         """
         parts: list[Array] = []
+        starts = self.start_slopes
         for i, (e, noise, inner) in enumerate(zip(self.experiments, self.noises, self.observed_noise, strict=True)):
             added = (inject[0], inject[1][i]) if inject else None
             rows = e.respond(self.plant, parameters, effects, factor=factor or self.factor, inject=added)
-            error = whiten(rows[0] - e.output, noise, _interval_s(e))
+            error = with_free_start(whiten(rows[0] - e.output, noise, _interval_s(e)), starts[i])
             parts.append(error if e.ignored is None else np.where(e.ignored, 0.0, error))
             for k, signal in enumerate(self.plant.observed, start=1):
                 if signal.name in inner:
@@ -139,7 +153,11 @@ class Problem:
 
 
 def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
-    """Bind a nominal model and experiments, and settle what noise is."""
+    """Bind a nominal model and experiments, and settle what noise is.
+
+    A hum that the model knows from the healthy unit is taken out of the recordings: it is no news.
+    """
+    experiments = [_without_hum(model, e) for e in experiments]
     noises = tuple(_noise(model, e) for e in experiments)
     observed = tuple({name: channel_floor(values) for name, values in e.observed.items()} for e in experiments)
     return Problem(model, tuple(experiments), noises, observed)
@@ -154,7 +172,18 @@ def _noise(model: Model, experiment: Experiment) -> Noise:
     expected = white_floor_of(known)
     if 1.0 / _SAME_NOISE < floor / expected < _SAME_NOISE:
         return known
-    return Noise(known.std * floor / expected, known.colour, known.interval_s)
+    return replace(known, std=known.std * floor / expected)
+
+
+def _without_hum(model: Model, e: Experiment) -> Experiment:
+    """The recording without the tone that its model knows, as far as it is no larger than it was."""
+    known = model.noise
+    if known is None or known.hum_hz is None:
+        return e
+    error = e.output - e.respond(model.definition, model.values, model.active_effects)[0]
+    tone, amplitude = line_at(e.time_s, error, known.hum_hz)
+    share = min(1.0, _SAME_HUM * known.hum / max(amplitude, 1e-300))
+    return replace(e, output=e.output - share * tone)
 
 
 def white_floor_of(noise: Noise) -> float:

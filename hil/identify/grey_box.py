@@ -11,6 +11,8 @@ import numpy as np
 from hil.errors import SettingError
 from hil.identify.estimate import Estimate, Unknown, estimate
 from hil.identify.experiment import Experiment, require_excitation
+from hil.identify.first_reading import start_slope, with_free_start
+from hil.identify.lines import common_line, line_at
 from hil.identify.noise import channel_floor, measured_noise, resolution
 from hil.identify.structure import choose_structure
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
@@ -186,14 +188,18 @@ def _fit_from(
     names = [u.name for u in start]
     base, active = model.values, model.active_effects
 
+    starts = [
+        None if (slope := start_slope(e, plant, base, active, 1.0 / weight)) is None else slope * weight
+        for e, weight in zip(experiments, weights, strict=True)
+    ]
     inner = [{name: 1.0 / channel_floor(values) for name, values in e.observed.items()} for e in experiments]
 
     def residuals(values: Array) -> Array:
         parameters = base | dict(zip(names, values.tolist(), strict=True))
         parts = []
-        for e, weight, inside in zip(experiments, weights, inner, strict=True):
+        for e, weight, inside, slope in zip(experiments, weights, inner, starts, strict=True):
             rows = e.respond(plant, parameters, active)
-            parts.append((rows[0] - e.output) * weight)
+            parts.append(with_free_start((rows[0] - e.output) * weight, slope))
             parts += [
                 (rows[k] - e.observed[signal.name]) * inside[signal.name]
                 for k, signal in enumerate(plant.observed, start=1)
@@ -205,9 +211,17 @@ def _fit_from(
 
 
 def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
+    """The noise of the output from what the model leaves, a tone that runs through everything apart."""
     inputs = [e.on_grid_input() for e in experiments]
+    outputs = [e.output for e in experiments]
     interval_s = float(np.median(np.diff(experiments[0].time_s)))
-    return measured_noise(inputs, [e.output for e in experiments], errors, interval_s)
+    hum_hz = common_line(experiments, errors)
+    if hum_hz is None:
+        return measured_noise(inputs, outputs, errors, interval_s)
+    found = [line_at(e.time_s, error, hum_hz) for e, error in zip(experiments, errors, strict=True)]
+    without = [[values - tone for values, (tone, _) in zip(rows, found, strict=True)] for rows in (outputs, errors)]
+    noise = measured_noise(inputs, without[0], without[1], interval_s)
+    return replace(noise, hum_hz=hum_hz, hum=float(np.median([amplitude for _, amplitude in found])))
 
 
 def _covariance(found: Estimate) -> Covariance:
@@ -230,7 +244,9 @@ def _result(
     for e in experiments:
         simulated = e.respond(plant, values, model.active_effects)[0]
         fits[e.name] = fit_percent(e.output, simulated)
-        errors.append(e.output - simulated)
+        floor = channel_floor(e.output)
+        slope = start_slope(e, plant, values, model.active_effects, floor)
+        errors.append(floor * with_free_start((e.output - simulated) / floor, None if slope is None else slope / floor))
     made = Model(
         model.plant, parameters, model.effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,

@@ -46,11 +46,14 @@ class Noise:
     Attributes:
         std: of e, in the output's unit.
         colour: a_1 … a_p at `interval_s`; empty for white noise.
+        hum_hz, hum: a tone beside e, with a phase of its own in each recording, and its amplitude; None without one.
     """
 
     std: float
     colour: tuple[float, ...] = ()
     interval_s: float | None = None
+    hum_hz: float | None = None
+    hum: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

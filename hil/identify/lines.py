@@ -1,0 +1,61 @@
+"""Tones in what a model leaves: one frequency in all recordings, with a phase of its own in each, as hum has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from hil.identify.experiment import Experiment
+from hil.record.recording import Array
+
+# A line of noise alone stands so far above the median of its spectrum about once in a million bins.
+_LEAST_RATIO = 20.0
+_FINER = (1.0, 0.2, 0.04)
+
+
+def common_line(
+    experiments: Sequence[Experiment], residuals: Sequence[Array], least_ratio: float = _LEAST_RATIO
+) -> float | None:
+    """The frequency in Hz whose line stands out most over all recordings, away from the command's own lines.
+
+    None when it is less than `least_ratio` times the median of the spectrum, on average over the recordings.
+    """
+    shortest_s = min(float(e.time_s[-1] - e.time_s[0]) for e in experiments)
+    fastest_hz = min(0.5 / e.drive.interval_s for e in experiments)
+    grid = np.arange(4.0, fastest_hz * shortest_s) / shortest_s
+    if not grid.size:
+        return None
+    total = np.zeros(len(grid))
+    for e, left in zip(experiments, residuals, strict=True):
+        window = np.hanning(len(left))
+        power = np.abs(np.fft.rfft(left * window)) ** 2 / len(left)
+        command = e.on_grid_input()
+        own = np.abs(np.fft.rfft((command - command.mean()) * window)) ** 2
+        power[own > 1e-4 * own.max()] = np.median(power)
+        frequency = np.fft.rfftfreq(len(left), e.drive.interval_s)
+        # the highest within a bin of the coarsest grid
+        edges = np.searchsorted(frequency, grid - 0.5 / shortest_s)
+        total += np.maximum.reduceat(power, np.minimum(edges, len(power) - 1)) / np.median(power)
+    k = int(np.argmax(total))
+    return float(grid[k]) if total[k] > least_ratio * len(experiments) else None
+
+
+def line_at(time_s: Array, values: Array, frequency_hz: float) -> tuple[Array, float]:
+    """The tone in values nearest to a frequency, and its amplitude.
+
+    Within a bin either way, at the frequency where it takes most: a known frequency is never known to a cycle.
+    """
+    width_hz = 1.0 / float(time_s[-1] - time_s[0])
+    best_hz = frequency_hz
+    for scale in _FINER:
+        tried = best_hz + scale * width_hz * np.linspace(-1.0, 1.0, 11)
+        best_hz = float(max(tried, key=lambda hz: _sine(time_s, values, hz)[1]))
+    return _sine(time_s, values, best_hz)
+
+
+def _sine(time_s: Array, values: Array, frequency_hz: float) -> tuple[Array, float]:
+    phase = 2.0 * np.pi * frequency_hz * time_s
+    basis = np.column_stack([np.sin(phase), np.cos(phase)])
+    weights = np.linalg.solve(basis.T @ basis, basis.T @ values)
+    return basis @ weights, float(np.hypot(*weights))

@@ -1,0 +1,93 @@
+"""What the first reading of an integrating plant got wrong is not taken for physics; hum that was there is no news."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil.diagnose.decide import decide
+from hil.diagnose.problem import pose
+from hil.identify.experiment import Experiment, experiment
+from hil.identify.first_reading import start_slope, with_free_start
+from hil.identify.grey_box import fit_plant
+from hil.identify.lines import common_line, line_at
+from hil.physics.compose import plant
+from hil.physics.model import Model, typical_model
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import recording
+
+RATE_HZ, NOISE_M = 250.0, 2e-5
+AXIS = plant("linear-axis")
+
+
+def axis(seed: int, hum_m: float = 0.0) -> Experiment:
+    """A carriage pushed to and fro, its position read with noise, and with hum of another phase each time."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(0.0, 12.0, 1.0 / RATE_HZ)
+    force = 100.0 * np.sign(np.sin(2.0 * np.pi * 0.5 * time_s)) + 40.0 * np.sin(2.0 * np.pi * 2.0 * time_s)
+    values = {**AXIS.typical, "mass": 100.0, "viscous": 200.0}
+    position = simulate(AXIS, values, Drive(force[None, :], 0.0, 1.0 / RATE_HZ), factor=4.0)[0]
+    hum = hum_m * np.sin(2.0 * np.pi * 47.3 * time_s + rng.uniform(0.0, 6.0))
+    measured = position + NOISE_M * rng.standard_normal(len(time_s)) + hum
+    return experiment(recording(f"run-{seed}", time_s, {"force [N]": force, "position [m]": measured}), AXIS)
+
+
+def healthy(hum_m: float = 0.0) -> Model:
+    return fit_plant(typical_model("linear-axis"), [axis(seed, hum_m) for seed in (1, 2)]).model
+
+
+def test_parameters_of_an_integrating_plant_are_those_of_the_truth() -> None:
+    found = healthy().parameters
+    for name, true in (("mass", 100.0), ("viscous", 200.0)):
+        std = found[name].std
+        assert std is not None and abs(found[name].value - true) < 4.0 * std + 1e-4 * true
+
+
+def test_a_free_start_takes_an_offset_and_nothing_else() -> None:
+    e = axis(1)
+    slope = start_slope(e, AXIS, AXIS.typical, (), NOISE_M)
+    assert slope is not None and np.allclose(slope, slope[0])  # a carriage keeps for good what its start got wrong
+    unit = slope / NOISE_M
+    shape = np.sin(np.arange(len(unit)) * 2.0 * np.pi / 250.0)
+    left = with_free_start(5.0 + shape, unit)
+    assert np.allclose(left, shape, atol=0.02)
+    offset = with_free_start(np.full(len(unit), 5.0), unit)
+    power = float(unit @ unit)
+    assert np.isclose(offset @ offset, 25.0 * len(unit) / (1.0 + power))  # the marginal likelihood, exactly
+
+
+def test_a_plant_that_does_not_start_from_its_reading_has_no_free_start() -> None:
+    valve = plant("brevini-hpv41")
+    time_s = np.arange(0.0, 2.0, 0.004)
+    command = 50.0 * np.sign(np.sin(2.0 * np.pi * time_s))
+    made = recording("valve", time_s, {"command [%]": command, "flow [l/min]": np.zeros(len(time_s))})
+    assert start_slope(experiment(made, valve), valve, valve.typical, (), 0.3) is None
+    residuals = np.ones(5)
+    assert with_free_start(residuals, None) is residuals
+
+
+def test_a_healthy_axis_is_consistent_whatever_its_first_reading() -> None:
+    assert decide(pose(healthy(), [axis(seed) for seed in (11, 12)])).verdict == "consistent"
+
+
+def test_hum_that_the_healthy_unit_had_is_no_news_and_more_of_it_is() -> None:
+    model = healthy(hum_m=2.0 * NOISE_M)
+    assert model.noise is not None and model.noise.hum_hz is not None
+    assert abs(model.noise.hum_hz - 47.3) < 0.1
+    assert np.isclose(model.noise.hum, 2.0 * NOISE_M, rtol=0.1)
+    assert abs(model.noise.std / NOISE_M - 1.0) < 0.1
+    same = pose(model, [axis(seed, 2.0 * NOISE_M) for seed in (21, 22)])
+    assert decide(same).verdict == "consistent"
+    more = decide(pose(model, [axis(seed, 20.0 * NOISE_M) for seed in (21, 22)]))
+    assert more.events is not None and more.events.name == "periodic_disturbance"
+
+
+def test_no_line_is_found_in_noise() -> None:
+    rng = np.random.default_rng(5)
+    quiet = [axis(1), axis(2)]
+    for _ in range(20):
+        noise = [rng.standard_normal(len(e.output)) for e in quiet]
+        assert common_line(quiet, noise) is None
+    time_s = quiet[0].time_s
+    tone, amplitude = line_at(time_s, 3.0 * np.sin(2.0 * np.pi * 31.04 * time_s + 1.0), 31.0)
+    assert np.isclose(amplitude, 3.0, rtol=1e-3)
+    assert np.allclose(tone, 3.0 * np.sin(2.0 * np.pi * 31.04 * time_s + 1.0), atol=0.02)
