@@ -255,8 +255,8 @@ def _short(apart: list[str], later_ms: list[float]) -> str:
 ## What falls short
 
 - Figures off by more than {CLEAR:g} standard uncertainties: {figures_told}. By chance one or two of 35 would be.
-- Dead times over the links, in the order above, less the direct one: {dead_times} ms. They tend to come out long: a host
-  that is woken late after an answer has come counts half of that wait as delay of the reading.
+- Dead times over the links, in the order above, less the direct one: {dead_times} ms. They tend to come out long: a
+  host that is woken late after an answer has come counts half of that wait as delay of the reading.
 - Where within its exchange a device acts is not measured. On a slow line this is most of the uncertainty of the dead
   time and of the −90° bandwidth; a device that always acts at one end of its exchange is off by up to the delay.
 - A host that stalls within a sine disturbs it: every sample keeps the stamps that it had, but the valve was not driven
