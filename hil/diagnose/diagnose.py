@@ -57,6 +57,8 @@ FALSE_ALARM_RATE = 0.01
 # Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
 _MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
 _JUDGED = 4
+# Where nothing can be named, the closest description must close this share of the gap on data kept back.
+_DESCRIBES = 0.3
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
 _MOST_STEPS_LISTED = 12
@@ -155,14 +157,23 @@ class _Answer:
         self.warnings, self.span = warnings, span
         self.by_law = events is None or (_beside(choice, events) and choice.verdict != "unexplained")
         self.named = choice.chosen if verdict != "unexplained" and self.by_law else choice.baseline
-        self.used = self._used()
         self.judged = self._judged()
+        self.used = self._used()
 
     def _used(self) -> Fitted:
-        """What the corrected model holds: what was named, or the closest description where nothing can be named."""
-        if self.verdict == "unexplained" and self.choice.chosen.terms:
+        """What the corrected model holds: what was named, or the closest description where nothing can be named.
+
+        A description that fails on data kept back would only mislead where nobody has looked yet.
+        """
+        if self.verdict == "unexplained" and self.choice.chosen.terms and self._describes():
             return self.choice.chosen
         return self.named if self.named.terms else self.choice.nominal
+
+    def _describes(self) -> bool:
+        """Whether the closest description closes a good part of the gap on data kept back."""
+        held = ~training_half(self.problem)
+        nominal = held_out_fit(self.problem, self.choice.nominal.residuals, held)
+        return self.judged[0].fit_held_out - nominal >= _DESCRIBES * (ceiling(self.problem) - nominal)
 
     def _judged(self) -> list[Judged]:
         """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
@@ -430,9 +441,10 @@ class _Answer:
         if self.verdict == "unexplained" and f.terms:
             described = ", ".join(term.label for term in f.terms)
             left = quantity_text(100 * self.choice.left, None, "%")
+            holds = "holds it as a description" if self.used is f else "is the nominal one"
             said.append(
                 f"the closest description ({described}) leaves {left} of the misfit and is not named as the cause; the "
-                "corrected model holds it as a description"
+                f"corrected model {holds}"
             )
         return (*self.warnings, *said)
 

@@ -31,9 +31,11 @@ def equations(command: Any, x: Any, c: Any, hook: Any) -> Any:
     reference = delayed(x.line, command, c.dead_steps)
     # electronics and pilot pressure: first order; each pilot reducing valve serves one side
     if reference >= 0.0:
-        x.pilot = c.keep_pos * x.pilot + (1.0 - c.keep_pos) * reference
+        step = (1.0 - c.keep_pos) * (reference - x.pilot)
     else:
-        x.pilot = c.keep_neg * x.pilot + (1.0 - c.keep_neg) * reference
+        step = (1.0 - c.keep_neg) * (reference - x.pilot)
+    step = hook.pilot_step(step)
+    x.pilot += step
     drive = hook.pilot(x.pilot)
     # spool in closed position loop: second order, with forces expressed as the change of command they equal
     if x.spool >= 0.0:
@@ -111,6 +113,7 @@ PLANT = Plant(
     ),
     hooks=(
         Hook("command", "command", "%", 100.0),
+        Hook("pilot_step", "pilot", "%", 100.0),
         Hook("pilot", "pilot", "%", 100.0),
         Hook("force", "spool", "%", 100.0, extra="mobility"),
         Hook("position", "spool", "%", 100.0),

@@ -24,7 +24,8 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     """
     current = hook.command(current)
     reference = delayed(x.line, current, c.dead_steps)
-    x.coil = c.coil_keep * x.coil + (1.0 - c.coil_keep) * reference
+    step = hook.coil_step((1.0 - c.coil_keep) * (reference - x.coil))
+    x.coil += step
     torque = hook.coil(x.coil)
     # rotor on its spring: second order, friction as the change of current it withstands
     free_angle = c.xx * x.angle + c.xv * x.speed + c.x0 * x.torque + c.x1 * torque
@@ -110,6 +111,7 @@ PLANT = Plant(
     ),
     hooks=(
         Hook("command", "command", "A", 1.0),
+        Hook("coil_step", "coil", "A", 1.0),
         Hook("coil", "coil", "A", 1.0),
         Hook("force", "rotor", "A", 1.0, extra="mobility"),
         Hook("position", "rotor", "A", 1.0),
