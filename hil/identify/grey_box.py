@@ -22,6 +22,7 @@ from hil.record.recording import Array
 # Start values tried beside the given ones when the first fit stays far above the noise.
 _RESTARTS = (0.4, 2.5)
 _WELL_ABOVE_FLOOR = 1.5
+_MOST_OVER_FLOOR = 2.0
 _TELLING_CHI2 = 25.0
 
 
@@ -215,7 +216,9 @@ def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
     inputs = [e.on_grid_input() for e in experiments]
     outputs = [e.output for e in experiments]
     interval_s = float(np.median(np.diff(experiments[0].time_s)))
-    hum_hz = common_line(experiments, errors)
+    floor = float(np.sqrt(np.mean([channel_floor(y) ** 2 for y in outputs])))
+    is_noise = float(np.sqrt(np.mean([np.mean(error**2) for error in errors]))) < _MOST_OVER_FLOOR * floor
+    hum_hz = common_line(experiments, errors) if is_noise else None  # a misfit has lines that are no hum
     if hum_hz is None:
         return measured_noise(inputs, outputs, errors, interval_s)
     found = [line_at(e.time_s, error, hum_hz) for e, error in zip(experiments, errors, strict=True)]

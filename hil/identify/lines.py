@@ -11,6 +11,8 @@ from hil.record.recording import Array
 
 # A line of noise alone stands so far above the median of its spectrum about once in a million bins.
 _LEAST_RATIO = 20.0
+# Slower than this it is no tone but a drift, of which there are other kinds.
+_FEWEST_CYCLES = 20.0
 _FINER = (1.0, 0.2, 0.04)
 
 
@@ -23,7 +25,7 @@ def common_line(
     """
     shortest_s = min(float(e.time_s[-1] - e.time_s[0]) for e in experiments)
     fastest_hz = min(0.5 / e.drive.interval_s for e in experiments)
-    grid = np.arange(4.0, fastest_hz * shortest_s) / shortest_s
+    grid = np.arange(_FEWEST_CYCLES, fastest_hz * shortest_s) / shortest_s
     if not grid.size:
         return None
     total = np.zeros(len(grid))
