@@ -20,6 +20,7 @@ from hil.physics.simulate import sub_steps
 ALARM_GAIN = 60.0
 # A misfit below this share of the noise variance is of no practical size.
 SMALL_EXCESS = 0.03
+_CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 # Laws of nature are not the laws of the library: an explanation may leave this share of the misfit, …
 LAW_TOLERANCE = 0.04
 # … below this share nobody looks for a second cause, …
@@ -124,12 +125,13 @@ class _Judge:
         changed = self.changed_parameters()
         best_gain = self.baseline.chi2 - min(singles[0].chi2, changed.chi2)
         if best_gain < ALARM_GAIN:
-            nothing_found: Verdict = "consistent" if self.excess(self.baseline) < 2 * SMALL_EXCESS else "unexplained"
-            return Choice(nothing_found, self.baseline, self.baseline, nominal, tuple(singles), (), self.terms, 1.0)
+            return self.nothing_found(nominal, singles)
         polished = self.polished(singles)
         best = min([*polished, changed], key=self.cost)
         if not self.is_full(best):
             best = min([best, *self.pairs(polished)], key=self.cost)
+        if not best.terms and self.excess(self.baseline) < _CONSISTENT_EXCESS:
+            return self.nothing_found(nominal, singles)
         verdict = self.verdict(best, polished)
         events = recognised(self.problem, self.baseline, self.excess(self.baseline)) if verdict in OPEN else None
         if verdict in OPEN and events is None and self.is_short():
@@ -140,6 +142,11 @@ class _Judge:
             verdict, best, self.baseline, nominal, tuple(singles),
             self.rivals(best, polished), self.terms, self.left(best), events,
         )  # fmt: skip
+
+    def nothing_found(self, nominal: Fitted, singles: Sequence[Fitted]) -> Choice:
+        """No term is worth its price."""
+        verdict: Verdict = "consistent" if self.excess(self.baseline) < _CONSISTENT_EXCESS else "unexplained"
+        return Choice(verdict, self.baseline, self.baseline, nominal, tuple(singles), (), self.terms, 1.0)
 
     # -- measures ------------------------------------------------------------------------------------------
 
@@ -290,7 +297,7 @@ class _Judge:
 
     def verdict(self, f: Fitted, polished: Sequence[Fitted]) -> Verdict:
         if self.is_adequate(f) and self.is_nameable(f):
-            return "explained" if f.names else "parameter_change"
+            return "explained" if f.names else "parameter_change" if f.terms else "unexplained"
         named = bool(f.names) and self.is_nameable(f) and self.is_most_of_it(f, polished)
         return "partly_explained" if named else "unexplained"
 
