@@ -15,8 +15,8 @@ from hil.diagnose.search import Around, Fitted, around, nothing, polish, refine_
 from hil.diagnose.terms import Term, all_terms
 from hil.physics.simulate import sub_steps
 
-# The χ² that chance may give back to the best of all terms; found on simulated data without any effect
-# (docs/explanation/diagnosis.md), with a margin.
+# The χ² that chance may give back to the best of all terms, with a margin; `python -m tests.proof.alarms` counts what
+# gets through.
 ALARM_GAIN = 60.0
 # A misfit below this share of the noise variance is of no practical size.
 SMALL_EXCESS = 0.03

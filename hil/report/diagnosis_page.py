@@ -201,7 +201,7 @@ def _about(d: Diagnosis) -> list[tuple[str, str]]:
         "Plant": d.plant,
         "Input → output": f"{d.input} → {d.output}",
         "Recordings": ", ".join(d.recordings),
-        "False alarms": f"{100 * d.false_alarm_rate:.2g} % of units without any effect are not called consistent",
+        "False alarms": f"at most {100 * d.false_alarm_rate:.2g} % of healthy units, by a count on simulated ones",
         "Computed in": f"{number(d.seconds, 3)} s",
     }
     return [(label, value) for label, value in rows.items() if value]
