@@ -11,21 +11,25 @@ from hil.record.recording import Array
 
 # A line of noise alone stands so far above the median of its spectrum about once in a million bins.
 _LEAST_RATIO = 20.0
-# Slower than this it is no tone but a drift, of which there are other kinds.
-_FEWEST_CYCLES = 20.0
+# Slower than this, in cycles of a recording, it is no hum but a drift, of which there are other kinds.
+_FEWEST_CYCLES = 20
 _FINER = (1.0, 0.2, 0.04)
 
 
 def common_line(
-    experiments: Sequence[Experiment], residuals: Sequence[Array], least_ratio: float = _LEAST_RATIO
+    experiments: Sequence[Experiment],
+    residuals: Sequence[Array],
+    least_ratio: float = _LEAST_RATIO,
+    fewest_cycles: int = _FEWEST_CYCLES,
 ) -> float | None:
     """The frequency in Hz whose line stands out most over all recordings, away from the command's own lines.
 
-    None when it is less than `least_ratio` times the median of the spectrum, on average over the recordings.
+    None when it is less than `least_ratio` times the median of the spectrum, on average over the recordings. Lines
+    with less than `fewest_cycles` in the shortest recording are not looked for.
     """
     shortest_s = min(float(e.time_s[-1] - e.time_s[0]) for e in experiments)
     fastest_hz = min(0.5 / e.drive.interval_s for e in experiments)
-    grid = np.arange(_FEWEST_CYCLES, fastest_hz * shortest_s) / shortest_s
+    grid = np.arange(float(fewest_cycles), fastest_hz * shortest_s) / shortest_s
     if not grid.size:
         return None
     total = np.zeros(len(grid))
