@@ -36,7 +36,7 @@ _SPARSE_SHARE, _SPARSE_TIME = 0.6, 0.45
 _LOOK_BACK_S = 0.4
 _BACK_S = 0.024
 _LASTING_S = (0.03, 0.05, 0.08, 0.12, 0.16, 0.21, 0.27, 0.34, 0.43, 0.55, 0.75, 1.0, 1.4)
-_LEAST_TONE_RATIO = 60.0
+_LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES = 60.0, 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -234,15 +234,20 @@ def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds:
     def costs(holds: Holds) -> list[list[float]]:
         return _costs(problem, _with_holds(problem, around, holds), windows)
 
+    best = costs(chosen)
+
     def keep_better(trials: Sequence[Holds], parity: int) -> None:
         """Try holds at every other burst, the ones between staying as they are: neighbours are felt in each other."""
+        nonlocal best
         mixed = [_mixed(chosen, trial, parity) for trial in trials]
-        best = costs(chosen)
+        before = [list(own) for own in chosen]
         for trial, tried in zip(mixed, pool().map(costs, mixed), strict=True):
             for k, own in enumerate(tried):
                 for i in range(parity, len(own), 2):
                     if own[i] < best[k][i] - 2.0 * np.log(problem.size):
                         best[k][i], chosen[k][i] = own[i], trial[k][i]
+        if chosen != before:
+            best = costs(chosen)
 
     coarse_look = [
         _placed(bursts, step, back, lasting)
@@ -302,8 +307,8 @@ def _with_holds(problem: Problem, around: Fitted, holds: Holds) -> Array:
         for start, stop in own:
             inputs[0, start:stop] = inputs[0, start - 1]
         experiments.append(replace(e, drive=replace(e.drive, inputs=inputs)))
-    moved = replace(problem, experiments=tuple(experiments))
-    return moved.residuals(around.parameters, [*problem.model.active_effects, *around.effects])
+    effects = [*problem.model.active_effects, *around.effects]
+    return problem.residuals(around.parameters, effects, experiments=experiments)
 
 
 # -- tones ---------------------------------------------------------------------------------------------------
@@ -315,7 +320,7 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     Its amplitude may grow with the output, as ripple does that enters before the orifice.
     """
     parts = [around.residuals[part] for part in problem.output_slices()]
-    frequency = common_line(problem.experiments, parts, _LEAST_TONE_RATIO)
+    frequency = common_line(problem.experiments, parts, _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES)
     if frequency is None:
         return None
     frequency = _sharpened(problem, around.residuals, frequency)

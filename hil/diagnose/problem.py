@@ -89,7 +89,7 @@ class Problem:
         model, found = self.model, []
         for e, noise in zip(self.experiments, self.noises, strict=True):
             slope = start_slope(e, self.plant, model.values, model.active_effects, noise.std, self.factor)
-            found.append(None if slope is None else whiten(slope, noise, _interval_s(e)))
+            found.append(None if slope is None else whiten(noise.std * slope, noise, _interval_s(e)))
         return tuple(found)
 
     @cached_property
@@ -104,14 +104,17 @@ class Problem:
         *,
         factor: float | None = None,
         inject: tuple[str, Sequence[Array]] | None = None,
+        experiments: Sequence[Experiment] | None = None,
     ) -> Array:
         """Whitened residuals (simulated − measured) of all experiments and recorded inner signals, shape (n,).
 
-        `factor`: other sub-steps than the problem's; `inject`: a disturbance at a hook, one array for each experiment.
+        `factor`: other sub-steps than the problem's; `inject`: a disturbance at a hook, one array for each experiment;
+        `experiments`: the same, driven by other commands.
         """
         parts: list[Array] = []
         starts = self.start_slopes
-        for i, (e, noise, inner) in enumerate(zip(self.experiments, self.noises, self.observed_noise, strict=True)):
+        driven = self.experiments if experiments is None else experiments
+        for i, (e, noise, inner) in enumerate(zip(driven, self.noises, self.observed_noise, strict=True)):
             added = (inject[0], inject[1][i]) if inject else None
             rows = e.respond(self.plant, parameters, effects, factor=factor or self.factor, inject=added)
             error = with_free_start(whiten(rows[0] - e.output, noise, _interval_s(e)), starts[i])
