@@ -31,7 +31,7 @@ def start_slope(
     noise_std: float,
     factor: float = 1.0,
 ) -> Array | None:
-    """What a start that is wrong by the uncertainty of the first reading does to the output, shape (n,).
+    """What a start that is wrong by its uncertainty does to the output, in units of the noise, shape (n,).
 
     None where the plant does not start from its reading, or soon forgets where it stood.
     """
@@ -41,11 +41,9 @@ def start_slope(
     if plant.initial(parameters, inputs, first) == plant.initial(parameters, inputs, first + step):
         return None
     moved = replace(e, drive=replace(e.drive, first_output=first + step))
-    change: Array = (
-        moved.respond(plant, parameters, effects, factor=factor)[0]
-        - e.respond(plant, parameters, effects, factor=factor)[0]
-    )
-    return change if float(change @ change) > (_FELT * noise_std) ** 2 else None
+    plain, changed = (each.respond(plant, parameters, effects, factor=factor)[0] for each in (e, moved))
+    slope: Array = (changed - plain) / noise_std
+    return slope if float(slope @ slope) > _FELT**2 else None
 
 
 def with_free_start(residuals: Array, slope: Array | None) -> Array:

@@ -189,10 +189,7 @@ def _fit_from(
     names = [u.name for u in start]
     base, active = model.values, model.active_effects
 
-    starts = [
-        None if (slope := start_slope(e, plant, base, active, 1.0 / weight)) is None else slope * weight
-        for e, weight in zip(experiments, weights, strict=True)
-    ]
+    starts = [start_slope(e, plant, base, active, 1.0 / weight) for e, weight in zip(experiments, weights, strict=True)]
     inner = [{name: 1.0 / channel_floor(values) for name, values in e.observed.items()} for e in experiments]
 
     def residuals(values: Array) -> Array:
@@ -249,7 +246,7 @@ def _result(
         fits[e.name] = fit_percent(e.output, simulated)
         floor = channel_floor(e.output)
         slope = start_slope(e, plant, values, model.active_effects, floor)
-        errors.append(floor * with_free_start((e.output - simulated) / floor, None if slope is None else slope / floor))
+        errors.append(floor * with_free_start((e.output - simulated) / floor, slope))
     made = Model(
         model.plant, parameters, model.effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,

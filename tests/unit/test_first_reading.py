@@ -46,13 +46,12 @@ def test_a_free_start_takes_an_offset_and_nothing_else() -> None:
     e = axis(1)
     slope = start_slope(e, AXIS, AXIS.typical, (), NOISE_M)
     assert slope is not None and np.allclose(slope, slope[0])  # a carriage keeps for good what its start got wrong
-    unit = slope / NOISE_M
-    shape = np.sin(np.arange(len(unit)) * 2.0 * np.pi / 250.0)
-    left = with_free_start(5.0 + shape, unit)
+    shape = np.sin(np.arange(len(slope)) * 2.0 * np.pi / 250.0)
+    left = with_free_start(5.0 + shape, slope)
     assert np.allclose(left, shape, atol=0.02)
-    offset = with_free_start(np.full(len(unit), 5.0), unit)
-    power = float(unit @ unit)
-    assert np.isclose(offset @ offset, 25.0 * len(unit) / (1.0 + power))  # the marginal likelihood, exactly
+    offset = with_free_start(np.full(len(slope), 5.0), slope)
+    power = float(slope @ slope)
+    assert np.isclose(offset @ offset, 25.0 * len(slope) / (1.0 + power))  # the marginal likelihood, exactly
 
 
 def test_a_plant_that_does_not_start_from_its_reading_has_no_free_start() -> None:
