@@ -39,9 +39,9 @@ def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
     asked = [term for term in terms if term.kind == "effect"]
     without = adapted_residuals(place, None)
     for term, limit in zip(asked, pool().map(lambda term: _limit(place, term, without), asked), strict=True):
-        known = found.get(term.name)
+        known = found.get(term.told)
         if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
-            found[term.name] = limit
+            found[term.told] = limit
     return tuple(found[name] for name in sorted(found))
 
 
@@ -52,14 +52,14 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
         change = adapted_residuals(place, (term, [u.start for u in term.unknowns]), coarse=True) - without
         seen = bool(np.linalg.norm(change) > _VISIBLE_SIGMAS)
         upper = first.start if seen else float("inf")
-        return Limit(term.name, term.stage, first.name, first.unit, upper, first.start, seen)
+        return Limit(term.told, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
     size, typical = abs(start[0] - term.null), abs(first.start - term.null)
     step = adapted_residuals(place, (term, start), coarse=True) - without
     power = float(step @ step)
     if power < 1e-12 or size == 0.0:
-        return Limit(term.name, term.stage, first.name, first.unit, float("inf"), typical, False)
+        return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False)
     strength = -float(step @ without) / power
     upper = (max(strength, 0.0) + 1.645 / np.sqrt(power)) * size
     visible = np.sqrt(power) * typical / size > _VISIBLE_SIGMAS
-    return Limit(term.name, term.stage, first.name, first.unit, float(upper), typical, bool(visible))
+    return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible))

@@ -50,10 +50,15 @@ class Term:
         """For messages: `friction at spool`, `pilot_rate`."""
         return f"{self.name} at {self.stage}" if self.kind == "effect" else self.name
 
+    @property
+    def told(self) -> str:
+        """The name by which an effect is told."""
+        return self.change or self.name
+
     def effect_name(self, values: Sequence[float]) -> str:
         """The effect that these values stand for, or nothing when it is a changed parameter."""
         if self.kind == "effect":
-            return self.change or self.name
+            return self.told
         return self.change or (self.growth if values[0] > self.nominal else "")
 
     def apply(self, values: Sequence[float], parameters: dict[str, float], effects: list[ActiveEffect]) -> None:
