@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from threading import Event
 from typing import Literal, Protocol
 
 TimeKind = Literal["virtual", "real"]
@@ -21,6 +22,10 @@ class Clock(Protocol):
         """Return at `deadline_s` or later, at once when it has passed."""
         ...
 
+    def stopped_before(self, deadline_s: float, stop: Event) -> bool:
+        """Wait as `sleep_until` does, but no longer than until somebody stops it; returns whether somebody did."""
+        ...
+
 
 @dataclass(slots=True)
 class VirtualClock:
@@ -35,6 +40,11 @@ class VirtualClock:
         """Be at `deadline_s`, without waiting."""
         self.now_s = max(self.now_s, deadline_s)
 
+    def stopped_before(self, deadline_s: float, stop: Event) -> bool:
+        """Be at `deadline_s`, without waiting."""
+        self.sleep_until(deadline_s)
+        return stop.is_set()
+
 
 class RealClock:
     """The host's monotonic clock. Waiting to absolute deadlines does not add up lateness."""
@@ -48,6 +58,10 @@ class RealClock:
         """Sleep until the deadline."""
         while (left := deadline_s - time.monotonic()) > 0.0:
             time.sleep(left)
+
+    def stopped_before(self, deadline_s: float, stop: Event) -> bool:
+        """Wait for the deadline or the stop, whichever comes first."""
+        return stop.wait(max(0.0, deadline_s - time.monotonic()))
 
 
 def clock(kind: TimeKind) -> Clock:

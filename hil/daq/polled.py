@@ -17,7 +17,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from hil.clock import Clock, RealClock, VirtualClock
+from hil.clock import Clock, RealClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Block, Promises, Waveform
@@ -286,7 +286,7 @@ class PolledDaq:
         soonest_s = due_s
         try:
             for row in rows:
-                if self._stopped_before(max(due_s, soonest_s), task):
+                if self._clock.stopped_before(max(due_s, soonest_s), task.stop):
                     break
                 now_s = self._clock.now_s
                 taken.late += now_s - due_s > 0.5 * interval_s
@@ -300,12 +300,6 @@ class PolledDaq:
             if taken.time_s:
                 task.done.put(taken.block())
         return due_s
-
-    def _stopped_before(self, deadline_s: float, task: _Task) -> bool:
-        if isinstance(self._clock, VirtualClock):
-            self._clock.sleep_until(deadline_s)
-            return task.stop.is_set()
-        return task.stop.wait(max(0.0, deadline_s - self._clock.now_s))
 
     def _sample(self, levels: Mapping[str, float], taken: _Taken) -> None:
         begun_s = self._clock.now_s
