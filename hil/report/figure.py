@@ -5,10 +5,10 @@ from __future__ import annotations
 import io
 import re
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -27,7 +27,10 @@ DASHES: tuple[str | tuple[int, tuple[float, ...]], ...] = (
 )  # fmt: skip
 MARKERS = ("o", "s", "^", "D", "v", "P", "X")
 
+T = TypeVar("T")
+
 WIDTH_IN = 8.4
+_NARROW_COLUMNS = 3  # so many drawings beside each other are lower than fewer
 _COLUMNS = 900  # of a drawing of the page's width: more samples are drawn as the span of each column
 
 _STYLE = {
@@ -77,6 +80,42 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
         draw(figure)
         figure.savefig(file, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     return Picture(_inline(file.getvalue(), name, alt or caption), caption)
+
+
+def small_multiples(
+    name: str,
+    items: Sequence[T],
+    columns: int,
+    draw_one: Callable[[Axes, T], None],
+    labels: tuple[str, str],
+    caption: str = "",
+) -> Picture:
+    """Drawings of a kind beside and below each other, with one legend over all of them.
+
+    Args:
+        name: unlike any other on the page.
+        items: what is drawn, one in each.
+        columns: beside each other, at most.
+        draw_one: draws an item.
+        labels: of the x axis, below the lowest of each column, and of the y axis, at the left.
+        caption: below the picture.
+    """
+    columns = min(columns, len(items))
+    rows = -(-len(items) // columns)
+
+    def draw(figure: Figure) -> None:
+        grid = figure.subplots(rows, columns, squeeze=False).ravel()
+        for axes, item in zip(grid, items, strict=False):
+            draw_one(axes, item)
+        for axes in grid[::columns]:
+            axes.set_ylabel(labels[1])
+        for axes in grid[max(0, len(items) - columns) : len(items)]:
+            axes.set_xlabel(labels[0])
+        for axes in grid[len(items) :]:
+            axes.set_visible(False)
+        legend_on_top(grid[0])
+
+    return drawn(name, 0.5 + (2.3 if columns < _NARROW_COLUMNS else 1.75) * rows, draw, caption)
 
 
 def thinned(x: Array, y: Array, columns: int = _COLUMNS) -> tuple[Array, Array]:

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from hil.report.field import Curve, label_of, needed, unit_of
-from hil.report.figure import BLUE, GRID, Picture, drawn, legend_on_top, thinned
+from hil.report.figure import BLUE, GRID, Picture, small_multiples, thinned
 from hil.report.number import number
 from hil.report.section import Section, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 STEPS_NEEDED = ("time_s", "measured", "fitted", "from_s", "to_s", "speed_per_s")
 DRIFT_NEEDED = ("time_s", "position", "fitted")
@@ -42,23 +41,11 @@ def drift_section(curves: Sequence[Curve]) -> Section:
 
 def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) -> Picture:
     shown, left_out = curves[:_MOST], max(0, len(curves) - _MOST)
-    columns = min(_COLUMNS, len(shown))
-    rows = -(-len(shown) // columns)
-
-    def draw(figure: Figure) -> None:
-        grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, curve in zip(grid, shown, strict=False):
-            _motion(axes, curve, position)
-        for axes in grid[::columns]:
-            axes.set_ylabel(f"position{unit_of(shown[0], 'response_unit')}")
-        for axes in grid[max(0, len(shown) - columns) : len(shown)]:
-            axes.set_xlabel("time [s]")
-        for axes in grid[len(shown) :]:
-            axes.set_visible(False)
-        legend_on_top(grid[0])
-
+    labels = "time [s]", f"position{unit_of(shown[0], 'response_unit')}"
     more = f" {left_out} more are not drawn." if left_out else ""
-    return drawn(name, 0.5 + (2.3 if columns < _COLUMNS else 1.75) * rows, draw, caption + more)
+    return small_multiples(
+        name, shown, _COLUMNS, lambda axes, curve: _motion(axes, curve, position), labels, caption + more
+    )
 
 
 def _motion(axes: Axes, curve: Curve, position: str) -> None:

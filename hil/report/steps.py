@@ -11,13 +11,12 @@ import numpy as np
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
 from hil.report.field import Curve, array, label_of, needed, unit_of
-from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned
+from hil.report.figure import BLUE, INK, SOFT, Picture, small_multiples, thinned
 from hil.report.number import with_uncertainty
 from hil.report.section import Section, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
 
 NEEDED = ("time_s", "measured", "start", "final")
 _FEW = 4  # steps that are drawn two beside each other, more of them three
@@ -36,28 +35,14 @@ def steps_section(curves: Sequence[Curve]) -> Section:
 
 
 def _picture(curves: Sequence[Curve], left_out: int) -> Picture:
-    columns = min(2 if len(curves) <= _FEW else 3, len(curves))
-    rows = -(-len(curves) // columns)
-
-    def draw(figure: Figure) -> None:
-        grid = figure.subplots(rows, columns, squeeze=False).ravel()
-        for axes, curve in zip(grid, curves, strict=False):
-            _step(axes, curve)
-        for axes in grid[::columns]:
-            axes.set_ylabel(f"response{unit_of(curves[0], 'response_unit')}")
-        for axes in grid[max(0, len(curves) - columns) : len(curves)]:
-            axes.set_xlabel("time [s]")
-        for axes in grid[len(curves) :]:
-            axes.set_visible(False)
-        legend_on_top(grid[0])
-
     caption = (
         "Time counts from the step of the command, which is drawn to the scale of the response. Dotted: 10 % and "
         "90 % of the change."
     )
     if left_out:
         caption += f" {left_out} more steps are in the table only."
-    return drawn("steps", 0.5 + (2.3 if columns < 3 else 1.75) * rows, draw, caption)
+    labels = "time [s]", f"response{unit_of(curves[0], 'response_unit')}"
+    return small_multiples("steps", curves, 2 if len(curves) <= _FEW else 3, _step, labels, caption)
 
 
 def _step(axes: Axes, curve: Curve) -> None:
