@@ -171,9 +171,12 @@ class _Answer:
 
     def _describes(self) -> bool:
         """Whether the closest description closes a good part of the gap on data kept back."""
-        held = ~training_half(self.problem)
-        nominal = held_out_fit(self.problem, self.choice.nominal.residuals, held)
+        nominal = self._fit_held_out(self.choice.nominal)
         return self.judged[0].fit_held_out - nominal >= _DESCRIBES * (ceiling(self.problem) - nominal)
+
+    def _fit_held_out(self, f: Fitted) -> float:
+        """Of an explanation as it is, on the data that are kept back."""
+        return held_out_fit(self.problem, f.residuals, ~training_half(self.problem))
 
     def _judged(self) -> list[Judged]:
         """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
@@ -354,8 +357,11 @@ class _Answer:
         """Of events that were read off the recordings themselves, next to certain; else from what they leave."""
         if _beside(self.choice, events):
             return _MOST_SURE
-        left = share_left(self.problem, events.chi2, excess(self.problem, self.choice.baseline.chi2))
-        return round(1.0 - _something_else(left, TOLERANCE_OF_EVENTS[events.name]), 3)
+        return round(1.0 - _something_else(self._left_by(events), TOLERANCE_OF_EVENTS[events.name]), 3)
+
+    def _left_by(self, events: Events) -> float:
+        """The share of the misfit that events leave."""
+        return share_left(self.problem, events.chi2, excess(self.problem, self.choice.baseline.chi2))
 
     def _chances(self) -> list[float]:
         return probabilities(self.judged, self._none_of_these())
@@ -389,10 +395,9 @@ class _Answer:
     # -- fits --------------------------------------------------------------------------------------------
 
     def held_out(self) -> Fit:
-        held = ~training_half(self.problem)
-        nominal = held_out_fit(self.problem, self.choice.nominal.residuals, held)
+        nominal = self._fit_held_out(self.choice.nominal)
         best = next((j.fit_held_out for j in self.judged if j.fitted is self.used), None)
-        corrected = held_out_fit(self.problem, self.used.residuals, held) if best is None else best
+        corrected = self._fit_held_out(self.used) if best is None else best
         return Fit(round(nominal, 3), round(corrected, 3), round(ceiling(self.problem), 3))
 
     def fits(self, drawn: Sequence[Strip]) -> dict[str, Fit]:
@@ -415,9 +420,7 @@ class _Answer:
     def left(self) -> Left:
         problem, noise = self.problem, self.problem.noises[0]
         r = self.used.residuals if self.events is None else self.events.residuals
-        share = self.choice.left if self.events is None else share_left(
-            problem, self.events.chi2, excess(problem, self.choice.baseline.chi2)
-        )  # fmt: skip
+        share = self.choice.left if self.events is None else self._left_by(self.events)
         outputs: Array = np.concatenate(self._outputs(r))
         rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
         open_question = self.verdict in OPEN
