@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import time
 from pathlib import Path
 
 import typer
@@ -26,6 +28,7 @@ def main(
         Path("proof"), help="Folder for truths, seals and results; a stopped proof goes on in it."
     ),
     brief: bool = typer.Option(False, "--brief", help="Hand over every other recording only; for many healthy units."),
+    minutes: float = typer.Option(math.inf, min=0.0, help="Begin no case after so many minutes."),
     cli: bool = typer.Option(False, "--cli", help="Call `hil` through the real command line, a process a call."),
 ) -> None:
     """Conceal effects, have them found, and print how often that succeeds."""
@@ -36,6 +39,7 @@ def main(
         _chosen(only, tuple(kinds()), "--only"),
     )
     console = Console()
+    begin_until_s = time.time() + 60.0 * minutes
     with Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn(), console=console
     ) as bar:
@@ -47,7 +51,7 @@ def main(
                 bar.console.print(what)
 
         results, fingerprint = prove(
-            plan.labels(), seed, out, CLI if cli else PYTHON, jobs, tell, every=2 if brief else 1
+            plan.labels(), seed, out, CLI if cli else PYTHON, jobs, tell, 2 if brief else 1, begin_until_s
         )
     show(results, console)
     keep(results, seed, fingerprint, out)

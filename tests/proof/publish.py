@@ -11,6 +11,7 @@ from rich.console import Console
 from rich.table import Table
 
 from .score.bar import claims
+from .score.calibration import bands
 from .score.result import FAINTEST_SIGMA, Result
 from .score.table import HEADINGS, cells, sections
 
@@ -19,6 +20,11 @@ _NOTE = (
     "base parameters absorb; counted, not scored. Gap: share of the fit between the nominal model and the truth itself "
     "that the corrected model closes, on recordings that were never handed over."
 )
+
+
+_PROBABILITIES = "Probabilities said, and kept"
+_BAND_HEADINGS = ("said between", "names", "said on average", "right")
+_WRONG_HEADINGS = ("case", "concealed", "outcome", "said", "error")
 
 
 def show(results: Sequence[Result], console: Console) -> None:
@@ -37,6 +43,12 @@ def show(results: Sequence[Result], console: Console) -> None:
     for claim in claims(results):
         bar.add_row(claim.what, claim.found, claim.asked, _mark(claim.met))
     console.print(bar)
+    kept = Table(title=_PROBABILITIES, title_justify="left", pad_edge=False)
+    for heading in _BAND_HEADINGS:
+        kept.add_column(heading)
+    for band in _bands(results):
+        kept.add_row(*band)
+    console.print(kept)
     console.print(_NOTE, style="dim")
 
 
@@ -52,7 +64,27 @@ def markdown(results: Sequence[Result], seed: int, fingerprint: str) -> str:
         if section.rows:
             lines += ["", f"## {section.heading}", "", _line(HEADINGS), _line(["---"] * len(HEADINGS))]
             lines += [_line(cells(row)) for row in section.rows]
+    lines += ["", f"## {_PROBABILITIES}", "", _line(_BAND_HEADINGS), _line(["---"] * len(_BAND_HEADINGS))]
+    lines += [_line(row) for row in _bands(results)]
+    lines += ["", "## Every case that went wrong", "", _line(_WRONG_HEADINGS), _line(["---"] * len(_WRONG_HEADINGS))]
+    lines += [_line(row) for row in _wrong(results)]
     return "\n".join(lines) + "\n"
+
+
+def _bands(results: Sequence[Result]) -> list[tuple[str, ...]]:
+    return [
+        (f"{100 * b.low:.0f} to {100 * b.high:.0f} %", str(b.kept.trials), f"{100 * b.said:.1f} %", str(b.kept))
+        for b in bands(results)
+        if b.kept.trials
+    ]
+
+
+def _wrong(results: Sequence[Result]) -> list[tuple[str, ...]]:
+    return [
+        (r.label, ", ".join(r.effects) or "–", r.said, ", ".join(r.named) or r.verdict, r.error)
+        for r in results
+        if r.visible and not r.right
+    ]
 
 
 def keep(results: Sequence[Result], seed: int, fingerprint: str, out: Path) -> None:

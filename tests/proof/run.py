@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import hashlib
+import math
 import multiprocessing
+import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -29,11 +32,14 @@ def prove(
     jobs: int,
     progress: Progress,
     every: int = 1,
+    begin_until_s: float = math.inf,
 ) -> tuple[list[Result], str]:  # fmt: skip
     """Return the results of all cases and the fingerprint of their seals.
 
     `every`: hand over every so-manyth recording only. A proof that was stopped goes on where it was: truths and
     results on disk are not made again.
+    `begin_until_s`: no case is begun after this `time.time()`; the results are of the cases that were. Their order
+    is mixed, so that those of a proof that ran out of time are a fair sample.
     """
     for name in ("truth", "results", "kept"):
         (out / name).mkdir(parents=True, exist_ok=True)
@@ -45,12 +51,16 @@ def prove(
     progress(f"seals published, sha256 {fingerprint}", len(labels), len(labels))
     published = read(seals)
     todo = [
-        (path, published[name], diagnoser, out, every)
-        for name, path in sealed.items()
+        (path, published[name], diagnoser, out, every, begin_until_s)
+        for name, path in sorted(sealed.items(), key=_mixed)
         if not _result(out, name).exists()
     ]
     _parallel(_examine, todo, jobs, "diagnosing", progress)
-    return [result.read(_result(out, name)) for name in sealed], fingerprint
+    return [result.read(_result(out, name)) for name in sealed if _result(out, name).exists()], fingerprint
+
+
+def _mixed(case: tuple[str, Path]) -> bytes:
+    return hashlib.sha256(case[0].encode()).digest()
 
 
 def _result(out: Path, name: str) -> Path:
@@ -61,8 +71,11 @@ def _draw(seed: int, name: str, path: Path) -> None:
     _write(path, to_json(draw(seed, parse(name))))
 
 
-def _examine(sealed: Path, published: str, diagnoser: Diagnoser, out: Path, every: int) -> None:
-    examine(sealed, published, diagnoser, out / "kept" / sealed.stem, every).write(_result(out, sealed.stem))
+def _examine(
+    sealed: Path, published: str, diagnoser: Diagnoser, out: Path, every: int, begin_until_s: float
+) -> None:  # fmt: skip
+    if time.time() < begin_until_s:
+        examine(sealed, published, diagnoser, out / "kept" / sealed.stem, every).write(_result(out, sealed.stem))
 
 
 def _write(path: Path, text: str) -> None:

@@ -18,6 +18,8 @@ from tests.proof.cases.truth import Truth
 from tests.proof.diagnosers import Commands
 from tests.proof.publish import markdown
 from tests.proof.run import prove
+from tests.proof.score.calibration import bands
+from tests.proof.score.rates import Rate
 from tests.proof.score.result import Result
 from tests.proof.truth.simulate import Unit, respond
 
@@ -51,7 +53,7 @@ class Oracle:
         names = ["friction"] if self.lies else list(found.effects)
         diagnosis = {
             "verdict": "explained" if names else "consistent",
-            "effects": [{"name": name, "parameters": {}} for name in names],
+            "effects": [{"name": name, "probability": 0.9, "parameters": {}} for name in names],
             "changed_parameters": [],
         }
         out.mkdir()
@@ -108,7 +110,17 @@ def test_a_liar_is_found_out(proof: Path, tmp_path: Path) -> None:
     results, _ = run(tmp_path, Oracle(lies=True))
     assert [r.said for r in results] == ["wrong name", "wrong name"]
     assert not any(r.right for r in results)
+    (band,) = [band for band in bands(results) if band.kept.trials]
+    assert (band.low, band.said, band.kept) == (0.8, 0.9, Rate(0, 2))
+    assert markdown(results, SEED, "").count("| wrong name | friction |") == 2
     assert results[0].closed == pytest.approx(0.0, abs=0.01)
+
+
+def test_what_is_not_begun_in_time_is_not_counted(proof: Path, tmp_path: Path) -> None:
+    _reuse_truths(proof, tmp_path)
+    results, fingerprint = prove(LABELS, SEED, tmp_path, Oracle(), 1, lambda *_: None, begin_until_s=0.0)
+    assert results == []
+    assert "not measured" in markdown(results, SEED, fingerprint)
 
 
 def _break(arguments: Sequence[str], log: Path) -> None:

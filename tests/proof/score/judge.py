@@ -24,13 +24,17 @@ OUTCOMES = (FIRST, AMONG, BOTH, ONE, WRONG, PARAMETERS, UNEXPLAINED, CONSISTENT,
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """One diagnosis: what was said, whether that is right, and how many names were given too many."""
+    """One diagnosis: what was said, whether that is right, and how many names were given too many.
+
+    `probabilities`: how likely each of `named` was said to be.
+    """
 
     said: str
     right: bool
     named: tuple[str, ...]
     surplus: int
     verdict: str
+    probabilities: tuple[float, ...]
 
 
 def judge(truth: Truth, diagnosis: Mapping[str, Any]) -> Judgement:
@@ -42,7 +46,8 @@ def judge(truth: Truth, diagnosis: Mapping[str, Any]) -> Judgement:
     named = tuple(str(effect["name"]) for effect in diagnosis["effects"])
     said = _said(truth, named, str(diagnosis["verdict"]))
     surplus = len(set(named) - set(truth.effects))
-    return Judgement(said, said == _wanted(truth), named, surplus, str(diagnosis["verdict"]))
+    probabilities = tuple(float(effect["probability"]) for effect in diagnosis["effects"])
+    return Judgement(said, said == _wanted(truth), named, surplus, str(diagnosis["verdict"]), probabilities)
 
 
 def _said(truth: Truth, named: tuple[str, ...], verdict: str) -> str:

@@ -28,6 +28,7 @@ class Result:
         said: One of `judge.OUTCOMES`.
         right: Whether that is right.
         named: Effects that were named, in order.
+        probabilities: How likely each of them was said to be.
         surplus: Names too many.
         verdict: The diagnosis's own word.
         nominal: Misfit of the nominal model to the noise-free truth on unseen recordings, in noise deviations.
@@ -49,6 +50,7 @@ class Result:
     said: str
     right: bool
     named: tuple[str, ...] = ()
+    probabilities: tuple[float, ...] = ()
     surplus: int = 0
     verdict: str = ""
     nominal: float | None = None
@@ -73,7 +75,7 @@ class Result:
 def read(path: Path) -> Result:
     """Read a result back."""
     fields = json.loads(path.read_text())
-    for name in ("effects", "sigma", "distinct_sigma", "named"):
+    for name in ("effects", "sigma", "distinct_sigma", "named", "probabilities"):
         fields[name] = tuple(fields[name])
     return Result(**fields)
 
@@ -82,7 +84,7 @@ def judged(truth: Truth, judgement: Judgement, **more: object) -> Result:
     """Return the result of a case that was diagnosed."""
     return _result(
         truth, said=judgement.said, right=judgement.right, named=judgement.named, surplus=judgement.surplus,
-        verdict=judgement.verdict, **more,
+        verdict=judgement.verdict, probabilities=judgement.probabilities, **more,
     )  # fmt: skip
 
 
