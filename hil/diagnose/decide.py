@@ -41,7 +41,7 @@ _NEW_PHYSICS = 10.0
 _PRICE = 2.0
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
-_PAIR_SEEDS = 2
+_PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 2, 0.8
 OPEN = ("unexplained", "partly_explained")
 # Events may leave so much: a tone has more harmonics, a held command a start between two samples.
 TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
@@ -49,7 +49,9 @@ TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
 _SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
 # So many causes may be named together; more of them describe, but anything can be described with enough of them.
 _NAMEABLE = 2
-_ROUGH = 1e-4
+_ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
+# A rough fit may still be so much above its least χ².
+_SURELY = 0.95
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,7 +116,7 @@ class _Judge:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.size = problem.size
-        self.baseline = polish(problem, nothing(problem), tolerance=_ROUGH)
+        self.baseline = self._roughly(nothing(problem))
         self.terms = all_terms(problem, self.baseline.residuals)
 
     def choose(self) -> Choice:
@@ -122,12 +124,14 @@ class _Judge:
         nominal = nothing(self.problem)
         place = around(self.problem, nominal)
         singles = refine_all(place, screen(place, self.terms))
-        changed = self.changed_parameters()
-        best_gain = self.baseline.chi2 - min(singles[0].chi2, changed.chi2)
-        if best_gain < ALARM_GAIN:
+        free = self._roughly(self.baseline, base_free=True)
+        if self.baseline.chi2 - min(singles[0].chi2, free.chi2) < ALARM_GAIN:
             return self.nothing_found(nominal, singles)
         polished = self.polished(singles)
-        best = min([*polished, changed], key=self.cost)
+        known = [*polished, *self.changed_parameters(free, polished)]
+        if self.baseline.chi2 - min(singles[0].chi2, *(f.chi2 for f in known)) < ALARM_GAIN:
+            return self.nothing_found(nominal, singles)
+        best = min(known, key=self.cost)
         if not self.is_full(best):
             best = min([best, *self.pairs(polished)], key=self.cost)
         if not best.terms and self.excess(self.baseline) < _CONSISTENT_EXCESS:
@@ -171,15 +175,23 @@ class _Judge:
 
     # -- hypotheses ----------------------------------------------------------------------------------------
 
-    def changed_parameters(self) -> Fitted:
-        """The base parameters alone: which of them must have changed, and how well that explains."""
-        free = polish(self.problem, self.baseline, base_free=True, tolerance=_ROUGH)
+    def _roughly(self, start: Fitted, *, base_free: bool = False) -> Fitted:
+        """A first look, which need not creep along a valley to its end."""
+        return polish(self.problem, start, base_free=base_free, tolerance=_ROUGH, evaluations=_ROUGH_EVALUATIONS)
+
+    def changed_parameters(self, free: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
+        """The base parameters alone: which of them must have changed, and how well that explains.
+
+        None where all of them together, `free`, leave more than an effect does.
+        """
+        if polished and _SURELY * free.chi2 > min(self.cost(f) for f in polished):
+            return []
         names = self._moved(free.parameters)
         fitted = polish(self.problem, self._parameter_terms(free, names))
         while len(names) > 1 and (spare := self._dispensable(fitted)):
             names = [name for name in names if name != spare]
             fitted = polish(self.problem, self._parameter_terms(fitted, names))
-        return fitted
+        return [fitted]
 
     def _dispensable(self, f: Fitted) -> str:
         """The changed parameter that costs least to put back, if that is less than its price."""
@@ -227,7 +239,7 @@ class _Judge:
         if term.kind == "parameter" or not np.isfinite(term.null) or f.estimate is None:
             return True
         k = f.estimate_index(term)
-        std = f.estimate.std[k]
+        std = f.estimate.std_holding(k, range(k + 1, k + len(term.unknowns)))  # how large it is, not which shape
         return not abs(f.estimate.values[k] - term.null) < PRESENT_SIGMAS * std
 
     def pairs(self, seeds: Sequence[Fitted]) -> list[Fitted]:
@@ -238,10 +250,22 @@ class _Judge:
             screened = screen(place, self.others(seed))
             if self._gain(seed, screened[0].chi2) < _HOPE:
                 continue
-            both = polish(self.problem, refine_all(place, screened)[0])
-            if self._gain(seed, both.chi2) >= SECOND_SHARE and seed.chi2 - both.chi2 > ALARM_GAIN:
-                found.append(both)
-        return [f for f in found if self.is_present(f)]
+            both = [polish(self.problem, f) for f in self._near_best(seed, refine_all(place, screened))]
+            found += [f for f in both if self._is_pair(f, seed)]
+        return found
+
+    def _near_best(self, seed: Fitted, refined: Sequence[Fitted]) -> list[Fitted]:
+        """The second causes, linearised, that may turn out best: of different names, nearly as good as the first."""
+        most = self._gain(seed, refined[0].chi2)
+        distinct: dict[str, Fitted] = {}
+        for f in refined:
+            if self._gain(seed, f.chi2) >= _NEAR * most:
+                distinct.setdefault(f.names[-1] if f.names else "", f)
+        return list(distinct.values())[:_PAIR_TRIED]
+
+    def _is_pair(self, both: Fitted, seed: Fitted) -> bool:
+        better = self._gain(seed, both.chi2) >= SECOND_SHARE and seed.chi2 - both.chi2 > ALARM_GAIN
+        return better and self.is_present(both)
 
     def others(self, f: Fitted) -> list[Term]:
         """The terms that an explanation does not have yet."""

@@ -186,7 +186,8 @@ class _Answer:
             if len(fits) < _JUDGED and _name(f) not in names:
                 names.add(_name(f))
                 fits.append(f)
-        return [judge(self.problem, f) for f in fits]
+        least = min((f.chi2 for f in fits), default=0.0)
+        return [judge(self.problem, f, least) for f in fits]
 
     @property
     def corrected(self) -> Model:

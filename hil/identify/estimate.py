@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache
@@ -69,6 +69,14 @@ class Estimate:
             for u, value in zip(self.unknowns, self.values, strict=True)
             if min(value - u.low, u.high - value) < 1e-3 * u.scale
         )
+
+    def std_holding(self, k: int, held: Collection[int]) -> float:
+        """Standard uncertainty of value k if those that are held were known."""
+        free = [i for i in range(len(self.unknowns)) if i not in held]
+        scale = np.array([self.unknowns[i].scale for i in free])
+        covariance = _covariance(self.jacobian[:, free], self.residuals, scale)
+        at = free.index(k)
+        return float(np.sqrt(covariance[at, at]))
 
     def value(self, name: str) -> float:
         """An estimated value by name."""
