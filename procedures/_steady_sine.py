@@ -117,11 +117,16 @@ def heard_before(rig: Rig, tone: Tone) -> Heard | None:
 
 
 def steady_path(tones: Sequence[Tone], patience: Patience, rate_hz: float) -> Array:
-    """The command of sines that are steady at once, one after another, for a check beforehand."""
+    """The command of sines that are steady at once, one after another, for a check beforehand.
+
+    Each reaches its crests, which may fall between samples here and on one when it lasts longer.
+    """
     phase_rad, made = 0.0, []
     for tone in tones:
         count = max(1, round(patience.expected_s(tone.frequency_hz) * rate_hz))
-        made.append(_wave(tone, 0, count, rate_hz, phase_rad))
+        wave = _wave(tone, 0, count, rate_hz, phase_rad)
+        wave[[np.argmin(wave), np.argmax(wave)]] = tone.bias - tone.amplitude, tone.bias + tone.amplitude
+        made.append(wave)
         phase_rad += 2.0 * math.pi * tone.frequency_hz * count / rate_hz
     return np.concatenate(made)
 

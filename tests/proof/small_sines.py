@@ -55,6 +55,11 @@ class Concealed:
     hook: str
     parameters: Mapping[str, float]
 
+    @property
+    def as_setting(self) -> dict[str, Any]:
+        """As a bench file takes it."""
+        return {"name": self.name, "hook": self.hook, "parameters": dict(self.parameters)}
+
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
@@ -89,7 +94,7 @@ def drawn(unit: int, seed: int) -> Concealed:
 
 def healthy_model(folder: Path) -> Model:
     """The nominal model, identified from tests of the healthy unit on the bench."""
-    bench = _bench(folder / "healthy.toml", "", 1)
+    bench = bench_with(None, folder / "healthy.toml", seed=1)
     runs = [run_procedure(load_procedure(name), read_bench(bench), {**given, "rate_hz": _RATE_HZ}, folder / name).folder
             for name, given in HEALTHY.items()]  # fmt: skip
     start = starting_model(PLANT)
@@ -98,8 +103,7 @@ def healthy_model(folder: Path) -> Model:
 
 def concluded(concealed: Concealed, model: Model, folder: Path, seed: int) -> Outcome:
     """Record the small sines, and let the diagnosis conclude on the bench."""
-    effect = {"name": concealed.name, "hook": concealed.hook, "parameters": dict(concealed.parameters)}
-    bench = _bench(folder / "worn.toml", f"effects = [{_toml(effect)}]", seed)
+    bench = bench_with(concealed, folder / "worn.toml", seed)
     given: dict[str, Any] = SMALL_SINES | {"rate_hz": _RATE_HZ}
     sines = run_procedure(load_procedure("frequency_response"), read_bench(bench), given, folder / "sines").folder
     first = for_model(model, read_recording(sines))
@@ -111,9 +115,10 @@ def concluded(concealed: Concealed, model: Model, folder: Path, seed: int) -> Ou
     return Outcome(concealed, names[0], names[1], len(tests), spent)
 
 
-def _bench(path: Path, effects: str, seed: int) -> Path:
-    """The installed bench with an effect switched on in its simulation."""
+def bench_with(concealed: Concealed | None, path: Path, seed: int) -> Path:
+    """Write the installed bench with an effect switched on in its simulation; returns the path."""
     text = find_bench(BENCH).read_text(encoding="utf-8")
+    effects = "" if concealed is None else f"effects = [{_toml(concealed.as_setting)}]"
     path.write_text(text.replace("[simulation]\nseed = 1", f"[simulation]\n{effects}\nseed = {seed}"), encoding="utf-8")
     return path
 

@@ -1,0 +1,48 @@
+"""A diagnosis with a bench at hand runs the tests it asks for, within its budget, and concludes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil.bench.read import read_bench
+from hil.errors import FileError
+from hil.identify.experiment import Experiment, for_model
+from hil.record.folder import read
+from hil.session.diagnosis import conclude
+from hil.session.procedure import load_procedure
+from hil.session.run import run_procedure
+from tests.concealed import nominal
+from tests.proof.small_sines import BUDGET_S, SMALL_SINES, Concealed, bench_with
+
+WEAK_SIDE = Concealed("asymmetry", "asymmetry", "opening", {"ratio": 1.2, "gain": 1.0})
+
+
+@pytest.fixture(scope="module")
+def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return bench_with(WEAK_SIDE, tmp_path_factory.mktemp("bench") / "worn.toml", seed=5)
+
+
+@pytest.fixture(scope="module")
+def sines(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Experiment:
+    """Small sines on one side of the valve: they cannot know that the other side is stronger."""
+    given = {**SMALL_SINES, "frequencies": (0.7, 1.5), "rate_hz": 250}
+    folder = tmp_path_factory.mktemp("sines") / "run"
+    run_procedure(load_procedure("frequency_response"), read_bench(bench), given, folder)
+    return for_model(nominal(), read(folder))
+
+
+def test_the_tests_that_are_asked_for_are_run_and_lead_to_the_name(
+    bench: Path, sines: Experiment, tmp_path: Path
+) -> None:
+    before = conclude(nominal(), [sines], read_bench(bench), 0.0, tmp_path / "before").diagnosis
+    assert before.effects == ()
+    assert before.next_test is not None
+    assert not (tmp_path / "before").exists()  # no budget, no test
+    found = conclude(nominal(), [sines], read_bench(bench), BUDGET_S, tmp_path / "out").diagnosis
+    assert [effect.name for effect in found.effects] == ["asymmetry"]
+    ran = read(tmp_path / "out" / "test-1")
+    assert ran.time_s[-1] < BUDGET_S
+    with pytest.raises(FileError, match="test-1"):
+        conclude(nominal(), [sines], read_bench(bench), BUDGET_S, tmp_path / "out")
