@@ -10,7 +10,7 @@ from hil.diagnose.diagnosis import ChangedParameter, Finding, Left, Quantity, Ve
 from hil.diagnose.terms import Term
 from hil.physics.effect import Effect
 
-_PLACE = re.compile(r"\{(\w+)\}")
+_PLACE = re.compile(r"\{(\w+)(:%)?\}")
 
 
 def quantity_text(value: float, std: float | None, unit: str) -> str:
@@ -35,7 +35,11 @@ def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> 
 
     def text(match: re.Match[str]) -> str:
         q = quantities.get(match.group(1))
-        return match.group(0) if q is None else quantity_text(q.value, q.std, q.unit)
+        if q is None:
+            return match.group(0)
+        if match.group(2):  # a share, told in percent
+            return quantity_text(100.0 * q.value, None if q.std is None else 100.0 * q.std, "%")
+        return quantity_text(q.value, q.std, q.unit)
 
     return _PLACE.sub(text, effect.sentence)
 

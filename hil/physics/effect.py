@@ -116,7 +116,7 @@ class Effect:
             slope to follow. Parameters that are left out start at their typical value.
         coefficients: (parameters, step_s) → what `transform` takes, when that is not the parameters.
         equation: for the engineer; `signature`: what it looks like in data; `source`: literature.
-        sentence: for the operator, with {parameter} places.
+        sentence: for the operator, with {parameter} places; {parameter:%} tells a share in percent.
     """
 
     name: str

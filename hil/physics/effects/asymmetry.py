@@ -31,5 +31,5 @@ EFFECT = Effect(
     equation="y = g·u for u ≥ 0, g·r·u for u < 0",
     signature="even harmonics and a shift of the mean when the sign changes; another gain on either side",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 6",
-    sentence="One direction gives {ratio} of what the other does.",
+    sentence="One direction gives {ratio:%} of what the other does.",
 )

@@ -29,5 +29,5 @@ EFFECT = Effect(
     equation="q = q_0·√(1 − sgn(q_0)·p_L/p_S)",
     signature="gain falls where the load holds against the motion and rises where it helps; open valves damp",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 5",
-    sentence="The load takes pressure from the valve: each unit of it costs {share} of the supply.",
+    sentence="The load takes pressure from the valve: each unit of it costs {share:%} of the supply.",
 )

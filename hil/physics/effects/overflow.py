@@ -39,5 +39,5 @@ EFFECT = Effect(
     equation="h ≤ h_b;  the surplus q_s = max(dV/dt, 0) at h_b leaves, c·q_s of it into the next tank",
     signature="a level that stays flat for a while, and the next level rises at once instead of after the tank",
     source="Schoukens, Mattsson, Wigren, Noël: Cascaded tanks benchmark, nonlinearbenchmark.org 2016",
-    sentence="A tank runs over when its level reaches {brim}; of the spill, {caught} lands in the next tank.",
+    sentence="A tank runs over when its level reaches {brim}; of the spill, {caught:%} lands in the next tank.",
 )

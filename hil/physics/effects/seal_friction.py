@@ -54,5 +54,5 @@ EFFECT = Effect(
     equation="F = (F_0 + μ·A·p)·z;  dz/dx = (1 − z·sgn v)/x_0",
     signature="a loop of force over travel that opens with pressure, its corners rounded after each reversal",
     source="Dahl: Solid friction damping of mechanical vibrations, AIAA J. 14(12), 1976",
-    sentence="The seal drags with {share} of the pressure force and {constant} without pressure.",
+    sentence="The seal drags with {share:%} of the pressure force and {constant} without pressure.",
 )

@@ -52,5 +52,5 @@ EFFECT = Effect(
     equation="T·dΔ/dt + Δ = d·|q/q_N|^m;  p_s = p_0·(1 − Δ);  q ∝ √p_s",
     signature="gain falls at high flow on both sides; after a large step the flow sags and recovers",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 11",
-    sentence="The supply gives way: at full flow its pressure falls by {droop}.",
+    sentence="The supply gives way: at full flow its pressure falls by {droop:%}.",
 )
