@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hil.diagnose.diagnosis import Verdict
-from hil.diagnose.events import Events, held_commands, tone
+from hil.diagnose.events import Events, held_commands, held_outputs, tone
 from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.problem import Problem
 from hil.diagnose.search import Around, Fitted, around, nothing, polish, refine_all, screen
@@ -96,10 +96,10 @@ def share_left(problem: Problem, chi2: float, beyond: float) -> float:
     return excess(problem, chi2) / max(beyond, SMALL_EXCESS)
 
 
-def recognised(problem: Problem, baseline: Fitted, beyond: float) -> Events | None:
+def recognised(problem: Problem, around: Fitted, beyond: float) -> Events | None:
     """Events that explain a misfit, given as variance beyond the noise."""
-    for events in (tone, held_commands):
-        found = events(problem, baseline)
+    for events in (tone, held_outputs, held_commands):
+        found = events(problem, around)
         if found is not None and share_left(problem, found.chi2, beyond) <= TOLERANCE_OF_EVENTS[found.name]:
             return found
     return None
@@ -137,7 +137,7 @@ class _Judge:
         if not best.terms and self.excess(self.baseline) < _CONSISTENT_EXCESS:
             return self.nothing_found(nominal, singles)
         verdict = self.verdict(best, polished)
-        events = recognised(self.problem, self.baseline, self.excess(self.baseline)) if verdict in OPEN else None
+        events = self.events(nominal) if verdict in OPEN else None
         if verdict in OPEN and events is None and self.is_short():
             deeper = self.deeper(best, place)
             if verdict == "unexplained" or self.verdict(deeper, polished) == "explained":
@@ -146,6 +146,11 @@ class _Judge:
             verdict, best, self.baseline, nominal, tuple(singles),
             self.rivals(best, polished), self.terms, self.left(best), events,
         )  # fmt: skip
+
+    def events(self, nominal: Fitted) -> Events | None:
+        """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""
+        beyond = self.excess(self.baseline)
+        return recognised(self.problem, nominal, beyond) or recognised(self.problem, self.baseline, beyond)
 
     def nothing_found(self, nominal: Fitted, singles: Sequence[Fitted]) -> Choice:
         """No term is worth its price."""

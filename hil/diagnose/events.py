@@ -26,6 +26,8 @@ Mask = NDArray[np.bool_]
 _STALE_RUN = 4
 _CHANCE_RUNS = 1e-4
 _LEAST_STALE = 3
+# In bursts of misfit a run is telling already when chance makes so few of them there, in a channel that seldom repeats.
+_CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
 _NOISE_OVER_RESOLUTION = 2.0
 # Bursts of misfit: blocks of this length, those beyond this many times the noise variance.
 _BLOCK_S = 0.1
@@ -100,9 +102,7 @@ def _stale_runs(values: Array) -> list[tuple[int, int]]:
     floor = white_floor(values)
     if not moving.size or floor < _NOISE_OVER_RESOLUTION * float(moving.min()):
         return []
-    # two readings of white noise agree within the resolution with this probability
-    same_again = float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor)
-    longest_by_chance = 1.0 + np.log(_CHANCE_RUNS / len(values)) / np.log(same_again)
+    longest_by_chance = 1.0 + np.log(_CHANCE_RUNS / len(values)) / np.log(_same_again(steps, floor))
     least = max(_STALE_RUN, int(np.ceil(longest_by_chance)))
     ends = (values.max(), values.min())
     return [
@@ -167,6 +167,42 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
         f"{values['lasting'][0]:.2g} s on average.",
         "u(t) = u(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
+
+
+def held_outputs(problem: Problem, around: Fitted) -> Events | None:
+    """Samples that repeat the one before in bursts of misfit, more often than a coarse channel repeats itself there.
+
+    Where noise is hardly above the resolution `without_stale` needs longer runs than a short loss makes.
+    """
+    residuals, spells = around.residuals.copy(), []
+    for k, (e, part) in enumerate(zip(problem.experiments, problem.output_slices(), strict=True)):
+        memory = len(problem.noises[k].colour)
+        for start, stop in _repeats_in_bursts(e.output, _bursts(problem, around.residuals, k)):
+            residuals[part][start + 1 : stop + memory] = 1.0  # as noise would be; nothing was measured there
+            spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
+    if len(spells) < _LEAST_STALE:
+        return None
+    return stale_outputs(spells, problem, residuals)
+
+
+def _repeats_in_bursts(values: Array, bursts: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Runs of identical values in these stretches, so long that chance makes hardly one of them."""
+    steps = np.abs(np.diff(values))
+    looked_at = sum(stop - start for start, stop in bursts)
+    same_again = _same_again(steps, white_floor(values))
+    if not looked_at or same_again > _TELLING_REPEAT:
+        return []
+    least = max(_STALE_RUN - 1, 1 + int(np.ceil(np.log(_CHANCE_IN_BURSTS / looked_at) / np.log(same_again))))
+    inside = np.zeros(len(steps), dtype=np.bool_)
+    for start, stop in bursts:
+        inside[max(start - 1, 0) : stop] = True
+    return [(start, stop + 1) for start, stop in runs((steps == 0.0) & inside) if stop + 1 - start >= least]
+
+
+def _same_again(steps: Array, floor: float) -> float:
+    """The probability that two readings of white noise agree within the resolution."""
+    moving = steps[steps > 0.0]
+    return float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor) if moving.size and floor > 0.0 else 1.0
 
 
 def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array) -> Events:

@@ -33,7 +33,7 @@ def second_order(frequency_rad_s: float, damping: float, step_s: float) -> tuple
     if math.isinf(step_s):
         return 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0
     w, h, decay = frequency_rad_s, step_s, damping * frequency_rad_s
-    xx, xv, vx, vv = _free_motion(w, decay, h)
+    xx, xv, vx, vv = free_motion(w, decay, h)
     # The ramp's own solution is x = u − k·slope, v = slope; the rest is free motion from the difference.
     k = 2.0 * damping / w
     return (
@@ -42,7 +42,8 @@ def second_order(frequency_rad_s: float, damping: float, step_s: float) -> tuple
     )  # fmt: skip
 
 
-def _free_motion(w: float, decay: float, h: float) -> tuple[float, float, float, float]:
+def free_motion(w: float, decay: float, h: float) -> tuple[float, float, float, float]:
+    """Step of ẍ = −ω²x − 2·decay·ẋ over h: (xx, xv, vx, vv) with x₁ = xx·x + xv·v and v₁ = vx·x + vv·v."""
     beat2 = w * w - decay * decay
     if beat2 > 1e-12 * w * w:
         beat = math.sqrt(beat2)

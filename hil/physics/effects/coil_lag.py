@@ -7,14 +7,14 @@ from typing import Any
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
 from hil.physics.effects.sensor_lag import coefficients
 from hil.physics.effects.sensor_lag import starts as lags
+from hil.physics.effects.sensor_lag import transform as lagging
 
 
 @compiled
-def transform(value: float, state: Any, keep: float, keep_second: float, direct: float) -> float:
-    """Two first-order lags in a row, past which a part goes at once; the second lag may be instant."""
-    state[0] = keep * state[0] + (1.0 - keep) * value
-    state[1] = keep_second * state[1] + (1.0 - keep_second) * state[0]
-    return state[1] + direct * (value - state[1])
+def transform(value: float, state: Any, xx: float, xv: float, vx: float, vv: float, direct: float) -> float:
+    """A lag of first or second order, past which a part goes at once."""
+    late = lagging(value, state, xx, xv, vx, vv)
+    return late + direct * (value - late)
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
@@ -27,15 +27,15 @@ EFFECT = Effect(
     title="lag of the coil",
     hooks=("command", "coil", "pilot"),
     parameters=(
-        EffectParameter("lag", "s", 0.0, 0.02, 0.0, 0.5, "time constant L/R"),
-        EffectParameter("second", "1", None, 0.0, 0.0, 1.0, "time constant of eddy currents, as a share of it"),
+        EffectParameter("lag", "s", 0.0, 0.02, 0.0, 0.5, "time constant L/R, with that of eddy currents"),
+        EffectParameter("second", "1", None, 0.0, 0.0, 1.0, "0: inductance alone, 1: eddy currents as slow as it"),
         EffectParameter("direct", "1", None, 0.0, 0.0, 0.5, "share that eddy currents let pass at once"),
     ),
     transform=transform,
     starts=starts,
     memory=lambda _parameters, _step_s: 2,
     coefficients=lambda parameters, step_s: {**coefficients(parameters, step_s), "direct": parameters["direct"]},
-    equation="F = e·F(i) + (1 − e)·F₂, (T·s + 1)·(r·T·s + 1)·F₂ = F(i)",
+    equation="F = e·F(i) + (1 − e)·F₂, (r·T²/4·s² + T·s + 1)·F₂ = F(i)",
     signature="phase and gain fall with frequency before the metering edge, no distortion of its own",
     source="Facts: V = R·i + L·di/dt; Kallenbach et al.: Elektromagnete, 2012",
     sentence="The magnet builds up its force late: time constant {lag}.",

@@ -1,0 +1,30 @@
+"""Numbers in words: as many digits as the uncertainty supports, shares in percent."""
+
+from __future__ import annotations
+
+import pytest
+
+from hil.diagnose.diagnosis import Quantity
+from hil.diagnose.terms import Term
+from hil.diagnose.wording import quantity_text, sentence
+from hil.physics.compose import effect
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unit", "text"),
+    [
+        (2.7076, 0.00163, "%", "2.7076 ± 0.0032 %"),
+        (3.0, 5.6, "1", "3 ± 11"),
+        (173.3, None, "mm", "173 mm"),
+        (0.0041, float("inf"), "s", "0.0041 s"),
+    ],
+)
+def test_as_many_digits_as_the_uncertainty_supports(value: float, std: float | None, unit: str, text: str) -> None:
+    assert quantity_text(value, std, unit) == text
+
+
+def test_a_share_is_told_in_percent() -> None:
+    droop = effect("supply_droop")
+    term = Term("effect", "supply_droop", "supply", "supply", (), ())
+    said = sentence(droop, term, {"droop": Quantity(0.2792, 0.00097, "1", "share of supply pressure lost")})
+    assert said == "The supply gives way: at full flow its pressure falls by 27.92 ± 0.19 %."
