@@ -107,7 +107,7 @@ def diagnose(
     events = choice.events
     if stale:
         events = stale_outputs(stale, problem, choice.chosen.residuals if events is None else events.residuals)
-    elif events is None and (step := coarse_step(problem)) is not None:
+    elif events is None and (step := coarse_step(problem, kept)) is not None:
         only = excess(problem, choice.baseline.chi2) < _COARSE_EXCESS
         choice = healthy(choice) if only else choice
         events = coarse(problem, step, choice.chosen.residuals)

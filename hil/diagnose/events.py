@@ -115,13 +115,16 @@ def _stale_runs(values: Array) -> list[tuple[int, int]]:
 # -- a channel that resolves less than it did ----------------------------------------------------------------
 
 
-def coarse_step(problem: Problem) -> float | None:
-    """The step in which the output comes, where the model was identified on a finer channel; else None."""
+def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> float | None:
+    """The step in which the output comes, where the model was identified on a finer channel; else None.
+
+    `recorded`: the experiments as they came, with nothing taken out of them.
+    """
     known = problem.model.noise
     before = float(problem.model.origin.get("resolution", 0.0))
     if known is None or before <= 0.0:
         return None
-    steps = [resolution(e.output) for e in problem.experiments]
+    steps = [resolution(e.output) for e in recorded]
     step = float(np.median(steps))
     return step if step > _COARSER * before and step > _TELLING_STEP * known.std else None
 

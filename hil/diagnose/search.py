@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
 import numpy as np
@@ -358,6 +358,18 @@ def _starting(unknowns: Sequence[Unknown], start: Sequence[float]) -> list[Unkno
     return [Unknown(u.name, u.unit, s, u.low, u.high, u.scale) for u, s in zip(unknowns, start, strict=True)]
 
 
+def _better_start(residuals: Callable[[Array], Array], unknowns: list[Unknown], nominal: Array) -> list[Unknown]:
+    """The unknowns as they are, or with base parameters at their nominal values: linear moves may have gone too far."""
+    moved = np.array([u.start for u in unknowns])
+    back = np.concatenate([nominal, moved[len(nominal) :]])
+    if np.array_equal(moved, back):
+        return unknowns
+    far, near = (float(r @ r) for r in (residuals(moved), residuals(back)))
+    if not near < far:
+        return unknowns
+    return [replace(u, start=float(v)) for u, v in zip(unknowns, back, strict=True)]
+
+
 def polish(
     problem: Problem,
     fitted: Fitted,
@@ -401,7 +413,9 @@ def polish(
         r = r if keep is None else r[keep]
         return r if base_free else np.concatenate([r, root @ (values[:count] - nominal)])
 
-    found = estimate(residuals, unknowns, max_evaluations=evaluations, tolerance=tolerance)
+    found = estimate(
+        residuals, _better_start(residuals, unknowns, nominal), max_evaluations=evaluations, tolerance=tolerance
+    )
     parameters, own = split(found.values)
     r = _simulate(problem, parameters, fitted.terms, own)
     for term, values in zip(fitted.terms, own, strict=True):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.ndimage import median_filter
 
 from hil.identify.experiment import Experiment
 from hil.record.recording import Array
@@ -14,6 +15,8 @@ _LEAST_RATIO = 20.0
 # Slower than this, in cycles of a recording, it is no hum but a drift, of which there are other kinds.
 _FEWEST_CYCLES = 20
 _FINER = (1.0, 0.2, 0.04)
+# A line stands out from its neighbourhood of so many bins: coloured noise has more at some frequencies than at others.
+_NEIGHBOURHOOD = 101
 
 
 def common_line(
@@ -24,7 +27,7 @@ def common_line(
 ) -> float | None:
     """The frequency in Hz whose line stands out most over all recordings, away from the command's own lines.
 
-    None when it is less than `least_ratio` times the median of the spectrum, on average over the recordings. Lines
+    None when it is less than `least_ratio` times the median around it, on average over the recordings. Lines
     with less than `fewest_cycles` in the shortest recording are not looked for.
     """
     shortest_s = min(float(e.time_s[-1] - e.time_s[0]) for e in experiments)
@@ -38,11 +41,12 @@ def common_line(
         power = np.abs(np.fft.rfft(left * window)) ** 2 / len(left)
         command = e.on_grid_input()
         own = np.abs(np.fft.rfft((command - command.mean()) * window)) ** 2
-        power[own > 1e-4 * own.max()] = np.median(power)
+        around = median_filter(power, _NEIGHBOURHOOD, mode="nearest")
+        ratio = np.where(own > 1e-4 * own.max(), 1.0, power / np.maximum(around, 1e-300))
         frequency = np.fft.rfftfreq(len(left), e.drive.interval_s)
         # the highest within a bin of the coarsest grid
         edges = np.searchsorted(frequency, grid - 0.5 / shortest_s)
-        total += np.maximum.reduceat(power, np.minimum(edges, len(power) - 1)) / np.median(power)
+        total += np.maximum.reduceat(ratio, np.minimum(edges, len(ratio) - 1))
     k = int(np.argmax(total))
     return float(grid[k]) if total[k] > least_ratio * len(experiments) else None
 
