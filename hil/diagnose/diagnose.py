@@ -97,7 +97,7 @@ def diagnose(
     warnings = [*checked.warnings, *solver_warnings, *_known_hum(model)]
     progress(0.1, "searching for the cause")
     choice = decide(problem)
-    if checked.clocks_set and choice.verdict in OPEN and choice.events is None:
+    if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
         set_back = replace(pose(model, without_stale(checked.clocks_set)[0]), factor=problem.factor)
         second = decide(set_back)
         if second.verdict not in OPEN:

@@ -41,7 +41,7 @@ def common_line(
         power = np.abs(np.fft.rfft(left * window)) ** 2 / len(left)
         command = e.on_grid_input()
         own = np.abs(np.fft.rfft((command - command.mean()) * window)) ** 2
-        around = median_filter(power, _NEIGHBOURHOOD, mode="nearest")
+        around = median_filter(power, _NEIGHBOURHOOD, mode="reflect")
         ratio = np.where(own > 1e-4 * own.max(), 1.0, power / np.maximum(around, 1e-300))
         frequency = np.fft.rfftfreq(len(left), e.drive.interval_s)
         # the highest within a bin of the coarsest grid

@@ -38,7 +38,7 @@ def test_a_healthy_unit_is_consistent(memory: float, seed: int) -> None:
         ),
         (ActiveEffect("backlash", "opening", {"half_width": 2.0}), "half_width", 2.0),
         (ActiveEffect("supply_droop", "supply", {"droop": 0.3, "recovery": 0.3, "power": 2.0}), "droop", 0.3),
-        (ActiveEffect("leakage", "flow", {"leak": 3.0, "fall": 0.3}), "leak", 3.0),
+        (ActiveEffect("leakage", "flow", {"leak": 3.0, "fall": 0.3, "lean": 0.0}), "leak", 3.0),
     ],
     ids=lambda value: value.name if isinstance(value, ActiveEffect) else "",
 )
