@@ -152,3 +152,18 @@ def test_the_same_data_give_the_same_answer_bit_for_bit() -> None:
 
 def test_the_duration_of_recordings_is_as_the_tests_believe() -> None:
     assert len(records(seed=1)[0]) == round(DURATION_S * RATE_HZ)
+
+
+def test_short_repeats_in_a_coarse_channel_are_dropouts() -> None:
+    made = records(seed=14)
+    for each in made:
+        flow = each.channels["flow"].values
+        flow[:] = 0.14 * np.round(flow / 0.14)
+    flow = made[0].channels["flow"].values
+    for start_s in np.arange(1.08, DURATION_S, 1.0):  # every other one on the way to another level
+        start = round(start_s * RATE_HZ)
+        flow[start : start + 9] = flow[start]
+    of = diagnose(nominal(), bound(nominal(), made))
+    assert names(of) == ["dropout"]
+    assert of.diagnosis.effects[0].stage == "sensor"
+    assert of.diagnosis.left.share < 0.15
