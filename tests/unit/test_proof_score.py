@@ -32,7 +32,7 @@ def truth(kind: str, *hidden: Hidden, changed: dict[str, float] | None = None, s
 
 
 def says(verdict: str, *names: str, parameters: dict | None = None, changed: list | None = None) -> dict:
-    effects = [{"name": name, "parameters": parameters or {}} for name in names]
+    effects = [{"name": name, "probability": 0.9, "parameters": parameters or {}} for name in names]
     return {"verdict": verdict, "effects": effects, "changed_parameters": changed or []}
 
 
