@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from hil.bench.protection import envelopes_of
 from hil.bench.read import BenchFile
@@ -22,6 +23,9 @@ from hil.session.run import run_procedure
 
 DIAGNOSIS_FILE, CORRECTED_FILE, REPORT_FILE = "diagnosis.json", "corrected.json", "report.html"
 
+# Settling times that a test takes beside its command, until one has shown it: to its start, to neutral, and two ramps.
+_WAYS = 4.0
+
 Progress = Callable[[float, str], None]
 
 
@@ -35,11 +39,13 @@ def conclude(
 ) -> Diagnosed:
     """Diagnose, run the next test on the bench, diagnose again, until nothing is left to tell or the time is spent.
 
+    A test is not run twice: what it could tell it has told.
+
     Args:
         model: the nominal model.
         experiments: recordings at hand.
         bench: where tests run, through the same guard as any procedure.
-        budget_s: bench time that all tests together may take.
+        budget_s: bench time that all tests together may take, the ways there and back included.
         out: run folders `test-1`, `test-2`, … are made in it.
         progress: told how far it is.
 
@@ -47,15 +53,18 @@ def conclude(
         HardwareError: the bench failed; outputs are safe, recordings made so far are kept.
         FileError: `out` holds tests of an earlier diagnosis.
     """
-    known, left_s, count, span = list(experiments), budget_s, 0, _span(bench)
+    known, left_s, span = list(experiments), budget_s, _span(bench)
+    beside_s = _WAYS * bench.bench.valve.settling_s  # of a test: there, back, and settling
+    done: list[tuple[str, Mapping[str, Any]]] = []
     while True:
         found = diagnose(model, known, progress, span)
         asked = found.diagnosis.next_test
-        if asked is None or asked.bench_s > left_s:
+        if asked is None or asked.bench_s + beside_s > left_s or (asked.procedure, asked.settings) in done:
             return found
-        count += 1
-        left_s -= asked.bench_s
-        known.append(_tested(model, asked, bench, out / f"test-{count}", progress))
+        done.append((asked.procedure, asked.settings))
+        known.append(_tested(model, asked, bench, out / f"test-{len(done)}", progress))
+        took_s = float(known[-1].time_s[-1] - known[-1].time_s[0])
+        left_s, beside_s = left_s - took_s, max(beside_s, took_s - asked.bench_s)
 
 
 def _span(bench: BenchFile) -> Span | None:
