@@ -18,6 +18,7 @@ from hil.errors import FileError, UnknownNameError
 from hil.identify.experiment import experiment, for_model
 from hil.identify.grey_box import GreyBoxFit, fit_plant, starting_model
 from hil.physics.model import save_model
+from hil.physics.simulate import ActiveEffect
 from hil.record.read import read_recording
 from hil.session.diagnosis import write_diagnosis
 from hil.session.outcome import Outcome
@@ -72,7 +73,7 @@ def demonstrate(out: Path, conceal: str, progress: Progress) -> Demonstration:
     identified = fit_plant(start, [experiment(read_recording(folder), start.definition) for folder in folders])
     save_model(identified.model, out / "nominal.json")
     worn = out / "worn-valve.toml"
-    worn.write_text(_with_effect(find_bench(BENCH).read_text(encoding="utf-8"), conceal), encoding="utf-8")
+    write_bench_with(ActiveEffect(conceal, *CONCEALED[conceal]), worn, seed=2)
     back = [_tested(name, worn, out / f"worn-{name}", steps.part(share, "worn valve")).folder
             for name, share in _BACK.items()]  # fmt: skip
     recordings = [for_model(identified.model, read_recording(folder)) for folder in back]
@@ -84,12 +85,14 @@ def _tested(procedure: str, bench: Path, folder: Path, progress: Progress) -> Ou
     return run_procedure(load_procedure(procedure), read_bench(bench), {}, folder, progress)
 
 
-def _with_effect(bench: str, name: str) -> str:
-    """The bench file with an effect switched on in its simulation, and other noise."""
-    hook, parameters = CONCEALED[name]
-    values = ", ".join(f"{key} = {value}" for key, value in parameters.items())
-    effect = f"effects = [{{ name = {json.dumps(name)}, hook = {json.dumps(hook)}, parameters = {{ {values} }} }}]"
-    return bench.replace("[simulation]\nseed = 1", f"[simulation]\n{effect}\nseed = 2")
+def write_bench_with(effect: ActiveEffect, path: Path, seed: int) -> None:
+    """Write the demonstration's bench with an effect switched on in its simulation, and other noise."""
+    values = ", ".join(f"{key} = {value}" for key, value in effect.parameters.items())
+    name, hook = json.dumps(effect.name), json.dumps(effect.hook)
+    line = f"effects = [{{ name = {name}, hook = {hook}, parameters = {{ {values} }} }}]"
+    bench = find_bench(BENCH).read_text(encoding="utf-8")
+    made = bench.replace("[simulation]\nseed = 1", f"[simulation]\n{line}\nseed = {seed}")
+    path.write_text(made, encoding="utf-8")
 
 
 class _Steps:

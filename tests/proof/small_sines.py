@@ -7,11 +7,9 @@ goes on from there: it runs the tests it asks for on the same bench until it can
 
 from __future__ import annotations
 
-import json
 import math
 import multiprocessing
 import tempfile
-from collections.abc import Mapping
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from itertools import repeat
@@ -27,14 +25,15 @@ from hil.identify.experiment import experiment, for_model
 from hil.identify.grey_box import fit_plant, starting_model
 from hil.physics.compose import Site, kernel
 from hil.physics.model import Model, load_model, save_model
+from hil.physics.simulate import ActiveEffect
 from hil.record.read import read_recording
+from hil.session.demo import BENCH, PLANT, write_bench_with
 from hil.session.diagnosis import conclude
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 
 from .score.rates import Rate
 
-BENCH = PLANT = "brevini-hpv41"
 SMALL_SINES = {"frequencies": (0.3, 0.7, 1.5, 3.1, 4.9), "amplitudes": (10.0,), "biases": (50.0,), "measure_s": 3.0}
 HEALTHY = {
     "frequency_response": SMALL_SINES | {"amplitudes": (20.0,)},
@@ -48,17 +47,10 @@ _WEAKEST, _STRONGEST = 0.8, 1.6
 
 @dataclass(frozen=True, slots=True)
 class Concealed:
-    """What a unit has: an effect, told under a name, with its parameters at a hook."""
+    """What a unit has: an effect, and the name under which it is told."""
 
     told: str
-    name: str
-    hook: str
-    parameters: Mapping[str, float]
-
-    @property
-    def as_setting(self) -> dict[str, Any]:
-        """As a bench file takes it."""
-        return {"name": self.name, "hook": self.hook, "parameters": dict(self.parameters)}
+    effect: ActiveEffect
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,13 +81,13 @@ def drawn(unit: int, seed: int) -> Concealed:
     strength, null = next(iter(site.effect.null_at(site.hook).items()))
     times = float(rng.uniform(_WEAKEST, _STRONGEST))
     values[strength] = values[strength] / times if math.isinf(null) else null + times * (values[strength] - null)
-    return Concealed(told, site.effect.name, site.hook.name, values)
+    return Concealed(told, ActiveEffect(site.effect.name, site.hook.name, values))
 
 
 def healthy_model(folder: Path) -> Model:
     """The nominal model, identified from tests of the healthy unit on the bench."""
-    bench = bench_with(None, folder / "healthy.toml", seed=1)
-    runs = [run_procedure(load_procedure(name), read_bench(bench), {**given, "rate_hz": _RATE_HZ}, folder / name).folder
+    bench = read_bench(find_bench(BENCH))
+    runs = [run_procedure(load_procedure(name), bench, {**given, "rate_hz": _RATE_HZ}, folder / name).folder
             for name, given in HEALTHY.items()]  # fmt: skip
     start = starting_model(PLANT)
     return fit_plant(start, [experiment(read_recording(run), start.definition) for run in runs]).model
@@ -103,30 +95,17 @@ def healthy_model(folder: Path) -> Model:
 
 def concluded(concealed: Concealed, model: Model, folder: Path, seed: int) -> Outcome:
     """Record the small sines, and let the diagnosis conclude on the bench."""
-    bench = bench_with(concealed, folder / "worn.toml", seed)
+    write_bench_with(concealed.effect, folder / "worn.toml", seed)
+    bench = read_bench(folder / "worn.toml")
     given: dict[str, Any] = SMALL_SINES | {"rate_hz": _RATE_HZ}
-    sines = run_procedure(load_procedure("frequency_response"), read_bench(bench), given, folder / "sines").folder
+    sines = run_procedure(load_procedure("frequency_response"), bench, given, folder / "sines").folder
     first = for_model(model, read_recording(sines))
-    alone = conclude(model, [first], read_bench(bench), 0.0, folder / "alone")
-    found = conclude(model, [first], read_bench(bench), BUDGET_S, folder / "out")
+    alone = conclude(model, [first], bench, 0.0, folder / "alone")
+    found = conclude(model, [first], bench, BUDGET_S, folder / "out")
     tests = sorted((folder / "out").glob("test-*")) if (folder / "out").exists() else []
     spent = sum(float(read_recording(test).time_s[-1]) for test in tests)
     names = [tuple(effect.name for effect in one.diagnosis.effects) for one in (alone, found)]
     return Outcome(concealed, names[0], names[1], len(tests), spent)
-
-
-def bench_with(concealed: Concealed | None, path: Path, seed: int) -> Path:
-    """Write the installed bench with an effect switched on in its simulation; returns the path."""
-    text = find_bench(BENCH).read_text(encoding="utf-8")
-    effects = "" if concealed is None else f"effects = [{_toml(concealed.as_setting)}]"
-    path.write_text(text.replace("[simulation]\nseed = 1", f"[simulation]\n{effects}\nseed = {seed}"), encoding="utf-8")
-    return path
-
-
-def _toml(value: object) -> str:
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {_toml(one)}" for key, one in value.items()) + " }"
-    return json.dumps(value) if isinstance(value, str) else repr(value)
 
 
 def _one(unit: int, seed: int, model: Path) -> Outcome:
@@ -155,11 +134,11 @@ def main(
 
 
 def _line(outcome: Outcome) -> str:
-    hidden = outcome.concealed
+    hidden = outcome.concealed.effect
     values = ", ".join(f"{name} {value:.3g}" for name, value in hidden.parameters.items())
     first, last = (" + ".join(said) or "–" for said in (outcome.said_first, outcome.said))
     tests = f"{outcome.tests} | {outcome.bench_s:.0f} | {'right' if outcome.right else ''}"
-    return f"| {hidden.told} | {hidden.hook} | {values} | {first} | {last} | {tests} |"
+    return f"| {outcome.concealed.told} | {hidden.hook} | {values} | {first} | {last} | {tests} |"
 
 
 if __name__ == "__main__":

@@ -9,19 +9,23 @@ import pytest
 from hil.bench.read import read_bench
 from hil.errors import FileError
 from hil.identify.experiment import Experiment, for_model
+from hil.physics.simulate import ActiveEffect
 from hil.record.folder import read
+from hil.session.demo import write_bench_with
 from hil.session.diagnosis import conclude
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from tests.concealed import nominal
-from tests.proof.small_sines import BUDGET_S, SMALL_SINES, Concealed, bench_with
+from tests.proof.small_sines import BUDGET_S, SMALL_SINES
 
-WEAK_SIDE = Concealed("asymmetry", "asymmetry", "opening", {"ratio": 1.2, "gain": 1.0})
+WEAK_SIDE = ActiveEffect("asymmetry", "opening", {"ratio": 1.2, "gain": 1.0})
 
 
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return bench_with(WEAK_SIDE, tmp_path_factory.mktemp("bench") / "worn.toml", seed=5)
+    path = tmp_path_factory.mktemp("bench") / "worn.toml"
+    write_bench_with(WEAK_SIDE, path, seed=5)
+    return path
 
 
 @pytest.fixture(scope="module")
