@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from rich.console import Console
+from rich.console import Console, JustifyMethod
 from rich.table import Table
 
 from .score.bar import claims
@@ -23,6 +23,7 @@ _NOTE = (
 
 
 _PROBABILITIES = "Probabilities said, and kept"
+_BAR_HEADINGS = ("figure", "found", "asked", "")
 _BAND_HEADINGS = ("said between", "names", "said on average", "right")
 _WRONG_HEADINGS = ("case", "concealed", "outcome", "said", "error")
 
@@ -31,24 +32,9 @@ def show(results: Sequence[Result], console: Console) -> None:
     """Print the proof."""
     for section in sections(results):
         if section.rows:
-            table = Table(title=section.heading, title_justify="left", pad_edge=False)
-            for i, heading in enumerate(HEADINGS):
-                table.add_column(heading, justify="left" if i == 0 else "right")
-            for row in section.rows:
-                table.add_row(*cells(row))
-            console.print(table)
-    bar = Table(title="The bar", title_justify="left", pad_edge=False)
-    for heading in ("figure", "found", "asked", ""):
-        bar.add_column(heading)
-    for claim in claims(results):
-        bar.add_row(claim.what, claim.found, claim.asked, _mark(claim.met))
-    console.print(bar)
-    kept = Table(title=_PROBABILITIES, title_justify="left", pad_edge=False)
-    for heading in _BAND_HEADINGS:
-        kept.add_column(heading)
-    for band in _bands(results):
-        kept.add_row(*band)
-    console.print(kept)
+            console.print(_table(section.heading, HEADINGS, [cells(row) for row in section.rows], justify="right"))
+    console.print(_table("The bar", _BAR_HEADINGS, _bar(results)))
+    console.print(_table(_PROBABILITIES, _BAND_HEADINGS, _bands(results)))
     console.print(_NOTE, style="dim")
 
 
@@ -57,18 +43,33 @@ def markdown(results: Sequence[Result], seed: int, fingerprint: str) -> str:
     lines = [
         "# The concealment proof", "",
         f"{len(results)} cases, seed {seed}; seals sha256 `{fingerprint}`. {_NOTE}", "",
-        "| figure | found | asked | |", "|---|---|---|---|",
-        *(f"| {c.what} | {c.found} | {c.asked} | {_mark(c.met)} |" for c in claims(results)),
+        *_lines(_BAR_HEADINGS, _bar(results)),
     ]  # fmt: skip
     for section in sections(results):
         if section.rows:
-            lines += ["", f"## {section.heading}", "", _line(HEADINGS), _line(["---"] * len(HEADINGS))]
-            lines += [_line(cells(row)) for row in section.rows]
-    lines += ["", f"## {_PROBABILITIES}", "", _line(_BAND_HEADINGS), _line(["---"] * len(_BAND_HEADINGS))]
-    lines += [_line(row) for row in _bands(results)]
-    lines += ["", "## Every case that went wrong", "", _line(_WRONG_HEADINGS), _line(["---"] * len(_WRONG_HEADINGS))]
-    lines += [_line(row) for row in _wrong(results)]
+            lines += ["", f"## {section.heading}", "", *_lines(HEADINGS, [cells(row) for row in section.rows])]
+    lines += ["", f"## {_PROBABILITIES}", "", *_lines(_BAND_HEADINGS, _bands(results))]
+    lines += ["", "## Every case that went wrong", "", *_lines(_WRONG_HEADINGS, _wrong(results))]
     return "\n".join(lines) + "\n"
+
+
+def _table(
+    title: str, headings: Sequence[str], rows: Sequence[tuple[str, ...]], justify: JustifyMethod = "left"
+) -> Table:  # fmt: skip
+    table = Table(title=title, title_justify="left", pad_edge=False)
+    for i, heading in enumerate(headings):
+        table.add_column(heading, justify="left" if i == 0 else justify)
+    for row in rows:
+        table.add_row(*row)
+    return table
+
+
+def _lines(headings: Sequence[str], rows: Sequence[tuple[str, ...]]) -> list[str]:
+    return [_line(headings), _line(["---"] * len(headings)), *(_line(row) for row in rows)]
+
+
+def _bar(results: Sequence[Result]) -> list[tuple[str, ...]]:
+    return [(c.what, c.found, c.asked, _mark(c.met)) for c in claims(results)]
 
 
 def _bands(results: Sequence[Result]) -> list[tuple[str, ...]]:
