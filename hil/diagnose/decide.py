@@ -96,10 +96,10 @@ def share_left(problem: Problem, chi2: float, beyond: float) -> float:
     return excess(problem, chi2) / max(beyond, SMALL_EXCESS)
 
 
-def recognised(problem: Problem, around: Fitted, beyond: float) -> Events | None:
-    """Events that explain a misfit, given as variance beyond the noise."""
+def recognised(problem: Problem, beside: Fitted, beyond: float) -> Events | None:
+    """Events that explain, beside a model, a misfit given as variance beyond the noise."""
     for events in (tone, held_outputs, held_commands):
-        found = events(problem, around)
+        found = events(problem, beside)
         if found is not None and share_left(problem, found.chi2, beyond) <= TOLERANCE_OF_EVENTS[found.name]:
             return found
     return None
@@ -187,7 +187,7 @@ class _Judge:
     def changed_parameters(self, free: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
         """The base parameters alone: which of them must have changed, and how well that explains.
 
-        None where all of them together, `free`, leave more than an effect does.
+        No answer where all of them together, `free`, leave more than an effect does.
         """
         if polished and _SURELY * free.chi2 > min(self.cost(f) for f in polished):
             return []
