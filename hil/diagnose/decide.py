@@ -23,8 +23,8 @@ SMALL_EXCESS = 0.03
 _CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 # Laws of nature are not the laws of the library: an explanation may leave this share of the misfit, …
 LAW_TOLERANCE = 0.04
-# … below this share nobody looks for a second cause, …
-FULL_TOLERANCE = 0.003
+# … below this share, and this variance in units of the noise's, nobody looks for a second cause, …
+FULL_TOLERANCE, FULL_EXCESS = 0.003, 1.0
 # … and a second cause must explain most of what the first one leaves.
 SECOND_SHARE = 0.75
 # An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
@@ -41,7 +41,7 @@ _NEW_PHYSICS = 10.0
 _PRICE = 2.0
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
-_PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 2, 0.8
+_PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
 OPEN = ("unexplained", "partly_explained")
 # Events may leave so much: a tone has more harmonics, a held command a start between two samples.
 TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
@@ -137,8 +137,9 @@ class _Judge:
         if not best.terms and self.excess(self.baseline) < _CONSISTENT_EXCESS:
             return self.nothing_found(nominal, singles)
         verdict = self.verdict(best, polished)
-        events = self.events(nominal) if verdict in OPEN else None
-        if verdict in OPEN and events is None and self.is_short():
+        open_question = verdict in OPEN and not self.is_adequate(best)
+        events = self.events(nominal) if open_question else None
+        if open_question and events is None and self.is_short():
             deeper = self.deeper(best, place)
             if verdict == "unexplained" or self.verdict(deeper, polished) == "explained":
                 best, verdict = deeper, self.verdict(deeper, polished)
@@ -173,7 +174,8 @@ class _Judge:
         return f.chi2 + f.unknowns * _PRICE * float(np.log(self.size)) + added * _NEW_PHYSICS
 
     def is_full(self, f: Fitted) -> bool:
-        return self.excess(f) <= SMALL_EXCESS or self.left(f) <= FULL_TOLERANCE
+        excess = self.excess(f)
+        return excess <= SMALL_EXCESS or (excess <= FULL_EXCESS and self.left(f) <= FULL_TOLERANCE)
 
     def is_adequate(self, f: Fitted) -> bool:
         return self.excess(f) <= SMALL_EXCESS or self.left(f) <= LAW_TOLERANCE
@@ -255,12 +257,16 @@ class _Judge:
             screened = screen(place, self.others(seed))
             if self._gain(seed, screened[0].chi2) < _HOPE:
                 continue
-            both = [polish(self.problem, f) for f in self._near_best(seed, refine_all(place, screened))]
-            found += [f for f in both if self._is_pair(f, seed)]
+            both = [self._roughly(f) for f in self._near_best(seed, refine_all(place, screened))]
+            best = min(both, key=self.cost)
+            if self._gain(seed, best.chi2) >= _NEAR * SECOND_SHARE and self._is_pair(
+                best := polish(self.problem, best), seed
+            ):
+                found.append(best)
         return found
 
     def _near_best(self, seed: Fitted, refined: Sequence[Fitted]) -> list[Fitted]:
-        """The second causes, linearised, that may turn out best: of different names, nearly as good as the first."""
+        """The second causes, linearised, that may turn out best: of different names, near the first one."""
         most = self._gain(seed, refined[0].chi2)
         distinct: dict[str, Fitted] = {}
         for f in refined:
@@ -273,9 +279,9 @@ class _Judge:
         return better and self.is_present(both)
 
     def others(self, f: Fitted) -> list[Term]:
-        """The terms that an explanation does not have yet."""
+        """The terms that an explanation does not have yet, with starts from what it leaves."""
         taken = {(term.name, term.hook) for term in f.terms}
-        return [term for term in self.terms if (term.name, term.hook) not in taken]
+        return [term for term in all_terms(self.problem, f.residuals) if (term.name, term.hook) not in taken]
 
     def is_short(self) -> bool:
         """Whether fits are so quick that hundreds of them are affordable."""
@@ -331,8 +337,9 @@ class _Judge:
         return "partly_explained" if named else "unexplained"
 
     def is_nameable(self, f: Fitted) -> bool:
-        """Whether an explanation has few causes, each there beyond doubt."""
-        return sum(term.kind == "effect" for term in f.terms) <= _NAMEABLE and self.is_present(f)
+        """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""
+        few = sum(term.kind == "effect" for term in f.terms) <= _NAMEABLE
+        return few and self.is_present(f) and not any(u.name in term.telling for term, u in f.on_bound())
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
         """Whether an explanation takes nearly all of the misfit, and no other name comes near it."""

@@ -32,7 +32,7 @@ from hil.diagnose.diagnosis import (
     Strip,
     Verdict,
 )
-from hil.diagnose.events import Events, coarse, coarse_step, stale_outputs, without_stale
+from hil.diagnose.events import Events, coarse, coarse_step, stale_outputs, tone, without_stale, without_tone
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
 from hil.diagnose.locate import StageShare, Where, locate, stages
 from hil.diagnose.next_test import Span, next_test
@@ -103,8 +103,14 @@ def diagnose(
         if second.verdict not in OPEN:
             problem, choice = set_back, second
             warnings += checked.clock_warnings
-    progress(0.6, "judging on data kept back")
     events = choice.events
+    if choice.verdict in OPEN and (hum := tone(problem, choice.chosen)) is not None:
+        quiet = replace(pose(model, without_tone(problem, choice.chosen, hum)), factor=problem.factor)
+        second = decide(quiet)
+        if second.verdict not in OPEN:
+            problem, choice = quiet, second
+            events = replace(hum, residuals=choice.chosen.residuals)
+    progress(0.6, "judging on data kept back")
     if stale:
         events = stale_outputs(stale, problem, choice.chosen.residuals if events is None else events.residuals)
     elif events is None and (step := coarse_step(problem, kept)) is not None:
@@ -441,7 +447,7 @@ class _Answer:
     def all_warnings(self) -> tuple[str, ...]:
         f = self.choice.chosen
         bounds = f.on_bound() if self.by_law else ()
-        said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
+        said = [f"{term.name}.{u.name} ended on a bound of its range: a warning, not physics" for term, u in bounds]
         if self.verdict == "unexplained" and f.terms:
             described = ", ".join(term.label for term in f.terms)
             left = quantity_text(100 * self.choice.left, None, "%")

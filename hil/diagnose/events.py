@@ -356,14 +356,17 @@ def _with_holds(problem: Problem, around: Fitted, holds: Holds) -> Array:
 def tone(problem: Problem, around: Fitted) -> Events | None:
     """One frequency in all recordings, harmonics included, with a phase of its own in each; None if there is none.
 
-    Its amplitude may grow with the output, as ripple does that enters before the orifice.
+    Its amplitude may grow with the output, as ripple does that enters before the orifice; where it is hardly there
+    without an output it is no disturbance but a gain that swings.
     """
     parts = [around.residuals[part] for part in problem.output_slices()]
     frequency = common_line(problem.experiments, parts, _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES)
     if frequency is None:
         return None
     frequency = _sharpened(problem, around.residuals, frequency)
-    residuals, amplitudes = _without_tone(problem, around.residuals, frequency)
+    residuals, amplitudes, growing = _without_tone(problem, around.residuals, frequency)
+    if np.mean(growing) > np.mean(amplitudes):
+        return None
     unit = problem.plant.output.unit
     size, spread = float(np.mean(amplitudes)), float(np.std(amplitudes) / np.sqrt(len(amplitudes)))
     longest = max(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
@@ -381,6 +384,18 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     )  # fmt: skip
 
 
+def without_tone(problem: Problem, beside: Fitted, found: Events) -> tuple[Experiment, ...]:
+    """The experiments with a tone taken out of their output, as it shows beside a model."""
+    frequency_hz, effects = found.values["frequency"][0], [*problem.model.active_effects, *beside.effects]
+    kept = []
+    for e in problem.experiments:
+        simulated = e.respond(problem.plant, beside.parameters, effects, factor=problem.factor)[0]
+        columns = _waves(e, frequency_hz)
+        solution = np.linalg.lstsq(columns, e.output - simulated, rcond=None)[0]
+        kept.append(replace(e, output=e.output - columns @ solution))
+    return tuple(kept)
+
+
 def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float:
     """The frequency at which a tone takes most, on grids that become finer."""
     width = 1.0 / min(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
@@ -392,14 +407,27 @@ def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float
     return best
 
 
-def _without_tone(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[float]]:
-    left, amplitudes = residuals.copy(), []
+def _without_tone(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[float], list[float]]:
+    """Residuals without the tone; for each recording its amplitude at no output, and what the rms output adds."""
+    left, amplitudes, growing = residuals.copy(), [], []
     for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
-        phase = 2.0 * np.pi * frequency_hz * np.outer((1.0, 2.0, 3.0), e.time_s)
-        waves = np.vstack([np.sin(phase), np.cos(phase)])
-        level = e.output / max(float(np.abs(e.output).max()), 1e-12)
-        columns = np.vstack([waves, waves[[0, 3]] * level]).T
+        columns = _waves(e, frequency_hz)
         solution = np.linalg.lstsq(columns, left[part], rcond=None)[0]
         left[part] -= columns @ solution
         amplitudes.append(float(np.hypot(solution[0], solution[3]) * noise.std))
-    return left, amplitudes
+        growing.append(float(np.hypot(solution[6], solution[7]) * noise.std * np.sqrt(np.mean(_level(e) ** 2))))
+    return left, amplitudes, growing
+
+
+def _waves(e: Experiment, frequency_hz: float) -> Array:
+    """Three harmonics, sines before cosines, and the first one growing with the output, shape (n, 8)."""
+    phase = 2.0 * np.pi * frequency_hz * np.outer((1.0, 2.0, 3.0), e.time_s)
+    waves = np.vstack([np.sin(phase), np.cos(phase)])
+    columns: Array = np.vstack([waves, waves[[0, 3]] * _level(e)]).T
+    return columns
+
+
+def _level(e: Experiment) -> Array:
+    """The output as a share of its largest magnitude."""
+    level: Array = e.output / max(float(np.abs(e.output).max()), 1e-12)
+    return level

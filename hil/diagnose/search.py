@@ -24,8 +24,9 @@ _TRIED, _LEADING, _FAVOURITES, _OTHER_STARTS = 16, 5, 2, 3
 _WORTH_A_TRY, _WORTH_MORE = 0.25, 0.75
 # A first look takes sub-steps this much coarser; only what a term changes is simulated so.
 _COARSE = 0.5
-# Where no start of a term gains anything, its strength is tried at these shares: the slope at nothing shows itself.
-_WEAKER = (0.2, 0.04)
+# A start is corrected when the line from nothing to it is lowest so far from it, and it is tried at this many times its
+# strength at most.
+_AS_STRONG, _MOST_STRONGER = (0.8, 1.25), 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,10 +77,10 @@ class Fitted:
             at += len(other.unknowns)
         raise KeyError(term.label)
 
-    def on_bound(self) -> tuple[str, ...]:
+    def on_bound(self) -> tuple[tuple[Term, Unknown], ...]:
         """Unknowns of the terms that ended on a bound of theirs."""
         return tuple(
-            f"{term.name}.{u.name}"
+            (term, u)
             for term, values in zip(self.terms, self.values, strict=True)
             for u, value in zip(term.unknowns, values, strict=True)
             if min(value - u.low, u.high - value) <= 1e-3 * u.scale
@@ -108,6 +109,11 @@ class Around:
         """Inner products of the slopes, shape (k, k)."""
         product: Array = self.slopes.T @ self.slopes
         return product
+
+    @cached_property
+    def residuals_without(self) -> Array:
+        """With no term more, after all that may adapt has adapted linearly."""
+        return adapted_residuals(self, None)
 
     @cached_property
     def coarse_residuals(self) -> Array:
@@ -220,46 +226,62 @@ def prior_root(problem: Problem, free: Sequence[int]) -> Array:
 def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
     """Every term at its starts, all else adapting linearly; the term with the best start first.
 
-    Where every start overshoots, weaker ones are tried: a loop or a steep curve makes much of a little.
+    A start too strong or too weak is corrected: where the straight line from nothing to what it does is lowest.
     """
-    place.coarse_residuals, place.gram  # noqa: B018  computed once, before threads ask for it
-    found = _judged(place, [(term, term.starts) for term in terms])
-    without = adapted_residuals(place, None)
-    level = float(without @ without)
-    overshooting = [(s.term, _weaker(s.term, s.starts[0])) for s in found if s.chi2 > level]
-    weaker = {id(s.term): s for s in _judged(place, [(term, starts) for term, starts in overshooting if starts])}
-    merged = [_both(s, weaker[id(s.term)]) if id(s.term) in weaker else s for s in found]
-    return sorted(merged, key=lambda s: s.chi2)
+    place.coarse_residuals, place.residuals_without  # noqa: B018  computed once, before threads ask for it
+    tried = _try([(place, term, start) for term in terms for start in term.starts])
+    corrected = _try([(place, t.term, t.better) for t in _best_of_each(tried, lambda t: t.chi2_there) if t.better])
+    found: dict[int, list[_Tried]] = {id(term): [] for term in terms}
+    for t in [*tried, *corrected]:
+        found[id(t.term)].append(t)
+    return sorted((_screened(own) for own in found.values()), key=lambda s: s.chi2)
 
 
-def _judged(place: Around, starts: Sequence[tuple[Term, tuple[tuple[float, ...], ...]]]) -> list[Screened]:
-    """Terms at these starts, in one batch."""
-    jobs = [(term, start) for term, own in starts for start in own]
+@dataclass(frozen=True, slots=True)
+class _Tried:
+    """A term at a start, and at which start the line towards it is lowest; () when that is much the same."""
 
-    def chi2(job: tuple[Term, tuple[float, ...]]) -> float:
-        adapted = adapted_residuals(place, job, coarse=True)
-        found = float(adapted @ adapted)
-        return found if np.isfinite(found) else np.inf
-
-    judged: dict[int, list[tuple[float, tuple[float, ...]]]] = {id(term): [] for term, _ in starts}
-    for (term, start), value in zip(jobs, pool().map(chi2, jobs), strict=True):
-        judged[id(term)].append((value, start))
-    return [
-        Screened(term, tuple(start for _, start in sorted(judged[id(term)])), min(judged[id(term)])[0])
-        for term, _ in starts
-    ]
+    term: Term
+    start: tuple[float, ...]
+    chi2: float
+    better: tuple[float, ...]
+    chi2_there: float
 
 
-def _weaker(term: Term, start: tuple[float, ...]) -> tuple[tuple[float, ...], ...]:
-    """A start with less of an effect; none for what does nothing at infinity, and for base parameters."""
+def _try(jobs: Sequence[tuple[Around, Term, tuple[float, ...]]]) -> list[_Tried]:
+    """Terms at starts, in one batch."""
+    return list(pool().map(lambda job: _tried(*job), jobs))
+
+
+def _tried(place: Around, term: Term, start: tuple[float, ...]) -> _Tried:
+    adapted = adapted_residuals(place, (term, start), coarse=True)
+    chi2 = float(adapted @ adapted)
+    if not np.isfinite(chi2):
+        return _Tried(term, start, np.inf, (), np.inf)
     if term.kind == "parameter" or not np.isfinite(term.null):
-        return ()
-    return tuple((term.null + share * (start[0] - term.null), *start[1:]) for share in _WEAKER)
+        return _Tried(term, start, chi2, (), chi2)
+    change = adapted - place.residuals_without
+    length = float(change @ change)
+    share = float(np.clip(-(place.residuals_without @ change) / length, 0.0, _MOST_STRONGER)) if length else 0.0
+    first = term.unknowns[0]
+    strength = float(np.clip(term.null + share * (start[0] - term.null), first.low, first.high))
+    if share == 0.0 or _AS_STRONG[0] < share < _AS_STRONG[1] or strength == start[0]:
+        return _Tried(term, start, chi2, (), chi2)
+    there = place.residuals_without + share * change
+    return _Tried(term, start, chi2, (strength, *start[1:]), float(there @ there))
 
 
-def _both(a: Screened, b: Screened) -> Screened:
-    first, second = (a, b) if a.chi2 <= b.chi2 else (b, a)
-    return Screened(a.term, (*first.starts, *second.starts), first.chi2)
+def _best_of_each(tried: Sequence[_Tried], key: Callable[[_Tried], float]) -> list[_Tried]:
+    best: dict[int, _Tried] = {}
+    for t in tried:
+        if id(t.term) not in best or key(t) < key(best[id(t.term)]):
+            best[id(t.term)] = t
+    return list(best.values())
+
+
+def _screened(tried: Sequence[_Tried]) -> Screened:
+    order = sorted(tried, key=lambda t: (t.chi2, t.start))
+    return Screened(order[0].term, tuple(t.start for t in order), order[0].chi2)
 
 
 def refine_all(place: Around, screened: Sequence[Screened]) -> list[Fitted]:
@@ -377,7 +399,7 @@ def polish(
     base_free: bool = False,
     keep: NDArray[np.bool_] | None = None,
     evaluations: int = 40,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-5,
 ) -> Fitted:
     """Fit terms and base parameters together, nothing linearised.
 

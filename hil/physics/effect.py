@@ -48,6 +48,8 @@ class EffectParameter:
 
     `null` is the value at which the effect does nothing (infinity for a limit); None for shape parameters,
     which may have any value while the effect is null (a Stribeck velocity, a frequency).
+
+    A `telling` shape is what tells the effect from others: at an end of its range it is something else.
     """
 
     name: str
@@ -57,6 +59,7 @@ class EffectParameter:
     low: float
     high: float
     meaning: str
+    telling: bool = False
 
     def at(self, hook: Hook) -> Parameter:
         """The parameter in the units of a hook of a plant."""

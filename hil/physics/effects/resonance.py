@@ -53,10 +53,10 @@ def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, fl
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
-    """Periods from a few samples to a second, as a side path and as a stage."""
+    """Periods from a few samples to a second, and those of lines that stand out, each in a part of the signal."""
     shortest = 4.0 * seen.interval_s
-    periods = [period for period in (0.02, 0.04, 0.08, 0.12, 0.17, 0.25, 0.4, 0.8, 1.5) if period >= shortest]
-    return [{"period": period, "damping": 0.1, "share": share} for period in periods for share in (0.3, 1.0)]
+    periods = [0.02, 0.04, 0.08, 0.12, 0.17, 0.25, 0.4, 0.8, 1.5, *(1.0 / f for f, _, _ in seen.tones if f > 0.0)]
+    return [{"share": 0.4, "period": period, "damping": 0.1} for period in periods if period >= shortest]
 
 
 EFFECT = Effect(
@@ -64,9 +64,9 @@ EFFECT = Effect(
     title="resonance",
     hooks=("flow", "sensor", "recorder"),
     parameters=(
-        EffectParameter("period", "s", 0.0, 0.1, 0.0, 2.0, "period of the swing"),
+        EffectParameter("share", "1", 0.0, 0.4, 0.0, 1.0, "share of the signal that goes through the swinging part"),
+        EffectParameter("period", "s", None, 0.1, 0.005, 2.0, "period of the swing"),
         EffectParameter("damping", "1", None, 0.15, 0.005, 0.6, "damping ratio: well under one, or it would not ring"),
-        EffectParameter("share", "1", None, 1.0, 0.02, 1.0, "share of the signal that goes through the swinging part"),
     ),
     transform=transform,
     starts=starts,

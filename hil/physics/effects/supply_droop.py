@@ -32,7 +32,7 @@ def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, fl
 
 def starts(_seen: Seen) -> list[dict[str, float]]:
     """Weak and strong, quick and slow recovery."""
-    return [{"droop": droop, "recovery": recovery} for droop in (0.05, 0.2, 0.5) for recovery in (0.03, 0.3, 2.0)]
+    return [{"droop": droop, "recovery": recovery} for droop in (0.05, 0.2, 0.5) for recovery in (0.1, 0.4, 2.0)]
 
 
 EFFECT = Effect(
@@ -41,7 +41,7 @@ EFFECT = Effect(
     hooks=("supply",),
     parameters=(
         EffectParameter("droop", "1", 0.0, 0.1, 0.0, 0.9, "share of supply pressure lost at full flow"),
-        EffectParameter("recovery", "s", None, 0.2, 0.002, 10.0, "time constant of pump and accumulator"),
+        EffectParameter("recovery", "s", None, 0.2, 0.05, 10.0, "time constant of pump and accumulator", telling=True),
         EffectParameter("power", "1", None, 2.0, 0.8, 2.5, "1: internal leakage of the pump, 2: losses of the line"),
     ),
     transform=transform,
