@@ -118,6 +118,7 @@ class _Judge:
         self.size = problem.size
         self.baseline = self._roughly(nothing(problem))
         self.terms = all_terms(problem, self.baseline.residuals)
+        self.seconds: list[Fitted] = []
 
     def choose(self) -> Choice:
         # Around the nominal model: the baseline has bent its parameters to a misfit that is not theirs.
@@ -257,13 +258,19 @@ class _Judge:
             screened = screen(place, self.others(seed))
             if self._gain(seed, screened[0].chi2) < _HOPE:
                 continue
-            both = [self._roughly(f) for f in self._near_best(seed, refine_all(place, screened))]
-            best = min(both, key=self.cost)
-            if self._gain(seed, best.chi2) >= _NEAR * SECOND_SHARE and self._is_pair(
-                best := polish(self.problem, best), seed
-            ):
-                found.append(best)
+            rough = [self._roughly(f) for f in self._near_best(seed, refine_all(place, screened))]
+            self.seconds += rough
+            best = self._most_economical(rough)
+            if self._gain(seed, best.chi2) >= _NEAR * SECOND_SHARE:
+                best = polish(self.problem, best)
+                found += [best] if self._is_pair(best, seed) else []
         return found
+
+    def _most_economical(self, fits: Sequence[Fitted]) -> Fitted:
+        """Of those as good as the best, the one with the fewest unknowns."""
+        least = min(f.chi2 for f in fits)
+        tied = [f for f in fits if f.chi2 - least < indistinguishable(least)]
+        return min(tied, key=lambda f: (f.unknowns, f.chi2))
 
     def _near_best(self, seed: Fitted, refined: Sequence[Fitted]) -> list[Fitted]:
         """The second causes, linearised, that may turn out best: of different names, near the first one."""
@@ -357,13 +364,16 @@ class _Judge:
         )
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
-        """Other names that the data cannot tell from the chosen first one, or from a change of parameters."""
+        """Other names that the data cannot tell from the chosen ones, or from a change of parameters."""
         if not best.terms:
             return ()
         first = best.names[0] if best.names else "parameter_change"
-        others = {
-            f.names[0]
-            for f in polished
-            if f.names and f.names[0] not in best.names and f.chi2 - best.chi2 < indistinguishable(best.chi2)
-        }
-        return tuple((first, name) for name in sorted(others))
+        found = {(first, f.names[0]) for f in polished if f.names and self._is_rival(f, best)}
+        if len(best.names) == _NAMEABLE:
+            same = [f for f in self.seconds if len(f.names) == _NAMEABLE and f.names[0] == first]
+            found |= {(best.names[1], f.names[1]) for f in same if self._is_rival(f, best)}
+        return tuple(sorted(found))
+
+    def _is_rival(self, f: Fitted, best: Fitted) -> bool:
+        """Whether an explanation brings another name and is as good."""
+        return not set(f.names) <= set(best.names) and f.chi2 - best.chi2 < indistinguishable(best.chi2)
