@@ -28,8 +28,10 @@ FULL_TOLERANCE, FULL_EXCESS = 0.003, 1.0
 # … and a second cause must explain most of what the first one leaves.
 SECOND_SHARE = 0.75
 # An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
-# more than this share, and every other one leaves so many times more.
+# more than this share, and every other one leaves so many times more, …
 PART_TOLERANCE, ALONE_BY = 0.25, 1.5
+# … or when it leaves so little that another name for it would have to look much the same.
+NEARLY_ALL = 0.12
 # A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
 MOVED_SIGMAS = 3.0
 # A value this many standard uncertainties from its null is there.
@@ -349,11 +351,15 @@ class _Judge:
         return few and self.is_present(f) and not any(u.name in term.telling for term, u in f.on_bound())
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
-        """Whether an explanation takes nearly all of the misfit, and no other name comes near it."""
+        """Whether an explanation takes nearly all of the misfit, or most of it and no other name comes near it."""
+        if self.is_strained(f):
+            return False
+        if self.left(f) <= NEARLY_ALL:
+            return True
         others = [other.chi2 for other in polished if not set(other.names) & set(f.names)]
         closest = min(others, default=self.baseline.chi2)
         alone = excess(self.problem, closest) > ALONE_BY * self.excess(f)
-        return self.left(f) <= PART_TOLERANCE and alone and not self.is_strained(f)
+        return self.left(f) <= PART_TOLERANCE and alone
 
     def is_strained(self, f: Fitted) -> bool:
         """Whether a shape had to go to the end of what is physical, where that is not simply its absence."""

@@ -62,6 +62,8 @@ _DESCRIBES = 0.3
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
 _MOST_STEPS_LISTED = 12
+# The share of what an explanation leaves that a tone must take before the rest is looked at again without it.
+_WORTH_A_SECOND_LOOK = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,7 +106,7 @@ def diagnose(
             problem, choice = set_back, second
             warnings += checked.clock_warnings
     events = choice.events
-    if choice.verdict in OPEN and (hum := tone(problem, choice.chosen)) is not None:
+    if choice.verdict in OPEN and (hum := _tone_beside(problem, choice)) is not None:
         quiet = replace(pose(model, without_tone(problem, choice.chosen, hum)), factor=problem.factor)
         second = decide(quiet)
         if second.verdict not in OPEN:
@@ -123,6 +125,15 @@ def diagnose(
     diagnosis = answer.diagnosis(time.perf_counter() - started)
     progress(1.0, "done")
     return Diagnosed(diagnosis, answer.corrected)
+
+
+def _tone_beside(problem: Problem, choice: Choice) -> Events | None:
+    """A tone beside what the library has to say, if it is a good part of what that leaves."""
+    found = tone(problem, choice.chosen)
+    if found is None:
+        return None
+    takes = 1.0 - share_left(problem, found.chi2, excess(problem, choice.chosen.chi2))
+    return found if takes >= _WORTH_A_SECOND_LOOK else None
 
 
 def _known_hum(model: Model) -> tuple[str, ...]:
