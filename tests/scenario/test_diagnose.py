@@ -109,6 +109,41 @@ def test_a_tone_with_a_phase_of_its_own_in_each_recording() -> None:
     assert frequency.value == pytest.approx(11.3, abs=0.01)
 
 
+def test_a_tone_beside_an_effect_hides_neither() -> None:
+    uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0})
+    made = records((uneven,), seed=9)
+    for k, each in enumerate(made):
+        each.channels["flow"].values[:] += 1.5 * np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
+    of = diagnose(nominal(), bound(nominal(), made))
+    assert sorted(names(of)) == ["asymmetry", "periodic_disturbance"]
+    assert of.diagnosis.verdict == "explained"
+
+
+def test_a_gain_that_swings_is_no_disturbance() -> None:
+    made = records(seed=9)
+    for k, each in enumerate(made):
+        each.channels["flow"].values[:] *= 1.0 + 0.1 * np.sin(2.0 * np.pi * 1.3 * each.time_s + 2.0 * k)
+    of = diagnose(nominal(), bound(nominal(), made))
+    assert "periodic_disturbance" not in names(of)
+    assert of.diagnosis.verdict == "unexplained"
+
+
+def test_a_supply_that_gives_way_at_once_is_a_bent_curve() -> None:
+    """As a spring that stiffens would bend it; which of the two, the flow does not tell."""
+    of = found(ActiveEffect("supply_droop", "supply", {"droop": 0.3, "recovery": 0.004, "power": 2.0}), seed=13)
+    assert of.diagnosis.verdict == "unexplained"
+    assert names(of) == []
+    assert of.diagnosis.held_out.corrected > of.diagnosis.held_out.ceiling - 0.3
+    assert any("not named as the cause" in warning for warning in of.diagnosis.warnings)
+
+
+def test_a_weak_resonance_is_found_beside_an_end_stop() -> None:
+    stop = ActiveEffect("end_stop", "position", {"upper": 55.0, "lower": -300.0})
+    ringing = ActiveEffect("resonance", "sensor", {"share": 0.12, "period": 0.19, "damping": 0.06})
+    of = found(stop, ringing, seed=14)
+    assert {"end_stop", "resonance"} == set(names(of))
+
+
 def test_what_no_library_lists_is_unexplained_with_its_place() -> None:
     made = records(seed=10)
     for each in made:  # an output that depends on where it was four seconds ago
