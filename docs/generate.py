@@ -174,9 +174,8 @@ def effect_parameter_row(parameter: EffectParameter) -> str:
     unit = parameter.unit.replace("{value}", "FS").replace("{motion}", "FS of travel")
     null = "–" if parameter.null is None else number(parameter.null)
     bounds = f"{number(parameter.low)} … {number(parameter.high)}"
-    cells: Sequence[str] = (
-        f"`{parameter.name}`", unit, null, number(parameter.typical), bounds, parameter.meaning,
-    )  # fmt: skip
+    meaning = f"{parameter.meaning}; at a bound it is another effect" if parameter.telling else parameter.meaning
+    cells: Sequence[str] = (f"`{parameter.name}`", unit, null, number(parameter.typical), bounds, meaning)
     return f"| {' | '.join(cells)} |"
 
 
