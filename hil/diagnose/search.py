@@ -229,8 +229,8 @@ def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
     A start too strong or too weak is corrected: where the straight line from nothing to what it does is lowest.
     """
     place.coarse_residuals, place.residuals_without  # noqa: B018  computed once, before threads ask for it
-    tried = _try([(place, term, start) for term in terms for start in term.starts])
-    corrected = _try([(place, t.term, t.better) for t in _best_of_each(tried, lambda t: t.chi2_there) if t.better])
+    tried = _try(place, [(term, start) for term in terms for start in term.starts])
+    corrected = _try(place, [(t.term, t.better) for t in _most_promising(tried) if t.better])
     found: dict[int, list[_Tried]] = {id(term): [] for term in terms}
     for t in [*tried, *corrected]:
         found[id(t.term)].append(t)
@@ -248,9 +248,9 @@ class _Tried:
     chi2_there: float
 
 
-def _try(jobs: Sequence[tuple[Around, Term, tuple[float, ...]]]) -> list[_Tried]:
+def _try(place: Around, jobs: Sequence[tuple[Term, tuple[float, ...]]]) -> list[_Tried]:
     """Terms at starts, in one batch."""
-    return list(pool().map(lambda job: _tried(*job), jobs))
+    return list(pool().map(lambda job: _tried(place, *job), jobs))
 
 
 def _tried(place: Around, term: Term, start: tuple[float, ...]) -> _Tried:
@@ -271,10 +271,11 @@ def _tried(place: Around, term: Term, start: tuple[float, ...]) -> _Tried:
     return _Tried(term, start, chi2, (strength, *start[1:]), float(there @ there))
 
 
-def _best_of_each(tried: Sequence[_Tried], key: Callable[[_Tried], float]) -> list[_Tried]:
+def _most_promising(tried: Sequence[_Tried]) -> list[_Tried]:
+    """For each term the start whose line goes lowest."""
     best: dict[int, _Tried] = {}
     for t in tried:
-        if id(t.term) not in best or key(t) < key(best[id(t.term)]):
+        if id(t.term) not in best or t.chi2_there < best[id(t.term)].chi2_there:
             best[id(t.term)] = t
     return list(best.values())
 

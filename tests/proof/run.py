@@ -5,9 +5,12 @@ from __future__ import annotations
 import hashlib
 import math
 import multiprocessing
+import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import connection
 from pathlib import Path
 from typing import Any
 
@@ -85,6 +88,18 @@ def _write(path: Path, text: str) -> None:
     part.replace(path)
 
 
+def _end_with_parent() -> None:
+    """End this process when the one that started it is killed; a pool's workers would wait for ever."""
+
+    def wait() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None:
+            connection.wait([parent.sentinel])
+            os._exit(1)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
 def _parallel(
     work: Callable[..., None], calls: Sequence[Iterable[Any]], jobs: int, what: str, progress: Progress
 ) -> None:  # fmt: skip
@@ -93,7 +108,8 @@ def _parallel(
             work(*call)
             progress(what, done, len(calls))
         return
-    with ProcessPoolExecutor(min(jobs, max(1, len(calls))), multiprocessing.get_context("spawn")) as pool:
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(min(jobs, max(1, len(calls))), context, _end_with_parent) as pool:
         started = [pool.submit(work, *call) for call in calls]
         for done, finished in enumerate(as_completed(started), 1):
             finished.result()
