@@ -23,6 +23,8 @@ SMALL_EXCESS = 0.03
 _CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 # Laws of nature are not the laws of the library: an explanation may leave this share of the misfit, …
 LAW_TOLERANCE = 0.04
+# … and this share (rms) of the swing of the output, …
+OUTPUT_TOLERANCE = 0.05
 # … below this share, and this variance in units of the noise's, nobody looks for a second cause, …
 FULL_TOLERANCE, FULL_EXCESS = 0.003, 1.0
 # … and a second cause must explain most of what the first one leaves.
@@ -121,6 +123,8 @@ class _Judge:
         self.baseline = self._roughly(nothing(problem))
         self.terms = all_terms(problem, self.baseline.residuals)
         self.seconds: list[Fitted] = []
+        outputs = zip(problem.experiments, problem.noises, strict=True)
+        self.swing = sum(float(np.sum((e.output - e.output.mean()) ** 2)) / noise.std**2 for e, noise in outputs)
 
     def choose(self) -> Choice:
         # Around the nominal model: the baseline has bent its parameters to a misfit that is not theirs.
@@ -181,7 +185,9 @@ class _Judge:
         return excess <= SMALL_EXCESS or (excess <= FULL_EXCESS and self.left(f) <= FULL_TOLERANCE)
 
     def is_adequate(self, f: Fitted) -> bool:
-        return self.excess(f) <= SMALL_EXCESS or self.left(f) <= LAW_TOLERANCE
+        """Whether an explanation leaves little of the misfit and, where that is most of the output, little of that."""
+        little = self.left(f) <= LAW_TOLERANCE and self.excess(f) * self.size <= OUTPUT_TOLERANCE**2 * self.swing
+        return self.excess(f) <= SMALL_EXCESS or little
 
     # -- hypotheses ----------------------------------------------------------------------------------------
 

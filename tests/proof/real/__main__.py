@@ -21,6 +21,8 @@ def main(
     """Diagnose every set of real recordings from its nominal model, and judge on what was kept back."""
     if not recordings.is_dir():
         _refuse(f"{recordings}: no such folder; real recordings are not part of the project, --recordings names them")
+    if page is not None and (not page.is_file() or START not in page.read_text(encoding="utf-8")):
+        _refuse(f"{page}: no page with a line '{START}' to put the tables after")
     chosen = [real for real in SETS if not only or real.name.startswith(tuple(only.split(",")))]
     missing = [real for real in chosen if not (recordings / real.folder).is_dir()]
     if len(missing) == len(chosen):
@@ -35,10 +37,7 @@ def main(
             outcomes.append(prove(real, recordings))
     _show(outcomes, console)
     if page is not None:
-        text = page.read_text(encoding="utf-8")
-        if START not in text:
-            _refuse(f"{page}: no line '{START}' to put the tables after")
-        page.write_text(inserted(text, markdown(outcomes)), encoding="utf-8")
+        page.write_text(inserted(page.read_text(encoding="utf-8"), markdown(outcomes)), encoding="utf-8")
 
 
 def _show(outcomes: list[Outcome], console: Console) -> None:
