@@ -11,7 +11,17 @@ from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events import Events, held_commands, held_outputs, tone
 from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Around, Fitted, around, nothing, polish, refine_all, screen
+from hil.diagnose.search import (
+    Around,
+    Fitted,
+    around,
+    from_other_shapes,
+    nothing,
+    polish,
+    refine_all,
+    roughly,
+    screen,
+)
 from hil.diagnose.terms import Term, all_terms
 from hil.physics.simulate import sub_steps
 
@@ -53,7 +63,8 @@ TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
 _SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
 # So many causes may be named together; more of them describe, but anything can be described with enough of them.
 _NAMEABLE = 2
-_ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
+# Beyond this share of the noise variance a rugged term may have ended in the wrong valley.
+_ONLY_NOISE = 0.01
 # A rough fit may still be so much above its least χ².
 _SURELY = 0.95
 
@@ -120,7 +131,7 @@ class _Judge:
     def __init__(self, problem: Problem) -> None:
         self.problem = problem
         self.size = problem.size
-        self.baseline = self._roughly(nothing(problem))
+        self.baseline = roughly(problem, nothing(problem))
         self.terms = all_terms(problem, self.baseline.residuals)
         self.seconds: list[Fitted] = []
         outputs = zip(problem.experiments, problem.noises, strict=True)
@@ -131,7 +142,7 @@ class _Judge:
         nominal = nothing(self.problem)
         place = around(self.problem, nominal)
         singles = refine_all(place, screen(place, self.terms))
-        free = self._roughly(self.baseline, base_free=True)
+        free = roughly(self.problem, self.baseline, base_free=True)
         if self.baseline.chi2 - min(singles[0].chi2, free.chi2) < ALARM_GAIN:
             return self.nothing_found(nominal, singles)
         polished = self.polished(singles)
@@ -143,6 +154,8 @@ class _Judge:
             best = min([best, *self.pairs(polished)], key=self.cost)
         if not best.terms and self.excess(self.baseline) < _CONSISTENT_EXCESS:
             return self.nothing_found(nominal, singles)
+        if self.excess(best) > _ONLY_NOISE:
+            best = from_other_shapes(self.problem, best)
         verdict = self.verdict(best, polished)
         open_question = verdict in OPEN and not self.is_adequate(best)
         events = self.events(nominal) if open_question else None
@@ -190,10 +203,6 @@ class _Judge:
         return self.excess(f) <= SMALL_EXCESS or little
 
     # -- hypotheses ----------------------------------------------------------------------------------------
-
-    def _roughly(self, start: Fitted, *, base_free: bool = False) -> Fitted:
-        """A first look, which need not creep along a valley to its end."""
-        return polish(self.problem, start, base_free=base_free, tolerance=_ROUGH, evaluations=_ROUGH_EVALUATIONS)
 
     def changed_parameters(self, free: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
         """The base parameters alone: which of them must have changed, and how well that explains.
@@ -266,7 +275,7 @@ class _Judge:
             screened = screen(place, self.others(seed))
             if self._gain(seed, screened[0].chi2) < _HOPE:
                 continue
-            rough = [self._roughly(f) for f in self._near_best(seed, refine_all(place, screened))]
+            rough = [roughly(self.problem, f) for f in self._near_best(seed, refine_all(place, screened))]
             self.seconds += rough
             best = self._most_economical(rough)
             if self._gain(seed, best.chi2) >= _NEAR * SECOND_SHARE:

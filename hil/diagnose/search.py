@@ -22,6 +22,9 @@ _FROZEN = 1e6
 _SHORT, _LONG = 5, 30
 _TRIED, _LEADING, _FAVOURITES, _OTHER_STARTS = 16, 5, 2, 3
 _WORTH_A_TRY, _WORTH_MORE = 0.25, 0.75
+_ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
+# So many other valleys are tried where a misfit has many.
+_VALLEYS = 2
 # A first look takes sub-steps this much coarser; only what a term changes is simulated so.
 _COARSE = 0.5
 # A start is corrected when the line from nothing to it is lowest so far from it, and it is tried at this many times its
@@ -445,3 +448,30 @@ def polish(
         if term.kind == "parameter":
             parameters[term.name] = values[0]
     return Fitted(fitted.terms, tuple(own), parameters, found.chi2, r, found)
+
+
+def roughly(problem: Problem, start: Fitted, *, base_free: bool = False) -> Fitted:
+    """A first look, which need not creep along a valley to its end."""
+    return polish(problem, start, base_free=base_free, tolerance=_ROUGH, evaluations=_ROUGH_EVALUATIONS)
+
+
+def from_other_shapes(problem: Problem, f: Fitted) -> Fitted:
+    """The same explanation, every rugged term fitted once more from the shapes of its starts; the lowest of all."""
+    for k, term in enumerate(f.terms):
+        if term.rugged:
+            f = _lowest_valley(problem, f, k)
+    return f
+
+
+def _lowest_valley(problem: Problem, f: Fitted, k: int) -> Fitted:
+    size = f.values[k][0]
+    shapes = dict.fromkeys((size, *shape) for _, *shape in f.terms[k].starts)
+    tried = [(*f.values[:k], own, *f.values[k + 1 :]) for own in shapes]
+
+    def chi2(values: tuple[tuple[float, ...], ...]) -> float:
+        r = _simulate(problem, f.parameters, f.terms, values)
+        return float(r @ r)
+
+    nearest = [values for _, values in sorted(zip(pool().map(chi2, tried), tried, strict=True))[:_VALLEYS]]
+    best = min((roughly(problem, replace(f, values=values)) for values in nearest), key=lambda other: other.chi2)
+    return min(f, polish(problem, best), key=lambda other: other.chi2) if best.chi2 < f.chi2 else f

@@ -33,6 +33,7 @@ class Term:
             what an effect is known as under another name.
         null: value of the first unknown at which an effect does nothing.
         telling: the unknowns without whose shape the effect would be another one.
+        rugged: whether a fit ends in one of many valleys.
     """
 
     kind: Literal["parameter", "effect"]
@@ -46,6 +47,7 @@ class Term:
     change: str = ""
     null: float = 0.0
     telling: tuple[str, ...] = ()
+    rugged: bool = False
 
     @property
     def label(self) -> str:
@@ -116,6 +118,7 @@ def _effect_term(site: Site, seen: Seen) -> Term:
     return Term(
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
         change=site.effect.known_as, null=null, telling=tuple(p.name for p in site.effect.parameters if p.telling),
+        rugged=site.effect.rugged,
     )  # fmt: skip
 
 

@@ -120,6 +120,7 @@ class Effect:
         coefficients: (parameters, step_s) → what `transform` takes, when that is not the parameters.
         equation: for the engineer; `signature`: what it looks like in data; `source`: literature.
         sentence: for the operator, with {parameter} places; {parameter:%} tells a share in percent.
+        rugged: whether the misfit has many valleys over the parameters, so that a fit ends in any of them.
     """
 
     name: str
@@ -136,6 +137,7 @@ class Effect:
     settle: Callable[..., Any] | None = None
     coefficients: Callable[[Mapping[str, float], float], Mapping[str, float]] | None = None
     known_as: str = ""
+    rugged: bool = False
 
     def parameters_at(self, hook: Hook) -> tuple[Parameter, ...]:
         """The parameters in the units of a hook."""

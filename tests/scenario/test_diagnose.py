@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from hil.diagnose.diagnose import Diagnosed, diagnose
+from hil.diagnose.problem import pose
+from hil.diagnose.search import from_other_shapes, nothing, polish
+from hil.diagnose.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import DURATION_S, RATE_HZ, bound, commands, nominal, records
 
@@ -70,6 +75,20 @@ def test_two_effects_are_both_found() -> None:
     friction = ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
     of = found(friction, parameters={"dead_time": 0.05}, seed=6)
     assert sorted(names(of)) == ["dead_time", "friction"]
+
+
+def test_a_sticking_spool_is_fitted_in_the_right_valley() -> None:
+    """The misfit over the shapes of friction has many valleys; a fit from a wrong one ends there."""
+    sticking = ActiveEffect(
+        "friction", "force", {"coulomb": 1.9, "stiction": 1.3, "stribeck": 4.7, "presliding": 0.028}
+    )
+    problem = pose(nominal(), bound(nominal(), records((sticking,), seed=15)))
+    start = nothing(problem)
+    term = next(t for t in all_terms(problem, start.residuals) if t.name == "friction")
+    stuck = polish(problem, replace(start, terms=(term,), values=((1.9, 1.3, 4.7, 1.0),)), evaluations=5)
+    lowest = from_other_shapes(problem, stuck)
+    assert stuck.chi2 > 1.05 * problem.size
+    assert lowest.chi2 < 1.01 * problem.size
 
 
 def held(of: dict[str, np.ndarray], rng: np.random.Generator) -> dict[str, np.ndarray]:
