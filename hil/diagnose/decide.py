@@ -48,6 +48,7 @@ NEARLY_ALL = 0.12
 MOVED_SIGMAS = 3.0
 # A value this many standard uncertainties from its null is there.
 PRESENT_SIGMAS = 5.0
+_INSIDE_SIGMAS = 2.0
 
 _POLISHED = 2
 _NEW_PHYSICS = 10.0
@@ -156,6 +157,8 @@ class _Judge:
             return self.nothing_found(nominal, singles)
         if self.excess(best) > _ONLY_NOISE:
             best = from_other_shapes(self.problem, best)
+        if not self.is_adequate(best):
+            best = self.least_strained(best, polished)
         verdict = self.verdict(best, polished)
         open_question = verdict in OPEN and not self.is_adequate(best)
         events = self.events(nominal) if open_question else None
@@ -363,7 +366,18 @@ class _Judge:
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""
         few = sum(term.kind == "effect" for term in f.terms) <= _NAMEABLE
-        return few and self.is_present(f) and not any(u.name in term.telling for term, u in f.on_bound())
+        return few and self.is_present(f) and all(self._is_itself(f, term) for term in f.terms)
+
+    def _is_itself(self, f: Fitted, term: Term) -> bool:
+        """Whether the shapes that tell an effect from others are beyond doubt inside their range."""
+        if f.estimate is None:
+            return True
+        first = f.estimate_index(term)
+        return all(
+            min(f.estimate.values[k] - u.low, u.high - f.estimate.values[k]) > _INSIDE_SIGMAS * f.estimate.std[k]
+            for k, u in enumerate(term.unknowns, first)
+            if u.name in term.telling
+        )
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
         """Whether an explanation takes nearly all of the misfit, or most of it and no other name comes near it."""
@@ -383,6 +397,11 @@ class _Judge:
             for term, own in zip(f.terms, f.values, strict=True)
             for k, (value, u) in enumerate(zip(own, term.unknowns, strict=True))
         )
+
+    def least_strained(self, best: Fitted, polished: Sequence[Fitted]) -> Fitted:
+        """Instead of an explanation strained to its end another one that is nearly as good without."""
+        others = [f for f in polished if self.left(f) <= NEARLY_ALL and not self.is_strained(f)]
+        return min(others, key=self.cost) if self.is_strained(best) and others else best
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
         """Other names that the data cannot tell from the chosen ones, or from a change of parameters."""

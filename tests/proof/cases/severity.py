@@ -15,6 +15,7 @@ from .play import Played, play, replay
 COARSE = SUBSTEPS // 2
 _TOLERANCE = 0.05
 _LOOKS = 12
+_NEXT_TO_NOTHING = 1e-6
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,11 @@ def stand(healthy: Unit, commands: Mapping[str, Array], first: int, substeps: in
 
 
 def strengthened(hidden: Hidden, on: Stand, wanted_sigma: float) -> Hidden:
-    """Return the law at the strength at which it shows with `wanted_sigma`, or at its greatest where it cannot."""
+    """Return the law at the strength at which it shows with `wanted_sigma`, or at its greatest where it cannot.
+
+    Raises:
+        RuntimeError: next to nothing of it shows as much: the truth's own solver diverges.
+    """
 
     def shows(strength: float) -> float:
         return on.sigma(replace(on.healthy, hidden=(_with(hidden, strength),)))
@@ -66,6 +71,10 @@ def strengthened(hidden: Hidden, on: Stand, wanted_sigma: float) -> Hidden:
         else:
             high = (strength, found)
         strength = _next(low, high, wanted_sigma)
+    if strength < _NEXT_TO_NOTHING * greatest:
+        raise RuntimeError(
+            f"{hidden.law}: {strength:g} of it shows as much as {greatest:g} should; the solver diverges"
+        )
     return _with(hidden, strength)
 
 

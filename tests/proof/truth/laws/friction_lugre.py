@@ -24,7 +24,7 @@ def equation(x: float, a: float, b: float, r: Any) -> float:
 
 
 # bristle deflections are as short as the solver's step allows at the fastest motion of each plant
-_BRISTLE = {HPV41: 0.08, EFC: 0.0015, SP08: 0.6, AXIS: 5e-5}
+_BRISTLE = {HPV41: 0.08, EFC: 0.0015, SP08: 0.6, AXIS: 2e-4}
 _STRIBECK_SPEED = {HPV41: 8.0, EFC: 0.25, SP08: 25.0, AXIS: 0.01}
 
 
