@@ -150,18 +150,14 @@ class _Judge:
         known = [*polished, *self.changed_parameters(free, polished)]
         if self.baseline.chi2 - min(singles[0].chi2, *(f.chi2 for f in known)) < ALARM_GAIN:
             return self.nothing_found(nominal, singles)
-        best = min(known, key=self.cost)
-        if not self.is_full(best):
-            best = min([best, *self.pairs(polished)], key=self.cost)
+        best = self.best_law(known, polished)
         if not best.terms and self.excess(self.baseline) < _CONSISTENT_EXCESS:
             return self.nothing_found(nominal, singles)
-        if self.excess(best) > _ONLY_NOISE:
-            best = from_other_shapes(self.problem, best)
-        if not self.is_adequate(best):
-            best = self.least_strained(best, polished)
         verdict = self.verdict(best, polished)
         open_question = verdict in OPEN and not self.is_adequate(best)
         events = self.events(nominal) if open_question else None
+        if events is not None and verdict == "partly_explained" and best.chi2 < events.chi2:
+            events = None  # a law that leaves less says more
         if open_question and events is None and self.is_short():
             deeper = self.deeper(best, place)
             if verdict == "unexplained" or self.verdict(deeper, polished) == "explained":
@@ -170,6 +166,15 @@ class _Judge:
             verdict, best, self.baseline, nominal, tuple(singles),
             self.rivals(best, polished), self.terms, self.left(best), events,
         )  # fmt: skip
+
+    def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted]) -> Fitted:
+        """The most economical explanation of one cause or two, at its lowest, and least strained."""
+        best = min(known, key=self.cost)
+        if not self.is_full(best):
+            best = min([best, *self.pairs(polished)], key=self.cost)
+        if self.excess(best) > _ONLY_NOISE:
+            best = from_other_shapes(self.problem, best)
+        return best if self.is_adequate(best) else self.least_strained(best, polished)
 
     def events(self, nominal: Fitted) -> Events | None:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""
