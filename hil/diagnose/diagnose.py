@@ -286,8 +286,8 @@ class _Answer:
         f = self.choice.chosen
         changes = [self._without(f, k) for k in range(len(f.terms))]
         order = sorted(range(len(f.terms)), key=lambda k: -float(changes[k] @ changes[k]))
-        found += [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
-        return tuple(found)
+        laws = [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
+        return (*found, *(law for law in laws if self.events is None or law.name != self.events.name))
 
     def _without(self, f: Fitted, k: int) -> Array:
         """How residuals change when one term is taken away."""
