@@ -44,6 +44,8 @@ SECOND_SHARE = 0.75
 PART_TOLERANCE, ALONE_BY = 0.25, 1.5
 # … or when it leaves so little that another name for it would have to look much the same.
 NEARLY_ALL = 0.12
+# Nearly as good is what leaves so many times as much.
+_NEARLY_AS_GOOD = 1.1
 # A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
 MOVED_SIGMAS = 3.0
 # A value this many standard uncertainties from its null is there.
@@ -405,7 +407,8 @@ class _Judge:
 
     def least_strained(self, best: Fitted, polished: Sequence[Fitted]) -> Fitted:
         """Instead of an explanation strained to its end another one that is nearly as good without."""
-        others = [f for f in polished if self.left(f) <= NEARLY_ALL and not self.is_strained(f)]
+        most = min(NEARLY_ALL, _NEARLY_AS_GOOD * self.left(best))
+        others = [f for f in polished if self.left(f) <= most and not self.is_strained(f)]
         return min(others, key=self.cost) if self.is_strained(best) and others else best
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:

@@ -52,8 +52,8 @@ from hil.record.recording import Array
 
 Progress = Callable[[float, str], None]
 
-# Upper end of the 95 % interval of the last count: 1 of 237 healthy simulated units (docs/explanation/proof.md).
-FALSE_ALARM_RATE = 0.023
+# Upper end of the 95 % interval of the last count: 0 of 300 healthy simulated units (docs/explanation/proof.md).
+FALSE_ALARM_RATE = 0.012
 # Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
 _MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
 _JUDGED = 4
