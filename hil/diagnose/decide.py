@@ -400,7 +400,7 @@ class _Judge:
     def is_strained(self, f: Fitted) -> bool:
         """Whether a shape had to go to the end of what is physical, where that is not simply its absence."""
         return any(
-            k > 0 and value != 0.0 and min(value - u.low, u.high - value) <= 1e-3 * u.scale
+            k > 0 and value != 0.0 and u.at_bound(value)
             for term, own in zip(f.terms, f.values, strict=True)
             for k, (value, u) in enumerate(zip(own, term.unknowns, strict=True))
         )

@@ -80,13 +80,13 @@ class Fitted:
             at += len(other.unknowns)
         raise KeyError(term.label)
 
-    def on_bound(self) -> tuple[tuple[Term, Unknown], ...]:
+    def on_bound(self) -> tuple[str, ...]:
         """Unknowns of the terms that ended on a bound of theirs."""
         return tuple(
-            (term, u)
+            f"{term.name}.{u.name}"
             for term, values in zip(self.terms, self.values, strict=True)
             for u, value in zip(term.unknowns, values, strict=True)
-            if min(value - u.low, u.high - value) <= 1e-3 * u.scale
+            if u.at_bound(value)
         )
 
 
@@ -318,7 +318,7 @@ def _off_bounds(
     jobs = []
     for f, (_, screened) in zip(fits, leading[:_FAVOURITES], strict=False):
         moved = [
-            u.low + 0.3 * (u.high - u.low) if k > 0 and min(v - u.low, u.high - v) <= 1e-3 * u.scale else v
+            u.low + 0.3 * (u.high - u.low) if k > 0 and u.at_bound(v) else v
             for k, (v, u) in enumerate(zip(f.values[-1], screened.term.unknowns, strict=True))
         ]
         if tuple(moved) != f.values[-1]:

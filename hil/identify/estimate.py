@@ -29,6 +29,10 @@ class Unknown:
     high: float
     scale: float
 
+    def at_bound(self, value: float) -> bool:
+        """Whether a value lies on a bound, as near as a fit comes to one."""
+        return min(value - self.low, self.high - value) <= 1e-3 * self.scale
+
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
@@ -64,11 +68,7 @@ class Estimate:
     @property
     def on_bound(self) -> tuple[str, ...]:
         """Names of the unknowns that ended on a bound of theirs."""
-        return tuple(
-            u.name
-            for u, value in zip(self.unknowns, self.values, strict=True)
-            if min(value - u.low, u.high - value) < 1e-3 * u.scale
-        )
+        return tuple(u.name for u, value in zip(self.unknowns, self.values, strict=True) if u.at_bound(value))
 
     def std_holding(self, k: int, held: Collection[int]) -> float:
         """Standard uncertainty of value k if those that are held were known."""
