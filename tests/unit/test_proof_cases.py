@@ -13,8 +13,10 @@ from tests.proof.cases.draw import draw
 from tests.proof.cases.folder import unseen, write_case
 from tests.proof.cases.label import SEVERITIES, Label, parse
 from tests.proof.cases.seal import BrokenSealError, publish, read, verify
+from tests.proof.cases.severity import Stand, strengthened
 from tests.proof.cases.truth import Truth, from_json, to_json
 from tests.proof.plan import Plan, kinds
+from tests.proof.truth.law import Hidden
 from tests.proof.truth.noise import Colour, converted, noise
 
 pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
@@ -45,6 +47,14 @@ def test_another_seed_draws_another_case(leak: Truth) -> None:
 
 def test_a_truth_survives_being_written(leak: Truth) -> None:
     assert from_json(to_json(leak)) == leak
+
+
+def test_a_law_whose_solver_diverges_is_refused(monkeypatch: pytest.MonkeyPatch, leak: Truth) -> None:
+    """It would show at any strength, and next to nothing be concealed."""
+    monkeypatch.setattr(Stand, "sigma", lambda *_: 1e4)
+    on = Stand(leak.healthy(), {}, 0, 1, {})
+    with pytest.raises(RuntimeError, match="diverges"):
+        strengthened(Hidden(leak.hidden[0].law, leak.hidden[0].parameters), on, 5.0)
 
 
 def test_full_severity_shows_with_three_to_ten_deviations(leak: Truth) -> None:
