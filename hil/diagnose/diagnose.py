@@ -100,17 +100,15 @@ def diagnose(
     progress(0.1, "searching for the cause")
     choice = decide(problem)
     if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
-        set_back = replace(pose(model, without_stale(checked.clocks_set)[0]), factor=problem.factor)
-        second = decide(set_back)
-        if second.verdict not in OPEN:
-            problem, choice = set_back, second
+        second = _explained(model, without_stale(checked.clocks_set)[0], problem.factor)
+        if second is not None:
+            problem, choice = second
             warnings += checked.clock_warnings
     events = choice.events
-    if choice.verdict in OPEN and (hum := _tone_beside(problem, choice)) is not None:
-        quiet = replace(pose(model, without_tone(problem, choice.chosen, hum)), factor=problem.factor)
-        second = decide(quiet)
-        if second.verdict not in OPEN:
-            problem, choice = quiet, second
+    if choice.verdict in OPEN and events is None and (hum := _tone_beside(problem, choice)) is not None:
+        second = _explained(model, without_tone(problem, choice.chosen, hum), problem.factor)
+        if second is not None:
+            problem, choice = second
             events = replace(hum, residuals=choice.chosen.residuals)
     progress(0.6, "judging on data kept back")
     if stale:
@@ -125,6 +123,13 @@ def diagnose(
     diagnosis = answer.diagnosis(time.perf_counter() - started)
     progress(1.0, "done")
     return Diagnosed(diagnosis, answer.corrected)
+
+
+def _explained(model: Model, experiments: Sequence[Experiment], factor: float) -> tuple[Problem, Choice] | None:
+    """A second look at experiments from which something was taken out; None if the rest is still open."""
+    problem = replace(pose(model, experiments), factor=factor)
+    choice = decide(problem)
+    return None if choice.verdict in OPEN else (problem, choice)
 
 
 def _tone_beside(problem: Problem, choice: Choice) -> Events | None:
@@ -355,12 +360,8 @@ class _Answer:
             if term.kind != "parameter":
                 continue
             p, u = self.problem.plant.parameter(term.name), term.unknowns[0]
-            at_bound = min(values[0] - u.low, u.high - values[0]) <= 1e-3 * u.scale
-            found.append(
-                ChangedParameter(
-                    p.name, term.nominal, float(values[0]), stds.get((p.name, "")), u.unit, p.meaning, at_bound
-                )
-            )
+            std, at_bound = stds.get((p.name, "")), u.at_bound(values[0])
+            found.append(ChangedParameter(p.name, term.nominal, float(values[0]), std, u.unit, p.meaning, at_bound))
         return tuple(found)
 
     # -- evidence ----------------------------------------------------------------------------------------
@@ -458,7 +459,7 @@ class _Answer:
     def all_warnings(self) -> tuple[str, ...]:
         f = self.choice.chosen
         bounds = f.on_bound() if self.by_law else ()
-        said = [f"{term.name}.{u.name} ended on a bound of its range: a warning, not physics" for term, u in bounds]
+        said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
         if self.verdict == "unexplained" and f.terms:
             described = ", ".join(term.label for term in f.terms)
             left = quantity_text(100 * self.choice.left, None, "%")

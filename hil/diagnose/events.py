@@ -364,7 +364,12 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     if frequency is None:
         return None
     frequency = _sharpened(problem, around.residuals, frequency)
-    residuals, amplitudes, growing = _without_tone(problem, around.residuals, frequency)
+    residuals, waves = _tone_fit(problem, around.residuals, frequency)
+    amplitudes = [float(np.hypot(a[0], a[3]) * n.std) for a, n in zip(waves, problem.noises, strict=True)]
+    growing = [
+        float(np.hypot(a[6], a[7]) * n.std * np.sqrt(np.mean(_level(e) ** 2)))
+        for a, n, e in zip(waves, problem.noises, problem.experiments, strict=True)
+    ]
     if np.mean(growing) > np.mean(amplitudes):
         return None
     unit = problem.plant.output.unit
@@ -402,21 +407,20 @@ def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float
     best = frequency_hz
     for scale in (1.0, 0.1, 0.01):
         grid = best + width * scale * np.linspace(-1.0, 1.0, 21)
-        left = [float(np.sum(_without_tone(problem, residuals, f)[0] ** 2)) for f in grid]
+        left = [float(np.sum(_tone_fit(problem, residuals, f)[0] ** 2)) for f in grid]
         best = float(grid[int(np.argmin(left))])
     return best
 
 
-def _without_tone(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[float], list[float]]:
-    """Residuals without the tone; for each recording its amplitude at no output, and what the rms output adds."""
-    left, amplitudes, growing = residuals.copy(), [], []
-    for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
+def _tone_fit(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[Array]]:
+    """Residuals without the tone, and for each recording how much there is of each wave."""
+    left, found = residuals.copy(), []
+    for e, part in zip(problem.experiments, problem.output_slices(), strict=True):
         columns = _waves(e, frequency_hz)
-        solution = np.linalg.lstsq(columns, left[part], rcond=None)[0]
-        left[part] -= columns @ solution
-        amplitudes.append(float(np.hypot(solution[0], solution[3]) * noise.std))
-        growing.append(float(np.hypot(solution[6], solution[7]) * noise.std * np.sqrt(np.mean(_level(e) ** 2))))
-    return left, amplitudes, growing
+        share: Array = np.asarray(np.linalg.lstsq(columns, left[part], rcond=None)[0], dtype=np.float64)
+        left[part] -= columns @ share
+        found.append(share)
+    return left, found
 
 
 def _waves(e: Experiment, frequency_hz: float) -> Array:
