@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
@@ -38,7 +39,7 @@ OUTPUT_TOLERANCE = 0.05
 # … below this share, and this variance in units of the noise's, nobody looks for a second cause, …
 FULL_TOLERANCE, FULL_EXCESS = 0.003, 1.0
 # … and a second cause must explain most of what the first one leaves.
-SECOND_SHARE = 0.75
+SECOND_SHARE = 0.7
 # An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
 # more than this share, and every other one leaves so many times more, …
 PART_TOLERANCE, ALONE_BY = 0.25, 1.5
@@ -59,9 +60,14 @@ _PRICE = 2.0
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
 _PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
+# Beside an adequate first cause another one that leaves so many times as much is no first cause.
+_FAR_BEHIND = 5.0
 OPEN = ("unexplained", "partly_explained")
+_OPENNESS = {"partly_explained": 1, "unexplained": 2}
 # Events may leave so much: a tone has more harmonics, a held command a start between two samples.
 TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
+# The share of the misfit that events must take before the rest is looked at again without them.
+_WORTH_A_SECOND_LOOK = 0.3
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
 _SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
 # So many causes may be named together; more of them describe, but anything can be described with enough of them.
@@ -86,6 +92,7 @@ class Choice:
         terms: everything that was looked for.
         left: the share of the misfit that the chosen explanation leaves.
         events: what happened at moments that no law foresees, if that explains what the library does not.
+        part: such events that take a good part of the misfit and leave the rest open.
     """
 
     verdict: Verdict
@@ -97,11 +104,17 @@ class Choice:
     terms: tuple[Term, ...]
     left: float
     events: Events | None = None
+    part: Events | None = None
 
 
-def decide(problem: Problem) -> Choice:
-    """Search for the most economical explanation that the data support."""
-    return _Judge(problem).choose()
+def decide(problem: Problem, *, laws_only: bool = False) -> Choice:
+    """Search for the most economical explanation that the data support.
+
+    Args:
+        problem: the question.
+        laws_only: look for no events.
+    """
+    return _Judge(problem, laws_only).choose()
 
 
 def excess(problem: Problem, chi2: float) -> float:
@@ -114,13 +127,20 @@ def share_left(problem: Problem, chi2: float, beyond: float) -> float:
     return excess(problem, chi2) / max(beyond, SMALL_EXCESS)
 
 
-def recognised(problem: Problem, beside: Fitted, beyond: float) -> Events | None:
-    """Events that explain, beside a model, a misfit given as variance beyond the noise."""
-    for events in (tone, held_outputs, held_commands):
-        found = events(problem, beside)
-        if found is not None and share_left(problem, found.chi2, beyond) <= TOLERANCE_OF_EVENTS[found.name]:
-            return found
-    return None
+def recognised(problem: Problem, models: Sequence[Fitted], beyond: float) -> tuple[Events | None, Events | None]:
+    """Events that explain, beside one of these models, a misfit given as variance beyond the noise; or a part of it."""
+    part: Events | None = None
+    for beside in models:
+        for events in (tone, held_outputs, held_commands):
+            found = events(problem, beside)
+            if found is None:
+                continue
+            left = share_left(problem, found.chi2, beyond)
+            if left <= TOLERANCE_OF_EVENTS[found.name]:
+                return found, None
+            if left <= 1.0 - _WORTH_A_SECOND_LOOK and (part is None or found.chi2 < part.chi2):
+                part = found
+    return None, part
 
 
 def healthy(choice: Choice) -> Choice:
@@ -128,11 +148,16 @@ def healthy(choice: Choice) -> Choice:
     return replace(choice, verdict="consistent", chosen=choice.baseline, rivals=(), left=1.0, events=None)
 
 
+def _only(f: Fitted, keep: Sequence[int]) -> Fitted:
+    """Some of the terms of an explanation."""
+    return replace(f, terms=tuple(f.terms[k] for k in keep), values=tuple(f.values[k] for k in keep))
+
+
 class _Judge:
     """One decision; holds what several questions share."""
 
-    def __init__(self, problem: Problem) -> None:
-        self.problem = problem
+    def __init__(self, problem: Problem, laws_only: bool) -> None:
+        self.problem, self.laws_only = problem, laws_only
         self.size = problem.size
         self.baseline = roughly(problem, nothing(problem))
         self.terms = all_terms(problem, self.baseline.residuals)
@@ -157,31 +182,53 @@ class _Judge:
             return self.nothing_found(nominal, singles)
         verdict = self.verdict(best, polished)
         open_question = verdict in OPEN and not self.is_adequate(best)
-        events = self.events(nominal) if open_question else None
+        events, part = self.events(nominal) if open_question and not self.laws_only else (None, None)
         if events is not None and verdict == "partly_explained" and best.chi2 < events.chi2:
             events = None  # a law that leaves less says more
-        if open_question and events is None and self.is_short():
-            deeper = self.deeper(best, place)
-            if verdict == "unexplained" or self.verdict(deeper, polished) == "explained":
-                best, verdict = deeper, self.verdict(deeper, polished)
+        if not self.is_full(best) and events is None:
+            best = self.most_telling([best, *self.followed()], polished)
+            verdict = self.verdict(best, polished)
+        if verdict in OPEN and not self.is_adequate(best) and events is None and self.is_short():
+            best = self.most_telling([best, self.deeper(best, place)], polished)
+            verdict = self.verdict(best, polished)
         return Choice(
             verdict, best, self.baseline, nominal, tuple(singles),
-            self.rivals(best, polished), self.terms, self.left(best), events,
+            self.rivals(best, polished), self.terms, self.left(best), events, part,
         )  # fmt: skip
 
     def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted]) -> Fitted:
         """The most economical explanation of one cause or two, at its lowest, and least strained."""
         best = min(known, key=self.cost)
         if not self.is_full(best):
-            best = min([best, *self.pairs(polished)], key=self.cost)
+            best = min([best, *self.pairs(self.seeds(best, polished))], key=self.cost)
+        if not self.is_full(best) and len(best.terms) == _NAMEABLE:  # the first was found when the second was not known
+            best = min([best, *self.pairs([self._alone(best, 1)])], key=self.cost)
         if self.excess(best) > _ONLY_NOISE:
             best = from_other_shapes(self.problem, best)
         return best if self.is_adequate(best) else self.least_strained(best, polished)
 
-    def events(self, nominal: Fitted) -> Events | None:
+    def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""
-        beyond = self.excess(self.baseline)
-        return recognised(self.problem, nominal, beyond) or recognised(self.problem, self.baseline, beyond)
+        return recognised(self.problem, (nominal, self.baseline), self.excess(self.baseline))
+
+    def most_telling(self, found: Sequence[Fitted], polished: Sequence[Fitted]) -> Fitted:
+        """Of explanations what can be named rather than what cannot, and then the most economical."""
+        return min(found, key=lambda f: (_OPENNESS.get(self.verdict(f, polished), 0), self.cost(f)))
+
+    def followed(self) -> list[Fitted]:
+        """What a search finds whose simulations are led back to the recordings; nothing where no observer leads them.
+
+        A plant that integrates adds up what is missing: a second cause shows in its output only when the first one is
+        right. Led back, both show where they are.
+        """
+        if self.problem.following or self.problem.plant.observer is None:
+            return []
+        f = decide(replace(self.problem, following=True), laws_only=True).chosen
+        kept = [
+            range(len(f.terms)),
+            *(combinations(range(len(f.terms)), _NAMEABLE) if len(f.terms) > _NAMEABLE else ()),
+        ]
+        return [polish(self.problem, _only(f, keep)) for keep in kept if f.terms]
 
     def nothing_found(self, nominal: Fitted, singles: Sequence[Fitted]) -> Choice:
         """No term is worth its price."""
@@ -277,10 +324,17 @@ class _Judge:
         std = f.estimate.std_holding(k, range(k + 1, k + len(term.unknowns)))  # how large it is, not which shape
         return not abs(f.estimate.values[k] - term.null) < PRESENT_SIGMAS * std
 
+    def seeds(self, best: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
+        """First causes worth a second one: where one of them is adequate, those that are not far behind it."""
+        far = _FAR_BEHIND * self.excess(best) if self.is_adequate(best) else np.inf
+        return [f for f in polished if self.excess(f) <= far]
+
     def pairs(self, seeds: Sequence[Fitted]) -> list[Fitted]:
         """A second cause beside each of the best first ones, where it explains most of what they leave."""
-        found = []
+        found: list[Fitted] = []
         for seed in seeds[:_PAIR_SEEDS]:
+            if any(self.is_full(both) for both in found):
+                break
             place = around(self.problem, seed)
             screened = screen(place, self.others(seed))
             if self._gain(seed, screened[0].chi2) < _HOPE:
@@ -292,6 +346,12 @@ class _Judge:
                 best = polish(self.problem, best)
                 found += [best] if self._is_pair(best, seed) else []
         return found
+
+    def _alone(self, f: Fitted, k: int) -> Fitted:
+        """One term of an explanation, as it is there."""
+        one = _only(f, [k])
+        r = self.problem.residuals(f.parameters, [*self.problem.model.active_effects, *one.effects])
+        return replace(one, chi2=float(r @ r), residuals=r, estimate=None)
 
     def _most_economical(self, fits: Sequence[Fitted]) -> Fitted:
         """Of those as good as the best, the one with the fewest unknowns."""

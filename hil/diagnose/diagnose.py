@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,11 +13,13 @@ from hil.diagnose.coverage import limits
 from hil.diagnose.decide import (
     LAW_TOLERANCE,
     OPEN,
+    SMALL_EXCESS,
     TOLERANCE_OF_EVENTS,
     Choice,
     decide,
     excess,
     healthy,
+    recognised,
     share_left,
 )
 from hil.diagnose.diagnosis import (
@@ -32,7 +34,7 @@ from hil.diagnose.diagnosis import (
     Strip,
     Verdict,
 )
-from hil.diagnose.events import Events, coarse, coarse_step, stale_outputs, tone, without_stale, without_tone
+from hil.diagnose.events import Events, coarse, coarse_step, stale_outputs, without_stale
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
 from hil.diagnose.locate import StageShare, Where, locate, stages
 from hil.diagnose.next_test import Span, next_test
@@ -62,8 +64,6 @@ _DESCRIBES = 0.3
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
 _MOST_STEPS_LISTED = 12
-# The share of what an explanation leaves that a tone must take before the rest is looked at again without it.
-_WORTH_A_SECOND_LOOK = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,14 +105,16 @@ def diagnose(
             problem, choice = second
             warnings += checked.clock_warnings
     events = choice.events
-    if choice.verdict in OPEN and events is None and (hum := _tone_beside(problem, choice)) is not None:
-        second = _explained(model, without_tone(problem, choice.chosen, hum), problem.factor)
-        if second is not None:
-            problem, choice = second
-            events = replace(hum, residuals=choice.chosen.residuals)
+    for found in _happened(problem, choice):
+        behind = _behind(problem, found)
+        if behind is not None and (events is None or behind[1].chosen.terms):
+            problem, choice, events = behind
+            break
     progress(0.6, "judging on data kept back")
     if stale:
-        events = stale_outputs(stale, problem, choice.chosen.residuals if events is None else events.residuals)
+        events = stale_outputs(
+            stale, problem, choice.chosen.residuals if events is None else events.residuals, problem.experiments
+        )
     elif events is None and (step := coarse_step(problem, kept)) is not None:
         only = excess(problem, choice.baseline.chi2) < _COARSE_EXCESS
         choice = healthy(choice) if only else choice
@@ -126,19 +128,27 @@ def diagnose(
 
 
 def _explained(model: Model, experiments: Sequence[Experiment], factor: float) -> tuple[Problem, Choice] | None:
-    """A second look at experiments from which something was taken out; None if the rest is still open."""
+    """A second look at the experiments on another clock; None if they are still open."""
     problem = replace(pose(model, experiments), factor=factor)
     choice = decide(problem)
     return None if choice.verdict in OPEN else (problem, choice)
 
 
-def _tone_beside(problem: Problem, choice: Choice) -> Events | None:
-    """A tone beside what the library has to say, if it is a good part of what that leaves."""
-    found = tone(problem, choice.chosen)
-    if found is None:
-        return None
-    takes = 1.0 - share_left(problem, found.chi2, excess(problem, choice.chosen.chi2))
-    return found if takes >= _WORTH_A_SECOND_LOOK else None
+def _behind(problem: Problem, found: Events) -> tuple[Problem, Choice, Events] | None:
+    """What explains the experiments without events, and these; None if that stays open."""
+    rest = replace(pose(problem.model, found.rest), factor=problem.factor)
+    choice = decide(rest, laws_only=True)
+    return None if choice.verdict in OPEN else (rest, choice, replace(found, residuals=choice.chosen.residuals))
+
+
+def _happened(problem: Problem, choice: Choice) -> Iterator[Events]:
+    """Events beside which there is something more: they leave more than noise, or are a good part of what is open."""
+    if choice.events is not None:
+        if excess(problem, choice.events.chi2) > SMALL_EXCESS:
+            yield choice.events
+    elif choice.verdict in OPEN:
+        beside = recognised(problem, (choice.chosen,), excess(problem, choice.chosen.chi2))
+        yield from (found for found in (*beside, choice.part) if found is not None)
 
 
 def _known_hum(model: Model) -> tuple[str, ...]:

@@ -58,6 +58,7 @@ class Events:
         name: of the effect. `stage`, `hook`: where in the chain.
         spells: when. `values`: what is known of them: name → (value, std, unit).
         residuals: whitened, with the events taken into account, shape (n,).
+        rest: the experiments without the events, to look at again.
         sentence: for the operator. `equation`: for the engineer.
     """
 
@@ -67,6 +68,7 @@ class Events:
     spells: tuple[Spell, ...]
     values: dict[str, tuple[float, float | None, str]]
     residuals: Array
+    rest: tuple[Experiment, ...]
     sentence: str
     equation: str
 
@@ -91,8 +93,13 @@ def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, 
         for start, stop in repeated:
             stale[start + 1 : stop] = True
             spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
-        kept.append(replace(e, ignored=stale if e.ignored is None else e.ignored | stale))
+        kept.append(without(e, stale))
     return tuple(kept), tuple(spells)
+
+
+def without(e: Experiment, samples: Mask) -> Experiment:
+    """An experiment with more samples ignored."""
+    return replace(e, ignored=samples if e.ignored is None else e.ignored | samples)
 
 
 def _stale_runs(values: Array) -> list[tuple[int, int]]:
@@ -134,7 +141,7 @@ def coarse(problem: Problem, step: float, residuals: Array) -> Events:
     std = float(problem.model.origin["resolution"]) / float(np.sqrt(6.0))
     last, unit = problem.plant.hooks[-1], problem.plant.output.unit
     return Events(
-        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals,
+        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
         f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified.",
         "y = q·round(u/q)",
     )  # fmt: skip
@@ -153,7 +160,7 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
     if count < _LEAST_STALE or not _is_sparse(problem, around.residuals, bursts):
         return None
     holds = _best_holds(problem, around, bursts)
-    residuals = _with_holds(problem, around, holds)
+    rest = _held(problem, holds)
     spells = tuple(
         Spell(e.name, float(e.time_s[0] + start * e.drive.interval_s), float(e.time_s[0] + stop * e.drive.interval_s))
         for e, own in zip(problem.experiments, holds, strict=True)
@@ -165,7 +172,7 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
     values = _how_often(spells)
     first = problem.plant.hooks[0]
     return Events(
-        "dropout", first.stage, first.name, spells, values, residuals,
+        "dropout", first.stage, first.name, spells, values, _answering(problem, around, rest), rest,
         f"The command did not always arrive: {len(spells)} times the valve stood on the last one, "
         f"{values['lasting'][0]:.2g} s on average.",
         "u(t) = u(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
@@ -177,15 +184,18 @@ def held_outputs(problem: Problem, around: Fitted) -> Events | None:
 
     Where noise is hardly above the resolution `without_stale` needs longer runs than a short loss makes.
     """
-    residuals, spells = around.residuals.copy(), []
+    residuals, rest, spells = around.residuals.copy(), [], []
     for k, (e, part) in enumerate(zip(problem.experiments, problem.output_slices(), strict=True)):
         memory = len(problem.noises[k].colour)
+        stale = np.zeros(len(e.output), dtype=np.bool_)
         for start, stop in _repeats_in_bursts(e.output, _bursts(problem, around.residuals, k)):
             residuals[part][start + 1 : stop + memory] = 1.0  # as noise would be; nothing was measured there
+            stale[start + 1 : stop + memory] = True
             spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
+        rest.append(without(e, stale))
     if len(spells) < _LEAST_STALE:
         return None
-    return stale_outputs(spells, problem, residuals)
+    return stale_outputs(spells, problem, residuals, tuple(rest))
 
 
 def _repeats_in_bursts(values: Array, bursts: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
@@ -208,12 +218,12 @@ def _same_again(steps: Array, floor: float) -> float:
     return float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor) if moving.size and floor > 0.0 else 1.0
 
 
-def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array) -> Events:
-    """The finding for samples that `without_stale` left out."""
+def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array, rest: tuple[Experiment, ...]) -> Events:
+    """The finding for samples that were not measured anew and are left out of the rest."""
     values = _how_often(spells)
     last = problem.plant.hooks[-1]
     return Events(
-        "dropout", last.stage, last.name, tuple(spells), values, residuals,
+        "dropout", last.stage, last.name, tuple(spells), values, residuals, rest,
         f"Samples were not measured anew: {len(spells)} times the recording repeats its last value, "
         f"{values['lasting'][0]:.2g} s on average.",
         "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
@@ -271,7 +281,7 @@ def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds:
     ]
 
     def costs(holds: Holds) -> list[list[float]]:
-        return _costs(problem, _with_holds(problem, around, holds), windows)
+        return _costs(problem, _answering(problem, around, _held(problem, holds)), windows)
 
     best = costs(chosen)
 
@@ -339,13 +349,19 @@ def _costs(problem: Problem, residuals: Array, windows: Sequence[Sequence[tuple[
     return [[float(r[a:z] @ r[a:z]) for a, z in own] for r, own in zip(parts, windows, strict=True)]
 
 
-def _with_holds(problem: Problem, around: Fitted, holds: Holds) -> Array:
+def _held(problem: Problem, holds: Holds) -> tuple[Experiment, ...]:
+    """The experiments with what arrived of their commands."""
     experiments = []
     for e, own in zip(problem.experiments, holds, strict=True):
         inputs = e.drive.inputs.copy()
         for start, stop in own:
             inputs[0, start:stop] = inputs[0, start - 1]
         experiments.append(replace(e, drive=replace(e.drive, inputs=inputs)))
+    return tuple(experiments)
+
+
+def _answering(problem: Problem, around: Fitted, experiments: Sequence[Experiment]) -> Array:
+    """Residuals of an explanation on other commands."""
     effects = [*problem.model.active_effects, *around.effects]
     return problem.residuals(around.parameters, effects, experiments=experiments)
 
@@ -382,16 +398,16 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     return Events(
         "periodic_disturbance", last.stage, last.name, (),
         {"frequency": (frequency, std_hz, "Hz"), "amplitude": (size, spread, unit)},
-        residuals,
+        residuals, without_tone(problem, around, frequency),
         f"A disturbance of {frequency:.4g} Hz with amplitude {size:.3g} {unit} runs through everything, whatever the "
         "command does.",
         "y = y₀ + a·sin(2πft + φ), φ by chance in each recording",
     )  # fmt: skip
 
 
-def without_tone(problem: Problem, beside: Fitted, found: Events) -> tuple[Experiment, ...]:
+def without_tone(problem: Problem, beside: Fitted, frequency_hz: float) -> tuple[Experiment, ...]:
     """The experiments with a tone taken out of their output, as it shows beside a model."""
-    frequency_hz, effects = found.values["frequency"][0], [*problem.model.active_effects, *beside.effects]
+    effects = [*problem.model.active_effects, *beside.effects]
     kept = []
     for e in problem.experiments:
         simulated = e.respond(problem.plant, beside.parameters, effects, factor=problem.factor)[0]

@@ -36,6 +36,7 @@ class Problem:
         experiments: the recordings, bound to its plant.
         noises: of the output, per experiment; `observed_noise`: of each recorded inner signal.
         factor: how much finer than the plant's own the sub-steps are.
+        following: whether the plant's observer leads every simulation back to its recording.
     """
 
     model: Model
@@ -43,6 +44,7 @@ class Problem:
     noises: tuple[Noise, ...]
     observed_noise: tuple[Mapping[str, float], ...]
     factor: float = 1.0
+    following: bool = False
 
     @property
     def plant(self) -> Plant:
@@ -86,6 +88,8 @@ class Problem:
     @cached_property
     def start_slopes(self) -> tuple[Array | None, ...]:
         """Of each whitened output in what its first reading got wrong (see `hil.identify.first_reading`)."""
+        if self.following:  # the start is forgotten
+            return (None,) * len(self.experiments)
         model, found = self.model, []
         for e, noise in zip(self.experiments, self.noises, strict=True):
             slope = start_slope(e, self.plant, model.values, model.active_effects, noise.std, self.factor)
@@ -116,7 +120,10 @@ class Problem:
         driven = self.experiments if experiments is None else experiments
         for i, (e, noise, inner) in enumerate(zip(driven, self.noises, self.observed_noise, strict=True)):
             added = (inject[0], inject[1][i]) if inject else None
-            rows = e.respond(self.plant, parameters, effects, factor=factor or self.factor, inject=added)
+            rows = e.respond(
+                self.plant, parameters, effects,
+                factor=factor or self.factor, inject=added, following=self.following,
+            )  # fmt: skip
             error = with_free_start(whiten(rows[0] - e.output, noise, _interval_s(e)), starts[i])
             parts.append(error if e.ignored is None else np.where(e.ignored, 0.0, error))
             for k, signal in enumerate(self.plant.observed, start=1):

@@ -134,7 +134,10 @@ def signals_seen(problem: Problem, left: Array) -> Mapping[str, Seen]:
     traces = []
     for e in problem.experiments:
         trace = np.zeros((len(hooks), e.drive.inputs.shape[1]))
-        simulate(problem.plant, problem.model.values, e.drive, problem.model.active_effects, trace=trace)
+        measured = e.to_follow if problem.following else None
+        simulate(
+            problem.plant, problem.model.values, e.drive, problem.model.active_effects, trace=trace, measured=measured
+        )
         traces.append((trace, e.drive.interval_s))
     tones = _tones(problem, left)
     duration_s = max(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)

@@ -10,7 +10,8 @@ from hil.diagnose.diagnosis import ChangedParameter, Finding, Left, Quantity, Ve
 from hil.diagnose.terms import Term
 from hil.physics.effect import Effect
 
-_PLACE = re.compile(r"\{(\w+)(:%)?\}")
+_PLACE = re.compile(r"\{(\w+)(:%|:\?)?\}")
+_NOT_REACHED = "none that was reached"
 
 
 def quantity_text(value: float, std: float | None, unit: str) -> str:
@@ -37,7 +38,9 @@ def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> 
         q = quantities.get(match.group(1))
         if q is None:
             return match.group(0)
-        if match.group(2):  # a share, told in percent
+        if match.group(2) == ":?" and (q.std is None or not math.isfinite(q.std)):
+            return _NOT_REACHED
+        if match.group(2) == ":%":  # a share, told in percent
             return quantity_text(100.0 * q.value, None if q.std is None else 100.0 * q.std, "%")
         return quantity_text(q.value, q.std, q.unit)
 

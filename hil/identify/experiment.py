@@ -57,16 +57,24 @@ class Experiment:
         *,
         factor: float = 1.0,
         inject: tuple[str, Array] | None = None,
+        following: bool = False,
     ) -> Array:
         """Simulated output and observed signals when the recording's own were read, shape (1 + observed, n).
 
-        `factor` and `inject` as in `hil.physics.simulate.simulate`.
+        `factor` and `inject` as in `hil.physics.simulate.simulate`; `following`: led back to the recorded output.
         """
-        rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject)
+        measured = self.to_follow if following else None
+        rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
         if self.grid_s is None or self.read_s is None:
             return self.at_stamps(rows)
         grid_s = self.grid_s
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
+
+    @property
+    def to_follow(self) -> Array:
+        """The recorded output on the grid, NaN where it says nothing."""
+        told = self.output if self.ignored is None else np.where(self.ignored, np.nan, self.output)
+        return told if self.grid_s is None else np.interp(self.grid_s, self.time_s, told)
 
     def at_stamps(self, rows: Array) -> Array:
         """Rows on the grid, read at the recording's stamps."""

@@ -219,7 +219,7 @@ class _Page(ast.NodeTransformer):
         yield "@njit(cache=True, nogil=True, error_model='numpy')"
         yield (
             "def kernel(inputs, step_s, sub_steps, read_at, start, settle_first, steady, coefficients, states,"
-            " on, effect_coefficients, memory, offsets, inject, disturbance, tracing, trace, out):"
+            " on, effect_coefficients, memory, offsets, inject, disturbance, tracing, trace, follow, measured, out):"
         )
         yield from ("    " + line for line in self._prologue(outputs))
         yield "    for _i in range(-1 if settle_first else 0, inputs.shape[1]):"
@@ -227,6 +227,9 @@ class _Page(ast.NodeTransformer):
         yield "        if _i == 0:"
         yield from ("            " + line for line in self._load_coefficients("coefficients"))
         yield "        _sample = max(_i, 0)"
+        yield "        if following and _i > 0 and measured[_i - 1] == measured[_i - 1]:"
+        yield "            _missed = measured[_i - 1] - out[0, _i - 1]"
+        yield from (f"            x_{name} += follow[{k}] * _missed" for k, name in enumerate(self._scalars()))
         yield "        if not settling and read_at == 0:"
         yield from (f"            out[{k}, _i] = y{k}" for k in range(outputs))
         for k, name in enumerate(self._input_names()):
@@ -245,6 +248,9 @@ class _Page(ast.NodeTransformer):
         home = vars(sys.modules[self.plant.equations.__module__])
         called = {node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name)}
         return sorted(name for name in called if hasattr(home.get(name), "py_func"))
+
+    def _scalars(self) -> list[str]:
+        return [name for name, width in self.plant.states.items() if width == 1]
 
     def _input_names(self) -> tuple[str, ...]:
         return _argument_names(self.plant.equations)[:-3]
@@ -268,6 +274,7 @@ class _Page(ast.NodeTransformer):
         for hook in self.plant.hooks:
             here = [f"on{k}" for k, site in enumerate(self.sites) if site.hook.name == hook.name]
             yield f"any_{hook.name} = {' or '.join(here) or 'False'}"
+        yield "following = follow.size > 0"
         yield from self._load_coefficients("steady")
 
     def _load_coefficients(self, array: str) -> Iterator[str]:

@@ -119,7 +119,8 @@ class Effect:
             slope to follow. Parameters that are left out start at their typical value.
         coefficients: (parameters, step_s) → what `transform` takes, when that is not the parameters.
         equation: for the engineer; `signature`: what it looks like in data; `source`: literature.
-        sentence: for the operator, with {parameter} places; {parameter:%} tells a share in percent.
+        sentence: for the operator, with {parameter} places; {parameter:%} tells a share in percent, {parameter:?}
+            nothing but what recordings have reached.
         rugged: whether the misfit has many valleys over the parameters, so that a fit ends in any of them.
     """
 

@@ -119,6 +119,9 @@ class Plant:
         observed: inner signals that a bench may record (spool position, supply pressure).
         structures: shapes to choose from by evidence, each after the one that it grows from; empty when the
             plant has one shape. `switches`: parameters that are 0 or 1, tried both ways beside them.
+        observer: (parameters, interval_s) → by how much each of these states moves, from sample to sample, for one unit
+            of output by which the simulation fell short. For plants that integrate: what is wrong at one moment
+            then shows at that moment, and does not add up. None where states forget by themselves.
     """
 
     name: str
@@ -139,6 +142,7 @@ class Plant:
     source: str = ""
     structures: tuple[Structure, ...] = ()
     switches: tuple[str, ...] = ()
+    observer: Callable[[Mapping[str, float], float], Mapping[str, float]] | None = None
 
     @property
     def typical(self) -> dict[str, float]:

@@ -16,6 +16,7 @@ from hil.record.recording import Array
 
 _NOTHING = np.zeros(1)
 _NO_TRACE = np.zeros((1, 1))
+_NO_OBSERVER = np.zeros(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,6 +80,7 @@ def simulate(
     factor: float = 1.0,
     inject: tuple[str, Array] | None = None,
     trace: Array | None = None,
+    measured: Array | None = None,
 ) -> Array:
     """The plant's output and observed signals, shape (1 + observed, n), from its steady state.
 
@@ -90,6 +92,7 @@ def simulate(
         factor: finer sub-steps than the plant asks for, to measure the solver's own error, or coarser ones.
         inject: (hook, values) adds a free disturbance of shape (n,) to what passes a hook.
         trace: shape (hooks, n), filled with what arrives at each hook.
+        measured: shape (n,); the plant's observer leads the simulation back to it, but where it is NaN.
 
     Raises:
         InputError: no such hook or effect in this plant, or an array of another shape than it needs.
@@ -101,6 +104,8 @@ def simulate(
         _check_rows("trace", trace, plant, hook_names, count)
     if inject:
         _check_injected(inject, plant, hook_names, count)
+    if measured is not None and measured.shape != (count,):
+        raise InputError(f"{plant.name}: a measured output of shape {measured.shape}, must be ({count},)")
     compiled = kernel(plant.name)
     arrays = _arrays(compiled, parameters, drive, effects, sub_steps(plant, drive.interval_s, factor))
     out = np.empty((1 + len(plant.observed), count))
@@ -109,7 +114,9 @@ def simulate(
         arrays.steady, arrays.coefficients, arrays.states, arrays.on, arrays.effect_coefficients,
         arrays.memory, arrays.offsets,
         hook_names.index(inject[0]) if inject else -1, inject[1] if inject else _NOTHING,
-        trace is not None, _NO_TRACE if trace is None else trace, out,
+        trace is not None, _NO_TRACE if trace is None else trace,
+        _NO_OBSERVER if measured is None else _observer(plant, parameters, drive.interval_s),
+        _NOTHING if measured is None else measured, out,
     )  # fmt: skip
     return out
 
@@ -143,7 +150,7 @@ class Twin:
         compiled.run(
             inputs, a.step_s, a.sub_steps, round(self.read_at * a.sub_steps), self._done, settle,
             a.steady, a.coefficients, a.states, a.on, a.effect_coefficients, a.memory, a.offsets,
-            -1, _NOTHING, False, _NO_TRACE, out,
+            -1, _NOTHING, False, _NO_TRACE, _NO_OBSERVER, _NOTHING, out,
         )  # fmt: skip
         self._done += inputs.shape[1] * a.sub_steps
         return out
@@ -207,6 +214,14 @@ def _arrays(
         np.zeros(int(offsets[-1]) + 1),
         offsets,
     )
+
+
+def _observer(plant: Plant, parameters: Mapping[str, float], interval_s: float) -> Array:
+    """The observer's gains, one for each scalar state."""
+    if plant.observer is None:
+        raise InputError(f"{plant.name} has no observer to follow a measured output with")
+    gains = plant.observer(parameters, interval_s)
+    return np.array([gains.get(name, 0.0) for name, width in plant.states.items() if width == 1])
 
 
 def _flat(coefficients: Mapping[str, float | Array]) -> Array:

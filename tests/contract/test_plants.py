@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from hil.catalog import entries
+from hil.errors import InputError
 from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
 from hil.physics.simulate import Drive, Twin, simulate, sub_steps
@@ -154,3 +155,24 @@ def test_the_sampling_interval_hardly_changes_it(definition: Plant) -> None:
     slow = simulate(definition, definition.typical, Drive(slow_inputs, math.nan, 10 * interval_s(definition)))[0]
     fast = simulate(definition, definition.typical, Drive(fast_inputs, math.nan, interval_s(definition)))[0, ::10]
     assert np.abs(slow - fast).max() < near * np.ptp(fast)
+
+
+@pytest.mark.parametrize("definition", [p for p in PLANTS if p.observer], ids=lambda definition: definition.name)
+def test_its_observer_leads_a_simulation_back_where_something_was_measured(definition: Plant) -> None:
+    inputs, interval = step(definition, 20_000), interval_s(definition)
+    away = 0.1 * definition.output.full_scale
+    there, elsewhere = (Drive(inputs, first, interval) for first in (0.0, away))
+    measured = simulate(definition, definition.typical, there)[0]
+    led = simulate(definition, definition.typical, elsewhere, measured=measured)[0]
+    assert led[0] - measured[0] > 0.9 * away
+    assert abs(led[-1] - measured[-1]) < 1e-3 * away
+    blind = simulate(definition, definition.typical, elsewhere, measured=np.full(len(measured), np.nan))
+    assert np.array_equal(blind, simulate(definition, definition.typical, elsewhere))
+
+
+@for_every_plant
+def test_a_measured_output_that_cannot_be_followed_is_refused(definition: Plant) -> None:
+    drive = Drive(step(definition), 0.0, interval_s(definition))
+    wanted = "measured output" if definition.observer else "observer"
+    with pytest.raises(InputError, match=wanted):
+        simulate(definition, definition.typical, drive, measured=np.zeros(1499 if definition.observer else 1500))

@@ -119,6 +119,13 @@ def test_samples_that_repeat_are_dropouts_of_the_recording() -> None:
     assert of.diagnosis.verdict == "explained"
 
 
+def test_a_law_beside_commands_that_do_not_arrive_is_found_too() -> None:
+    uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.93, "gain": 1.0})
+    of = found(uneven, seed=7, arriving=held(commands(np.random.default_rng(7)), np.random.default_rng(0)))
+    assert sorted(names(of)) == ["asymmetry", "dropout"]
+    assert of.diagnosis.verdict == "explained"
+
+
 def test_a_tone_with_a_phase_of_its_own_in_each_recording() -> None:
     made = records(seed=9)
     for k, each in enumerate(made):

@@ -28,3 +28,10 @@ def test_a_share_is_told_in_percent() -> None:
     term = Term("effect", "supply_droop", "supply", "supply", (), ())
     said = sentence(droop, term, {"droop": Quantity(0.2792, 0.00097, "1", "share of supply pressure lost")})
     assert said == "The supply gives way: at full flow its pressure falls by 27.92 ± 0.19 %."
+
+
+def test_a_stop_that_was_not_reached_is_not_told() -> None:
+    term = Term("effect", "end_stop", "load", "carriage", (), ())
+    lower, upper = Quantity(-0.0994, 0.00002, "m", "lower stop"), Quantity(0.314, float("inf"), "m", "upper stop")
+    said = sentence(effect("end_stop"), term, {"lower": lower, "upper": upper})
+    assert said == "It runs against a stop: below at -0.099400 ± 0.000039 m, above at none that was reached."

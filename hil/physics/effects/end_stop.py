@@ -35,5 +35,5 @@ EFFECT = Effect(
     equation="x_lower ≤ x ≤ x_upper",
     signature="the position stays flat at one value whatever the command does",
     source="Jelali, Kroll: Hydraulic Servo-systems, 2003, ch. 4",
-    sentence="It runs against a stop at {upper}.",
+    sentence="It runs against a stop: below at {lower:?}, above at {upper:?}.",
 )

@@ -9,6 +9,8 @@ from typing import Any
 from hil.physics.linear import delay_steps, delayed
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 
+_OBSERVER_RAD_S = 2.0
+
 
 def equations(force: Any, x: Any, c: Any, hook: Any) -> Any:
     """One sub-step of m·ẍ + b·ẋ = F, exact for a held force."""
@@ -18,9 +20,13 @@ def equations(force: Any, x: Any, c: Any, hook: Any) -> Any:
     free_speed = c.keep * x.speed + c.mobility * force
     opposing = hook.force(free_speed, c.mobility)
     net = force - opposing
+    before = x.place
     x.place += c.travel * x.speed + c.compliance * net
     x.speed = free_speed - c.mobility * opposing
-    x.place = hook.load(x.place)
+    reached = hook.load(x.place)
+    if reached == before and reached != x.place:  # a stop takes the momentum
+        x.speed = 0.0
+    x.place = reached
     reading = hook.sensor(x.place)
     return reading, x.speed
 
@@ -45,6 +51,11 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
 def initial(_p: Mapping[str, float], _inputs: tuple[float, ...], output: float) -> dict[str, float]:
     """The carriage stands where the first reading says."""
     return {"place": 0.0 if math.isnan(output) else output}
+
+
+def observer(_p: Mapping[str, float], interval_s: float) -> dict[str, float]:
+    """Luenberger's, two equal poles: slow enough to leave sensor and noise alone."""
+    return {"place": 2.0 * _OBSERVER_RAD_S * interval_s, "speed": _OBSERVER_RAD_S**2 * interval_s}
 
 
 PLANT = Plant(
@@ -73,5 +84,6 @@ PLANT = Plant(
     coefficients=coefficients,
     sub_step_s=0.001,
     initial=initial,
+    observer=observer,
     source="Janot, Gautier, Brunot: Data Set and Reference Models of EMPS, nonlinearbenchmark.org 2019",
 )

@@ -1,0 +1,54 @@
+"""On a plant that integrates, what is missing adds up; it is found all the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.diagnose.decide import Choice, decide
+from hil.diagnose.problem import pose
+from hil.identify.experiment import Experiment, experiment
+from hil.physics.compose import plant
+from hil.physics.model import Model, Noise, typical_model
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import recording
+
+RATE_HZ, NOISE_M = 250.0, 2e-5
+AXIS = plant("linear-axis")
+
+
+def moved(kind: int, *effects: ActiveEffect) -> Experiment:
+    """A carriage of 100 kg pushed to and fro for 16 s."""
+    rng = np.random.default_rng(kind)
+    time_s = np.arange(0.0, 16.0, 1.0 / RATE_HZ)
+    slow, fast = ((0.3, 1.7), (0.5, 2.9), (0.2, 4.1))[kind]
+    force = 250.0 * np.sin(2.0 * np.pi * slow * time_s) + 120.0 * np.sin(2.0 * np.pi * fast * time_s)
+    position = simulate(AXIS, AXIS.typical, Drive(force[None, :], 0.0, 1.0 / RATE_HZ), effects, factor=4.0)[0]
+    measured = position + NOISE_M * rng.standard_normal(len(time_s))
+    return experiment(recording(f"run-{kind}", time_s, {"force [N]": force, "position [m]": measured}), AXIS)
+
+
+def answer(*effects: ActiveEffect) -> Choice:
+    return decide(pose(MODEL, [moved(kind, *effects) for kind in range(3)]))
+
+
+MODEL: Model = replace(typical_model("linear-axis"), noise=Noise(NOISE_M))
+FRICTION = ActiveEffect("friction", "force", {"coulomb": 9.0, "stiction": 1.3, "stribeck": 0.02, "presliding": 1e-4})
+LIMITED = ActiveEffect("saturation", "coil", {"limit": 280.0, "knee": 0.05, "slope": 0.0})
+UNEVEN = ActiveEffect("asymmetry", "command", {"ratio": 0.97, "gain": 1.0})
+
+
+@pytest.mark.parametrize(
+    "effects", [(FRICTION,), (LIMITED, UNEVEN), (FRICTION, UNEVEN)], ids=lambda e: " and ".join(x.name for x in e)
+)
+def test_its_causes_are_found(effects: tuple[ActiveEffect, ...]) -> None:
+    of = answer(*effects)
+    assert of.verdict == "explained"
+    assert sorted(of.chosen.names) == sorted(effect.name for effect in effects)
+    assert of.chosen.chi2 < 1.05 * len(of.chosen.residuals)
+
+
+def test_a_healthy_one_is_consistent() -> None:
+    assert answer().verdict == "consistent"
