@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -105,11 +105,10 @@ def diagnose(
             problem, choice = second
             warnings += checked.clock_warnings
     events = choice.events
-    for found in _happened(problem, choice):
-        behind = _behind(problem, found)
-        if behind is not None and (events is None or behind[1].chosen.terms):
-            problem, choice, events = behind
-            break
+    happened = _happened(problem, choice)
+    behind = None if happened is None else _behind(problem, happened)
+    if behind is not None and (events is None or behind[1].chosen.terms):
+        problem, choice, events = behind
     progress(0.6, "judging on data kept back")
     if stale:
         events = stale_outputs(
@@ -141,14 +140,14 @@ def _behind(problem: Problem, found: Events) -> tuple[Problem, Choice, Events] |
     return None if choice.verdict in OPEN else (rest, choice, replace(found, residuals=choice.chosen.residuals))
 
 
-def _happened(problem: Problem, choice: Choice) -> Iterator[Events]:
+def _happened(problem: Problem, choice: Choice) -> Events | None:
     """Events beside which there is something more: they leave more than noise, or are a good part of what is open."""
     if choice.events is not None:
-        if excess(problem, choice.events.chi2) > SMALL_EXCESS:
-            yield choice.events
-    elif choice.verdict in OPEN:
-        beside = recognised(problem, (choice.chosen,), excess(problem, choice.chosen.chi2))
-        yield from (found for found in (*beside, choice.part) if found is not None)
+        return choice.events if excess(problem, choice.events.chi2) > SMALL_EXCESS else None
+    if choice.verdict not in OPEN:
+        return None
+    beside = recognised(problem, (choice.chosen,), excess(problem, choice.chosen.chi2))
+    return min((e for e in (*beside, choice.part) if e is not None), key=lambda e: e.chi2, default=None)
 
 
 def _known_hum(model: Model) -> tuple[str, ...]:
@@ -417,9 +416,7 @@ class _Answer:
         return tuple(sorted(rows, key=lambda c: -c.evidence))
 
     def not_separable(self) -> tuple[tuple[str, ...], ...]:
-        if self.verdict == "unexplained" or self.events is not None:
-            return ()
-        return self.choice.rivals
+        return self.choice.rivals if self.verdict != "unexplained" and self.by_law else ()
 
     # -- fits --------------------------------------------------------------------------------------------
 
