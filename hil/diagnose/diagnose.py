@@ -10,18 +10,7 @@ import numpy as np
 
 from hil.diagnose.check import check
 from hil.diagnose.coverage import limits
-from hil.diagnose.decide import (
-    LAW_TOLERANCE,
-    OPEN,
-    SMALL_EXCESS,
-    TOLERANCE_OF_EVENTS,
-    Choice,
-    decide,
-    excess,
-    healthy,
-    recognised,
-    share_left,
-)
+from hil.diagnose.decide import OPEN, Choice, decide, healthy
 from hil.diagnose.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -34,9 +23,18 @@ from hil.diagnose.diagnosis import (
     Strip,
     Verdict,
 )
-from hil.diagnose.events import Events, coarse, coarse_step, stale_outputs, without_stale
+from hil.diagnose.events import (
+    TOLERANCE_OF_EVENTS,
+    Events,
+    coarse,
+    coarse_step,
+    recognised,
+    stale_outputs,
+    without_stale,
+)
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
 from hil.diagnose.locate import StageShare, Where, locate, stages
+from hil.diagnose.measures import LAW_TOLERANCE, SMALL_EXCESS, excess, share_left
 from hil.diagnose.next_test import Span, next_test
 from hil.diagnose.pictures import spectra, strips
 from hil.diagnose.problem import Problem, pose

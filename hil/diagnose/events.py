@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.diagnose.measures import share_left
 from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
 from hil.diagnose.search import Fitted, pool
@@ -38,6 +39,10 @@ _SPARSE_SHARE, _SPARSE_TIME = 0.6, 0.45
 _LOOK_BACK_S = 0.4
 _BACK_S = 0.024
 _LASTING_S = (0.03, 0.05, 0.08, 0.12, 0.16, 0.21, 0.27, 0.34, 0.43, 0.55, 0.75, 1.0, 1.4)
+# Events may leave so much: a tone has more harmonics, a held command a start between two samples.
+TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
+# The share of the misfit that events must take before the rest is looked at again without them.
+_WORTH_A_SECOND_LOOK = 0.3
 _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES = 60.0, 4
 
 
@@ -76,6 +81,22 @@ class Events:
     def chi2(self) -> float:
         """Sum of squared residuals."""
         return float(self.residuals @ self.residuals)
+
+
+def recognised(problem: Problem, models: Sequence[Fitted], beyond: float) -> tuple[Events | None, Events | None]:
+    """Events that explain, beside one of these models, a misfit given as variance beyond the noise; or a part of it."""
+    part: Events | None = None
+    for beside in models:
+        for events in (tone, held_outputs, held_commands):
+            found = events(problem, beside)
+            if found is None:
+                continue
+            left = share_left(problem, found.chi2, beyond)
+            if left <= TOLERANCE_OF_EVENTS[found.name]:
+                return found, None
+            if left <= 1.0 - _WORTH_A_SECOND_LOOK and (part is None or found.chi2 < part.chi2):
+                part = found
+    return None, part
 
 
 # -- samples that were not measured --------------------------------------------------------------------------

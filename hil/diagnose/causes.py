@@ -1,0 +1,202 @@
+"""Find explanations: changed parameters, one effect, a second beside a first, several one after another."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from hil.diagnose.evidence import indistinguishable
+from hil.diagnose.measures import Measures, is_present
+from hil.diagnose.search import Around, Fitted, around, polish, refine_all, roughly, screen
+from hil.diagnose.terms import Term, all_terms
+from hil.physics.simulate import sub_steps
+
+# The χ² that chance may give back to the best of all terms, with a margin; `python -m tests.proof.alarms` counts what
+# gets through.
+ALARM_GAIN = 60.0
+# So many causes may be named together; more of them describe, but anything can be described with enough of them.
+NAMEABLE = 2
+# A second cause must explain most of what the first one leaves.
+SECOND_SHARE = 0.7
+# A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
+MOVED_SIGMAS = 3.0
+_POLISHED = 2
+# The coarse grid of the screen must show this share of it before a second cause is fitted.
+_HOPE = 0.3
+_PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
+# Beside an adequate first cause another one that leaves so many times as much is no first cause.
+_FAR_BEHIND = 5.0
+# In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
+_SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
+# A rough fit may still be so much above its least χ².
+_SURELY = 0.95
+
+
+def only(f: Fitted, keep: Sequence[int]) -> Fitted:
+    """Some of the terms of an explanation; base parameters that were the others go back."""
+    back = {t.name: t.nominal for k, t in enumerate(f.terms) if t.kind == "parameter" and k not in keep}
+    terms, values = tuple(f.terms[k] for k in keep), tuple(f.values[k] for k in keep)
+    return replace(f, terms=terms, values=values, parameters=f.parameters | back)
+
+
+@dataclass(slots=True)
+class Causes:
+    """The search for causes of one misfit.
+
+    Attributes:
+        m: what explanations are measured by.
+        terms: everything that is looked for.
+        second: pairs that were fitted roughly on the way, for what cannot be told from the chosen one.
+    """
+
+    m: Measures
+    terms: tuple[Term, ...]
+    second: list[Fitted] = field(default_factory=list)
+
+    def changed_parameters(self, free: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
+        """The base parameters alone: which of them must have changed, and how well that explains.
+
+        No answer where all of them together, `free`, leave more than an effect does.
+        """
+        if polished and _SURELY * free.chi2 > min(self.m.cost(f) for f in polished):
+            return []
+        names = self._moved(free.parameters)
+        fitted = polish(self.m.problem, self._parameter_terms(free, names))
+        while len(names) > 1 and (spare := self._dispensable(fitted)):
+            names = [name for name in names if name != spare]
+            fitted = polish(self.m.problem, self._parameter_terms(fitted, names))
+        return [fitted]
+
+    def _dispensable(self, f: Fitted) -> str:
+        """The changed parameter that costs least to put back, if that is less than its price."""
+        assert f.estimate is not None  # noqa: S101
+        prices = {}
+        for term, values in zip(f.terms, f.values, strict=True):
+            std = float(f.estimate.std[f.estimate_index(term)])
+            prices[term.name] = ((values[0] - term.nominal) / std) ** 2 if std > 0.0 else np.inf
+        name = min(prices, key=lambda name: prices[name])
+        return name if prices[name] < ALARM_GAIN else ""
+
+    def _moved(self, parameters: dict[str, float]) -> list[str]:
+        nominal = self.m.problem.model.values
+        stds = self.m.problem.prior_std
+        return [
+            p.name
+            for p, std in zip(self.m.problem.base, stds, strict=True)
+            if abs(parameters[p.name] - nominal[p.name]) > MOVED_SIGMAS * std
+        ]
+
+    def _parameter_terms(self, at: Fitted, names: Sequence[str]) -> Fitted:
+        terms = tuple(t for t in self.terms if t.kind == "parameter" and t.name in names)
+        values = tuple((at.parameters[t.name],) for t in terms)
+        return Fitted(terms, values, at.parameters, at.chi2, at.residuals)
+
+    def polished(self, singles: Sequence[Fitted]) -> list[Fitted]:
+        """The best few single explanations of different names, fitted with nothing linearised."""
+        seen: set[str] = set()
+        found = []
+        for f in singles:
+            name = f.names[0] if f.names else f.terms[0].name
+            if name in seen:
+                continue
+            seen.add(name)
+            found.append(polish(self.m.problem, f))
+            if len(found) == _POLISHED:
+                break
+        return [f for f in found if is_present(f)]
+
+    def seeds(self, best: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
+        """First causes worth a second one: where one of them is adequate, those that are not far behind it."""
+        far = _FAR_BEHIND * self.m.excess(best) if self.m.is_adequate(best) else np.inf
+        return [f for f in polished if self.m.excess(f) <= far]
+
+    def pairs(self, seeds: Sequence[Fitted]) -> list[Fitted]:
+        """A second cause beside each of the best first ones, where it explains most of what they leave."""
+        found: list[Fitted] = []
+        for seed in seeds[:_PAIR_SEEDS]:
+            if any(self.m.is_full(both) for both in found):
+                break
+            place = around(self.m.problem, seed)
+            screened = screen(place, self.others(seed))
+            if self.m.gain(seed, screened[0].chi2) < _HOPE:
+                continue
+            rough = [roughly(self.m.problem, f) for f in self._near_best(seed, refine_all(place, screened))]
+            self.second.extend(rough)
+            best = self._most_economical(rough)
+            if self.m.gain(seed, best.chi2) >= _NEAR * SECOND_SHARE:
+                best = polish(self.m.problem, best)
+                found += [best] if self._is_pair(best, seed) else []
+        return found
+
+    def alone(self, f: Fitted, k: int) -> Fitted:
+        """One term of an explanation, as it is there."""
+        one = only(f, [k])
+        r = self.m.problem.residuals(one.parameters, [*self.m.problem.model.active_effects, *one.effects])
+        return replace(one, chi2=float(r @ r), residuals=r, estimate=None)
+
+    def _most_economical(self, fits: Sequence[Fitted]) -> Fitted:
+        """Of those as good as the best, the one with the fewest unknowns."""
+        least = min(f.chi2 for f in fits)
+        tied = [f for f in fits if f.chi2 - least < indistinguishable(least)]
+        return min(tied, key=lambda f: (f.unknowns, f.chi2))
+
+    def _near_best(self, seed: Fitted, refined: Sequence[Fitted]) -> list[Fitted]:
+        """The second causes, linearised, that may turn out best: of different names, near the first one."""
+        most = self.m.gain(seed, refined[0].chi2)
+        distinct: dict[str, Fitted] = {}
+        for f in refined:
+            if self.m.gain(seed, f.chi2) >= _NEAR * most:
+                distinct.setdefault(f.names[-1] if f.names else "", f)
+        return list(distinct.values())[:_PAIR_TRIED]
+
+    def _is_pair(self, both: Fitted, seed: Fitted) -> bool:
+        better = self.m.gain(seed, both.chi2) >= SECOND_SHARE and seed.chi2 - both.chi2 > ALARM_GAIN
+        return better and is_present(both)
+
+    def others(self, f: Fitted) -> list[Term]:
+        """The terms that an explanation does not have yet, with starts from what it leaves."""
+        taken = {(term.name, term.hook) for term in f.terms}
+        return [term for term in all_terms(self.m.problem, f.residuals) if (term.name, term.hook) not in taken]
+
+    def is_short(self) -> bool:
+        """Whether fits are so quick that hundreds of them are affordable."""
+        plant, experiments = self.m.problem.plant, self.m.problem.experiments
+        steps = sum(e.drive.inputs.shape[1] * sub_steps(plant, e.drive.interval_s) for e in experiments)
+        return bool(steps <= _SHORT)
+
+    def deeper(self, best: Fitted, place: Around) -> Fitted:
+        """The best description with several causes, each of which takes a good share of what the others leave.
+
+        Nothing is linearised: where the nominal model is far off, a cause shows only after all else has moved.
+        """
+        level = self._few([best, *self._grown(place, len(self.terms))])
+        for _ in range(_MOST_CAUSES):
+            best = min([best, *level[:1]], key=self.m.cost)
+            if self.m.is_full(best):
+                break
+            level = self._few([f for parent in level for f in self._children(parent)])
+            if not level:
+                break
+        return best
+
+    def _children(self, parent: Fitted) -> list[Fitted]:
+        grown = self._grown(around(self.m.problem, parent), _TRIED_NEXT)
+        return [f for f in grown if self.m.gain(parent, f.chi2) >= _STEP_SHARE]
+
+    def _grown(self, place: Around, most: int) -> list[Fitted]:
+        parent = place.accepted
+        screened = screen(place, [term for term in self.others(parent) if term.kind == "effect"])
+        starts = [
+            Fitted((*parent.terms, s.term), (*parent.values, s.starts[0]), parent.parameters, s.chi2, parent.residuals)
+            for s in screened[:most]
+        ]
+        return [polish(self.m.problem, start) for start in starts]
+
+    def _few(self, found: Sequence[Fitted]) -> list[Fitted]:
+        """The best few that are not the same terms."""
+        distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
+        for f in sorted(found, key=lambda f: f.chi2):
+            distinct.setdefault(frozenset((t.name, t.hook) for t in f.terms), f)
+        return list(distinct.values())[:_BEAM]
