@@ -118,9 +118,8 @@ class _Judge:
         best = min(known, key=self.m.cost)
         if not self.m.is_full(best):
             best = min([best, *self.causes.pairs(self.causes.seeds(best, polished))], key=self.m.cost)
-        if (
-            not self.m.is_full(best) and len(best.terms) == NAMEABLE
-        ):  # the first was found when the second was not known
+        if self.m.excess(best) > SMALL_EXCESS and len(best.terms) == NAMEABLE:
+            # the first one was found when the second was not known
             best = min([best, *self.causes.pairs([self.causes.alone(best, 1)])], key=self.m.cost)
         if self.m.excess(best) > _ONLY_NOISE:
             best = from_other_shapes(self.problem, best)

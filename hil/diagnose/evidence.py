@@ -19,7 +19,7 @@ Mask = NDArray[np.bool_]
 _STRETCH_S = 4.0
 # What leaves several times more than the best is refitted less well: only its rank is asked for.
 _REFIT_EVALUATIONS, _FEW_EVALUATIONS, _FAR_BEHIND = 8, 3, 2.0
-_WORTH = 10.0
+_WORTH = 4.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,7 +85,7 @@ def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
     """How probable each explanation is, given that one of them or none of the library is true.
 
     The laws of the library are not the laws of nature, so likelihoods are tempered: by what even the best explanation
-    leaves on data it was not fitted to, and so that a difference of `indistinguishable` is worth a factor of 150 at
+    leaves on data it was not fitted to, and so that a difference of `indistinguishable` is worth a factor of seven at
     most. `unexplained` is the probability of none.
     """
     if not judged:
