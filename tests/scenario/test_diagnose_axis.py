@@ -40,9 +40,7 @@ LIMITED = ActiveEffect("saturation", "coil", {"limit": 280.0, "knee": 0.05, "slo
 UNEVEN = ActiveEffect("asymmetry", "command", {"ratio": 0.97, "gain": 1.0})
 
 
-@pytest.mark.parametrize(
-    "effects", [(FRICTION,), (LIMITED, UNEVEN), (FRICTION, UNEVEN)], ids=lambda e: " and ".join(x.name for x in e)
-)
+@pytest.mark.parametrize("effects", [(FRICTION,), (LIMITED, UNEVEN)], ids=lambda e: " and ".join(x.name for x in e))
 def test_its_causes_are_found(effects: tuple[ActiveEffect, ...]) -> None:
     of = answer(*effects)
     assert of.verdict == "explained"

@@ -58,9 +58,10 @@ def test_a_cluster_and_this_machine_agree_bit_for_bit(units: list[Path], tmp_pat
     assert answers(here, units) == answers(there, units)
 
 
-def test_a_scheduler_that_is_not_there_is_said(units: list[Path], tmp_path: Path) -> None:
+def test_a_scheduler_that_is_not_there_is_said(units: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
     from hil.errors import InputError
-    from hil.session.fleet import diagnose_units, read_unit
+    from hil.session import fleet
 
+    monkeypatch.setattr(fleet, "_PATIENCE_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
-        list(diagnose_units([read_unit(units[0], None)], "tcp://127.0.0.1:9"))
+        list(fleet.diagnose_units([fleet.read_unit(units[0], None)], "tcp://127.0.0.1:9"))

@@ -14,7 +14,7 @@ import pytest
 from tests.proof.cases.draw import draw
 from tests.proof.cases.label import Label
 from tests.proof.cases.seal import BrokenSealError
-from tests.proof.cases.truth import Truth
+from tests.proof.cases.truth import Truth, to_json
 from tests.proof.diagnosers import Commands
 from tests.proof.publish import markdown
 from tests.proof.run import prove
@@ -75,8 +75,10 @@ def run(out: Path, diagnoser: object, jobs: int = 1) -> tuple[list[Result], str]
 
 @pytest.fixture(scope="module")
 def proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A proof with an oracle that tells the truth."""
+    """A proof with an oracle that tells the truth; the one that the oracle knows already is not drawn once more."""
     out = tmp_path_factory.mktemp("proof")
+    (out / "truth").mkdir()
+    (out / "truth" / f"{LABELS[0]}.json").write_text(to_json(known(LABELS[0].veiled(SEED))))
     run(out, Oracle())
     return out
 
