@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.measures import Measures, is_present
-from hil.diagnose.search import Around, Fitted, around, polish, refine_all, roughly, screen
+from hil.diagnose.search import Around, Fitted, around, polish, refine_all, residuals_of, roughly, screen
 from hil.diagnose.terms import Term, all_terms
 from hil.physics.simulate import sub_steps
 
@@ -32,13 +32,6 @@ _FAR_BEHIND = 5.0
 _SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
 # A rough fit may still be so much above its least χ².
 _SURELY = 0.95
-
-
-def only(f: Fitted, keep: Sequence[int]) -> Fitted:
-    """Some of the terms of an explanation; base parameters that were the others go back."""
-    back = {t.name: t.nominal for k, t in enumerate(f.terms) if t.kind == "parameter" and k not in keep}
-    terms, values = tuple(f.terms[k] for k in keep), tuple(f.values[k] for k in keep)
-    return replace(f, terms=terms, values=values, parameters=f.parameters | back)
 
 
 @dataclass(slots=True)
@@ -132,9 +125,9 @@ class Causes:
 
     def alone(self, f: Fitted, k: int) -> Fitted:
         """One term of an explanation, as it is there."""
-        one = only(f, [k])
-        r = self.m.problem.residuals(one.parameters, [*self.m.problem.model.active_effects, *one.effects])
-        return replace(one, chi2=float(r @ r), residuals=r, estimate=None)
+        one = f.only([k])
+        r = residuals_of(self.m.problem, one)
+        return replace(one, chi2=float(r @ r), residuals=r)
 
     def _most_economical(self, fits: Sequence[Fitted]) -> Fitted:
         """Of those as good as the best, the one with the fewest unknowns."""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from hil.diagnose.causes import ALARM_GAIN, NAMEABLE, Causes, only
+from hil.diagnose.causes import ALARM_GAIN, NAMEABLE, Causes
 from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events import Events, recognised
 from hil.diagnose.evidence import indistinguishable
@@ -142,11 +142,9 @@ class _Judge:
         if self.problem.following or self.problem.plant.observer is None:
             return []
         f = decide(replace(self.problem, following=True), laws_only=True).chosen
-        kept = [
-            range(len(f.terms)),
-            *(combinations(range(len(f.terms)), NAMEABLE) if len(f.terms) > NAMEABLE else ()),
-        ]
-        return [polish(self.problem, only(f, keep)) for keep in kept if f.terms]
+        count = len(f.terms)
+        kept = [keep for size in {count, min(count, NAMEABLE)} - {0} for keep in combinations(range(count), size)]
+        return [polish(self.problem, f.only(keep)) for keep in kept]
 
     def nothing_found(self, nominal: Fitted, singles: Sequence[Fitted]) -> Choice:
         """No term is worth its price."""

@@ -38,7 +38,7 @@ from hil.diagnose.measures import LAW_TOLERANCE, SMALL_EXCESS, excess, share_lef
 from hil.diagnose.next_test import Span, next_test
 from hil.diagnose.pictures import spectra, strips
 from hil.diagnose.problem import Problem, pose
-from hil.diagnose.search import Fitted, around
+from hil.diagnose.search import Fitted, around, residuals_of
 from hil.diagnose.solver import settled
 from hil.diagnose.terms import Term
 from hil.diagnose.wording import headline, quantity_text, sentence
@@ -98,15 +98,16 @@ def diagnose(
     progress(0.1, "searching for the cause")
     choice = decide(problem)
     if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
-        second = _explained(model, without_stale(checked.clocks_set)[0], problem.factor)
+        second = _explained(problem, without_stale(checked.clocks_set)[0])
         if second is not None:
             problem, choice = second
             warnings += checked.clock_warnings
     events = choice.events
     happened = _happened(problem, choice)
-    behind = None if happened is None else _behind(problem, happened)
-    if behind is not None and (events is None or behind[1].chosen.terms):
-        problem, choice, events = behind
+    second = None if happened is None else _explained(problem, happened.rest, laws_only=True)
+    if happened is not None and second is not None and (events is None or second[1].chosen.terms):
+        problem, choice = second
+        events = replace(happened, residuals=choice.chosen.residuals)
     progress(0.6, "judging on data kept back")
     if stale:
         events = stale_outputs(
@@ -124,18 +125,13 @@ def diagnose(
     return Diagnosed(diagnosis, answer.corrected)
 
 
-def _explained(model: Model, experiments: Sequence[Experiment], factor: float) -> tuple[Problem, Choice] | None:
-    """A second look at the experiments on another clock; None if they are still open."""
-    problem = replace(pose(model, experiments), factor=factor)
-    choice = decide(problem)
-    return None if choice.verdict in OPEN else (problem, choice)
-
-
-def _behind(problem: Problem, found: Events) -> tuple[Problem, Choice, Events] | None:
-    """What explains the experiments without events, and these; None if that stays open."""
-    rest = replace(pose(problem.model, found.rest), factor=problem.factor)
-    choice = decide(rest, laws_only=True)
-    return None if choice.verdict in OPEN else (rest, choice, replace(found, residuals=choice.chosen.residuals))
+def _explained(
+    problem: Problem, experiments: Sequence[Experiment], *, laws_only: bool = False
+) -> tuple[Problem, Choice] | None:
+    """A second look, at the experiments on another clock or without events; None if that is still open."""
+    other = replace(pose(problem.model, experiments), factor=problem.factor)
+    choice = decide(other, laws_only=laws_only)
+    return None if choice.verdict in OPEN else (other, choice)
 
 
 def _happened(problem: Problem, choice: Choice) -> Events | None:
@@ -303,14 +299,8 @@ class _Answer:
 
     def _without(self, f: Fitted, k: int) -> Array:
         """How residuals change when one term is taken away."""
-        terms = [t for i, t in enumerate(f.terms) if i != k]
-        values = [v for i, v in enumerate(f.values) if i != k]
-        parameters, effects = dict(f.parameters), list(self.model.active_effects)
-        if f.terms[k].kind == "parameter":
-            parameters[f.terms[k].name] = f.terms[k].nominal
-        for term, own in zip(terms, values, strict=True):
-            term.apply(own, parameters, effects)
-        difference: Array = self.problem.residuals(parameters, effects) - f.residuals
+        others = f.only([i for i in range(len(f.terms)) if i != k])
+        difference: Array = residuals_of(self.problem, others) - f.residuals
         return difference
 
     def _finding(self, f: Fitted, k: int, change: Array) -> Finding | None:

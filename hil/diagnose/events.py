@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from hil.diagnose.measures import share_left
 from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
-from hil.diagnose.search import Fitted, pool
+from hil.diagnose.search import Fitted, pool, residuals_of
 from hil.identify.experiment import Experiment
 from hil.identify.lines import common_line
 from hil.identify.noise import resolution, white_floor
@@ -193,7 +193,7 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
     values = _how_often(spells)
     first = problem.plant.hooks[0]
     return Events(
-        "dropout", first.stage, first.name, spells, values, _answering(problem, around, rest), rest,
+        "dropout", first.stage, first.name, spells, values, residuals_of(problem, around, experiments=rest), rest,
         f"The command did not always arrive: {len(spells)} times the valve stood on the last one, "
         f"{values['lasting'][0]:.2g} s on average.",
         "u(t) = u(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
@@ -302,7 +302,7 @@ def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds:
     ]
 
     def costs(holds: Holds) -> list[list[float]]:
-        return _costs(problem, _answering(problem, around, _held(problem, holds)), windows)
+        return _costs(problem, residuals_of(problem, around, experiments=_held(problem, holds)), windows)
 
     best = costs(chosen)
 
@@ -379,12 +379,6 @@ def _held(problem: Problem, holds: Holds) -> tuple[Experiment, ...]:
             inputs[0, start:stop] = inputs[0, start - 1]
         experiments.append(replace(e, drive=replace(e.drive, inputs=inputs)))
     return tuple(experiments)
-
-
-def _answering(problem: Problem, around: Fitted, experiments: Sequence[Experiment]) -> Array:
-    """Residuals of an explanation on other commands."""
-    effects = [*problem.model.active_effects, *around.effects]
-    return problem.residuals(around.parameters, effects, experiments=experiments)
 
 
 # -- tones ---------------------------------------------------------------------------------------------------

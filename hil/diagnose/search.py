@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hil.diagnose.problem import Problem
 from hil.diagnose.terms import Term
 from hil.identify.estimate import Estimate, Unknown, estimate
+from hil.identify.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
@@ -70,6 +71,12 @@ class Fitted:
         named = (term.effect_name(values) for term, values in zip(self.terms, self.values, strict=True))
         return tuple(name for name in named if name)
 
+    def only(self, keep: Sequence[int]) -> Fitted:
+        """Some of the terms, as they are; base parameters that were the others go back. χ² and residuals stay."""
+        back = {t.name: t.nominal for k, t in enumerate(self.terms) if t.kind == "parameter" and k not in keep}
+        terms, values = tuple(self.terms[k] for k in keep), tuple(self.values[k] for k in keep)
+        return replace(self, terms=terms, values=values, parameters=self.parameters | back, estimate=None)
+
     def estimate_index(self, term: Term) -> int:
         """Where the first unknown of a term stands in the estimate."""
         assert self.estimate is not None  # noqa: S101
@@ -121,9 +128,7 @@ class Around:
     @cached_property
     def coarse_residuals(self) -> Array:
         """Of what is accepted, with coarser sub-steps."""
-        accepted = self.accepted
-        effects = [*self.problem.model.active_effects, *accepted.effects]
-        return self.problem.residuals(accepted.parameters, effects, factor=_COARSE * self.problem.factor)
+        return residuals_of(self.problem, self.accepted, factor=_COARSE * self.problem.factor)
 
 
 @cache
@@ -159,17 +164,25 @@ def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
     return np.column_stack(columns)
 
 
+def residuals_of(
+    problem: Problem, f: Fitted, *, factor: float | None = None, experiments: Sequence[Experiment] | None = None
+) -> Array:
+    """Whitened residuals of an explanation as it stands, shape (n,); the rest as in `Problem.residuals`."""
+    return _simulate(problem, f.parameters, f.terms, f.values, factor, experiments)
+
+
 def _simulate(
     problem: Problem,
     parameters: dict[str, float],
     terms: Sequence[Term],
     values: Sequence[Sequence[float]],
     factor: float | None = None,
+    experiments: Sequence[Experiment] | None = None,
 ) -> Array:
     moved, effects = dict(parameters), list(problem.model.active_effects)
     for term, own in zip(terms, values, strict=True):
         term.apply(own, moved, effects)
-    return problem.residuals(moved, effects, factor=factor)
+    return problem.residuals(moved, effects, factor=factor, experiments=experiments)
 
 
 def _with_term(place: Around, term: Term, values: Sequence[float], coarse: bool = False) -> Array:

@@ -229,7 +229,7 @@ class _Page(ast.NodeTransformer):
         yield "        _sample = max(_i, 0)"
         yield "        if following and _i > 0 and measured[_i - 1] == measured[_i - 1]:"
         yield "            _missed = measured[_i - 1] - out[0, _i - 1]"
-        yield from (f"            x_{name} += follow[{k}] * _missed" for k, name in enumerate(self._scalars()))
+        yield from (f"            x_{name} += follow[{k}] * _missed" for k, name in enumerate(self.plant.scalars))
         yield "        if not settling and read_at == 0:"
         yield from (f"            out[{k}, _i] = y{k}" for k in range(outputs))
         for k, name in enumerate(self._input_names()):
@@ -248,9 +248,6 @@ class _Page(ast.NodeTransformer):
         home = vars(sys.modules[self.plant.equations.__module__])
         called = {node.id for node in ast.walk(self.tree) if isinstance(node, ast.Name)}
         return sorted(name for name in called if hasattr(home.get(name), "py_func"))
-
-    def _scalars(self) -> list[str]:
-        return [name for name, width in self.plant.states.items() if width == 1]
 
     def _input_names(self) -> tuple[str, ...]:
         return _argument_names(self.plant.equations)[:-3]

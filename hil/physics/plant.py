@@ -149,6 +149,11 @@ class Plant:
         """Every parameter at its typical value."""
         return {parameter.name: parameter.typical for parameter in self.parameters}
 
+    @property
+    def scalars(self) -> tuple[str, ...]:
+        """The states of one word each, in the kernel's order."""
+        return tuple(name for name, width in self.states.items() if width == 1)
+
     def parameter(self, name: str) -> Parameter:
         """A parameter by its name; `KeyError` if there is none."""
         return {parameter.name: parameter for parameter in self.parameters}[name]

@@ -221,7 +221,7 @@ def _observer(plant: Plant, parameters: Mapping[str, float], interval_s: float) 
     if plant.observer is None:
         raise InputError(f"{plant.name} has no observer to follow a measured output with")
     gains = plant.observer(parameters, interval_s)
-    return np.array([gains.get(name, 0.0) for name, width in plant.states.items() if width == 1])
+    return np.array([gains.get(name, 0.0) for name in plant.scalars])
 
 
 def _flat(coefficients: Mapping[str, float | Array]) -> Array:

@@ -9,6 +9,7 @@ from typing import Any
 from hil.physics.linear import delay_steps, delayed
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 
+# Slower than anything that an axis is driven with, faster than a force needs to carry it out of its stroke.
 _OBSERVER_RAD_S = 2.0
 
 
@@ -24,7 +25,8 @@ def equations(force: Any, x: Any, c: Any, hook: Any) -> Any:
     x.place += c.travel * x.speed + c.compliance * net
     x.speed = free_speed - c.mobility * opposing
     reached = hook.load(x.place)
-    if reached == before and reached != x.place:  # a stop takes the momentum
+    # A stop takes the momentum. It holds the very same place again; a disturbance injected here never does.
+    if reached == before and reached != x.place:
         x.speed = 0.0
     x.place = reached
     reading = hook.sensor(x.place)
@@ -54,7 +56,7 @@ def initial(_p: Mapping[str, float], _inputs: tuple[float, ...], output: float) 
 
 
 def observer(_p: Mapping[str, float], interval_s: float) -> dict[str, float]:
-    """Luenberger's, two equal poles: slow enough to leave sensor and noise alone."""
+    """Luenberger's, with two equal poles."""
     return {"place": 2.0 * _OBSERVER_RAD_S * interval_s, "speed": _OBSERVER_RAD_S**2 * interval_s}
 
 
