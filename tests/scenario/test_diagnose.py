@@ -26,8 +26,9 @@ def names(of: Diagnosed) -> list[str]:
 
 
 @pytest.mark.parametrize("memory", [0.0, 0.9])
-def test_a_healthy_unit_is_consistent(memory: float) -> None:
-    of = found(memory=memory, seed=2)
+@pytest.mark.parametrize("seed", [2, 3])
+def test_a_healthy_unit_is_consistent(memory: float, seed: int) -> None:
+    of = found(memory=memory, seed=seed)
     assert of.diagnosis.verdict == "consistent"
     assert names(of) == []
     assert of.corrected.values == nominal(memory).values
