@@ -37,6 +37,7 @@ _UNIT_FACTORS = (
 _FACTOR_TOLERANCE = 0.08
 _GOOD_FIT = 80.0
 _POOR_FIT = 50.0
+_MUCH_LESS = 0.2
 _LEAST_CLIPPED = 0.002
 _LEAST_RUN = 5
 _GAP = 5.0
@@ -69,9 +70,10 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     kept = []
     for e in experiments:
         _refuse_short(model, e)
-        simulated = _nominal(model, e)
-        _refuse_swapped(model, e, simulated)
-        _refuse_wrong_unit(model, e, simulated)
+        simulated = e.respond(model.definition, model.values, model.active_effects)[0]
+        expected = _nominal(model, e)
+        _refuse_swapped(model, e, expected)
+        _refuse_wrong_unit(model, e, expected)
         warnings += _gaps(e)
         e, said = _without_clipped(e)
         warnings += said
@@ -108,13 +110,17 @@ def time_constant_s(model: Model, e: Experiment) -> float:
 
 
 def _nominal(model: Model, e: Experiment) -> Array:
-    response: Array = e.respond(model.definition, model.values, model.active_effects)[0]
+    """What the model expects; led back to the recording where it would drift away from any, right or wrong."""
+    plant = model.definition
+    response: Array = e.respond(plant, model.values, model.active_effects, following=plant.observer is not None)[0]
     return response
 
 
 def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
     command = e.on_grid_input()
-    if white_floor(command) <= 10.0 * white_floor(e.output) or e.grid_s is not None:
+    # What is commanded has no noise, unless a position loop that keeps an integrating plant in its stroke commands it.
+    by_a_loop = model.definition.observer is not None
+    if e.grid_s is not None or (white_floor(command) <= 10.0 * white_floor(e.output) and not by_a_loop):
         return
     inputs = e.drive.inputs.copy()
     inputs[0] = e.output
@@ -127,9 +133,10 @@ def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
 
 
 def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
-    before = fit_percent(e.output, simulated)
-    if not before < _POOR_FIT:
+    before, led_back = fit_percent(e.output, simulated), model.definition.observer is not None
+    if not (before < _POOR_FIT or led_back):  # led back, a model fits half of anything
         return
+    enough = _GOOD_FIT if before < _POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
     moving, measured = simulated - simulated.mean(), e.output - e.output.mean()
     power = float(moving @ moving)
     slope = float(moving @ measured) / power if power else 0.0
@@ -139,11 +146,13 @@ def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
             f"{e.name}: channel '{e.output_heading}' is {slope:.3g} times what the model expects; "
             f"a factor near {factor:.4g} looks like a wrong unit"
         )
+    # A plant that integrates is linear but for what the diagnosis is to find: either channel may be the wrong one.
+    or_output = f" (or '{e.output_heading}' divided by it)" if led_back else ""
     for factor in _UNIT_FACTORS:
         scaled = replace(e, drive=replace(e.drive, inputs=e.drive.inputs * factor))
-        if fit_percent(e.output, _nominal(model, scaled)) > _GOOD_FIT:
+        if fit_percent(e.output, _nominal(model, scaled)) > enough:
             raise FileError(
-                f"{e.name}: channel '{e.input}' fits the model only when multiplied by {factor:.4g}; "
+                f"{e.name}: channel '{e.input}' fits the model only when multiplied by {factor:.4g}{or_output}; "
                 "it looks like a wrong unit"
             )
 

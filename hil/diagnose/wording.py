@@ -57,7 +57,7 @@ def headline(verdict: Verdict, found: Sequence[Finding], changed: Sequence[Chang
     if verdict == "explained":
         return f"The model leaves out {names}; with it the recordings are explained down to what noise allows."
     if verdict == "partly_explained":
-        return f"The model leaves out {names}, and something more: {100 * left.share:.2g} % of the misfit stays."
+        return f"The model leaves out {names}, and something more: {100 * left.share:.3g} % of the misfit stays."
     return (
         f"The model and the recordings differ by {left.rms:.2g} {left.unit} (rms) beyond the noise, and nothing in the "
         "library explains it."

@@ -7,8 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil.diagnose.check import check
 from hil.diagnose.decide import Choice, decide
 from hil.diagnose.problem import pose
+from hil.errors import FileError
 from hil.identify.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import Model, Noise, typical_model
@@ -46,6 +48,22 @@ def test_its_causes_are_found(effects: tuple[ActiveEffect, ...]) -> None:
     assert of.verdict == "explained"
     assert sorted(of.chosen.names) == sorted(effect.name for effect in effects)
     assert of.chosen.chi2 < 1.05 * len(of.chosen.residuals)
+
+
+@pytest.mark.parametrize("factor", [1000.0, 60.0, 0.1])
+def test_a_wrong_unit_is_refused_though_free_simulations_fit_nothing(factor: float) -> None:
+    e = moved(0, ActiveEffect("load_force", "force", {"force": 3.0}))
+    scaled = replace(e, output=factor * e.output, drive=replace(e.drive, first_output=factor * e.drive.first_output))
+    with pytest.raises(FileError, match=rf"'force \[N\]'.* by {factor:g} \(or 'position \[m\]' divided by it\)"):
+        check(MODEL, [scaled])
+
+
+def test_swapped_columns_are_refused_though_free_simulations_fit_nothing() -> None:
+    e = moved(0, ActiveEffect("load_force", "force", {"force": 3.0}))
+    force, position = e.drive.inputs[0], e.output
+    turned = recording("turned", e.time_s, {"force [N]": position, "position [m]": force})
+    with pytest.raises(FileError, match="look swapped"):
+        check(MODEL, [experiment(turned, AXIS)])
 
 
 def test_a_healthy_one_is_consistent() -> None:
