@@ -8,8 +8,20 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hil.diagnose.evidence import indistinguishable
-from hil.diagnose.measures import Measures, is_present
-from hil.diagnose.search import Around, Fitted, around, polish, refine_all, residuals_of, roughly, screen
+from hil.diagnose.joint import joint
+from hil.diagnose.measures import SMALL_EXCESS, Measures, is_present
+from hil.diagnose.search import (
+    Around,
+    Fitted,
+    Screened,
+    around,
+    nothing,
+    polish,
+    refine_all,
+    residuals_of,
+    roughly,
+    screen,
+)
 from hil.diagnose.terms import Term, all_terms
 from hil.physics.simulate import sub_steps
 
@@ -26,12 +38,35 @@ _POLISHED = 2
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
 _PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
+# So many pairs that were found at once are fitted, none that promises to leave so many times more than the best, and
+# each only so far that they can be compared.
+_COUPLES, _FAR_WORSE, _COUPLE_EVALUATIONS, _COUPLE_TOLERANCE = 8, 4.0, 5, 1e-3
 # Beside an adequate first cause another one that leaves so many times as much is no first cause.
 _FAR_BEHIND = 5.0
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
 _SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
 # A rough fit may still be so much above its least χ².
 _SURELY = 0.95
+
+
+@dataclass(frozen=True)
+class Alone:
+    """Everything that is looked for, looked at alone beside the nominal model.
+
+    Attributes:
+        place: the nominal model.
+        screened: every term at its starts.
+        fitted: the promising ones, all else adapting linearly; best first.
+    """
+
+    place: Around
+    screened: tuple[Screened, ...]
+    fitted: tuple[Fitted, ...]
+
+    @property
+    def least(self) -> float:
+        """χ² of the best."""
+        return self.fitted[0].chi2
 
 
 @dataclass(slots=True)
@@ -47,6 +82,12 @@ class Causes:
     m: Measures
     terms: tuple[Term, ...]
     second: list[Fitted] = field(default_factory=list)
+
+    def alone(self) -> Alone:
+        """Look at every term alone: around the nominal model, as the baseline has bent to a misfit that is not its."""
+        place = around(self.m.problem, nothing(self.m.problem))
+        screened = screen(place, self.terms)
+        return Alone(place, tuple(screened), tuple(refine_all(place, screened)))
 
     def changed_parameters(self, free: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
         """The base parameters alone: which of them must have changed, and how well that explains.
@@ -105,6 +146,21 @@ class Causes:
         far = _FAR_BEHIND * self.m.excess(best) if self.m.is_adequate(best) else np.inf
         return [f for f in polished if self.m.excess(f) <= far]
 
+    def couples(self, alone: Alone, best: Fitted) -> list[Fitted]:
+        """Two causes found at once, where they leave much less than the best single one does."""
+        found = joint(alone.place, alone.screened, alone.fitted, _COUPLES)
+        if not found or self._left(found[0]) > (1.0 - _HOPE) * self._left(alone.fitted[0]):
+            return []
+        near = [f for f in found if self._left(f) <= _FAR_WORSE * self._left(found[0])]
+        rough = [polish(self.m.problem, f, evaluations=_COUPLE_EVALUATIONS, tolerance=_COUPLE_TOLERANCE) for f in near]
+        self.second.extend(rough)
+        both = polish(self.m.problem, self._most_economical(rough))
+        return [both] if self._is_pair(both, best) else []
+
+    def _left(self, f: Fitted) -> float:
+        """Variance beyond the noise that something leaves, as far as it matters."""
+        return max(self.m.excess(f), SMALL_EXCESS)
+
     def pairs(self, seeds: Sequence[Fitted]) -> list[Fitted]:
         """A second cause beside each of the best first ones, where it explains most of what they leave."""
         found: list[Fitted] = []
@@ -123,7 +179,7 @@ class Causes:
                 found += [best] if self._is_pair(best, seed) else []
         return found
 
-    def alone(self, f: Fitted, k: int) -> Fitted:
+    def without_the_other(self, f: Fitted, k: int) -> Fitted:
         """One term of an explanation, as it is there."""
         one = f.only([k])
         r = residuals_of(self.m.problem, one)

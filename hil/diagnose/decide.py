@@ -6,13 +6,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
-from hil.diagnose.causes import ALARM_GAIN, NAMEABLE, Causes
+from hil.diagnose.causes import ALARM_GAIN, NAMEABLE, Alone, Causes
 from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events import Events, recognised
 from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.measures import SMALL_EXCESS, Measures, excess, is_itself, is_present, is_strained
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted, around, from_other_shapes, nothing, polish, refine_all, roughly, screen
+from hil.diagnose.search import Fitted, from_other_shapes, nothing, polish, roughly
 from hil.diagnose.terms import Term, all_terms
 
 _CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
@@ -83,18 +83,16 @@ class _Judge:
         self.causes = Causes(self.m, all_terms(problem, self.baseline.residuals))
 
     def choose(self) -> Choice:
-        # Around the nominal model: the baseline has bent its parameters to a misfit that is not theirs.
-        nominal = nothing(self.problem)
-        place = around(self.problem, nominal)
-        singles = refine_all(place, screen(place, self.causes.terms))
+        alone = self.causes.alone()
+        nominal, singles = alone.place.accepted, alone.fitted
         free = roughly(self.problem, self.baseline, base_free=True)
-        if self.baseline.chi2 - min(singles[0].chi2, free.chi2) < ALARM_GAIN:
+        if self.baseline.chi2 - min(alone.least, free.chi2) < ALARM_GAIN:
             return self.nothing_found(nominal, singles)
         polished = self.causes.polished(singles)
         known = [*polished, *self.causes.changed_parameters(free, polished)]
-        if self.baseline.chi2 - min(singles[0].chi2, *(f.chi2 for f in known)) < ALARM_GAIN:
+        if self.baseline.chi2 - min(alone.least, *(f.chi2 for f in known)) < ALARM_GAIN:
             return self.nothing_found(nominal, singles)
-        best = self.best_law(known, polished)
+        best = self.best_law(known, polished, alone)
         if not best.terms and self.m.excess(self.baseline) < _CONSISTENT_EXCESS:
             return self.nothing_found(nominal, singles)
         verdict = self.verdict(best, polished)
@@ -106,21 +104,23 @@ class _Judge:
             best = self.most_telling([best, *self.followed()], polished)
             verdict = self.verdict(best, polished)
         if verdict in OPEN and not self.m.is_adequate(best) and events is None and self.causes.is_short():
-            best = self.most_telling([best, self.causes.deeper(best, place)], polished)
+            best = self.most_telling([best, self.causes.deeper(best, alone.place)], polished)
             verdict = self.verdict(best, polished)
         return Choice(
-            verdict, best, self.baseline, nominal, tuple(singles),
+            verdict, best, self.baseline, nominal, singles,
             self.rivals(best, polished), self.causes.terms, self.m.left(best), events, part,
         )  # fmt: skip
 
-    def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted]) -> Fitted:
+    def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted], alone: Alone) -> Fitted:
         """The most economical explanation of one cause or two, at its lowest, and least strained."""
         best = min(known, key=self.m.cost)
         if not self.m.is_full(best):
+            best = min([best, *self.causes.couples(alone, best)], key=self.m.cost)
+        if not (self.m.is_full(best) or (len(best.terms) == NAMEABLE and self.m.is_adequate(best))):
             best = min([best, *self.causes.pairs(self.causes.seeds(best, polished))], key=self.m.cost)
-        if self.m.excess(best) > SMALL_EXCESS and len(best.terms) == NAMEABLE:
+        if not self.m.is_full(best) and len(best.terms) == NAMEABLE:
             # the first one was found when the second was not known
-            best = min([best, *self.causes.pairs([self.causes.alone(best, 1)])], key=self.m.cost)
+            best = min([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], key=self.m.cost)
         if self.m.excess(best) > _ONLY_NOISE:
             best = from_other_shapes(self.problem, best)
         return best if self.m.is_adequate(best) else self.least_strained(best, polished)
@@ -146,10 +146,10 @@ class _Judge:
         kept = [keep for size in {count, min(count, NAMEABLE)} - {0} for keep in combinations(range(count), size)]
         return [polish(self.problem, f.only(keep)) for keep in kept]
 
-    def nothing_found(self, nominal: Fitted, singles: Sequence[Fitted]) -> Choice:
+    def nothing_found(self, nominal: Fitted, singles: tuple[Fitted, ...]) -> Choice:
         """No term is worth its price."""
         verdict: Verdict = "consistent" if self.m.excess(self.baseline) < _CONSISTENT_EXCESS else "unexplained"
-        return Choice(verdict, self.baseline, self.baseline, nominal, tuple(singles), (), self.causes.terms, 1.0)
+        return Choice(verdict, self.baseline, self.baseline, nominal, singles, (), self.causes.terms, 1.0)
 
     def verdict(self, f: Fitted, polished: Sequence[Fitted]) -> Verdict:
         if self.m.is_adequate(f) and self.is_nameable(f):

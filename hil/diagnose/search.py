@@ -30,7 +30,9 @@ _VALLEYS = 2
 _COARSE = 0.5
 # A start is corrected when the line from nothing to it is lowest so far from it, and it is tried at this many times its
 # strength at most.
-_AS_STRONG, _MOST_STRONGER = (0.8, 1.25), 3.0
+_AS_STRONG, MOST_STRONGER = (0.8, 1.25), 3.0
+# Of so many residuals at most is remembered what each term changes.
+_SKETCHED = 80_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,11 +101,12 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """A term with its starts, the best first, and the χ² of that one."""
+    """A term with its starts, the best first, the χ² of that one, and what it changes at each (see `sketch`)."""
 
     term: Term
     starts: tuple[tuple[float, ...], ...]
     chi2: float
+    changes: tuple[NDArray[np.float32], ...]
 
 
 @dataclass(frozen=True)
@@ -255,11 +258,12 @@ def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
 
 @dataclass(frozen=True, slots=True)
 class _Tried:
-    """A term at a start, and at which start the line towards it is lowest; () when that is much the same."""
+    """A term at a start: what it changes, and where the line towards it is lowest; () when that is much the same."""
 
     term: Term
     start: tuple[float, ...]
     chi2: float
+    change: NDArray[np.float32]
     better: tuple[float, ...]
     chi2_there: float
 
@@ -273,18 +277,24 @@ def _tried(place: Around, term: Term, start: tuple[float, ...]) -> _Tried:
     adapted = adapted_residuals(place, (term, start), coarse=True)
     chi2 = float(adapted @ adapted)
     if not np.isfinite(chi2):
-        return _Tried(term, start, np.inf, (), np.inf)
-    if term.kind == "parameter" or not np.isfinite(term.null):
-        return _Tried(term, start, chi2, (), chi2)
+        return _Tried(term, start, np.inf, sketch(np.zeros_like(adapted)), (), np.inf)
     change = adapted - place.residuals_without
+    sketched = sketch(change)
+    if term.kind == "parameter" or not np.isfinite(term.null):
+        return _Tried(term, start, chi2, sketched, (), chi2)
     length = float(change @ change)
-    share = float(np.clip(-(place.residuals_without @ change) / length, 0.0, _MOST_STRONGER)) if length else 0.0
+    share = float(np.clip(-(place.residuals_without @ change) / length, 0.0, MOST_STRONGER)) if length else 0.0
     first = term.unknowns[0]
     strength = float(np.clip(term.null + share * (start[0] - term.null), first.low, first.high))
     if share == 0.0 or _AS_STRONG[0] < share < _AS_STRONG[1] or strength == start[0]:
-        return _Tried(term, start, chi2, (), chi2)
+        return _Tried(term, start, chi2, sketched, (), chi2)
     there = place.residuals_without + share * change
-    return _Tried(term, start, chi2, (strength, *start[1:]), float(there @ there))
+    return _Tried(term, start, chi2, sketched, (strength, *start[1:]), float(there @ there))
+
+
+def sketch(residuals: Array) -> NDArray[np.float32]:
+    """As many of the residuals as suffice to compare what terms change, at half the precision."""
+    return residuals[:: 1 + len(residuals) // _SKETCHED].astype(np.float32)
 
 
 def _most_promising(tried: Sequence[_Tried]) -> list[_Tried]:
@@ -298,7 +308,7 @@ def _most_promising(tried: Sequence[_Tried]) -> list[_Tried]:
 
 def _screened(tried: Sequence[_Tried]) -> Screened:
     order = sorted(tried, key=lambda t: (t.chi2, t.start))
-    return Screened(order[0].term, tuple(t.start for t in order), order[0].chi2)
+    return Screened(order[0].term, tuple(t.start for t in order), order[0].chi2, tuple(t.change for t in order))
 
 
 def refine_all(place: Around, screened: Sequence[Screened]) -> list[Fitted]:
