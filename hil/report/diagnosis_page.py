@@ -151,14 +151,16 @@ def _regions(d: Diagnosis, *, corrected: bool) -> Picture | None:
 def _chain(d: Diagnosis) -> dict[str, Any]:
     """The signal's way: stages in order, each with its places, their share of the misfit, and what was found there."""
     shares = {s.hook: s.share for s in d.stage_shares}
-    stages = []
+    places = {hook for hook, _stage in d.chain}
+    stages: list[dict[str, Any]] = []
     for stage, members in groupby(d.chain, key=lambda pair: pair[1]):
         names = [hook for hook, _stage in members]
         hooks = [
             {"name": name, "share": shares.get(name), "found": [f.title for f in d.effects if f.hook == name]}
             for name in names
         ]
-        elsewhere = [f.title for f in d.effects if f.stage == stage and f.hook not in names]
+        again = any(other["name"] == stage for other in stages)
+        elsewhere = [f.title for f in d.effects if f.stage == stage and f.hook not in places and not again]
         named = bool(elsewhere) or any(hook["found"] for hook in hooks)
         stages.append({"name": stage, "hooks": hooks, "found": elsewhere, "named": named})
     return {"input": d.input, "output": d.output, "stages": stages, "shares": bool(shares)}

@@ -216,6 +216,13 @@ def test_the_chain_marks_the_stage_of_an_effect_that_has_no_hook(tmp_path: Path)
     assert '<div class="named-effect">drift of the sensor</div>' in content
 
 
+def test_the_chain_marks_one_of_two_places_of_the_same_stage(tmp_path: Path) -> None:
+    effect = replace(a_diagnosis().effects[0], hook="load", stage="cylinder")
+    chain = (("load_pressure", "cylinder"), ("flow", "flow"), ("load", "cylinder"))
+    write_diagnosis_report(undrawn(effects=(effect,), chain=chain, stage_shares=()), tmp_path / "report.html")
+    assert (tmp_path / "report.html").read_text(encoding="utf-8").count('class="stage named"') == 1
+
+
 def test_an_open_question_without_a_test_is_not_called_settled(tmp_path: Path) -> None:
     text = page_of(undrawn(not_separable=(("friction", "backlash"),)), tmp_path).text
     assert "No further test is needed" not in text
