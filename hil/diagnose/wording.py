@@ -12,6 +12,8 @@ from hil.physics.effect import Effect
 
 _PLACE = re.compile(r"\{(\w+)(:%|:\?)?\}")
 _NOT_REACHED = "none that was reached"
+# Differences of the laws that stay below this share of the noise do not show in a recording.
+_HIDDEN_IN_NOISE = 0.25
 
 
 def quantity_text(value: float, std: float | None, unit: str) -> str:
@@ -55,13 +57,21 @@ def headline(verdict: Verdict, found: Sequence[Finding], changed: Sequence[Chang
     if verdict == "parameter_change":
         return f"No physics is missing; the unit has changed: {_changes(changed)}."
     if verdict == "explained":
-        return f"The model leaves out {names}; with it the recordings are explained down to what noise allows."
+        them = "it" if len(found) == 1 else "them"
+        return f"The model leaves out {names}; with {them} {_how_far(left)}."
     if verdict == "partly_explained":
         return f"The model leaves out {names}, and something more: {100 * left.share:.3g} % of the misfit stays."
     return (
         f"The model and the recordings differ by {left.rms:.2g} {left.unit} (rms) beyond the noise, and nothing in the "
         "library explains it."
     )
+
+
+def _how_far(left: Left) -> str:
+    if left.rms <= _HIDDEN_IN_NOISE * left.noise_std:
+        return "the recordings are explained down to what noise allows"
+    explained = f"{100.0 * (1.0 - left.share):.4g} % of the misfit is explained"
+    return f"{explained}, {left.rms:.2g} {left.unit} (rms) of it stay beside noise of {left.noise_std:.2g} {left.unit}"
 
 
 def _changes(changed: Sequence[ChangedParameter]) -> str:

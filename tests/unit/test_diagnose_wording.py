@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from hil.diagnose.diagnosis import Quantity
+from hil.diagnose.diagnosis import Finding, Left, Quantity
+from hil.diagnose.locate import Where
 from hil.diagnose.terms import Term
-from hil.diagnose.wording import quantity_text, sentence
+from hil.diagnose.wording import headline, quantity_text, sentence
 from hil.physics.compose import effect
 
 
@@ -35,3 +36,16 @@ def test_a_stop_that_was_not_reached_is_not_told() -> None:
     lower, upper = Quantity(-0.0994, 0.00002, "m", "lower stop"), Quantity(0.314, float("inf"), "m", "upper stop")
     said = sentence(effect("end_stop"), term, {"lower": lower, "upper": upper})
     assert said == "It runs against a stop: below at -0.099400 ± 0.000039 m, above at none that was reached."
+
+
+def test_the_headline_says_what_stays_beside_the_noise() -> None:
+    where = Where("", (), (0.0, 1.0), "", {})
+    droop = Finding("supply_droop", "drooping supply", 0.9, "supply", "supply", {}, where, "", "", "")
+    lag = Finding("sensor_lag", "lag of the sensor", 0.9, "sensor", "sensor", {}, where, "", "", "")
+    explained = headline("explained", (droop,), (), Left(0.001, 0.05, 0.3, "l/min", None, ()))
+    assert explained.endswith("; with it the recordings are explained down to what noise allows.")
+    rough = headline("explained", (droop, lag), (), Left(0.022, 4.3, 0.3, "l/min", None, ()))
+    assert rough == (
+        "The model leaves out drooping supply (supply) and lag of the sensor (sensor); with them 97.8 % of the misfit "
+        "is explained, 4.3 l/min (rms) of it stay beside noise of 0.3 l/min."
+    )

@@ -54,5 +54,5 @@ EFFECT = Effect(
     equation="τ·dϑ/dt + ϑ = h·(i/i_N)²;  F ∝ i/(1 + ϑ)",
     signature="gain falls slowly with the time at high command and recovers at low command",
     source="Copper: R = R20·(1 + 0.00393/K·ΔT); Kallenbach et al.: Elektromagnete, 2012",
-    sentence="The coil warms up and loses force: {loss:%} at full drive, over {warming}.",
+    sentence="The coil warms up and loses force: its resistance rises by {loss:%} at full drive, over {warming}.",
 )
