@@ -23,6 +23,9 @@ PART_TOLERANCE, ALONE_BY = 0.25, 1.5
 NEARLY_ALL = 0.12
 # Nearly as good is what leaves so many times as much.
 _NEARLY_AS_GOOD = 1.1
+# Events are placed freely; they replace a law that can be named only where they leave no more than this share of what
+# it leaves: steps that a limit of rate rounds off look like commands that came late.
+_EVENTS_MUST_LEAVE = 0.5
 # Beyond this share of the noise variance a rugged term may have ended in the wrong valley.
 _ONLY_NOISE = 0.01
 OPEN = ("unexplained", "partly_explained")
@@ -98,8 +101,8 @@ class _Judge:
         verdict = self.verdict(best, polished)
         open_question = verdict in OPEN and not self.m.is_adequate(best)
         events, part = self.events(nominal) if open_question and not self.laws_only else (None, None)
-        if events is not None and verdict == "partly_explained" and best.chi2 < events.chi2:
-            events = None  # a law that leaves less says more
+        if events is not None and verdict == "partly_explained" and self.says_more(best, events):
+            events = None
         if not self.m.is_full(best) and events is None:
             best = self.most_telling([best, *self.followed()], polished)
             verdict = self.verdict(best, polished)
@@ -128,6 +131,10 @@ class _Judge:
     def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""
         return recognised(self.problem, (nominal, self.baseline), self.m.excess(self.baseline))
+
+    def says_more(self, law: Fitted, events: Events) -> bool:
+        """Whether a law that can be named is to be preferred to events."""
+        return excess(self.problem, events.chi2) > _EVENTS_MUST_LEAVE * self.m.excess(law)
 
     def most_telling(self, found: Sequence[Fitted], polished: Sequence[Fitted]) -> Fitted:
         """Of explanations what can be named rather than what cannot, and then the most economical."""

@@ -116,7 +116,7 @@ def diagnose(
     elif events is None and (step := coarse_step(problem, kept)) is not None:
         only = excess(problem, choice.baseline.chi2) < _COARSE_EXCESS
         choice = healthy(choice) if only else choice
-        events = coarse(problem, step, choice.chosen.residuals)
+        events = coarse(problem, *step, choice.chosen.residuals)
     verdict = _verdict(choice, events)
     answer = _Answer(model, problem, choice, verdict, events, tuple(warnings), span)
     progress(0.8, "locating the mismatch")

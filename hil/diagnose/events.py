@@ -32,6 +32,8 @@ _CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
 _NOISE_OVER_RESOLUTION = 2.0
 # Bursts of misfit: blocks of this length, those beyond this many times the noise variance.
 _BLOCK_S = 0.1
+# A line takes so many levels.
+_LEAST_LEVELS = 3
 # A step so many times the one that the model was identified with, and this share of the noise, is a coarser channel.
 _COARSER, _TELLING_STEP = 4.0, 0.5
 _BURST = 4.0
@@ -143,8 +145,8 @@ def _stale_runs(values: Array) -> list[tuple[int, int]]:
 # -- a channel that resolves less than it did ----------------------------------------------------------------
 
 
-def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> float | None:
-    """The step in which the output comes, where the model was identified on a finer channel; else None.
+def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float, float] | None:
+    """The step in which the output comes and its uncertainty, where the model was identified on a finer channel.
 
     `recorded`: the experiments as they came, with nothing taken out of them.
     """
@@ -154,12 +156,29 @@ def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> float | Non
         return None
     steps = [resolution(e.output) for e in recorded]
     step = float(np.median(steps))
-    return step if step > _COARSER * before and step > _TELLING_STEP * known.std else None
+    if not (step > _COARSER * before and step > _TELLING_STEP * known.std):
+        return None
+    return _lattice(np.unique(np.concatenate([e.output for e in recorded])), step, before)
 
 
-def coarse(problem: Problem, step: float, residuals: Array) -> Events:
-    """The finding for an output that comes in coarse steps; they are known to the resolution of the finer channel."""
-    std = float(problem.model.origin["resolution"]) / float(np.sqrt(6.0))
+def _lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]:
+    """The distance of levels that are whole multiples of it apart, about `step`; rounded to `rounding` in their turn.
+
+    A line through the levels over their number, with its standard uncertainty.
+    """
+    number = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(levels) / step))])
+    if number[-1] < _LEAST_LEVELS:
+        return step, rounding / float(np.sqrt(6.0))
+    number -= number.mean()
+    spread = float(number @ number)
+    found = float(number @ levels) / spread
+    off = levels - levels.mean() - found * number
+    std = max(float(np.sqrt(off @ off / max(len(levels) - 2, 1))), rounding / float(np.sqrt(12.0)))
+    return found, std / float(np.sqrt(spread))
+
+
+def coarse(problem: Problem, step: float, std: float, residuals: Array) -> Events:
+    """The finding for an output that comes in coarse steps of this size."""
     last, unit = problem.plant.hooks[-1], problem.plant.output.unit
     return Events(
         "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
