@@ -14,7 +14,7 @@ from .cases.label import SEVERITIES
 from .diagnosers import CLI, PYTHON
 from .plan import ALL_PLANTS, Plan, kinds
 from .publish import keep, show
-from .run import prove
+from .run import OtherSealsError, prove
 
 
 def main(
@@ -29,6 +29,9 @@ def main(
     ),
     brief: bool = typer.Option(False, "--brief", help="Hand over every other recording only; for many healthy units."),
     minutes: float = typer.Option(math.inf, min=0.0, help="Begin no case after so many minutes."),
+    known: Path | None = typer.Option(
+        None, exists=True, dir_okay=False, help="`proof.json` of an earlier run of the same cases, to go on from."
+    ),
     cli: bool = typer.Option(False, "--cli", help="Call `hil` through the real command line, a process a call."),
 ) -> None:
     """Conceal effects, have them found, and print how often that succeeds."""
@@ -50,9 +53,12 @@ def main(
             if what.startswith("seals"):
                 bar.console.print(what)
 
-        results, fingerprint = prove(
-            plan.labels(), seed, out, CLI if cli else PYTHON, jobs, tell, 2 if brief else 1, begin_until_s
-        )
+        try:
+            results, fingerprint = prove(
+                plan.labels(), seed, out, CLI if cli else PYTHON, jobs, tell, 2 if brief else 1, begin_until_s, known
+            )
+        except OtherSealsError as error:
+            raise typer.BadParameter(f"--known: {error}") from error
     show(results, console)
     keep(results, seed, fingerprint, out)
     console.print(f"{out / 'proof.md'}, {out / 'proof.json'}")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import math
 import multiprocessing
 import os
@@ -27,6 +28,10 @@ Progress = Callable[[str, int, int], None]
 """Told what is being done, how much of it is done, and of how much."""
 
 
+class OtherSealsError(ValueError):
+    """Results are of other cases."""
+
+
 def prove(
     labels: Sequence[Label],
     seed: int,
@@ -36,6 +41,7 @@ def prove(
     progress: Progress,
     every: int = 1,
     begin_until_s: float = math.inf,
+    known: Path | None = None,
 ) -> tuple[list[Result], str]:  # fmt: skip
     """Return the results of all cases and the fingerprint of their seals.
 
@@ -43,6 +49,10 @@ def prove(
     results on disk are not made again.
     `begin_until_s`: no case is begun after this `time.time()`; the results are of the cases that were. Their order
     is mixed, so that those of a proof that ran out of time are a fair sample.
+    `known`: `proof.json` of an earlier run; its results count and are not made again.
+
+    Raises:
+        OtherSealsError: `known` was made with other seals.
     """
     for name in ("truth", "results", "kept"):
         (out / name).mkdir(parents=True, exist_ok=True)
@@ -52,6 +62,8 @@ def prove(
     seals = out / "seals.sha256"
     fingerprint = publish(sealed, seals)
     progress(f"seals published, sha256 {fingerprint}", len(labels), len(labels))
+    if known is not None:
+        _adopt(known, fingerprint, out)
     published = read(seals)
     todo = [
         (path, published[name], diagnoser, out, every, begin_until_s)
@@ -60,6 +72,18 @@ def prove(
     ]
     _parallel(_examine, todo, jobs, "diagnosing", progress)
     return [result.read(_result(out, name)) for name in sealed if _result(out, name).exists()], fingerprint
+
+
+def _adopt(known: Path, fingerprint: str, out: Path) -> None:
+    fields = json.loads(known.read_text())
+    if fields["seals_sha256"] != fingerprint:
+        raise OtherSealsError(
+            f"{known}: seals_sha256 is {fields['seals_sha256']}, that of these cases {fingerprint}; "
+            "the same seed, kinds and number of cases are needed"
+        )
+    for case in fields["cases"]:
+        if not (path := _result(out, case["label"])).exists():
+            result.of(case).write(path)
 
 
 def _mixed(case: tuple[str, Path]) -> bytes:

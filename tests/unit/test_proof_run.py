@@ -16,8 +16,8 @@ from tests.proof.cases.label import Label
 from tests.proof.cases.seal import BrokenSealError
 from tests.proof.cases.truth import Truth, to_json
 from tests.proof.diagnosers import Commands
-from tests.proof.publish import markdown
-from tests.proof.run import prove
+from tests.proof.publish import keep, markdown
+from tests.proof.run import OtherSealsError, prove
 from tests.proof.score.calibration import bands
 from tests.proof.score.rates import Rate
 from tests.proof.score.result import Result
@@ -69,8 +69,10 @@ class Oracle:
         np.savetxt(out, simulated, delimiter=",", header="time [s],pressure [psi]", comments="")
 
 
-def run(out: Path, diagnoser: object, jobs: int = 1) -> tuple[list[Result], str]:
-    return prove(LABELS, SEED, out, diagnoser, jobs, lambda what, done, total: None)  # type: ignore[arg-type]
+def run(
+    out: Path, diagnoser: object, jobs: int = 1, known: Path | None = None
+) -> tuple[list[Result], str]:  # fmt: skip
+    return prove(LABELS, SEED, out, diagnoser, jobs, lambda what, done, total: None, known=known)  # type: ignore[arg-type]
 
 
 @pytest.fixture(scope="module")
@@ -95,6 +97,21 @@ def test_an_oracle_is_right_and_closes_the_whole_gap(proof: Path) -> None:
 def test_the_seals_can_be_checked_by_anybody(proof: Path) -> None:
     lines = (proof / "seals.sha256").read_text().splitlines()
     assert [line.split("  ")[1] for line in lines] == [f"truth/{label}.json" for label in sorted(map(str, LABELS))]
+
+
+def test_a_proof_goes_on_from_published_results(proof: Path, tmp_path: Path) -> None:
+    results, fingerprint = run(proof, None)
+    keep(results, SEED, fingerprint, tmp_path)
+    fresh = tmp_path / "fresh"
+    (fresh / "truth").mkdir(parents=True)
+    for label in LABELS:
+        (fresh / "truth" / f"{label}.json").write_bytes((proof / "truth" / f"{label}.json").read_bytes())
+    assert run(fresh, None, known=tmp_path / "proof.json")[0] == results  # nobody is asked again
+
+    other = tmp_path / "other.json"
+    other.write_text((tmp_path / "proof.json").read_text().replace(fingerprint, "0" * 64))
+    with pytest.raises(OtherSealsError, match="the same seed"):
+        run(fresh, None, known=other)
 
 
 def test_a_truth_that_was_touched_stops_the_proof(proof: Path, tmp_path: Path) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 from ..cases.label import NOTHING
 from ..cases.truth import Truth
@@ -74,10 +76,13 @@ class Result:
 
 def read(path: Path) -> Result:
     """Read a result back."""
-    fields = json.loads(path.read_text())
-    for name in ("effects", "sigma", "distinct_sigma", "named", "probabilities"):
-        fields[name] = tuple(fields[name])
-    return Result(**fields)
+    return of(json.loads(path.read_text()))
+
+
+def of(fields: Mapping[str, Any]) -> Result:
+    """Return the result that `asdict` made these fields of."""
+    texts = ("effects", "sigma", "distinct_sigma", "named", "probabilities")
+    return Result(**{name: tuple(value) if name in texts else value for name, value in fields.items()})
 
 
 def judged(truth: Truth, judgement: Judgement, **more: object) -> Result:
