@@ -21,8 +21,8 @@ _CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 PART_TOLERANCE, ALONE_BY = 0.25, 1.5
 # … or when it leaves so little that another name for it would have to look much the same.
 NEARLY_ALL = 0.12
-# Nearly as good is what leaves so many times as much.
-_NEARLY_AS_GOOD = 1.1
+# Nearly as good is what leaves so many times as much; more where what is left is within the tolerance of laws.
+_NEARLY_AS_GOOD, _AS_GOOD_WITHIN_LAWS = 1.1, 2.0
 # Events are placed freely; they replace a law that can be named only where they leave no more than this share of what
 # it leaves: steps that a limit of rate rounds off look like commands that came late.
 _EVENTS_MUST_LEAVE = 0.5
@@ -126,7 +126,7 @@ class _Judge:
             best = min([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], key=self.m.cost)
         if self.m.excess(best) > _ONLY_NOISE:
             best = from_other_shapes(self.problem, best)
-        return best if self.m.is_adequate(best) else self.least_strained(best, polished)
+        return self.least_strained(best, polished)
 
     def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""
@@ -182,9 +182,12 @@ class _Judge:
 
     def least_strained(self, best: Fitted, polished: Sequence[Fitted]) -> Fitted:
         """Instead of an explanation strained to its end another one that is nearly as good without."""
-        most = min(NEARLY_ALL, _NEARLY_AS_GOOD * self.m.left(best))
-        others = [f for f in polished if self.m.left(f) <= most and not is_strained(f)]
-        return min(others, key=self.m.cost) if is_strained(best) and others else best
+        if not is_strained(best):
+            return best
+        enough = self.m.is_adequate(best)
+        most = _AS_GOOD_WITHIN_LAWS * self.m.left(best) if enough else _NEARLY_AS_GOOD * self.m.left(best)
+        near = [f for f in polished if self.m.left(f) <= min(most, NEARLY_ALL) and self.m.is_adequate(f) >= enough]
+        return min((f for f in near if not is_strained(f)), key=self.m.cost, default=best)
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
         """Other names that the data cannot tell from the chosen ones, or from a change of parameters."""

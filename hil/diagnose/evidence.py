@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.diagnose.measures import is_strained
 from hil.diagnose.problem import Problem
 from hil.diagnose.search import Fitted, polish
 from hil.record.recording import Array
@@ -86,11 +87,13 @@ def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
 
     The laws of the library are not the laws of nature, so likelihoods are tempered: by what even the best explanation
     leaves on data it was not fitted to, and so that a difference of `indistinguishable` is worth a factor of seven at
-    most. `unexplained` is the probability of none.
+    most. An explanation strained to the end of what is physical is no more probable than the first, which was chosen.
+    `unexplained` is the probability of none.
     """
     if not judged:
         return []
     costs = [j.chi2_held_out + j.prior_cost for j in judged]
+    costs = [max(c, costs[0]) if is_strained(j.fitted) else c for c, j in zip(costs, judged, strict=True)]
     least = min(j.chi2_held_out for j in judged)
     temper = max(least / judged[0].count, indistinguishable(least) / _WORTH)
     logs = np.array(
