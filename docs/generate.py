@@ -174,7 +174,11 @@ def effect_parameter_row(parameter: EffectParameter) -> str:
     unit = parameter.unit.replace("{value}", "FS").replace("{motion}", "FS of travel")
     null = "–" if parameter.null is None else number(parameter.null)
     bounds = f"{number(parameter.low)} … {number(parameter.high)}"
-    meaning = f"{parameter.meaning}; at a bound it is another effect" if parameter.telling else parameter.meaning
+    meaning = (
+        f"{parameter.meaning}; at its {parameter.telling} it is another effect"
+        if parameter.telling
+        else parameter.meaning
+    )
     cells: Sequence[str] = (f"`{parameter.name}`", unit, null, number(parameter.typical), bounds, meaning)
     return f"| {' | '.join(cells)} |"
 

@@ -167,7 +167,7 @@ class _Judge:
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""
         few = sum(term.kind == "effect" for term in f.terms) <= NAMEABLE
-        return few and is_present(f) and all(is_itself(f, term) for term in f.terms)
+        return few and is_present(f) and not self.is_something_else(f)
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
         """Whether an explanation takes nearly all of the misfit, or most of it and no other name comes near it."""
@@ -181,13 +181,20 @@ class _Judge:
         return self.m.left(f) <= PART_TOLERANCE and alone
 
     def least_strained(self, best: Fitted, polished: Sequence[Fitted]) -> Fitted:
-        """Instead of an explanation strained to its end another one that is nearly as good without."""
-        if not is_strained(best):
+        """Instead of an explanation that is not what its name says, or is strained to its end, one nearly as good."""
+        if self.m.is_adequate(best):
+            wrong, most = self.is_something_else, _AS_GOOD_WITHIN_LAWS * self.m.left(best)
+            others = [f for f in polished if self.m.is_adequate(f)]
+        else:
+            wrong, most = is_strained, min(NEARLY_ALL, _NEARLY_AS_GOOD * self.m.left(best))
+            others = list(polished)
+        if not wrong(best):
             return best
-        enough = self.m.is_adequate(best)
-        most = _AS_GOOD_WITHIN_LAWS * self.m.left(best) if enough else _NEARLY_AS_GOOD * self.m.left(best)
-        near = [f for f in polished if self.m.left(f) <= min(most, NEARLY_ALL) and self.m.is_adequate(f) >= enough]
-        return min((f for f in near if not is_strained(f)), key=self.m.cost, default=best)
+        return min((f for f in others if self.m.left(f) <= most and not wrong(f)), key=self.m.cost, default=best)
+
+    def is_something_else(self, f: Fitted) -> bool:
+        """Whether a shape that tells an effect from others is that of another one."""
+        return not all(is_itself(f, term) for term in f.terms)
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
         """Other names that the data cannot tell from the chosen ones, or from a change of parameters."""

@@ -10,6 +10,7 @@ import numpy as np
 from hil.diagnose.problem import Problem
 from hil.diagnose.search import Fitted
 from hil.diagnose.terms import Term
+from hil.identify.estimate import Unknown
 
 # A misfit below this share of the noise variance is of no practical size.
 SMALL_EXCESS = 0.03
@@ -100,12 +101,17 @@ def is_itself(f: Fitted, term: Term) -> bool:
     """Whether the shapes that tell an effect from others are beyond doubt inside their range."""
     if f.estimate is None:
         return True
-    first = f.estimate_index(term)
+    first, telling = f.estimate_index(term), dict(term.telling)
     return all(
-        min(f.estimate.values[k] - u.low, u.high - f.estimate.values[k]) > _INSIDE_SIGMAS * f.estimate.std[k]
+        _room(u, float(f.estimate.values[k]), telling[u.name]) > _INSIDE_SIGMAS * f.estimate.std[k]
         for k, u in enumerate(term.unknowns, first)
-        if u.name in term.telling
+        if u.name in telling
     )
+
+
+def _room(u: Unknown, value: float, telling: str) -> float:
+    """How far a shape is from where it would be that of another effect."""
+    return u.high - value if telling == "upper end" else min(value - u.low, u.high - value)
 
 
 def is_strained(f: Fitted) -> bool:

@@ -32,7 +32,7 @@ class Term:
         growth, change: the effects that a larger, or any other, value of the base parameter is known as; `change` also
             what an effect is known as under another name.
         null: value of the first unknown at which an effect does nothing.
-        telling: the unknowns without whose shape the effect would be another one.
+        telling: unknowns without whose shape the effect would be another one, and at which end of their range.
         rugged: whether a fit ends in one of many valleys.
     """
 
@@ -46,7 +46,7 @@ class Term:
     growth: str = ""
     change: str = ""
     null: float = 0.0
-    telling: tuple[str, ...] = ()
+    telling: tuple[tuple[str, str], ...] = ()
     rugged: bool = False
 
     @property
@@ -117,8 +117,8 @@ def _effect_term(site: Site, seen: Seen) -> Term:
     null = next(iter(site.effect.null_at(site.hook).values()))
     return Term(
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
-        change=site.effect.known_as, null=null, telling=tuple(p.name for p in site.effect.parameters if p.telling),
-        rugged=site.effect.rugged,
+        change=site.effect.known_as, null=null, rugged=site.effect.rugged,
+        telling=tuple((p.name, p.telling) for p in site.effect.parameters if p.telling),
     )  # fmt: skip
 
 

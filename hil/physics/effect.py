@@ -19,7 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeVar, cast
+from typing import Any, Literal, TypeVar, cast
 
 from numba import njit
 
@@ -49,7 +49,8 @@ class EffectParameter:
     `null` is the value at which the effect does nothing (infinity for a limit); None for shape parameters,
     which may have any value while the effect is null (a Stribeck velocity, a frequency).
 
-    A `telling` shape is what tells the effect from others: at an end of its range it is something else.
+    A `telling` shape is what tells the effect from others: at an end of its range, either of them or the upper one, it
+    is something else.
     """
 
     name: str
@@ -59,7 +60,7 @@ class EffectParameter:
     low: float
     high: float
     meaning: str
-    telling: bool = False
+    telling: Literal["", "ends", "upper end"] = ""
 
     def at(self, hook: Hook) -> Parameter:
         """The parameter in the units of a hook of a plant."""

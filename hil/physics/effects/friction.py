@@ -83,7 +83,9 @@ EFFECT = Effect(
         EffectParameter("coulomb", "{value}", 0.0, 0.02, 0.0, 0.2, "sliding friction as the command it withstands"),
         EffectParameter("stiction", "1", None, 1.2, 1.0, 3.0, "static over sliding friction"),
         EffectParameter("stribeck", "{motion}/s", None, 0.1, 0.005, 5.0, "speed at which stiction has faded"),
-        EffectParameter("presliding", "{motion}", None, 0.002, 1e-5, 0.01, "elastic give before it breaks away"),
+        EffectParameter(
+            "presliding", "{motion}", None, 0.002, 1e-5, 0.01, "elastic give before it breaks away", telling="upper end"
+        ),
     ),
     transform=transform,
     starts=starts,

@@ -41,7 +41,9 @@ EFFECT = Effect(
     hooks=("supply",),
     parameters=(
         EffectParameter("droop", "1", 0.0, 0.1, 0.0, 0.9, "share of supply pressure lost at full flow"),
-        EffectParameter("recovery", "s", None, 0.2, 0.05, 10.0, "time constant of pump and accumulator", telling=True),
+        EffectParameter(
+            "recovery", "s", None, 0.2, 0.05, 10.0, "time constant of pump and accumulator", telling="ends"
+        ),
         EffectParameter("power", "1", None, 2.0, 0.8, 2.5, "1: internal leakage of the pump, 2: losses of the line"),
     ),
     transform=transform,
