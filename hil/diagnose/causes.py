@@ -49,7 +49,7 @@ _SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
 _SURELY = 0.95
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Alone:
     """Everything that is looked for, looked at alone beside the nominal model.
 
@@ -86,7 +86,7 @@ class Causes:
     def alone(self) -> Alone:
         """Look at every term alone: around the nominal model, as the baseline has bent to a misfit that is not its."""
         place = around(self.m.problem, nothing(self.m.problem))
-        screened = screen(place, self.terms)
+        screened = screen(place, self.terms, remember=True)
         return Alone(place, tuple(screened), tuple(refine_all(place, screened)))
 
     def changed_parameters(self, free: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.stats import linregress
 
 from hil.diagnose.measures import share_left
 from hil.diagnose.problem import Problem
@@ -32,7 +33,7 @@ _CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
 _NOISE_OVER_RESOLUTION = 2.0
 # Bursts of misfit: blocks of this length, those beyond this many times the noise variance.
 _BLOCK_S = 0.1
-# A line takes so many levels.
+# A line and its uncertainty take so many levels.
 _LEAST_LEVELS = 3
 # A step so many times the one that the model was identified with, and this share of the noise, is a coarser channel.
 _COARSER, _TELLING_STEP = 4.0, 0.5
@@ -167,14 +168,11 @@ def _lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]
     A line through the levels over their number, with its standard uncertainty.
     """
     number = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(levels) / step))])
-    if number[-1] < _LEAST_LEVELS:
+    if len(levels) < _LEAST_LEVELS:
         return step, rounding / float(np.sqrt(6.0))
-    number -= number.mean()
-    spread = float(number @ number)
-    found = float(number @ levels) / spread
-    off = levels - levels.mean() - found * number
-    std = max(float(np.sqrt(off @ off / max(len(levels) - 2, 1))), rounding / float(np.sqrt(12.0)))
-    return found, std / float(np.sqrt(spread))
+    line = linregress(number, levels)
+    of_rounding = rounding / float(np.sqrt(12.0 * len(number)) * np.std(number))
+    return float(line.slope), max(float(line.stderr), of_rounding)
 
 
 def coarse(problem: Problem, step: float, std: float, residuals: Array) -> Events:

@@ -27,13 +27,14 @@ class _Look:
     values: tuple[float, ...]
     change: NDArray[np.float32]
 
+    @property
+    def strongest(self) -> float:
+        """The largest share of the change that is thought of."""
+        return MOST_STRONGER if self.term.scales else 1.0
+
     def at(self, share: float) -> tuple[float, ...]:
         """The values with the strength that gives this share of the change."""
-        if not np.isfinite(self.term.null):
-            return self.values
-        u = self.term.unknowns[0]
-        strength = self.term.null + share * (self.values[0] - self.term.null)
-        return (float(np.clip(strength, u.low, u.high)), *self.values[1:])
+        return self.term.scaled(self.values, share) if self.term.scales else self.values
 
 
 def joint(place: Around, screened: Sequence[Screened], refined: Sequence[Fitted], most: int) -> list[Fitted]:
@@ -53,9 +54,10 @@ def joint(place: Around, screened: Sequence[Screened], refined: Sequence[Fitted]
         return []
     changes = np.stack([look.change for look in looks])
     open_residuals = sketch(place.residuals_without)
-    gain, share_i, share_j = _gains(changes, open_residuals, np.array([_strongest(look.term) for look in looks]))
+    gain, share_i, share_j = _gains(changes, open_residuals, np.array([look.strongest for look in looks]))
     first, second = np.triu_indices(len(looks), 1)
-    scale = float(place.residuals_without @ place.residuals_without) / float(open_residuals @ open_residuals)
+    total = float(open_residuals @ open_residuals)
+    scale = float(place.residuals_without @ place.residuals_without) / total
     found: dict[frozenset[str], Fitted] = {}
     for k in np.argsort(-gain[first, second], kind="stable"):
         i, j = int(first[k]), int(second[k])
@@ -64,7 +66,7 @@ def joint(place: Around, screened: Sequence[Screened], refined: Sequence[Fitted]
             break
         if len(names) == 2 and names not in found and share_i[i, j] > 0.0 and share_j[i, j] > 0.0:
             values = (looks[i].at(share_i[i, j]), looks[j].at(share_j[i, j]))
-            chi2 = scale * (float(open_residuals @ open_residuals) - float(gain[i, j]))
+            chi2 = scale * (total - float(gain[i, j]))
             terms = (looks[i].term, looks[j].term)
             found[names] = Fitted(terms, values, place.accepted.parameters, chi2, place.accepted.residuals)
     return list(found.values())
@@ -82,10 +84,6 @@ def _looks(place: Around, screened: Sequence[Screened], refined: Sequence[Fitted
             adapted = adapted_residuals(place, (f.terms[-1], f.values[-1]))
             looks.append(_Look(f.terms[-1], f.values[-1], sketch(adapted - place.residuals_without)))
     return [look for look in looks if float(look.change @ look.change) > _LEAST]
-
-
-def _strongest(term: Term) -> float:
-    return MOST_STRONGER if np.isfinite(term.null) else 1.0
 
 
 def _gains(changes: NDArray[np.float32], r: NDArray[np.float32], most: Array) -> tuple[Array, Array, Array]:

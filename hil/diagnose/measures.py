@@ -90,7 +90,7 @@ def is_present(f: Fitted) -> bool:
 
 
 def _is_there(f: Fitted, term: Term) -> bool:
-    if term.kind == "parameter" or not np.isfinite(term.null) or f.estimate is None:
+    if not term.scales or f.estimate is None:
         return True
     k = f.estimate_index(term)
     std = f.estimate.std_holding(k, range(k + 1, k + len(term.unknowns)))  # how large it is, not which shape

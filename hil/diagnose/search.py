@@ -101,7 +101,10 @@ class Fitted:
 
 @dataclass(frozen=True, slots=True)
 class Screened:
-    """A term with its starts, the best first, the χ² of that one, and what it changes at each (see `sketch`)."""
+    """A term with its starts, the best first, and the χ² of that one.
+
+    `changes`: what it changes at each start (see `sketch`), where that is remembered.
+    """
 
     term: Term
     starts: tuple[tuple[float, ...], ...]
@@ -242,14 +245,15 @@ def prior_root(problem: Problem, free: Sequence[int]) -> Array:
     return root
 
 
-def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
+def screen(place: Around, terms: Sequence[Term], *, remember: bool = False) -> list[Screened]:
     """Every term at its starts, all else adapting linearly; the term with the best start first.
 
     A start too strong or too weak is corrected: where the straight line from nothing to what it does is lowest.
+    `remember`: what each term changes at each start, for `hil.diagnose.joint`.
     """
     place.coarse_residuals, place.residuals_without  # noqa: B018  computed once, before threads ask for it
-    tried = _try(place, [(term, start) for term in terms for start in term.starts])
-    corrected = _try(place, [(t.term, t.better) for t in _most_promising(tried) if t.better])
+    tried = _try(place, [(term, start) for term in terms for start in term.starts], remember)
+    corrected = _try(place, [(t.term, t.better) for t in _most_promising(tried) if t.better], remember)
     found: dict[int, list[_Tried]] = {id(term): [] for term in terms}
     for t in [*tried, *corrected]:
         found[id(t.term)].append(t)
@@ -258,38 +262,40 @@ def screen(place: Around, terms: Sequence[Term]) -> list[Screened]:
 
 @dataclass(frozen=True, slots=True)
 class _Tried:
-    """A term at a start: what it changes, and where the line towards it is lowest; () when that is much the same."""
+    """A term at a start, and at which start the line towards it is lowest; () when that is much the same.
+
+    `change`: what it changes there, or () when that is not remembered.
+    """
 
     term: Term
     start: tuple[float, ...]
     chi2: float
-    change: NDArray[np.float32]
+    change: tuple[NDArray[np.float32], ...]
     better: tuple[float, ...]
     chi2_there: float
 
 
-def _try(place: Around, jobs: Sequence[tuple[Term, tuple[float, ...]]]) -> list[_Tried]:
+def _try(place: Around, jobs: Sequence[tuple[Term, tuple[float, ...]]], remember: bool) -> list[_Tried]:
     """Terms at starts, in one batch."""
-    return list(pool().map(lambda job: _tried(place, *job), jobs))
+    return list(pool().map(lambda job: _tried(place, job[0], job[1], remember), jobs))
 
 
-def _tried(place: Around, term: Term, start: tuple[float, ...]) -> _Tried:
+def _tried(place: Around, term: Term, start: tuple[float, ...], remember: bool) -> _Tried:
     adapted = adapted_residuals(place, (term, start), coarse=True)
     chi2 = float(adapted @ adapted)
     if not np.isfinite(chi2):
-        return _Tried(term, start, np.inf, sketch(np.zeros_like(adapted)), (), np.inf)
+        return _Tried(term, start, np.inf, (sketch(np.zeros_like(adapted)),) if remember else (), (), np.inf)
     change = adapted - place.residuals_without
-    sketched = sketch(change)
-    if term.kind == "parameter" or not np.isfinite(term.null):
+    sketched = (sketch(change),) if remember else ()
+    if not term.scales:
         return _Tried(term, start, chi2, sketched, (), chi2)
     length = float(change @ change)
     share = float(np.clip(-(place.residuals_without @ change) / length, 0.0, MOST_STRONGER)) if length else 0.0
-    first = term.unknowns[0]
-    strength = float(np.clip(term.null + share * (start[0] - term.null), first.low, first.high))
-    if share == 0.0 or _AS_STRONG[0] < share < _AS_STRONG[1] or strength == start[0]:
+    better = term.scaled(start, share)
+    if share == 0.0 or _AS_STRONG[0] < share < _AS_STRONG[1] or better == start:
         return _Tried(term, start, chi2, sketched, (), chi2)
     there = place.residuals_without + share * change
-    return _Tried(term, start, chi2, sketched, (strength, *start[1:]), float(there @ there))
+    return _Tried(term, start, chi2, sketched, better, float(there @ there))
 
 
 def sketch(residuals: Array) -> NDArray[np.float32]:
@@ -308,7 +314,9 @@ def _most_promising(tried: Sequence[_Tried]) -> list[_Tried]:
 
 def _screened(tried: Sequence[_Tried]) -> Screened:
     order = sorted(tried, key=lambda t: (t.chi2, t.start))
-    return Screened(order[0].term, tuple(t.start for t in order), order[0].chi2, tuple(t.change for t in order))
+    return Screened(
+        order[0].term, tuple(t.start for t in order), order[0].chi2, tuple(c for t in order for c in t.change)
+    )
 
 
 def refine_all(place: Around, screened: Sequence[Screened]) -> list[Fitted]:

@@ -50,6 +50,17 @@ class Term:
     rugged: bool = False
 
     @property
+    def scales(self) -> bool:
+        """Whether its first unknown is a strength at which it does nothing, and beyond which it does ever more."""
+        return self.kind == "effect" and bool(np.isfinite(self.null))
+
+    def scaled(self, values: Sequence[float], share: float) -> tuple[float, ...]:
+        """The values with this share of their strength, as far as it may go."""
+        first = self.unknowns[0]
+        strength = self.null + share * (values[0] - self.null)
+        return (float(np.clip(strength, first.low, first.high)), *values[1:])
+
+    @property
     def label(self) -> str:
         """For messages: `friction at spool`, `pilot_rate`."""
         return f"{self.name} at {self.stage}" if self.kind == "effect" else self.name

@@ -69,9 +69,7 @@ class Oracle:
         np.savetxt(out, simulated, delimiter=",", header="time [s],pressure [psi]", comments="")
 
 
-def run(
-    out: Path, diagnoser: object, jobs: int = 1, known: Path | None = None
-) -> tuple[list[Result], str]:  # fmt: skip
+def run(out: Path, diagnoser: object, jobs: int = 1, known: Path | None = None) -> tuple[list[Result], str]:
     return prove(LABELS, SEED, out, diagnoser, jobs, lambda what, done, total: None, known=known)  # type: ignore[arg-type]
 
 

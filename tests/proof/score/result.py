@@ -81,8 +81,8 @@ def read(path: Path) -> Result:
 
 def of(fields: Mapping[str, Any]) -> Result:
     """Return the result that `asdict` made these fields of."""
-    texts = ("effects", "sigma", "distinct_sigma", "named", "probabilities")
-    return Result(**{name: tuple(value) if name in texts else value for name, value in fields.items()})
+    several = ("effects", "sigma", "distinct_sigma", "named", "probabilities")
+    return Result(**{name: tuple(value) if name in several else value for name, value in fields.items()})
 
 
 def judged(truth: Truth, judgement: Judgement, **more: object) -> Result:
