@@ -38,6 +38,7 @@ _FACTOR_TOLERANCE = 0.08
 _GOOD_FIT = 80.0
 _POOR_FIT = 50.0
 _MUCH_LESS = 0.2
+_ALSO_MOVES = 0.5
 _LEAST_CLIPPED = 0.002
 _LEAST_RUN = 5
 _GAP = 5.0
@@ -137,15 +138,16 @@ def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
     if not (before < _POOR_FIT or led_back):  # led back, a model fits half of anything
         return
     enough = _GOOD_FIT if before < _POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
-    moving, measured = simulated - simulated.mean(), e.output - e.output.mean()
-    power = float(moving @ moving)
-    slope = float(moving @ measured) / power if power else 0.0
-    factor = _unit_factor(slope)
-    if factor and fit_percent(measured, slope * moving) > _GOOD_FIT:
-        raise FileError(
-            f"{e.name}: channel '{e.output_heading}' is {slope:.3g} times what the model expects; "
-            f"a factor near {factor:.4g} looks like a wrong unit"
-        )
+    moves, fit_of_moves = _times(simulated - simulated.mean(), e.output - e.output.mean())
+    level, fit_of_level = _times(simulated, e.output)  # small moves may be smaller for a reason, a level hardly is
+    also_moves = abs(moves / level - 1.0) < _ALSO_MOVES if level else False
+    for slope, fit in ((moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0)):
+        factor = _unit_factor(slope)
+        if factor and fit > _GOOD_FIT:
+            raise FileError(
+                f"{e.name}: channel '{e.output_heading}' is {slope:.3g} times what the model expects; "
+                f"a factor near {factor:.4g} looks like a wrong unit"
+            )
     # A plant that integrates is linear but for what the diagnosis is to find: either channel may be the wrong one.
     or_output = f" (or '{e.output_heading}' divided by it)" if led_back else ""
     for factor in _UNIT_FACTORS:
@@ -155,6 +157,15 @@ def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
                 f"{e.name}: channel '{e.input}' fits the model only when multiplied by {factor:.4g}{or_output}; "
                 "it looks like a wrong unit"
             )
+
+
+def _times(simulated: Array, measured: Array) -> tuple[float, float]:
+    """How many times the one is in the other, and how much of that one (rms, in %) this explains."""
+    power, size = float(simulated @ simulated), float(np.sqrt(measured @ measured))
+    if power == 0.0 or size == 0.0:
+        return 0.0, 0.0
+    slope = float(simulated @ measured) / power
+    return slope, 100.0 * (1.0 - float(np.linalg.norm(measured - slope * simulated)) / size)
 
 
 def _unit_factor(slope: float) -> float | None:

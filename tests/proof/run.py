@@ -75,7 +75,10 @@ def prove(
 
 
 def _adopt(known: Path, fingerprint: str, out: Path) -> None:
-    fields = json.loads(known.read_text())
+    try:
+        fields = json.loads(known.read_text())
+    except ValueError as error:
+        raise OtherSealsError(f"{known}: not the results of a proof: {error}") from error
     if fields["seals_sha256"] != fingerprint:
         raise OtherSealsError(
             f"{known}: seals_sha256 is {fields['seals_sha256']}, that of these cases {fingerprint}; "

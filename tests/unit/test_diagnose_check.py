@@ -10,8 +10,10 @@ import pytest
 
 from hil.diagnose.check import check
 from hil.errors import FileError
-from hil.record.recording import Recording
-from tests.concealed import bound, nominal, records
+from hil.physics.compose import plant
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import Recording, recording
+from tests.concealed import DURATION_S, NOISE, PLANT, RATE_HZ, bound, noise, nominal, records
 
 
 def changed(change: Callable[[Recording], None]) -> list[Recording]:
@@ -39,6 +41,25 @@ def test_an_output_in_a_wrong_unit_is_refused_with_its_factor(factor: float) -> 
 
     with pytest.raises(FileError, match=rf"'flow \[l/min\]'.*factor near {factor:.4g}"):
         check(nominal(), bound(nominal(), changed(scale)))
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1, 60.0])
+def test_a_wrong_unit_is_refused_though_a_sticking_part_moves_less(factor: float) -> None:
+    sticking = ActiveEffect("friction", "force", {"coulomb": 2.5, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
+    valve, time_s = plant(PLANT), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
+    command = -50.0 + 10.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
+    flow = simulate(valve, valve.typical, Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0), (sticking,))[0]
+    flow += NOISE * noise(np.random.default_rng(22), len(flow))
+    made = recording("small sine", time_s, {"command [%]": command, "flow [l/min]": factor * flow})
+    with pytest.raises(FileError, match=rf"'flow \[l/min\]'.*factor near {factor:.4g}"):
+        check(nominal(), bound(nominal(), [made]))
+
+
+def test_an_offset_many_times_what_moves_is_no_unit() -> None:
+    def offset(each: Recording) -> None:
+        each.channels["flow"].values[:] += 130.0
+
+    check(nominal(), bound(nominal(), changed(offset)))
 
 
 def test_a_command_in_a_wrong_unit_is_refused() -> None:
