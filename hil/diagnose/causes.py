@@ -11,6 +11,7 @@ from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.joint import joint
 from hil.diagnose.measures import SMALL_EXCESS, Measures, is_present
 from hil.diagnose.search import (
+    LEAN,
     Around,
     Fitted,
     Screened,
@@ -19,7 +20,6 @@ from hil.diagnose.search import (
     polish,
     refine_all,
     residuals_of,
-    roughly,
     screen,
 )
 from hil.diagnose.terms import Term, all_terms
@@ -152,10 +152,14 @@ class Causes:
         if not found or self._left(found[0]) > (1.0 - _HOPE) * self._left(alone.fitted[0]):
             return []
         near = [f for f in found if self._left(f) <= _FAR_WORSE * self._left(found[0])]
-        rough = [polish(self.m.problem, f, evaluations=_COUPLE_EVALUATIONS, tolerance=_COUPLE_TOLERANCE) for f in near]
+        rough = [self._compared(f) for f in near]
         self.second.extend(rough)
         both = polish(self.m.problem, self._most_economical(rough))
         return [both] if self._is_pair(both, best) else []
+
+    def _compared(self, both: Fitted) -> Fitted:
+        """A pair fitted so far that it can be compared with others."""
+        return polish(self.m.problem, both, evaluations=_COUPLE_EVALUATIONS, tolerance=_COUPLE_TOLERANCE)
 
     def _left(self, f: Fitted) -> float:
         """Variance beyond the noise that something leaves, as far as it matters."""
@@ -171,7 +175,8 @@ class Causes:
             screened = screen(place, self.others(seed))
             if self.m.gain(seed, screened[0].chi2) < _HOPE:
                 continue
-            rough = [roughly(self.m.problem, f) for f in self._near_best(seed, refine_all(place, screened))]
+            near = self._near_best(seed, refine_all(place, screened, LEAN))
+            rough = [self._compared(f) for f in near]
             self.second.extend(rough)
             best = self._most_economical(rough)
             if self.m.gain(seed, best.chi2) >= _NEAR * SECOND_SHARE:

@@ -61,14 +61,15 @@ class Choice:
     part: Events | None = None
 
 
-def decide(problem: Problem, *, laws_only: bool = False) -> Choice:
+def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -> Choice:
     """Search for the most economical explanation that the data support.
 
     Args:
         problem: the question.
         laws_only: look for no events.
+        most: so many causes at most may be named.
     """
-    return _Judge(problem, laws_only).choose()
+    return _Judge(problem, laws_only, most).choose()
 
 
 def healthy(choice: Choice) -> Choice:
@@ -79,8 +80,8 @@ def healthy(choice: Choice) -> Choice:
 class _Judge:
     """One decision; holds what several questions share."""
 
-    def __init__(self, problem: Problem, laws_only: bool) -> None:
-        self.problem, self.laws_only = problem, laws_only
+    def __init__(self, problem: Problem, laws_only: bool, most: int) -> None:
+        self.problem, self.laws_only, self.most = problem, laws_only, most
         self.baseline = roughly(problem, nothing(problem))
         self.m = Measures(problem, self.baseline)
         self.causes = Causes(self.m, all_terms(problem, self.baseline.residuals))
@@ -98,6 +99,7 @@ class _Judge:
         best = self.best_law(known, polished, alone)
         if not best.terms and self.m.excess(self.baseline) < _CONSISTENT_EXCESS:
             return self.nothing_found(nominal, singles)
+        best = self.most_telling([best, *polished], polished)
         verdict = self.verdict(best, polished)
         open_question = verdict in OPEN and not self.m.is_adequate(best)
         events, part = self.events(nominal) if open_question and not self.laws_only else (None, None)
@@ -117,16 +119,21 @@ class _Judge:
     def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted], alone: Alone) -> Fitted:
         """The most economical explanation of one cause or two, at its lowest, and least strained."""
         best = min(known, key=self.m.cost)
-        if not self.m.is_full(best):
-            best = min([best, *self.causes.couples(alone, best)], key=self.m.cost)
+        if self.most > 1 and not self.m.is_full(best):
+            best = self.of_two(best, polished, alone)
+        if self.m.excess(best) > _ONLY_NOISE:
+            best = from_other_shapes(self.problem, best)
+        return self.least_strained(best, polished)
+
+    def of_two(self, best: Fitted, polished: Sequence[Fitted], alone: Alone) -> Fitted:
+        """The most economical explanation of two causes, or the best of one where that is more economical."""
+        best = min([best, *self.causes.couples(alone, best)], key=self.m.cost)
         if not (self.m.is_full(best) or (len(best.terms) == NAMEABLE and self.m.is_adequate(best))):
             best = min([best, *self.causes.pairs(self.causes.seeds(best, polished))], key=self.m.cost)
         if not self.m.is_full(best) and len(best.terms) == NAMEABLE:
             # the first one was found when the second was not known
             best = min([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], key=self.m.cost)
-        if self.m.excess(best) > _ONLY_NOISE:
-            best = from_other_shapes(self.problem, best)
-        return self.least_strained(best, polished)
+        return best
 
     def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""
@@ -148,7 +155,7 @@ class _Judge:
         """
         if self.problem.following or self.problem.plant.observer is None:
             return []
-        f = decide(replace(self.problem, following=True), laws_only=True).chosen
+        f = decide(replace(self.problem, following=True), laws_only=True, most=self.most).chosen
         count = len(f.terms)
         kept = [keep for size in {count, min(count, NAMEABLE)} - {0} for keep in combinations(range(count), size)]
         return [polish(self.problem, f.only(keep)) for keep in kept]
@@ -166,7 +173,7 @@ class _Judge:
 
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""
-        few = sum(term.kind == "effect" for term in f.terms) <= NAMEABLE
+        few = sum(term.kind == "effect" for term in f.terms) <= self.most
         return few and is_present(f) and not self.is_something_else(f)
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hil.diagnose.causes import NAMEABLE
 from hil.diagnose.check import check
 from hil.diagnose.coverage import limits
 from hil.diagnose.decide import OPEN, Choice, decide, healthy
@@ -104,7 +105,7 @@ def diagnose(
             warnings += checked.clock_warnings
     events = choice.events
     happened = _happened(problem, choice)
-    second = None if happened is None else _explained(problem, happened.rest, laws_only=True)
+    second = None if happened is None else _explained(problem, happened.rest, beside_events=True)
     if happened is not None and second is not None and (events is None or second[1].chosen.terms):
         problem, choice = second
         events = replace(happened, residuals=choice.chosen.residuals)
@@ -116,7 +117,7 @@ def diagnose(
     elif events is None and (step := coarse_step(problem, kept)) is not None:
         only = excess(problem, choice.baseline.chi2) < _COARSE_EXCESS
         choice = healthy(choice) if only else choice
-        events = coarse(problem, *step, choice.chosen.residuals)
+        events = coarse(problem, *step, choice.chosen)
     verdict = _verdict(choice, events)
     answer = _Answer(model, problem, choice, verdict, events, tuple(warnings), span)
     progress(0.8, "locating the mismatch")
@@ -126,21 +127,25 @@ def diagnose(
 
 
 def _explained(
-    problem: Problem, experiments: Sequence[Experiment], *, laws_only: bool = False
+    problem: Problem, experiments: Sequence[Experiment], *, beside_events: bool = False
 ) -> tuple[Problem, Choice] | None:
     """A second look, at the experiments on another clock or without events; None if that is still open."""
     other = replace(pose(problem.model, experiments), factor=problem.factor)
-    choice = decide(other, laws_only=laws_only)
+    choice = decide(other, laws_only=beside_events, most=NAMEABLE - beside_events)
     return None if choice.verdict in OPEN else (other, choice)
 
 
 def _happened(problem: Problem, choice: Choice) -> Events | None:
-    """Events beside which there is something more: they leave more than noise, or are a good part of what is open."""
+    """Events beside which there is something more: they leave more than noise, or are a good part of what is open.
+
+    Where laws explain what they should, but leave more than noise, there may be a tone beside them.
+    """
     if choice.events is not None:
         return choice.events if excess(problem, choice.events.chi2) > SMALL_EXCESS else None
-    if choice.verdict not in OPEN:
+    left = excess(problem, choice.chosen.chi2)
+    if left <= SMALL_EXCESS:
         return None
-    beside = recognised(problem, (choice.chosen,), excess(problem, choice.chosen.chi2))
+    beside = recognised(problem, (choice.chosen,), left, commands=choice.verdict in OPEN)
     return min((e for e in (*beside, choice.part) if e is not None), key=lambda e: e.chi2, default=None)
 
 
@@ -295,7 +300,7 @@ class _Answer:
         changes = [self._without(f, k) for k in range(len(f.terms))]
         order = sorted(range(len(f.terms)), key=lambda k: -float(changes[k] @ changes[k]))
         laws = [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
-        return (*found, *(law for law in laws if self.events is None or law.name != self.events.name))
+        return (*found, *(law for law in laws if self.events is None or law.name not in self.events.told))
 
     def _without(self, f: Fitted, k: int) -> Array:
         """How residuals change when one term is taken away."""

@@ -33,10 +33,16 @@ _CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
 _NOISE_OVER_RESOLUTION = 2.0
 # Bursts of misfit: blocks of this length, those beyond this many times the noise variance.
 _BLOCK_S = 0.1
+# A jump is this share of the command's range; what comes with so many of them, and hardly without, has a law.
+_JUMP, _NEARLY_ALL = 0.1, 0.75
+# The first look must take this share of the misfit in the bursts that it is made at.
+_HOPE = 0.25
 # A line and its uncertainty take so many levels.
 _LEAST_LEVELS = 3
 # A step so many times the one that the model was identified with, and this share of the noise, is a coarser channel.
 _COARSER, _TELLING_STEP = 4.0, 0.5
+# An offset of half a step, to within this share of a step, is the converter's own.
+_HALF_A_STEP = 0.1
 _BURST = 4.0
 _SPARSE_SHARE, _SPARSE_TIME = 0.6, 0.45
 _LOOK_BACK_S = 0.4
@@ -47,6 +53,7 @@ TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
 # The share of the misfit that events must take before the rest is looked at again without them.
 _WORTH_A_SECOND_LOOK = 0.3
 _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES = 60.0, 4
+_START_DIES_S = (0.1, 0.3, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,6 +75,7 @@ class Events:
         residuals: whitened, with the events taken into account, shape (n,).
         rest: the experiments without the events, to look at again.
         sentence: for the operator. `equation`: for the engineer.
+        shows_as: an effect of the library that is there beside them and only another side of them.
     """
 
     name: str
@@ -79,6 +87,12 @@ class Events:
     rest: tuple[Experiment, ...]
     sentence: str
     equation: str
+    shows_as: str = ""
+
+    @property
+    def told(self) -> tuple[str, str]:
+        """Effects that need no telling beside these events."""
+        return self.name, self.shows_as
 
     @property
     def chi2(self) -> float:
@@ -86,11 +100,21 @@ class Events:
         return float(self.residuals @ self.residuals)
 
 
-def recognised(problem: Problem, models: Sequence[Fitted], beyond: float) -> tuple[Events | None, Events | None]:
-    """Events that explain, beside one of these models, a misfit given as variance beyond the noise; or a part of it."""
+def recognised(
+    problem: Problem, models: Sequence[Fitted], beyond: float, *, commands: bool = True
+) -> tuple[Events | None, Events | None]:
+    """Events that explain, beside one of these models, a misfit given as variance beyond the noise; or a part of it.
+
+    Args:
+        problem: the question.
+        models: the nominal one first.
+        beyond: the misfit.
+        commands: whether to look for lost commands, which takes longest.
+    """
     part: Events | None = None
+    lost = commands and not _every_time(problem, models[0])
     for beside in models:
-        for events in (tone, held_outputs, held_commands):
+        for events in (tone, held_outputs, held_commands) if lost else (tone, held_outputs):
             found = events(problem, beside)
             if found is None:
                 continue
@@ -175,13 +199,24 @@ def _lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]
     return float(line.slope), max(float(line.stderr), of_rounding)
 
 
-def coarse(problem: Problem, step: float, std: float, residuals: Array) -> Events:
-    """The finding for an output that comes in coarse steps of this size."""
+def coarse(problem: Problem, step: float, std: float, chosen: Fitted) -> Events:
+    """The finding for an output that comes in coarse steps of this size, beside what was chosen.
+
+    A converter that cuts off what is below its level reads half a step too little: no offset of the sensor.
+    """
     last, unit = problem.plant.hooks[-1], problem.plant.output.unit
+    offset = sum(v[0] for term, v in zip(chosen.terms, chosen.values, strict=True) if term.name == "sensor_offset")
+    cut = abs(abs(offset) - 0.5 * step) < _HALF_A_STEP * step
+    how = (
+        f", and reads {abs(offset):.3g} {unit} too {'little' if offset < 0.0 else 'much'}: it does not round"
+        if cut
+        else ""
+    )
     return Events(
-        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
-        f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified.",
-        "y = q·round(u/q)",
+        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, chosen.residuals, problem.experiments,
+        f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified{how}.",
+        "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
+        shows_as="sensor_offset" if cut else "",
     )  # fmt: skip
 
 
@@ -193,11 +228,13 @@ def held_commands(problem: Problem, around: Fitted) -> Events | None:
 
     Every burst gets its own start and length; one simulation tries one offset and length at all bursts at once.
     """
-    bursts = [_bursts(problem, around.residuals, k) for k in range(len(problem.experiments))]
+    bursts = _all_bursts(problem, around)
     count = sum(map(len, bursts))
     if count < _LEAST_STALE or not _is_sparse(problem, around.residuals, bursts):
         return None
     holds = _best_holds(problem, around, bursts)
+    if holds is None:
+        return None
     rest = _held(problem, holds)
     spells = tuple(
         Spell(e.name, float(e.time_s[0] + start * e.drive.interval_s), float(e.time_s[0] + stop * e.drive.interval_s))
@@ -305,12 +342,48 @@ def _is_sparse(problem: Problem, residuals: Array, bursts: Sequence[Sequence[tup
     return inside > _SPARSE_SHARE * beyond and time < _SPARSE_TIME * problem.size
 
 
+def _all_bursts(problem: Problem, around: Fitted) -> list[list[tuple[int, int]]]:
+    """The bursts of every experiment."""
+    return [_bursts(problem, around.residuals, k) for k in range(len(problem.experiments))]
+
+
+def _every_time(problem: Problem, around: Fitted) -> bool:
+    """Whether the misfit comes with nearly every jump of the command that is large enough to show it, and hardly ever
+    without one: then it has a law. What gets lost at random moments misses most jumps.
+    """
+    bursts = _all_bursts(problem, around)
+    sizes, shown, beside = [], [], 0
+    for e, own in zip(problem.experiments, bursts, strict=True):
+        at, size = _jumps(e)
+        felt = np.array([[start - round(_LOOK_BACK_S / e.drive.interval_s), stop] for start, stop in own]).reshape(
+            -1, 2
+        )
+        hit = (at[:, None] >= felt[None, :, 0]) & (at[:, None] < felt[None, :, 1])
+        sizes.append(size)
+        shown.append(hit.any(axis=1))
+        beside += int((~hit.any(axis=0)).sum())
+    size, hit = np.concatenate(sizes), np.concatenate(shown)
+    if hit.sum() < _LEAST_STALE or beside > (1.0 - _NEARLY_ALL) * sum(map(len, bursts)):
+        return False
+    return float(hit[size >= np.median(size[hit])].mean()) > _NEARLY_ALL
+
+
+def _jumps(e: Experiment) -> tuple[NDArray[np.int64], Array]:
+    """Where the command jumps, by a good share of its range between two samples, and by how much."""
+    steps = np.abs(np.diff(e.drive.inputs[0]))
+    at = np.flatnonzero(steps > _JUMP * max(float(np.ptp(e.drive.inputs[0])), 1e-12))
+    return at, steps[at]
+
+
 Holds = list[list[tuple[int, int]]]
 Bursts = Sequence[Sequence[tuple[int, int]]]
 
 
-def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds:
-    """For every burst the held stretch that explains most of it: a coarse look, then finer ones around the best."""
+def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds | None:
+    """For every burst the held stretch that explains most of it: a coarse look, then finer ones around the best.
+
+    None where the first look, at every other burst, finds next to nothing.
+    """
     chosen: Holds = [[(start, start) for start, _ in own] for own in bursts]
     step = [e.drive.interval_s for e in problem.experiments]
     windows = [
@@ -341,13 +414,22 @@ def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds:
         for back in np.arange(-_BLOCK_S, _LOOK_BACK_S, _BACK_S)
         for lasting in _LASTING_S
     ]
-    for parity in (0, 1):
-        keep_better(coarse_look, parity)
+    nothing_held = _of_every_other(best, bursts)
+    keep_better(coarse_look, 0)
+    if _of_every_other(best, bursts) > (1.0 - _HOPE) * nothing_held:
+        return None
+    keep_better(coarse_look, 1)
     for fine_s in (0.016, 0.008, 0.004):
         for moves in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1)) * 2:
             for parity in (0, 1):
                 keep_better([_moved(chosen, bursts, step, fine_s, moves)], parity)
     return chosen
+
+
+def _of_every_other(costs: Sequence[Sequence[float]], bursts: Bursts) -> float:
+    """Squared residuals at the bursts that the first look is made at, beyond what noise would make of their time."""
+    noise = sum(stop - start for own in bursts for start, stop in own[::2])
+    return sum(cost for own in costs for cost in own[::2]) - noise
 
 
 def _mixed(holds: Holds, trial: Holds, parity: int) -> Holds:
@@ -453,8 +535,8 @@ def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float
     """The frequency at which a tone takes most, on grids that become finer."""
     width = 1.0 / min(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
     best = frequency_hz
-    for scale in (1.0, 0.1, 0.01):
-        grid = best + width * scale * np.linspace(-1.0, 1.0, 21)
+    for scale in (2.0, 0.2, 0.02):
+        grid = best + width * scale * np.linspace(-1.0, 1.0, 41)
         left = [float(np.sum(_tone_fit(problem, residuals, f)[0] ** 2)) for f in grid]
         best = float(grid[int(np.argmin(left))])
     return best
@@ -472,10 +554,13 @@ def _tone_fit(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[
 
 
 def _waves(e: Experiment, frequency_hz: float) -> Array:
-    """Three harmonics, sines before cosines, and the first one growing with the output, shape (n, 8)."""
+    """Three harmonics, sines before cosines, the first one growing with the output, and what dies out after the start
+    when a tone that enters early in the chain meets a plant at rest, shape (n, 11).
+    """
     phase = 2.0 * np.pi * frequency_hz * np.outer((1.0, 2.0, 3.0), e.time_s)
     waves = np.vstack([np.sin(phase), np.cos(phase)])
-    columns: Array = np.vstack([waves, waves[[0, 3]] * _level(e)]).T
+    decays = np.exp(-np.outer(1.0 / np.array(_START_DIES_S), e.time_s - e.time_s[0]))
+    columns: Array = np.vstack([waves, waves[[0, 3]] * _level(e), decays]).T
     return columns
 
 

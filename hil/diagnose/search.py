@@ -21,7 +21,7 @@ from hil.record.recording import Array
 _FROZEN = 1e6
 # How the effort of refining is spread (see `refine_all`): evaluations, and how many terms and starts get more.
 _SHORT, _LONG = 5, 30
-_TRIED, _LEADING, _FAVOURITES, _OTHER_STARTS = 16, 5, 2, 3
+_FAVOURITES = 2
 _WORTH_A_TRY, _WORTH_MORE = 0.25, 0.75
 _ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
 # So many other valleys are tried where a misfit has many.
@@ -319,19 +319,36 @@ def _screened(tried: Sequence[_Tried]) -> Screened:
     )
 
 
-def refine_all(place: Around, screened: Sequence[Screened]) -> list[Fitted]:
+@dataclass(frozen=True, slots=True)
+class Effort:
+    """How much is tried when terms are refined.
+
+    Attributes:
+        tried: so many terms at most get a few steps. `leading`: so many of them more.
+        other_starts: starts from which the best few are fitted.
+    """
+
+    tried: int
+    leading: int
+    other_starts: int
+
+
+THOROUGH, LEAN = Effort(16, 5, 3), Effort(8, 3, 1)
+
+
+def refine_all(place: Around, screened: Sequence[Screened], effort: Effort = THOROUGH) -> list[Fitted]:
     """Fit the screened terms beside what is accepted, everything else adapting linearly. Best first.
 
     The promising ones get a few steps from their best start. Those whose gain comes near the best one's get more,
     and the best few also try other starts: a sticking part has local optima.
     """
-    promising = screened[: _count(place, [s.chi2 for s in screened], _WORTH_A_TRY, _TRIED)]
+    promising = screened[: _count(place, [s.chi2 for s in screened], _WORTH_A_TRY, effort.tried)]
     tried = _refine_many(place, [(s, s.starts[0]) for s in promising], _SHORT, coarse=True)
     by_chi2 = sorted(zip(tried, promising, strict=True), key=lambda pair: pair[0].chi2)
-    count = _count(place, [f.chi2 for f, _ in by_chi2], _WORTH_MORE, _LEADING)
+    count = _count(place, [f.chi2 for f, _ in by_chi2], _WORTH_MORE, effort.leading)
     leading, rest = by_chi2[:count], by_chi2[count:]
     again = [(s, f.values[-1]) for f, s in leading]
-    again += [(s, start) for _, s in leading[:_FAVOURITES] for start in s.starts[1:_OTHER_STARTS]]
+    again += [(s, start) for _, s in leading[:_FAVOURITES] for start in s.starts[1 : effort.other_starts]]
     longer = _refine_many(place, again, _LONG)
     longer += _refine_many(place, _off_bounds(longer[: len(leading)], leading), _LONG)
     best: dict[int, Fitted] = {}

@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.diagnose.problem import Problem
 from hil.identify.estimate import Unknown
+from hil.identify.lines import prominence
 from hil.physics.compose import Site, kernel
 from hil.physics.effect import Seen
 from hil.physics.plant import Parameter
@@ -177,21 +178,29 @@ def _seen(
     )  # fmt: skip
 
 
+_Line = tuple[float, float, tuple[float, float, float]]
+
+
 def _tones(problem: Problem, left: Array, most: int = 4) -> tuple[tuple[float, float, float], ...]:
-    """The strongest lines in the residuals: (frequency in Hz, amplitude in the output's unit, phase)."""
-    found = []
+    """The strongest lines in the residuals, and the one that stands out most: (frequency in Hz, amplitude in the
+    output's unit, phase).
+    """
+    strongest: list[_Line] = []
+    standing_out: list[_Line] = []
     for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
         r = -left[part]
-        step_s = float(np.median(np.diff(e.time_s)))
         spectrum = np.fft.rfft((r - r.mean()) * np.hanning(len(r)))
         power = np.abs(spectrum) ** 2
-        k = int(np.argmax(power[2:])) + 2
-        ratio = power[k] / np.median(power)
-        size = 4.0 * np.abs(spectrum[k]) / len(r) * noise.std
-        frequency = _refined(power, k) / (len(r) * step_s)
-        found.append((ratio, (float(frequency), float(size), float(np.angle(spectrum[k]) + np.pi / 2.0))))
-    found.sort(key=lambda item: -item[0])
-    return tuple(tone for _, tone in found[:most])
+        above = prominence(power)
+        duration_s = len(r) * float(np.median(np.diff(e.time_s)))
+        for found, of in ((strongest, power / np.median(power)), (standing_out, above)):
+            k = int(np.argmax(of[2:])) + 2
+            size = 4.0 * np.abs(spectrum[k]) / len(r) * noise.std
+            tone = (float(_refined(power, k) / duration_s), float(size), float(np.angle(spectrum[k]) + np.pi / 2.0))
+            found.append((float(of[k]), 1.0 / duration_s, tone))
+    first = max(standing_out, key=lambda item: item[0])
+    others = [item for item in sorted(strongest, key=lambda item: -item[0]) if abs(item[2][0] - first[2][0]) > item[1]]
+    return tuple(tone for _, _, tone in [first, *others][:most])
 
 
 def _refined(power: Array, k: int) -> float:

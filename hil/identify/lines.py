@@ -17,6 +17,11 @@ _FEWEST_CYCLES = 20
 _FINER = (1.0, 0.2, 0.04)
 # A line stands out from its neighbourhood of so many bins: coloured noise has more at some frequencies than at others.
 _NEIGHBOURHOOD = 101
+# A line of the command is this share of its strongest, and stands so far above its own neighbourhood: steps have some
+# of every frequency, and yet no line.
+_COMMANDED, _A_LINE = 1e-4, 10.0
+# Below it so many bins are compared, where its own width of so many ends.
+_BESIDE, _LINE_BINS = 7, 3
 
 
 def common_line(
@@ -41,14 +46,26 @@ def common_line(
         power = np.abs(np.fft.rfft(left * window)) ** 2 / len(left)
         command = e.on_grid_input()
         own = np.abs(np.fft.rfft((command - command.mean()) * window)) ** 2
-        around = median_filter(power, _NEIGHBOURHOOD, mode="reflect")
-        ratio = np.where(own > 1e-4 * own.max(), 1.0, power / np.maximum(around, 1e-300))
+        commanded = (own > _COMMANDED * own.max()) & (prominence(own) > _A_LINE)
+        ratio = np.where(commanded, 1.0, prominence(power))
         frequency = np.fft.rfftfreq(len(left), e.drive.interval_s)
         # the highest within a bin of the coarsest grid
         edges = np.searchsorted(frequency, grid - 0.5 / shortest_s)
         total += np.maximum.reduceat(ratio, np.minimum(edges, len(ratio) - 1))
     k = int(np.argmax(total))
     return float(grid[k]) if total[k] > least_ratio * len(experiments) else None
+
+
+def prominence(power: Array) -> Array:
+    """How far each bin of a spectrum stands above its neighbourhood, and above what is just below it in frequency.
+
+    A spectrum that falls steeply, as what a plant that integrates has added up, has no line at its steep end.
+    """
+    around = median_filter(power, _NEIGHBOURHOOD, mode="reflect")
+    below = median_filter(power, _BESIDE, mode="nearest", origin=_BESIDE // 2)
+    shifted = np.concatenate([np.full(_LINE_BINS, np.inf), below[:-_LINE_BINS]])
+    ratio: Array = power / np.maximum(np.maximum(around, shifted), 1e-300)
+    return ratio
 
 
 def line_at(time_s: Array, values: Array, frequency_hz: float) -> tuple[Array, float]:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from hil.diagnose.diagnose import Diagnosed, diagnose
-from hil.diagnose.events import tone
+from hil.diagnose.events import recognised, tone
+from hil.diagnose.measures import excess
 from hil.diagnose.problem import pose
 from hil.diagnose.search import around, from_other_shapes, nothing, polish, screen
 from hil.diagnose.terms import all_terms
@@ -43,7 +44,13 @@ def test_a_healthy_unit_is_consistent(memory: float, seed: int) -> None:
             0.0,
         ),
         (ActiveEffect("backlash", "opening", {"half_width": 2.0}), "half_width", 2.0),
-        (ActiveEffect("supply_droop", "supply", {"droop": 0.3, "recovery": 0.3, "power": 2.0}), "droop", 0.3),
+        (
+            ActiveEffect(
+                "supply_droop", "supply", {"droop": 0.3, "recovery": 0.3, "power": 2.0, "line": 0.0, "lean": 0.0}
+            ),
+            "droop",
+            0.3,
+        ),
         (ActiveEffect("leakage", "flow", {"leak": 3.0, "fall": 0.3, "lean": 0.0}), "leak", 3.0),
     ],
     ids=lambda value: value.name if isinstance(value, ActiveEffect) else "",
@@ -160,7 +167,12 @@ def test_a_gain_that_swings_is_no_tone() -> None:
 
 def test_a_supply_that_gives_way_at_once_is_a_bent_curve() -> None:
     """As a spring that stiffens would bend it; which of the two, the flow does not tell."""
-    of = found(ActiveEffect("supply_droop", "supply", {"droop": 0.3, "recovery": 0.004, "power": 2.0}), seed=13)
+    of = found(
+        ActiveEffect(
+            "supply_droop", "supply", {"droop": 0.3, "recovery": 0.004, "power": 2.0, "line": 0.0, "lean": 0.0}
+        ),
+        seed=13,
+    )
     assert of.diagnosis.verdict == "unexplained"
     assert names(of) == []
     assert of.diagnosis.held_out.corrected > of.diagnosis.held_out.ceiling - 0.3
@@ -210,6 +222,28 @@ def test_a_coarse_signal_is_quantised_and_has_no_dead_band() -> None:
     of = diagnose(nominal(), bound(nominal(), made)).diagnosis
     assert [effect.name for effect in of.effects] == ["quantisation"]
     assert of.effects[0].parameters["step"].value == pytest.approx(2.0)
+
+
+def test_a_converter_that_cuts_off_is_coarse_and_its_sensor_has_no_offset() -> None:
+    made = records(seed=12)
+    for each in made:
+        flow = each.channels["flow"].values
+        flow[:] = 2.0 * np.floor(flow / 2.0)
+    of = diagnose(nominal(), bound(nominal(), made)).diagnosis
+    assert [effect.name for effect in of.effects] == ["quantisation"]
+    assert "too little" in of.effects[0].sentence
+
+
+def test_what_comes_with_every_jump_of_the_command_was_not_lost() -> None:
+    recorded = commands(np.random.default_rng(7))
+    late = {name: values.copy() for name, values in recorded.items()}
+    for at in np.flatnonzero(np.diff(recorded["steps"])):
+        late["steps"][at + 1 : at + 20] = recorded["steps"][at]
+    for arriving, lost in ((late, False), (held(recorded, np.random.default_rng(0)), True)):
+        problem = pose(nominal(), bound(nominal(), records(seed=7, arriving=arriving)))
+        start = nothing(problem)
+        events, _ = recognised(problem, (start,), excess(problem, start.chi2))
+        assert (events is not None) == lost
 
 
 def test_the_same_data_give_the_same_answer_bit_for_bit() -> None:

@@ -9,7 +9,10 @@ import pytest
 
 from hil.diagnose.check import check
 from hil.diagnose.decide import Choice, decide
+from hil.diagnose.events import recognised
+from hil.diagnose.measures import excess
 from hil.diagnose.problem import pose
+from hil.diagnose.search import nothing
 from hil.errors import FileError
 from hil.identify.experiment import Experiment, experiment
 from hil.physics.compose import plant
@@ -21,13 +24,14 @@ RATE_HZ, NOISE_M = 250.0, 2e-5
 AXIS = plant("linear-axis")
 
 
-def moved(kind: int, *effects: ActiveEffect) -> Experiment:
-    """A carriage of 100 kg pushed to and fro for 16 s."""
+def moved(kind: int, *effects: ActiveEffect, humming_n: float = 0.0) -> Experiment:
+    """A carriage of 100 kg pushed to and fro for 16 s, and shaken by what has a phase of its own in each run."""
     rng = np.random.default_rng(kind)
     time_s = np.arange(0.0, 16.0, 1.0 / RATE_HZ)
     slow, fast = ((0.3, 1.7), (0.5, 2.9), (0.2, 4.1))[kind]
     force = 250.0 * np.sin(2.0 * np.pi * slow * time_s) + 120.0 * np.sin(2.0 * np.pi * fast * time_s)
-    position = simulate(AXIS, AXIS.typical, Drive(force[None, :], 0.0, 1.0 / RATE_HZ), effects, factor=4.0)[0]
+    shaken = force + humming_n * np.sin(2.0 * np.pi * 2.3 * time_s + 2.0 * kind)
+    position = simulate(AXIS, AXIS.typical, Drive(shaken[None, :], 0.0, 1.0 / RATE_HZ), effects, factor=4.0)[0]
     measured = position + NOISE_M * rng.standard_normal(len(time_s))
     return experiment(recording(f"run-{kind}", time_s, {"force [N]": force, "position [m]": measured}), AXIS)
 
@@ -64,6 +68,15 @@ def test_swapped_columns_are_refused_though_free_simulations_fit_nothing() -> No
     turned = recording("turned", e.time_s, {"force [N]": position, "position [m]": force})
     with pytest.raises(FileError, match="look swapped"):
         check(MODEL, [experiment(turned, AXIS)])
+
+
+def test_a_tone_that_enters_as_a_force_is_told_beside_its_start() -> None:
+    problem = pose(MODEL, [moved(kind, humming_n=3.0) for kind in range(3)])
+    start = nothing(problem)
+    events, _ = recognised(problem, (start,), excess(problem, start.chi2), commands=False)
+    assert events is not None
+    assert events.name == "periodic_disturbance"
+    assert events.values["frequency"][0] == pytest.approx(2.3, abs=0.005)
 
 
 def test_a_healthy_one_is_consistent() -> None:

@@ -22,7 +22,7 @@ def test_pressure_follows_current_up_to_the_supply():
 
 
 def test_hysteresis_parts_the_branches_by_its_width_and_leaking_lands_round_the_corners():
-    loop = ActiveEffect("hysteresis", "coil", {"width": 0.4, "reach": 2.0})
+    loop = ActiveEffect("hysteresis", "coil", {"width": 0.4, "reach": 2.0, "least": 0.0, "closing": 0.0})
     found = curve("servo-valve-blocked", loop)
     rising = np.flatnonzero(np.diff(SWEEP_MA) > 0.0)
     down = 1000 + int(np.argmin(np.abs(found[1000:3000])))
@@ -35,7 +35,9 @@ def test_hysteresis_parts_the_branches_by_its_width_and_leaking_lands_round_the_
 
 
 def test_flow_droops_with_the_root_of_the_supply():
-    droop = ActiveEffect("supply_droop", "supply", {"droop": 0.19, "recovery": 0.01, "power": 2.0})
+    droop = ActiveEffect(
+        "supply_droop", "supply", {"droop": 0.19, "recovery": 0.01, "power": 2.0, "line": 0.0, "lean": 0.0}
+    )
     found = curve("servo-valve", droop)
     assert np.isclose(found[1000], 0.4 * 25.0 * 0.9)
     assert np.isclose(found[3000], -0.4 * 25.0 * 0.9)

@@ -1,4 +1,4 @@
-"""Hysteresis of the magnetic circuit: rate-independent, with minor loops and memory of reversals."""
+"""Hysteresis of the magnetic circuit: rate-independent, with minor loops, memory of reversals, closed by saturation."""
 
 from __future__ import annotations
 
@@ -10,17 +10,23 @@ PLAYS = 8
 
 
 @compiled
-def transform(value: float, state: Any, width: float, reach: float) -> float:
-    """Prandtl–Ishlinskii: equal plays with radii up to `reach`; their mean lags the input by up to `width`."""
+def transform(
+    value: float, state: Any, full_scale: float, width: float, reach: float, least: float, closing: float
+) -> float:
+    """Prandtl–Ishlinskii: plays with radii from `least` of `reach` to all of it; their mean lags by up to `width`.
+
+    Near saturation iron has less left to remember, and the loop narrows.
+    """
     lag = 0.0
     for k in range(8):
-        radius = reach * (k + 0.5) / 8.0
+        radius = reach * (least + (1.0 - least) * (k + 0.5) / 8.0)
         if value - state[k] > radius:
             state[k] = value - radius
         elif state[k] - value > radius:
             state[k] = value + radius
         lag += (value - state[k]) / radius
-    return value - width * lag / 8.0
+    away = closing * value / full_scale
+    return value - width * lag / 8.0 / (1.0 + away * away)
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
@@ -39,11 +45,13 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("width", "{value}", 0.0, 0.015, 0.0, 0.2, "half width of the major loop"),
         EffectParameter("reach", "{value}", None, 0.06, 0.002, 1.0, "travel after a reversal until the loop is full"),
+        EffectParameter("least", "1", None, 0.1, 0.0, 0.9, "smallest radius of a play, as share of it", "upper end"),
+        EffectParameter("closing", "1", None, 1.0, 0.0, 5.0, "full scale over where the loop is half as wide"),
     ),
     transform=transform,
     starts=starts,
     memory=lambda _parameters, _step_s: PLAYS,
-    equation="y = u − w·mean_k[(u − play_{r_k}(u))/r_k],  r_k spread evenly up to the reach",
+    equation="y = u − w·mean_k[(u − play_{r_k}(u))/r_k] / (1 + (c·u/U)²),  r_k evenly from l·r to r",
     signature="a loop that does not depend on speed, rounded after reversals, minor loops that close",
     source="Brokate, Sprekels: Hysteresis and Phase Transitions, 1996",
     sentence="The magnet remembers: going up and coming down differ by ±{width}.",

@@ -25,7 +25,7 @@ def starts(seen: Seen) -> list[dict[str, float]]:
 EFFECT = Effect(
     name="rate_limit",
     title="slew rate limit",
-    hooks=("command", "coil", "pilot", "position"),
+    hooks=("command", "coil", "pilot", "opening", "position"),
     parameters=(EffectParameter("rate", "{value}/s", math.inf, 2.0, 0.02, 200.0, "fastest change"),),
     transform=transform,
     starts=starts,

@@ -29,7 +29,7 @@ EFFECT = Effect(
     title="drift of the sensor",
     hooks=("sensor", "recorder"),
     parameters=(
-        EffectParameter("rate", "{value}/s", 0.0, 0.0003, -0.1, 0.1, "creep per second, at the start"),
+        EffectParameter("rate", "{value}/s", 0.0, 0.0003, -0.005, 0.005, "creep per second, at the start"),
         EffectParameter("settling", "1/s", None, 0.0, 0.0, 1.0, "one over the time constant of warming up; 0: steady"),
     ),
     transform=transform,

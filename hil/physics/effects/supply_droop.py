@@ -10,24 +10,30 @@ from hil.physics.effect import Effect, EffectParameter, Seen, compiled
 
 
 @compiled
-def transform(value: float, flow: float, state: Any, droop: float, power: float, gain: float) -> float:
-    """Supply pressure less the state, which follows the loss at the flow demand with one time constant."""
-    state[0] += (droop * abs(flow) ** power - state[0]) * gain
-    return value * max(1.0 - state[0], 0.0)
+def transform(
+    value: float, flow: float, state: Any, droop: float, power: float, line: float, lean: float, gain: float
+) -> float:
+    """Supply pressure less the state, which follows the loss at the flow demand with one time constant, and less what
+    the line behind the accumulator takes at once.
+    """
+    drawn = flow * (1.0 + lean) if flow > 0.0 else -flow * (1.0 - lean)
+    state[0] += (droop * drawn**power - state[0]) * gain
+    return value * max(1.0 - state[0] - line * droop * drawn * drawn, 0.0)
 
 
 @compiled
-def settle(value: float, flow: float, state: Any, droop: float, power: float) -> float:
+def settle(value: float, flow: float, state: Any, droop: float, power: float, line: float, lean: float) -> float:
     """In balance with the first flow."""
-    state[0] = droop * abs(flow) ** power
-    return value * max(1.0 - state[0], 0.0)
+    drawn = flow * (1.0 + lean) if flow > 0.0 else -flow * (1.0 - lean)
+    state[0] = droop * drawn**power
+    return value * max(1.0 - state[0] - line * droop * drawn * drawn, 0.0)
 
 
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
-    """Loss at full flow, its exponent, and the share of the way that the pressure goes in one sub-step."""
+    """What the transform takes, with the share of its way that the pressure goes in a sub-step."""
     recovery = parameters["recovery"]
     gain = -math.expm1(-step_s / recovery) if recovery > 1e-6 else 1.0
-    return {"droop": parameters["droop"], "power": parameters["power"], "gain": gain}
+    return {**{name: parameters[name] for name in ("droop", "power", "line", "lean")}, "gain": gain}
 
 
 def starts(_seen: Seen) -> list[dict[str, float]]:
@@ -45,13 +51,15 @@ EFFECT = Effect(
             "recovery", "s", None, 0.2, 0.05, 10.0, "time constant of pump and accumulator", telling="ends"
         ),
         EffectParameter("power", "1", None, 2.0, 0.8, 2.5, "1: internal leakage of the pump, 2: losses of the line"),
+        EffectParameter("line", "1", None, 0.1, 0.0, 2.0, "loss in the line behind the accumulator, at once, over it"),
+        EffectParameter("lean", "1", None, 0.0, -0.5, 0.5, "how much more one direction draws, as into one port"),
     ),
     transform=transform,
     starts=starts,
     memory=lambda _parameters, _step_s: 1,
     settle=settle,
     coefficients=coefficients,
-    equation="T·dΔ/dt + Δ = d·|q/q_N|^m;  p_s = p_0·(1 − Δ);  q ∝ √p_s",
+    equation="T·dΔ/dt + Δ = d·|q/q_N|^m,  q = (1 ± e)·demand;  p_s = p_0·(1 − Δ − l·d·(q/q_N)²);  q ∝ √p_s",
     signature="gain falls at high flow on both sides; after a large step the flow sags and recovers",
     source="Merritt: Hydraulic Control Systems, 1967, ch. 11",
     sentence="The supply gives way: at full flow its pressure falls by {droop:%}.",
