@@ -486,17 +486,22 @@ def _name(f: Fitted) -> str:
 
 
 def _stds(f: Fitted) -> dict[tuple[str, str], float | None]:
-    """Standard uncertainties by (name, hook): base parameters by their name, effects' as `effect.parameter`."""
+    """Standard uncertainties by (name, hook): base parameters by their name, effects' as `effect.parameter`.
+
+    From noise, and for effects from laws that are not quite nature's.
+    """
     if f.estimate is None:
         return {}
     stds = [float(s) if np.isfinite(s) else None for s in f.estimate.std]
     base = len(stds) - f.unknowns
     found = {(u.name, ""): s for u, s in zip(f.estimate.unknowns[:base], stds[:base], strict=True)}
     at = base
-    for term in f.terms:
-        for u in term.unknowns:
+    for term, values in zip(f.terms, f.values, strict=True):
+        by_law = {p.name: p.by_law for p in installed_effect(term.name).parameters} if term.kind == "effect" else {}
+        for u, value in zip(term.unknowns, values, strict=True):
             key = (term.name, "") if term.kind == "parameter" else (f"{term.name}.{u.name}", term.hook)
-            found[key] = stds[at]
+            std = stds[at]
+            found[key] = None if std is None else float(np.hypot(std, by_law.get(u.name, 0.0) * value))
             at += 1
     return found
 

@@ -51,6 +51,9 @@ class EffectParameter:
 
     A `telling` shape is what tells the effect from others: at an end of its range, either of them or the upper one, it
     is something else.
+
+    `by_law`: relative standard uncertainty of the value because nature's law is not quite this one (GUM 4.3, type B);
+    from what the concealment proof found where noise left no doubt.
     """
 
     name: str
@@ -61,6 +64,7 @@ class EffectParameter:
     high: float
     meaning: str
     telling: Literal["", "ends", "upper end"] = ""
+    by_law: float = 0.0
 
     def at(self, hook: Hook) -> Parameter:
         """The parameter in the units of a hook of a plant."""

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
-from hil.physics.effects.sensor_lag import coefficients
 from hil.physics.effects.sensor_lag import starts as lags
-from hil.physics.effects.sensor_lag import transform as lagging
+from hil.physics.linear import free_motion, held_first_order
+
+# Below this the second order is over within far less than a sub-step.
+_FIRST_ORDER = 1e-4
 
 
 @compiled
@@ -15,10 +19,34 @@ def transform(
     value: float, state: Any, full_scale: float,
     xx: float, xv: float, vx: float, vv: float, direct: float, saturating: float,
 ) -> float:  # fmt: skip
-    """A lag of first or second order, past which a part goes at once: the more of it, the more the iron saturates."""
-    late = lagging(value, state, xx, xv, vx, vv)
-    share = late / full_scale
-    return late + min(direct + saturating * share * share, 1.0) * (value - late)
+    """A lag of first or second order, past which a part goes at once: the more of it, the more the iron saturates.
+
+    The free motion from where force and its speed are towards a value that is held over the sub-step, as commands are.
+    """
+    away, speed = state[0] - value, state[1]
+    state[0] = value + xx * away + xv * speed
+    state[1] = vx * away + vv * speed
+    share = state[0] / full_scale
+    return state[0] + min(direct + saturating * share * share, 1.0) * (value - state[0])
+
+
+@compiled
+def settle(value: float, state: Any) -> float:
+    """At rest at the first value."""
+    state[0], state[1] = value, 0.0
+    return value
+
+
+def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
+    """The free motion over one sub-step, and the shares that pass."""
+    lag_s, second = parameters["lag"], parameters["second"]
+    given = {name: parameters[name] for name in ("direct", "saturating")}
+    names = ("xx", "xv", "vx", "vv")
+    if second < _FIRST_ORDER or lag_s <= 1e-9:
+        return given | dict.fromkeys(names, 0.0) | {"xx": held_first_order(lag_s, step_s)}
+    damping = 1.0 / math.sqrt(second)
+    frequency = 2.0 * damping / lag_s
+    return given | dict(zip(names, free_motion(frequency, damping * frequency, step_s), strict=True))
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:
@@ -39,10 +67,8 @@ EFFECT = Effect(
     transform=transform,
     starts=starts,
     memory=lambda _parameters, _step_s: 2,
-    coefficients=lambda parameters, step_s: {
-        **coefficients(parameters, step_s),
-        **{name: parameters[name] for name in ("direct", "saturating")},
-    },
+    settle=settle,
+    coefficients=coefficients,
     equation="F = (e + k·(F₂/U)²)·F(i) + (1 − e − k·(F₂/U)²)·F₂, (r·T²/4·s² + T·s + 1)·F₂ = F(i)",
     signature="phase and gain fall with frequency before the metering edge, no distortion of its own",
     source="Facts: V = R·i + L·di/dt; Kallenbach et al.: Elektromagnete, 2012",

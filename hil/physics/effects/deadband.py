@@ -25,7 +25,9 @@ EFFECT = Effect(
     title="dead band",
     hooks=("command", "opening"),
     parameters=(
-        EffectParameter("width", "{value}", 0.0, 0.03, 0.0, 0.4, "band without answer on the positive side"),
+        EffectParameter(
+            "width", "{value}", 0.0, 0.03, 0.0, 0.4, "band without answer on the positive side", by_law=0.03
+        ),
         EffectParameter("ratio", "1", None, 1.0, 0.2, 5.0, "band on the negative side over that on the positive"),
     ),
     transform=transform,

@@ -27,8 +27,8 @@ EFFECT = Effect(
     title="end stop",
     hooks=("load", "position"),
     parameters=(
-        EffectParameter("upper", "{value}", math.inf, 0.8, -2.0, 4.0, "upper stop"),
-        EffectParameter("lower", "{value}", -math.inf, -3.0, -4.0, 2.0, "lower stop"),
+        EffectParameter("upper", "{value}", math.inf, 0.8, -2.0, 4.0, "upper stop", by_law=0.003),
+        EffectParameter("lower", "{value}", -math.inf, -3.0, -4.0, 2.0, "lower stop", by_law=0.003),
     ),
     transform=transform,
     starts=starts,

@@ -7,32 +7,41 @@ from collections.abc import Mapping
 from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
-from hil.physics.linear import free_motion
+from hil.physics.linear import first_order, second_order
 
 # Below this the second order is over within far less than a sub-step.
 _FIRST_ORDER = 1e-4
 
 
 @compiled
-def transform(value: float, state: Any, xx: float, xv: float, vx: float, vv: float) -> float:
-    """The free motion from where reading and speed are towards the value, held over the sub-step."""
-    away, speed = state[0] - value, state[1]
-    state[0] = value + xx * away + xv * speed
-    state[1] = vx * away + vv * speed
+def transform(
+    value: float, state: Any,
+    xx: float, xv: float, x0: float, x1: float, vx: float, vv: float, v0: float, v1: float,
+) -> float:  # fmt: skip
+    """A step of reading and speed, exact for a value that runs straight since the last one."""
+    reading, speed, before = state[0], state[1], state[2]
+    state[0] = xx * reading + xv * speed + x0 * before + x1 * value
+    state[1] = vx * reading + vv * speed + v0 * before + v1 * value
+    state[2] = value
     return state[0]
 
 
+@compiled
+def settle(value: float, state: Any) -> float:
+    """At rest at the first value."""
+    state[0], state[1], state[2] = value, 0.0, value
+    return value
+
+
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
-    """The free motion over one sub-step."""
+    """The step of reading and speed."""
     lag_s, second = parameters["lag"], parameters["second"]
-    names = ("xx", "xv", "vx", "vv")
-    if lag_s <= 1e-9:
-        return dict.fromkeys(names, 0.0)
-    if second < _FIRST_ORDER:
-        return dict.fromkeys(names, 0.0) | {"xx": math.exp(-step_s / lag_s)}
+    names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
+    if second < _FIRST_ORDER or lag_s <= 1e-9:
+        keep, old, new = first_order(lag_s, step_s)
+        return dict.fromkeys(names, 0.0) | {"xx": keep, "x0": old, "x1": new}
     damping = 1.0 / math.sqrt(second)
-    frequency = 2.0 * damping / lag_s
-    return dict(zip(names, free_motion(frequency, damping * frequency, step_s), strict=True))
+    return dict(zip(names, second_order(2.0 * damping / lag_s, damping, step_s), strict=True))
 
 
 def starts(_seen: Seen) -> list[dict[str, float]]:
@@ -50,7 +59,8 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 2,
+    memory=lambda _parameters, _step_s: 3,
+    settle=settle,
     coefficients=coefficients,
     equation="(r·T²/4·s² + T·s + 1)·y = u",
     signature="phase and gain fall with frequency, no distortion; an inner signal such as spool position is on time",

@@ -32,7 +32,7 @@ EFFECT = Effect(
     title="slew rate limit",
     hooks=("pilot_step", "coil_step"),
     parameters=(
-        EffectParameter("rate", "{value}/s", float("inf"), 2.0, 0.02, 200.0, "fastest change"),
+        EffectParameter("rate", "{value}/s", float("inf"), 2.0, 0.02, 200.0, "fastest change", by_law=0.001),
         EffectParameter(
             "knee", "1", None, 0.1, 0.03, 0.5, "0.03: nothing is felt below the limit; 0.5: long before it"
         ),

@@ -1,0 +1,57 @@
+"""Hysteresis whose memory fades with travel, however small the motions: domain walls creep along when shaken."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+
+
+@compiled
+def transform(value: float, state: Any, full_scale: float, width: float, reach: float, closing: float) -> float:
+    """Duhem: the lag follows the direction of travel over `reach`, and narrows near saturation."""
+    travel = value - state[0]
+    state[0] = value
+    if travel != 0.0:
+        to = 1.0 if travel > 0.0 else -1.0
+        state[1] = to + (state[1] - to) * math.exp(-abs(travel) / reach)
+    away = closing * value / full_scale
+    return value - width * state[1] / (1.0 + away * away)
+
+
+@compiled
+def settle(value: float, state: Any) -> float:
+    """Without a history."""
+    state[0], state[1] = value, 0.0
+    return value
+
+
+def starts(seen: Seen) -> list[dict[str, float]]:
+    """Small and large against the swing, quickly and slowly filled loops."""
+    return [
+        {"width": share * seen.swing, "reach": reach * seen.swing}
+        for share in (0.03, 0.15)
+        for reach in (0.05, 0.2, 0.8)
+    ]
+
+
+EFFECT = Effect(
+    name="fading_hysteresis",
+    known_as="hysteresis",
+    title="magnetic hysteresis",
+    hooks=("command", "coil", "pilot"),
+    parameters=(
+        EffectParameter("width", "{value}", 0.0, 0.015, 0.0, 0.2, "half width of the major loop"),
+        EffectParameter("reach", "{value}", None, 0.06, 0.001, 1.0, "travel after which memory has faded to a third"),
+        EffectParameter("closing", "1", None, 1.0, 0.0, 5.0, "full scale over where the loop is half as wide"),
+    ),
+    transform=transform,
+    settle=settle,
+    starts=starts,
+    memory=lambda _parameters, _step_s: 2,
+    equation="y = u − w·z/(1 + (c·u/U)²),  dz = (du − |du|·z)/r",
+    signature="a loop that does not depend on speed, rounded after reversals; small motions wear the memory off",
+    source="Visintin: Differential Models of Hysteresis, 1994, ch. V; Jiles, Atherton, J. Magn. Magn. Mater. 61, 1986",
+    sentence="The magnet remembers: going up and coming down differ by ±{width}.",
+)
