@@ -39,7 +39,8 @@ _POLISHED = 2
 _HOPE = 0.3
 _PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
 # So many pairs that were found at once are fitted, none that promises to leave so many times more than the best, and
-# each only so far that they can be compared.
+# each only so far that they can be compared; so many at once, and no more where one of them is all that was sought.
+_AT_ONCE = 4
 _COUPLES, _FAR_WORSE, _COUPLE_EVALUATIONS, _COUPLE_TOLERANCE = 8, 4.0, 5, 1e-3
 # Beside an adequate first cause another one that leaves so many times as much is no first cause.
 _FAR_BEHIND = 5.0
@@ -152,7 +153,11 @@ class Causes:
         if not found or self._left(found[0]) > (1.0 - _HOPE) * self._left(alone.fitted[0]):
             return []
         near = [f for f in found if self._left(f) <= _FAR_WORSE * self._left(found[0])]
-        rough = [self._compared(f) for f in near]
+        rough: list[Fitted] = []
+        for first in range(0, len(near), _AT_ONCE):
+            rough += [self._compared(f) for f in near[first : first + _AT_ONCE]]
+            if any(self.m.is_full(f) for f in rough):
+                break
         self.second.extend(rough)
         both = polish(self.m.problem, self._most_economical(rough))
         return [both] if self._is_pair(both, best) else []

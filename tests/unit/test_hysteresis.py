@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from hil.physics.effects import fading_hysteresis
 from hil.physics.effects.hysteresis import PLAYS, transform
 
 WIDTH, REACH = 2.0, 10.0
@@ -33,3 +34,14 @@ def test_it_does_not_depend_on_speed() -> None:
     command = 80.0 * np.sin(np.linspace(0.0, 9.0, 300))
     slower = np.repeat(command, 3)
     assert lag(slower, 1.0)[2::3] == pytest.approx(lag(command, 1.0))
+
+
+def test_a_memory_that_fades_is_worn_off_by_small_motions() -> None:
+    state = np.zeros(2)
+    fading_hysteresis.settle(0.0, state)
+
+    def behind(command: np.ndarray) -> float:
+        return [v - fading_hysteresis.transform(v, state, 100.0, WIDTH, REACH, 0.0) for v in command][-1]
+
+    assert behind(np.linspace(0.0, 50.0, 101)) == pytest.approx(WIDTH, rel=0.01)
+    assert abs(behind(50.0 + 0.5 * np.sin(np.arange(400)))) < 0.1 * WIDTH

@@ -26,7 +26,7 @@ EFFECT = Effect(
     hooks=("command", "opening"),
     parameters=(
         EffectParameter(
-            "width", "{value}", 0.0, 0.03, 0.0, 0.4, "band without answer on the positive side", by_law=0.03
+            "width", "{value}", 0.0, 0.03, 0.0, 0.4, "band without answer on the positive side", by_law=0.05
         ),
         EffectParameter("ratio", "1", None, 1.0, 0.2, 5.0, "band on the negative side over that on the positive"),
     ),

@@ -25,7 +25,7 @@ def starts(seen: Seen) -> list[dict[str, float]]:
 EFFECT = Effect(
     name="end_stop",
     title="end stop",
-    hooks=("load", "position"),
+    hooks=("load", "stop", "position"),
     parameters=(
         EffectParameter("upper", "{value}", math.inf, 0.8, -2.0, 4.0, "upper stop", by_law=0.003),
         EffectParameter("lower", "{value}", -math.inf, -3.0, -4.0, 2.0, "lower stop", by_law=0.003),

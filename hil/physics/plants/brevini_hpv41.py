@@ -60,7 +60,8 @@ def equations(command: Any, x: Any, c: Any, hook: Any) -> Any:
     flow = hook.flow(flow, 0.01 * opening)
     x.meter = c.m_keep * x.meter + c.m_old * x.flow + c.m_new * flow
     x.flow = flow
-    reading = hook.sensor(x.meter)
+    turbine = hook.turbine(x.meter)
+    reading = hook.sensor(turbine)
     return reading, spool, pressure
 
 
@@ -120,6 +121,7 @@ PLANT = Plant(
         Hook("opening", "orifice", "%", 100.0),
         Hook("supply", "supply", "bar", 100.0, extra="flow"),
         Hook("flow", "load", "l/min", 70.0, extra="opening"),
+        Hook("turbine", "sensor", "l/min", 70.0),
         Hook("sensor", "sensor", "l/min", 70.0),
     ),
     states={"pilot": 1, "drive": 1, "spool": 1, "speed": 1, "flow": 1, "meter": 1},

@@ -32,8 +32,14 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     free_speed = c.vx * x.angle + c.vv * x.speed + c.v0 * x.torque + c.v1 * torque
     x.torque = torque
     friction = hook.force(free_speed, c.mobility)
+    before = x.angle
     x.angle = free_angle - c.compliance * friction
     x.speed = free_speed - c.mobility * friction
+    reached = hook.stop(x.angle)
+    # A stop takes the momentum. It holds the very same angle again; a disturbance injected here never does.
+    if reached == before and reached != x.angle:
+        x.speed = 0.0
+    x.angle = reached
     angle = hook.position(x.angle)
     opening = hook.opening(angle)
     share = throttled(opening, c.centre, c.width)
@@ -114,6 +120,7 @@ PLANT = Plant(
         Hook("coil_step", "coil", "A", 1.0),
         Hook("coil", "coil", "A", 1.0),
         Hook("force", "rotor", "A", 1.0, extra="mobility"),
+        Hook("stop", "rotor", "A", 1.0),
         Hook("position", "rotor", "A", 1.0),
         Hook("opening", "orifice", "A", 1.0),
         Hook("supply", "supply", "psi", 220.0, extra="flow"),
