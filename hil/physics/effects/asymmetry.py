@@ -18,9 +18,9 @@ def transform(value: float, ratio: float, gain: float, blend: float) -> float:
     return value * gain
 
 
-def starts(_seen: Seen) -> list[dict[str, float]]:
-    """Either side weaker."""
-    return [{"ratio": ratio} for ratio in (0.7, 0.9, 1.1, 1.4)]
+def starts(seen: Seen) -> list[dict[str, float]]:
+    """Either side weaker, with hardly a passage between them."""
+    return [{"ratio": ratio, "blend": 0.005 * seen.size} for ratio in (0.7, 0.9, 1.1, 1.4)]
 
 
 EFFECT = Effect(
@@ -30,7 +30,7 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("ratio", "1", 1.0, 1.1, 0.3, 3.0, "gain of the negative side over the positive"),
         EffectParameter("gain", "1", 1.0, 1.0, 0.3, 3.0, "gain of the positive side over what it should be"),
-        EffectParameter("blend", "{value}", None, 0.005, 0.0, 0.2, "about zero, where one side passes into the other"),
+        EffectParameter("blend", "{value}", None, 0.0, 0.0, 0.2, "about zero, where one side passes into the other"),
     ),
     transform=transform,
     starts=starts,
