@@ -39,9 +39,10 @@ _POLISHED = 2
 _HOPE = 0.3
 _PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
 # So many pairs that were found at once are fitted, none that promises to leave so many times more than the best, and
-# each only so far that they can be compared; so many at once, and no more where one of them is all that was sought.
-_AT_ONCE = 4
+# each only so far that they can be compared.
 _COUPLES, _FAR_WORSE, _COUPLE_EVALUATIONS, _COUPLE_TOLERANCE = 8, 4.0, 5, 1e-3
+# Of those that then leave no more than so many times the least, so many are fitted to their end.
+_MAY_TURN_OUT_BEST, _FITTED_TO_THE_END = 2.0, 3
 # Beside an adequate first cause another one that leaves so many times as much is no first cause.
 _FAR_BEHIND = 5.0
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
@@ -153,14 +154,16 @@ class Causes:
         if not found or self._left(found[0]) > (1.0 - _HOPE) * self._left(alone.fitted[0]):
             return []
         near = [f for f in found if self._left(f) <= _FAR_WORSE * self._left(found[0])]
-        rough: list[Fitted] = []
-        for first in range(0, len(near), _AT_ONCE):
-            rough += [self._compared(f) for f in near[first : first + _AT_ONCE]]
-            if any(self.m.is_full(f) for f in rough):
-                break
+        rough = [self._compared(f) for f in near]
         self.second.extend(rough)
-        both = polish(self.m.problem, self._most_economical(rough))
+        both = min((polish(self.m.problem, f) for f in self._closest(rough)), key=self.m.cost)
         return [both] if self._is_pair(both, best) else []
+
+    def _closest(self, rough: Sequence[Fitted]) -> list[Fitted]:
+        """The pairs that may turn out best when they are fitted to their end."""
+        by_chi2 = sorted(rough, key=lambda f: f.chi2)
+        near = [f for f in by_chi2 if self._left(f) <= _MAY_TURN_OUT_BEST * self._left(by_chi2[0])]
+        return near[:_FITTED_TO_THE_END]
 
     def _compared(self, both: Fitted) -> Fitted:
         """A pair fitted so far that it can be compared with others."""
