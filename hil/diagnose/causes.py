@@ -42,7 +42,7 @@ _PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
 # each only so far that they can be compared.
 _COUPLES, _FAR_WORSE, _COUPLE_EVALUATIONS, _COUPLE_TOLERANCE = 8, 4.0, 5, 1e-3
 # Of those that then leave no more than so many times the least, so many are fitted to their end.
-_MAY_TURN_OUT_BEST, _FITTED_TO_THE_END = 2.0, 3
+_MAY_TURN_OUT_BEST, _FITTED_TO_THE_END = 2.0, 4
 # Beside an adequate first cause another one that leaves so many times as much is no first cause.
 _FAR_BEHIND = 5.0
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.

@@ -196,7 +196,9 @@ def _tones(problem: Problem, left: Array, most: int = 4) -> tuple[tuple[float, f
         for found, of in ((strongest, power / np.median(power)), (standing_out, above)):
             k = int(np.argmax(of[2:])) + 2
             size = 4.0 * np.abs(spectrum[k]) / len(r) * noise.std
-            tone = (float(_refined(power, k) / duration_s), float(size), float(np.angle(spectrum[k]) + np.pi / 2.0))
+            at = _refined(power, k)
+            phase = np.angle(spectrum[k]) - np.pi * (at - k) + np.pi / 2.0
+            tone = (float(at / duration_s), float(size), float((phase + np.pi) % (2.0 * np.pi) - np.pi))
             found.append((float(of[k]), 1.0 / duration_s, tone))
     first = max(standing_out, key=lambda item: item[0])
     others = [item for item in sorted(strongest, key=lambda item: -item[0]) if abs(item[2][0] - first[2][0]) > item[1]]
