@@ -127,7 +127,7 @@ def test_samples_that_repeat_are_dropouts_of_the_recording() -> None:
 
 
 def test_a_law_beside_commands_that_do_not_arrive_is_found_too() -> None:
-    uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.93, "gain": 1.0, "blend": 0.0})
+    uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.93, "gain": 1.0})
     of = found(uneven, seed=7, arriving=held(commands(np.random.default_rng(7)), np.random.default_rng(0)))
     assert sorted(names(of)) == ["asymmetry", "dropout"]
     assert of.diagnosis.verdict == "explained"
@@ -144,7 +144,7 @@ def test_a_tone_with_a_phase_of_its_own_in_each_recording() -> None:
 
 
 def test_a_tone_beside_an_effect_hides_neither() -> None:
-    uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0, "blend": 0.0})
+    uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0})
     made = records((uneven,), seed=9)
     for k, each in enumerate(made):
         each.channels["flow"].values[:] += 1.5 * np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)

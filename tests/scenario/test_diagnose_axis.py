@@ -43,7 +43,7 @@ def answer(*effects: ActiveEffect) -> Choice:
 MODEL: Model = replace(typical_model("linear-axis"), noise=Noise(NOISE_M))
 FRICTION = ActiveEffect("friction", "force", {"coulomb": 9.0, "stiction": 1.3, "stribeck": 0.02, "presliding": 1e-4})
 LIMITED = ActiveEffect("saturation", "coil", {"limit": 280.0, "knee": 0.05, "slope": 0.0})
-UNEVEN = ActiveEffect("asymmetry", "command", {"ratio": 0.97, "gain": 1.0, "blend": 0.0})
+UNEVEN = ActiveEffect("asymmetry", "command", {"ratio": 0.97, "gain": 1.0})
 
 
 @pytest.mark.parametrize("effects", [(FRICTION,), (LIMITED, UNEVEN)], ids=lambda e: " and ".join(x.name for x in e))
