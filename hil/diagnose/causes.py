@@ -153,17 +153,15 @@ class Causes:
         found = joint(alone.place, alone.screened, alone.fitted, _COUPLES)
         if not found or self._left(found[0]) > (1.0 - _HOPE) * self._left(alone.fitted[0]):
             return []
-        near = [f for f in found if self._left(f) <= _FAR_WORSE * self._left(found[0])]
-        rough = [self._compared(f) for f in near]
+        rough = [self._compared(f) for f in self._within(found, _FAR_WORSE)]
         self.second.extend(rough)
-        both = min((polish(self.m.problem, f) for f in self._closest(rough)), key=self.m.cost)
+        closest = self._within(sorted(rough, key=lambda f: f.chi2), _MAY_TURN_OUT_BEST)[:_FITTED_TO_THE_END]
+        both = min((polish(self.m.problem, f) for f in closest), key=self.m.cost)
         return [both] if self._is_pair(both, best) else []
 
-    def _closest(self, rough: Sequence[Fitted]) -> list[Fitted]:
-        """The pairs that may turn out best when they are fitted to their end."""
-        by_chi2 = sorted(rough, key=lambda f: f.chi2)
-        near = [f for f in by_chi2 if self._left(f) <= _MAY_TURN_OUT_BEST * self._left(by_chi2[0])]
-        return near[:_FITTED_TO_THE_END]
+    def _within(self, best_first: Sequence[Fitted], times: float) -> list[Fitted]:
+        """Those that leave no more than so many times what the best leaves."""
+        return [f for f in best_first if self._left(f) <= times * self._left(best_first[0])]
 
     def _compared(self, both: Fitted) -> Fitted:
         """A pair fitted so far that it can be compared with others."""

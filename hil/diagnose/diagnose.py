@@ -131,7 +131,7 @@ def _explained(
 ) -> tuple[Problem, Choice] | None:
     """A second look, at the experiments on another clock or without events; None if that is still open."""
     other = replace(pose(problem.model, experiments), factor=problem.factor)
-    choice = decide(other, laws_only=beside_events, most=NAMEABLE - beside_events)
+    choice = decide(other, laws_only=beside_events, most=NAMEABLE - 1 if beside_events else NAMEABLE)
     return None if choice.verdict in OPEN else (other, choice)
 
 
@@ -145,8 +145,10 @@ def _happened(problem: Problem, choice: Choice) -> Events | None:
     left = excess(problem, choice.chosen.chi2)
     if left <= SMALL_EXCESS:
         return None
-    beside = recognised(problem, (choice.chosen,), left, commands=choice.verdict in OPEN)
-    return min((e for e in (*beside, choice.part) if e is not None), key=lambda e: e.chi2, default=None)
+    is_open = choice.verdict in OPEN
+    beside = recognised(problem, (choice.chosen,), left, commands=is_open)
+    found = (*beside, choice.part) if is_open else beside
+    return min((e for e in found if e is not None), key=lambda e: e.chi2, default=None)
 
 
 def _known_hum(model: Model) -> tuple[str, ...]:

@@ -355,13 +355,12 @@ def _every_time(problem: Problem, around: Fitted) -> bool:
     sizes, shown, beside = [], [], 0
     for e, own in zip(problem.experiments, bursts, strict=True):
         at, size = _jumps(e)
-        felt = np.array([[start - round(_LOOK_BACK_S / e.drive.interval_s), stop] for start, stop in own]).reshape(
-            -1, 2
-        )
-        hit = (at[:, None] >= felt[None, :, 0]) & (at[:, None] < felt[None, :, 1])
+        back = round(_LOOK_BACK_S / e.drive.interval_s)
+        felt = np.array([(start - back, stop) for start, stop in own], dtype=np.int64).reshape(-1, 2)
+        jump_in_burst = (at[:, None] >= felt[None, :, 0]) & (at[:, None] < felt[None, :, 1])
         sizes.append(size)
-        shown.append(hit.any(axis=1))
-        beside += int((~hit.any(axis=0)).sum())
+        shown.append(jump_in_burst.any(axis=1))
+        beside += int((~jump_in_burst.any(axis=0)).sum())
     size, hit = np.concatenate(sizes), np.concatenate(shown)
     if hit.sum() < _LEAST_STALE or beside > (1.0 - _NEARLY_ALL) * sum(map(len, bursts)):
         return False

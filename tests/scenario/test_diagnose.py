@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -214,24 +215,25 @@ def test_one_shifted_clock_is_not_a_dead_time() -> None:
     assert any("clock" in warning for warning in of.warnings)
 
 
-def test_a_coarse_signal_is_quantised_and_has_no_dead_band() -> None:
+def converted(to_whole: Callable[[np.ndarray], np.ndarray]) -> Diagnosed:
+    """Of a unit whose converter has steps of 2 l/min."""
     made = records(seed=12)
     for each in made:
         flow = each.channels["flow"].values
-        flow[:] = 2.0 * np.round(flow / 2.0)
-    of = diagnose(nominal(), bound(nominal(), made)).diagnosis
-    assert [effect.name for effect in of.effects] == ["quantisation"]
-    assert of.effects[0].parameters["step"].value == pytest.approx(2.0)
+        flow[:] = 2.0 * to_whole(flow / 2.0)
+    return diagnose(nominal(), bound(nominal(), made))
+
+
+def test_a_coarse_signal_is_quantised_and_has_no_dead_band() -> None:
+    of = converted(np.round)
+    assert names(of) == ["quantisation"]
+    assert of.diagnosis.effects[0].parameters["step"].value == pytest.approx(2.0)
 
 
 def test_a_converter_that_cuts_off_is_coarse_and_its_sensor_has_no_offset() -> None:
-    made = records(seed=12)
-    for each in made:
-        flow = each.channels["flow"].values
-        flow[:] = 2.0 * np.floor(flow / 2.0)
-    of = diagnose(nominal(), bound(nominal(), made)).diagnosis
-    assert [effect.name for effect in of.effects] == ["quantisation"]
-    assert "too little" in of.effects[0].sentence
+    of = converted(np.floor)
+    assert names(of) == ["quantisation"]
+    assert "too little" in of.diagnosis.effects[0].sentence
 
 
 def test_what_comes_with_every_jump_of_the_command_was_not_lost() -> None:

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effects.sensor_lag import second_order_shape
 from hil.physics.effects.sensor_lag import starts as lags
 from hil.physics.linear import free_motion, held_first_order
-
-# Below this the second order is over within far less than a sub-step.
-_FIRST_ORDER = 1e-4
 
 
 @compiled
@@ -39,13 +36,12 @@ def settle(value: float, state: Any) -> float:
 
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
     """The free motion over one sub-step, and the shares that pass."""
-    lag_s, second = parameters["lag"], parameters["second"]
     given = {name: parameters[name] for name in ("direct", "saturating")}
     names = ("xx", "xv", "vx", "vv")
-    if second < _FIRST_ORDER or lag_s <= 1e-9:
-        return given | dict.fromkeys(names, 0.0) | {"xx": held_first_order(lag_s, step_s)}
-    damping = 1.0 / math.sqrt(second)
-    frequency = 2.0 * damping / lag_s
+    shape = second_order_shape(parameters)
+    if shape is None:
+        return given | dict.fromkeys(names, 0.0) | {"xx": held_first_order(parameters["lag"], step_s)}
+    frequency, damping = shape
     return given | dict(zip(names, free_motion(frequency, damping * frequency, step_s), strict=True))
 
 

@@ -6,6 +6,7 @@ import math
 from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
+from hil.physics.effects.hysteresis import narrowing
 
 
 @compiled
@@ -16,8 +17,7 @@ def transform(value: float, state: Any, full_scale: float, width: float, reach: 
     if travel != 0.0:
         to = 1.0 if travel > 0.0 else -1.0
         state[1] = to + (state[1] - to) * math.exp(-abs(travel) / reach)
-    away = closing * value / full_scale
-    return value - width * state[1] / (1.0 + away * away)
+    return value - width * state[1] / narrowing(value, full_scale, closing)
 
 
 @compiled

@@ -10,6 +10,13 @@ PLAYS = 8
 
 
 @compiled
+def narrowing(value: float, full_scale: float, closing: float) -> float:
+    """How many times narrower than about zero a loop is: near saturation iron has less left to remember."""
+    away = closing * value / full_scale
+    return 1.0 + away * away
+
+
+@compiled
 def transform(
     value: float, state: Any, full_scale: float, width: float, reach: float, least: float, closing: float
 ) -> float:
@@ -25,8 +32,7 @@ def transform(
         elif state[k] - value > radius:
             state[k] = value + radius
         lag += (value - state[k]) / radius
-    away = closing * value / full_scale
-    return value - width * lag / 8.0 / (1.0 + away * away)
+    return value - width * lag / 8.0 / narrowing(value, full_scale, closing)
 
 
 def starts(seen: Seen) -> list[dict[str, float]]:

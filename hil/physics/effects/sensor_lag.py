@@ -33,15 +33,23 @@ def settle(value: float, state: Any) -> float:
     return value
 
 
+def second_order_shape(parameters: Mapping[str, float]) -> tuple[float, float] | None:
+    """Natural frequency in rad/s and damping ratio; None for a lag of first order, and for none at all."""
+    lag_s, second = parameters["lag"], parameters["second"]
+    if second < _FIRST_ORDER or lag_s <= 1e-9:
+        return None
+    damping = 1.0 / math.sqrt(second)
+    return 2.0 * damping / lag_s, damping
+
+
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:
     """The step of reading and speed."""
-    lag_s, second = parameters["lag"], parameters["second"]
     names = ("xx", "xv", "x0", "x1", "vx", "vv", "v0", "v1")
-    if second < _FIRST_ORDER or lag_s <= 1e-9:
-        keep, old, new = first_order(lag_s, step_s)
+    shape = second_order_shape(parameters)
+    if shape is None:
+        keep, old, new = first_order(parameters["lag"], step_s)
         return dict.fromkeys(names, 0.0) | {"xx": keep, "x0": old, "x1": new}
-    damping = 1.0 / math.sqrt(second)
-    return dict(zip(names, second_order(2.0 * damping / lag_s, damping, step_s), strict=True))
+    return dict(zip(names, second_order(*shape, step_s), strict=True))
 
 
 def starts(_seen: Seen) -> list[dict[str, float]]:

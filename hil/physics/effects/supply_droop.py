@@ -10,13 +10,19 @@ from hil.physics.effect import Effect, EffectParameter, Seen, compiled
 
 
 @compiled
+def _drawn(flow: float, lean: float) -> float:
+    """The flow demand, which may differ from direction to direction."""
+    return flow * (1.0 + lean) if flow > 0.0 else -flow * (1.0 - lean)
+
+
+@compiled
 def transform(
     value: float, flow: float, state: Any, droop: float, power: float, line: float, lean: float, gain: float
 ) -> float:
     """Supply pressure less the state, which follows the loss at the flow demand with one time constant, and less what
     the line behind the accumulator takes at once.
     """
-    drawn = flow * (1.0 + lean) if flow > 0.0 else -flow * (1.0 - lean)
+    drawn = _drawn(flow, lean)
     state[0] += (droop * drawn**power - state[0]) * gain
     return value * max(1.0 - state[0] - line * droop * drawn * drawn, 0.0)
 
@@ -24,9 +30,8 @@ def transform(
 @compiled
 def settle(value: float, flow: float, state: Any, droop: float, power: float, line: float, lean: float) -> float:
     """In balance with the first flow."""
-    drawn = flow * (1.0 + lean) if flow > 0.0 else -flow * (1.0 - lean)
-    state[0] = droop * drawn**power
-    return value * max(1.0 - state[0] - line * droop * drawn * drawn, 0.0)
+    state[0] = droop * _drawn(flow, lean) ** power
+    return transform(value, flow, state, droop, power, line, lean, 0.0)
 
 
 def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, float]:

@@ -9,6 +9,7 @@ from typing import Any
 from hil.physics.effect import compiled
 from hil.physics.linear import delay_steps, delayed, first_order, held_first_order, second_order
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.stop import speed_after
 
 
 @compiled
@@ -36,9 +37,7 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     x.angle = free_angle - c.compliance * friction
     x.speed = free_speed - c.mobility * friction
     reached = hook.stop(x.angle)
-    # A stop takes the momentum. It holds the very same angle again; a disturbance injected here never does.
-    if reached == before and reached != x.angle:
-        x.speed = 0.0
+    x.speed = speed_after(x.speed, x.angle, before, reached)
     x.angle = reached
     angle = hook.position(x.angle)
     opening = hook.opening(angle)

@@ -8,6 +8,7 @@ from typing import Any
 
 from hil.physics.linear import delay_steps, delayed
 from hil.physics.plant import Hook, Parameter, Plant, Signal
+from hil.physics.stop import speed_after
 
 # Slower than anything that an axis is driven with, faster than a force needs to carry it out of its stroke.
 _OBSERVER_RAD_S = 2.0
@@ -25,9 +26,7 @@ def equations(force: Any, x: Any, c: Any, hook: Any) -> Any:
     x.place += c.travel * x.speed + c.compliance * net
     x.speed = free_speed - c.mobility * opposing
     reached = hook.load(x.place)
-    # A stop takes the momentum. It holds the very same place again; a disturbance injected here never does.
-    if reached == before and reached != x.place:
-        x.speed = 0.0
+    x.speed = speed_after(x.speed, x.place, before, reached)
     x.place = reached
     reading = hook.sensor(x.place)
     return reading, x.speed
