@@ -39,6 +39,9 @@ _GOOD_FIT = 80.0
 _POOR_FIT = 50.0
 _MUCH_LESS = 0.2
 _ALSO_MOVES = 0.5
+# Below and above so many times what is expected, in level and moves alike, no effect makes an output of the same shape;
+# an effect beside a wrong unit hides how many times exactly.
+_TOO_SMALL, _TOO_LARGE = 0.12, 5.0
 _LEAST_CLIPPED = 0.002
 _LEAST_RUN = 5
 _GAP = 5.0
@@ -142,7 +145,8 @@ def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
     level, fit_of_level = _times(simulated, e.output)  # small moves may be smaller for a reason, a level hardly is
     also_moves = abs(moves / level - 1.0) < _ALSO_MOVES if level else False
     for slope, fit in ((moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0)):
-        factor = _unit_factor(slope)
+        beyond_effects = also_moves and not led_back and not _TOO_SMALL < slope < _TOO_LARGE
+        factor = _unit_factor(slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
         if factor and fit > _GOOD_FIT:
             raise FileError(
                 f"{e.name}: channel '{e.output_heading}' is {slope:.3g} times what the model expects; "
@@ -157,6 +161,14 @@ def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
                 f"{e.name}: channel '{e.input}' fits the model only when multiplied by {factor:.4g}{or_output}; "
                 "it looks like a wrong unit"
             )
+        # A loop that starts at its first reading starts somewhere else.
+        begins = replace(e.drive, first_output=e.drive.first_output / factor)
+        scaled = replace(e, drive=begins, output=e.output / factor)
+        if fit_percent(scaled.output, _nominal(model, scaled)) > enough:
+            raise FileError(
+                f"{e.name}: channel '{e.output_heading}' fits the model only when divided by {factor:.4g}; "
+                "it looks like a wrong unit"
+            )
 
 
 def _times(simulated: Array, measured: Array) -> tuple[float, float]:
@@ -168,11 +180,12 @@ def _times(simulated: Array, measured: Array) -> tuple[float, float]:
     return slope, 100.0 * (1.0 - float(np.linalg.norm(measured - slope * simulated)) / size)
 
 
-def _unit_factor(slope: float) -> float | None:
+def _unit_factor(slope: float, tolerance: float) -> float | None:
+    """The factor between common units that is nearest to this one, within a tolerance of its logarithm."""
     if slope <= 0.0:
         return None
     near = min(_UNIT_FACTORS, key=lambda factor: abs(np.log(slope / factor)))
-    return near if abs(np.log(slope / near)) < _FACTOR_TOLERANCE else None
+    return near if abs(np.log(slope / near)) < tolerance else None
 
 
 def _gaps(e: Experiment) -> list[str]:

@@ -10,7 +10,9 @@ import pytest
 
 from hil.diagnose.check import check
 from hil.errors import FileError
+from hil.identify.experiment import for_model
 from hil.physics.compose import plant
+from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Recording, recording
 from tests.concealed import DURATION_S, NOISE, PLANT, RATE_HZ, bound, noise, nominal, records
@@ -53,6 +55,26 @@ def test_a_wrong_unit_is_refused_though_a_sticking_part_moves_less(factor: float
     made = recording("small sine", time_s, {"command [%]": command, "flow [l/min]": factor * flow})
     with pytest.raises(FileError, match=rf"'flow \[l/min\]'.*factor near {factor:.4g}"):
         check(nominal(), bound(nominal(), [made]))
+
+
+@pytest.mark.parametrize("factor", [60.0, 10.0, 0.1, 1.0 / 60.0])
+def test_a_wrong_unit_is_refused_though_the_supply_gives_way(factor: float) -> None:
+    shape = {"droop": 0.5, "recovery": 0.3, "power": 1.0, "line": 0.0, "lean": 0.0}
+    (made, *_) = records((ActiveEffect("supply_droop", "supply", shape),), seed=23)
+    made.channels["flow"].values[:] *= factor
+    with pytest.raises(FileError, match=r"'flow \[l/min\]'.*wrong unit"):
+        check(nominal(), bound(nominal(), [made]))
+
+
+@pytest.mark.parametrize("factor", [1000.0, 60.0, 10.0, 0.1])
+def test_a_loop_whose_output_has_a_wrong_unit_is_refused(factor: float) -> None:
+    loop, time_s = typical_model("hydraforce-sp08-47c"), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
+    request = 125.0 + 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
+    drive = Drive(request[None, :], 125.0, 1.0 / RATE_HZ, 0.0)
+    position = simulate(loop.definition, loop.values, drive) + 0.05 * noise(np.random.default_rng(24), len(time_s))
+    made = recording("loop", time_s, {"request [mm]": request, "position [mm]": factor * position[0]})
+    with pytest.raises(FileError, match=r"'position \[mm\]'.*wrong unit"):
+        check(loop, [for_model(loop, made)])
 
 
 def test_an_offset_many_times_what_moves_is_no_unit() -> None:
