@@ -17,6 +17,7 @@ from hil.errors import DeviceLostError, HardwareError, StoppedError
 
 READY, DRIVEN, AT_REST, FAREWELL, ANSWER = b"ready\n", b"d", b"s", b"q", b"."
 REPORT_FILE = "watchdog.json"
+GIVE_UP_S = 60.0  # so long a watchdog tries to reach a device
 _START_S = 60.0
 _FAREWELL_S = 10.0
 
@@ -38,9 +39,12 @@ def watched(file: BenchFile, run: Path) -> Iterator[Callable[[bool], None]]:
     heart.wait_until_ready()
     try:
         yield heart.beat
-    except DeviceLostError:  # outputs that could not be reached: the watchdog goes on trying
+    except DeviceLostError as lost:  # outputs that could not be reached: the watchdog goes on trying
         heart.stop()
-        raise
+        raise DeviceLostError(
+            f"{lost}; the watchdog process goes on trying for {GIVE_UP_S:g} s and tells what came of it here and in "
+            f"{run / REPORT_FILE}"
+        ) from lost
     except BaseException:
         heart.say_farewell()
         raise

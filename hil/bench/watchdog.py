@@ -22,12 +22,11 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from hil.bench.heartbeat import ANSWER, AT_REST, FAREWELL, READY, REPORT_FILE
+from hil.bench.heartbeat import ANSWER, AT_REST, FAREWELL, GIVE_UP_S, READY, REPORT_FILE
 from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import HardwareError, HilError, InUseError
 
-_GIVE_UP_S = 60.0  # so long it tries to reach a device
 _AGAIN_S = 0.05
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
@@ -134,7 +133,7 @@ def _made_safe_with_patience(file: BenchFile, begun_s: float) -> list[str]:
                 left[name] = f"{name}: {error}"
             else:
                 del left[name]
-        if time.monotonic() - begun_s > _GIVE_UP_S:
+        if time.monotonic() - begun_s > GIVE_UP_S:
             break
         if left:
             time.sleep(_AGAIN_S)
