@@ -7,10 +7,12 @@ many.
 
 from __future__ import annotations
 
+import multiprocessing
 from concurrent.futures import ProcessPoolExecutor
 from itertools import repeat
 
 import typer
+from rich.progress import track
 from scipy.stats import binomtest
 
 from hil.diagnose.diagnose import diagnose
@@ -33,9 +35,12 @@ def main(
     seed: int = typer.Option(_FIRST_SEED, help="Seed of the first unit."),
 ) -> None:
     """Count false alarms and print the rate with its exact 95 % interval."""
-    with ProcessPoolExecutor(jobs) as pool:
-        verdicts = list(pool.map(verdict, range(units), repeat(seed), chunksize=5))
-    alarms = [(unit, found) for unit, found in enumerate(verdicts) if found != "consistent"]
+    alarms = []
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:  # no forks beside threads
+        verdicts = pool.map(verdict, range(units), repeat(seed), chunksize=5)
+        for unit, found in enumerate(track(verdicts, "diagnosing", total=units)):
+            if found != "consistent":
+                alarms.append((unit, found))
     interval = binomtest(len(alarms), units).proportion_ci()
     low, rate, high = (100.0 * share for share in (interval.low, len(alarms) / units, interval.high))
     print(f"{len(alarms)} of {units}: {rate:.2g} % [{low:.2g}…{high:.2g}]")
