@@ -8,7 +8,8 @@ from itertools import combinations
 
 from hil.diagnose.causes import ALARM_GAIN, NAMEABLE, Alone, Causes
 from hil.diagnose.diagnosis import Verdict
-from hil.diagnose.events import Events, recognised
+from hil.diagnose.events.event import Events
+from hil.diagnose.events.recognise import recognised
 from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.measures import SMALL_EXCESS, Measures, excess, is_itself, is_present, is_strained
 from hil.diagnose.problem import Problem

@@ -24,15 +24,10 @@ from hil.diagnose.diagnosis import (
     Strip,
     Verdict,
 )
-from hil.diagnose.events import (
-    TOLERANCE_OF_EVENTS,
-    Events,
-    coarse,
-    coarse_step,
-    recognised,
-    stale_outputs,
-    without_stale,
-)
+from hil.diagnose.events.coarse import coarse, coarse_step
+from hil.diagnose.events.event import Events
+from hil.diagnose.events.recognise import TOLERANCE_OF_EVENTS, recognised
+from hil.diagnose.events.repeats import stale_outputs, without_stale
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
 from hil.diagnose.locate import StageShare, Where, locate, stages
 from hil.diagnose.measures import LAW_TOLERANCE, SMALL_EXCESS, excess, share_left

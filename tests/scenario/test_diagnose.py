@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from hil.diagnose.diagnose import Diagnosed, diagnose
-from hil.diagnose.events import recognised, tone
+from hil.diagnose.events.recognise import recognised
+from hil.diagnose.events.tone import tone
 from hil.diagnose.measures import excess
 from hil.diagnose.problem import pose
 from hil.diagnose.search import around, from_other_shapes, nothing, polish, screen

@@ -9,7 +9,7 @@ import pytest
 
 from hil.diagnose.check import check
 from hil.diagnose.decide import Choice, decide
-from hil.diagnose.events import recognised
+from hil.diagnose.events.recognise import recognised
 from hil.diagnose.measures import excess
 from hil.diagnose.problem import pose
 from hil.diagnose.search import nothing

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.diagnose.events import _lattice
+from hil.diagnose.events.coarse import lattice
 
 FINE = 0.01
 
@@ -17,12 +17,12 @@ def test_the_step_is_known_better_than_the_converter_rounds(seed: int, step: flo
     rng = np.random.default_rng(seed)
     number = np.flatnonzero(rng.uniform(size=120) >= missing)
     levels = np.unique(FINE * np.rint((step * (number - 40) + 0.3) / FINE))
-    found, std = _lattice(levels, float(np.diff(levels).min()), FINE)
+    found, std = lattice(levels, float(np.diff(levels).min()), FINE)
     assert std < 0.1 * FINE
     assert abs(found - step) < 5.0 * std
 
 
 def test_two_levels_give_no_line() -> None:
-    found, std = _lattice(np.array([1.0, 2.5]), 1.5, FINE)
+    found, std = lattice(np.array([1.0, 2.5]), 1.5, FINE)
     assert found == 1.5
     assert std == pytest.approx(FINE / 6.0**0.5)

@@ -1,0 +1,72 @@
+"""A channel that resolves less than it did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.stats import linregress
+
+from hil.diagnose.events.event import Events
+from hil.diagnose.problem import Problem
+from hil.diagnose.search import Fitted
+from hil.identify.experiment import Experiment
+from hil.identify.noise import resolution
+from hil.record.recording import Array
+
+# A line and its uncertainty take so many levels.
+_LEAST_LEVELS = 3
+# A step so many times the one that the model was identified with, and this share of the noise, is a coarser channel.
+_COARSER, _TELLING_STEP = 4.0, 0.5
+# An offset of half a step, to within this share of a step, is the converter's own.
+_HALF_A_STEP = 0.1
+
+
+def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float, float] | None:
+    """The step in which the output comes and its uncertainty, where the model was identified on a finer channel.
+
+    `recorded`: the experiments as they came, with nothing taken out of them.
+    """
+    known = problem.model.noise
+    before = float(problem.model.origin.get("resolution", 0.0))
+    if known is None or before <= 0.0:
+        return None
+    steps = [resolution(e.output) for e in recorded]
+    step = float(np.median(steps))
+    if not (step > _COARSER * before and step > _TELLING_STEP * known.std):
+        return None
+    return lattice(np.unique(np.concatenate([e.output for e in recorded])), step, before)
+
+
+def coarse(problem: Problem, step: float, std: float, chosen: Fitted) -> Events:
+    """The finding for an output that comes in coarse steps of this size, beside what was chosen.
+
+    A converter that cuts off what is below its level reads half a step too little: no offset of the sensor.
+    """
+    last, unit = problem.plant.hooks[-1], problem.plant.output.unit
+    offset = sum(v[0] for term, v in zip(chosen.terms, chosen.values, strict=True) if term.name == "sensor_offset")
+    cut = abs(abs(offset) - 0.5 * step) < _HALF_A_STEP * step
+    how = (
+        f", and reads {abs(offset):.3g} {unit} too {'little' if offset < 0.0 else 'much'}: it does not round"
+        if cut
+        else ""
+    )
+    return Events(
+        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, chosen.residuals, problem.experiments,
+        f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified{how}.",
+        "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
+        shows_as="sensor_offset" if cut else "",
+    )  # fmt: skip
+
+
+def lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]:
+    """The distance of levels that are whole multiples of it apart, about `step`; rounded to `rounding` in their turn.
+
+    A line through the levels over their number, with its standard uncertainty.
+    """
+    number = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(levels) / step))])
+    if len(levels) < _LEAST_LEVELS:
+        return step, rounding / float(np.sqrt(6.0))
+    line = linregress(number, levels)
+    of_rounding = rounding / float(np.sqrt(12.0 * len(number)) * np.std(number))
+    return float(line.slope), max(float(line.stderr), of_rounding)

@@ -1,0 +1,117 @@
+"""Samples that were not measured anew: the recording repeats its last value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnose.events.bursts import Burst, bursts_of
+from hil.diagnose.events.event import LEAST_SPELLS, Events, Spell, how_often
+from hil.diagnose.problem import Problem
+from hil.diagnose.runs import runs
+from hil.diagnose.search import Fitted
+from hil.identify.experiment import Experiment
+from hil.identify.noise import white_floor
+from hil.record.recording import Array
+
+Mask = NDArray[np.bool_]
+
+# A noisy channel shows the same value so often in a row only when nobody has measured it anew: chance would make
+# such a run in one of so many recordings.
+_STALE_RUN = 4
+_CHANCE_RUNS = 1e-4
+# In bursts of misfit a run is telling already when chance makes so few of them there, in a channel that seldom repeats.
+_CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
+_NOISE_OVER_RESOLUTION = 2.0
+
+
+def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[Spell, ...]]:
+    """The experiments with samples ignored that only repeat the one before, and where those are."""
+    kept, spells = [], []
+    for e in experiments:
+        repeated = _stale_runs(e.output)
+        if len(repeated) < LEAST_SPELLS:
+            kept.append(e)
+            continue
+        stale = np.zeros(len(e.output), dtype=np.bool_)
+        for start, stop in repeated:
+            stale[start + 1 : stop] = True
+            spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
+        kept.append(without(e, stale))
+    return tuple(kept), tuple(spells)
+
+
+def held_outputs(problem: Problem, around: Fitted) -> Events | None:
+    """Samples that repeat the one before in bursts of misfit, more often than a coarse channel repeats itself there.
+
+    Where noise is hardly above the resolution `without_stale` needs longer runs than a short loss makes.
+    """
+    residuals, rest, spells = around.residuals.copy(), [], []
+    for k, (e, part) in enumerate(zip(problem.experiments, problem.output_slices(), strict=True)):
+        memory = len(problem.noises[k].colour)
+        stale = np.zeros(len(e.output), dtype=np.bool_)
+        for start, stop in _repeats_in_bursts(e.output, bursts_of(problem, around.residuals, k)):
+            residuals[part][start + 1 : stop + memory] = 1.0  # as noise would be; nothing was measured there
+            stale[start + 1 : stop + memory] = True
+            spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
+        rest.append(without(e, stale))
+    if len(spells) < LEAST_SPELLS:
+        return None
+    return stale_outputs(spells, problem, residuals, tuple(rest))
+
+
+def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array, rest: tuple[Experiment, ...]) -> Events:
+    """The finding for samples that were not measured anew and are left out of the rest."""
+    values = how_often(spells)
+    last = problem.plant.hooks[-1]
+    return Events(
+        "dropout", last.stage, last.name, tuple(spells), values, residuals, rest,
+        f"Samples were not measured anew: {len(spells)} times the recording repeats its last value, "
+        f"{values['lasting'][0]:.2g} s on average.",
+        "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
+    )  # fmt: skip
+
+
+def without(e: Experiment, samples: Mask) -> Experiment:
+    """An experiment with more samples ignored."""
+    return replace(e, ignored=samples if e.ignored is None else e.ignored | samples)
+
+
+def _stale_runs(values: Array) -> list[tuple[int, int]]:
+    """Runs of identical values in a channel whose noise is well above its resolution."""
+    steps = np.abs(np.diff(values))
+    moving = steps[steps > 0.0]
+    floor = white_floor(values)
+    if not moving.size or floor < _NOISE_OVER_RESOLUTION * float(moving.min()):
+        return []
+    longest_by_chance = 1.0 + np.log(_CHANCE_RUNS / len(values)) / np.log(_same_again(steps, floor))
+    least = max(_STALE_RUN, int(np.ceil(longest_by_chance)))
+    ends = (values.max(), values.min())
+    return [
+        (start, stop + 1)
+        for start, stop in runs(steps == 0.0)
+        if stop - start >= least - 1 and values[start] not in ends
+    ]
+
+
+def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int, int]]:
+    """Runs of identical values in these stretches, so long that chance makes hardly one of them."""
+    steps = np.abs(np.diff(values))
+    looked_at = sum(stop - start for start, stop in bursts)
+    same_again = _same_again(steps, white_floor(values))
+    if not looked_at or same_again > _TELLING_REPEAT:
+        return []
+    least = max(_STALE_RUN - 1, 1 + int(np.ceil(np.log(_CHANCE_IN_BURSTS / looked_at) / np.log(same_again))))
+    inside = np.zeros(len(steps), dtype=np.bool_)
+    for start, stop in bursts:
+        inside[max(start - 1, 0) : stop] = True
+    return [(start, stop + 1) for start, stop in runs((steps == 0.0) & inside) if stop + 1 - start >= least]
+
+
+def _same_again(steps: Array, floor: float) -> float:
+    """The probability that two readings of white noise agree within the resolution."""
+    moving = steps[steps > 0.0]
+    return float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor) if moving.size and floor > 0.0 else 1.0

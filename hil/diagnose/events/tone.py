@@ -1,0 +1,104 @@
+"""Tones: one frequency in all recordings, with a phase of its own in each."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hil.diagnose.events.event import Events
+from hil.diagnose.problem import Problem
+from hil.diagnose.search import Fitted
+from hil.identify.experiment import Experiment
+from hil.identify.lines import common_line
+from hil.record.recording import Array
+
+_LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES = 60.0, 4
+_START_DIES_S = (0.1, 0.3, 1.0)
+
+
+def tone(problem: Problem, around: Fitted) -> Events | None:
+    """One frequency in all recordings, harmonics included, with a phase of its own in each; None if there is none.
+
+    Its amplitude may grow with the output, as ripple does that enters before the orifice; where it is hardly there
+    without an output it is no disturbance but a gain that swings.
+    """
+    parts = [around.residuals[part] for part in problem.output_slices()]
+    frequency = common_line(problem.experiments, parts, _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES)
+    if frequency is None:
+        return None
+    frequency = _sharpened(problem, around.residuals, frequency)
+    residuals, waves = _tone_fit(problem, around.residuals, frequency)
+    amplitudes = [float(np.hypot(a[0], a[3]) * n.std) for a, n in zip(waves, problem.noises, strict=True)]
+    growing = [
+        float(np.hypot(a[6], a[7]) * n.std * np.sqrt(np.mean(_level(e) ** 2)))
+        for a, n, e in zip(waves, problem.noises, problem.experiments, strict=True)
+    ]
+    if np.mean(growing) > np.mean(amplitudes):
+        return None
+    unit = problem.plant.output.unit
+    size, spread = float(np.mean(amplitudes)), float(np.std(amplitudes) / np.sqrt(len(amplitudes)))
+    longest = max(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    noise = problem.noises[0].std
+    count = sum(len(e.output) for e in problem.experiments)
+    std_hz = float(np.sqrt(6.0 / count) * noise / max(size, 1e-12) / (np.pi * longest))
+    last = problem.plant.hooks[-1]
+    return Events(
+        "periodic_disturbance", last.stage, last.name, (),
+        {"frequency": (frequency, std_hz, "Hz"), "amplitude": (size, spread, unit)},
+        residuals, without_tone(problem, around, frequency),
+        f"A disturbance of {frequency:.4g} Hz with amplitude {size:.3g} {unit} runs through everything, whatever the "
+        "command does.",
+        "y = y₀ + a·sin(2πft + φ), φ by chance in each recording",
+    )  # fmt: skip
+
+
+def without_tone(problem: Problem, beside: Fitted, frequency_hz: float) -> tuple[Experiment, ...]:
+    """The experiments with a tone taken out of their output, as it shows beside a model."""
+    effects = [*problem.model.active_effects, *beside.effects]
+    kept = []
+    for e in problem.experiments:
+        simulated = e.respond(problem.plant, beside.parameters, effects, factor=problem.factor)[0]
+        columns = _waves(e, frequency_hz)
+        solution = np.linalg.lstsq(columns, e.output - simulated, rcond=None)[0]
+        kept.append(replace(e, output=e.output - columns @ solution))
+    return tuple(kept)
+
+
+def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float:
+    """The frequency at which a tone takes most, on grids that become finer."""
+    width = 1.0 / min(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    best = frequency_hz
+    for scale in (2.0, 0.2, 0.02):
+        grid = best + width * scale * np.linspace(-1.0, 1.0, 41)
+        left = [float(np.sum(_tone_fit(problem, residuals, f)[0] ** 2)) for f in grid]
+        best = float(grid[int(np.argmin(left))])
+    return best
+
+
+def _tone_fit(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[Array]]:
+    """Residuals without the tone, and for each recording how much there is of each wave."""
+    left, found = residuals.copy(), []
+    for e, part in zip(problem.experiments, problem.output_slices(), strict=True):
+        columns = _waves(e, frequency_hz)
+        share: Array = np.asarray(np.linalg.lstsq(columns, left[part], rcond=None)[0], dtype=np.float64)
+        left[part] -= columns @ share
+        found.append(share)
+    return left, found
+
+
+def _waves(e: Experiment, frequency_hz: float) -> Array:
+    """Three harmonics, sines before cosines, the first one growing with the output, and what dies out after the start
+    when a tone that enters early in the chain meets a plant at rest, shape (n, 11).
+    """
+    phase = 2.0 * np.pi * frequency_hz * np.outer((1.0, 2.0, 3.0), e.time_s)
+    waves = np.vstack([np.sin(phase), np.cos(phase)])
+    decays = np.exp(-np.outer(1.0 / np.array(_START_DIES_S), e.time_s - e.time_s[0]))
+    columns: Array = np.vstack([waves, waves[[0, 3]] * _level(e), decays]).T
+    return columns
+
+
+def _level(e: Experiment) -> Array:
+    """The output as a share of its largest magnitude."""
+    level: Array = e.output / max(float(np.abs(e.output).max()), 1e-12)
+    return level
