@@ -17,7 +17,7 @@ import numpy as np
 from _concealed import Answer, Case
 
 from hil.diagnose.problem import Problem, pose
-from hil.diagnose.terms import Term, all_terms
+from hil.diagnose.search.terms import Term, all_terms
 from hil.identify.estimate import Unknown, estimate, workers
 from hil.identify.experiment import Experiment
 from hil.identify.grey_box import unknown

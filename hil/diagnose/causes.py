@@ -8,21 +8,14 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from hil.diagnose.evidence import indistinguishable
-from hil.diagnose.joint import joint
 from hil.diagnose.measures import SMALL_EXCESS, Measures, is_present
-from hil.diagnose.search import (
-    LEAN,
-    Around,
-    Fitted,
-    Screened,
-    around,
-    nothing,
-    polish,
-    refine_all,
-    residuals_of,
-    screen,
-)
-from hil.diagnose.terms import Term, all_terms
+from hil.diagnose.search.around import Around, around
+from hil.diagnose.search.fitted import Fitted, nothing, residuals_of
+from hil.diagnose.search.joint import joint
+from hil.diagnose.search.polish import polish
+from hil.diagnose.search.refine import LEAN, refine_all
+from hil.diagnose.search.screen import Screened, screen
+from hil.diagnose.search.terms import Term, all_terms
 from hil.physics.simulate import sub_steps
 
 # The χ² that chance may give back to the best of all terms, with a margin; `python -m tests.proof.alarms` counts what

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.diagnose.search import Around, adapted_residuals, pool
-from hil.diagnose.terms import Term
+from hil.diagnose.search.around import Around, adapted_residuals
+from hil.diagnose.search.fitted import pool
+from hil.diagnose.search.terms import Term
 from hil.record.recording import Array
 
 # An effect of typical size must stand out by this many standard uncertainties, or the data cannot show it.

@@ -13,8 +13,9 @@ from hil.diagnose.events.recognise import recognised
 from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.measures import SMALL_EXCESS, Measures, excess, is_itself, is_present, is_strained
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted, from_other_shapes, nothing, polish, roughly
-from hil.diagnose.terms import Term, all_terms
+from hil.diagnose.search.fitted import Fitted, nothing
+from hil.diagnose.search.polish import from_other_shapes, polish, roughly
+from hil.diagnose.search.terms import Term, all_terms
 
 _CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 # An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from hil.diagnose.measures import is_strained
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted, polish
+from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.polish import polish
 from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]

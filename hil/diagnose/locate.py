@@ -11,7 +11,7 @@ from scipy.stats import chi2, false_discovery_control
 
 from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
-from hil.diagnose.search import pool
+from hil.diagnose.search.fitted import pool
 from hil.physics.simulate import ActiveEffect, simulate
 from hil.record.recording import Array
 

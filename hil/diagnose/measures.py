@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted
-from hil.diagnose.terms import Term
+from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.terms import Term
 from hil.identify.estimate import Unknown
 
 # A misfit below this share of the noise variance is of no practical size.

@@ -16,8 +16,8 @@ import numpy as np
 from hil.diagnose.decide import OPEN, Choice
 from hil.diagnose.diagnosis import NextTest, Verdict
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted
-from hil.diagnose.terms import Term
+from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.terms import Term
 from hil.identify.experiment import Experiment
 from hil.identify.noise import whiten
 from hil.physics.simulate import ActiveEffect, Drive

@@ -7,7 +7,7 @@ from scipy.signal import find_peaks
 
 from hil.diagnose.diagnosis import Spectrum, Strip
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted
+from hil.diagnose.search.fitted import Fitted
 from hil.identify.experiment import Experiment
 from hil.record.recording import Array
 

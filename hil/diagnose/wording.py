@@ -7,7 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from hil.diagnose.diagnosis import ChangedParameter, Finding, Left, Quantity, Verdict
-from hil.diagnose.terms import Term
+from hil.diagnose.search.terms import Term
 from hil.physics.effect import Effect
 
 _PLACE = re.compile(r"\{(\w+)(:%|:\?)?\}")

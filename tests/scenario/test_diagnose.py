@@ -13,8 +13,11 @@ from hil.diagnose.events.recognise import recognised
 from hil.diagnose.events.tone import tone
 from hil.diagnose.measures import excess
 from hil.diagnose.problem import pose
-from hil.diagnose.search import around, from_other_shapes, nothing, polish, screen
-from hil.diagnose.terms import all_terms
+from hil.diagnose.search.around import around
+from hil.diagnose.search.fitted import nothing
+from hil.diagnose.search.polish import from_other_shapes, polish
+from hil.diagnose.search.screen import screen
+from hil.diagnose.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import DURATION_S, RATE_HZ, bound, commands, nominal, records
 

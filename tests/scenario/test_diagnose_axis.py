@@ -12,7 +12,7 @@ from hil.diagnose.decide import Choice, decide
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.measures import excess
 from hil.diagnose.problem import pose
-from hil.diagnose.search import nothing
+from hil.diagnose.search.fitted import nothing
 from hil.errors import FileError
 from hil.identify.experiment import Experiment, experiment
 from hil.physics.compose import plant

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from hil.diagnose.causes import Causes
-from hil.diagnose.joint import joint
 from hil.diagnose.measures import Measures
 from hil.diagnose.problem import pose
-from hil.diagnose.search import nothing, roughly
-from hil.diagnose.terms import all_terms
+from hil.diagnose.search.fitted import nothing
+from hil.diagnose.search.joint import joint
+from hil.diagnose.search.polish import roughly
+from hil.diagnose.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 

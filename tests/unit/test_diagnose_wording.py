@@ -6,7 +6,7 @@ import pytest
 
 from hil.diagnose.diagnosis import Finding, Left, Quantity
 from hil.diagnose.locate import Where
-from hil.diagnose.terms import Term
+from hil.diagnose.search.terms import Term
 from hil.diagnose.wording import headline, quantity_text, sentence
 from hil.physics.compose import effect
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
-from hil.diagnose.search import Fitted
+from hil.diagnose.search.fitted import Fitted
 from hil.record.recording import Array
 
 BLOCK_S = 0.1  # so long is a block that is far beyond the noise, or not

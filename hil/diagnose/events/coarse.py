@@ -9,7 +9,7 @@ from scipy.stats import linregress
 
 from hil.diagnose.events.event import Events
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted
+from hil.diagnose.search.fitted import Fitted
 from hil.identify.experiment import Experiment
 from hil.identify.noise import resolution
 from hil.record.recording import Array

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hil.diagnose.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
 from hil.diagnose.events.event import LEAST_SPELLS, Events, Spell, how_often
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted, pool, residuals_of
+from hil.diagnose.search.fitted import Fitted, pool, residuals_of
 from hil.identify.experiment import Experiment
 from hil.record.recording import Array
 

@@ -10,7 +10,7 @@ from hil.diagnose.events.repeats import held_outputs
 from hil.diagnose.events.tone import tone
 from hil.diagnose.measures import share_left
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted
+from hil.diagnose.search.fitted import Fitted
 
 # Events may leave so much: a tone has more harmonics, a held command a start between two samples.
 TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}

@@ -12,7 +12,7 @@ from hil.diagnose.events.bursts import Burst, bursts_of
 from hil.diagnose.events.event import LEAST_SPELLS, Events, Spell, how_often
 from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
-from hil.diagnose.search import Fitted
+from hil.diagnose.search.fitted import Fitted
 from hil.identify.experiment import Experiment
 from hil.identify.noise import white_floor
 from hil.record.recording import Array

@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.diagnose.events.event import Events
 from hil.diagnose.problem import Problem
-from hil.diagnose.search import Fitted
+from hil.diagnose.search.fitted import Fitted
 from hil.identify.experiment import Experiment
 from hil.identify.lines import common_line
 from hil.record.recording import Array

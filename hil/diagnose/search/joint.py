@@ -11,8 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.diagnose.search import MOST_STRONGER, Around, Fitted, Screened, adapted_residuals, sketch
-from hil.diagnose.terms import Term
+from hil.diagnose.search.around import Around, adapted_residuals
+from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.screen import MOST_STRONGER, Screened, sketch
+from hil.diagnose.search.terms import Term
 from hil.record.recording import Array
 
 # What changes less than so many noise deviations in all is not there to be added to anything.

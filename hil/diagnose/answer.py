@@ -1,0 +1,349 @@
+"""What a diagnosis says, put together from what was chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hil.diagnose.corrected import corrected, standard_uncertainties
+from hil.diagnose.coverage import limits
+from hil.diagnose.decide import OPEN, Choice
+from hil.diagnose.diagnosis import (
+    Candidate,
+    ChangedParameter,
+    Diagnosis,
+    Finding,
+    Fit,
+    Left,
+    NextTest,
+    Quantity,
+    Strip,
+    Verdict,
+)
+from hil.diagnose.events.event import Events
+from hil.diagnose.events.recognise import TOLERANCE_OF_EVENTS
+from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
+from hil.diagnose.locate import StageShare, Where, locate, stages
+from hil.diagnose.measures import LAW_TOLERANCE, excess, share_left
+from hil.diagnose.next_test import Span, next_test
+from hil.diagnose.pictures import spectra, strips
+from hil.diagnose.problem import Problem
+from hil.diagnose.search.around import around
+from hil.diagnose.search.fitted import Fitted, residuals_of
+from hil.diagnose.search.terms import Term
+from hil.diagnose.wording import headline, quantity_text, sentence
+from hil.identify.grey_box import fit_ceiling, fit_percent
+from hil.physics.compose import effect as installed_effect
+from hil.physics.compose import effects as installed_effects
+from hil.physics.model import Model
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Array
+
+# Upper end of the 95 % interval of the last count: 0 of 300 healthy simulated units (docs/explanation/proof.md).
+FALSE_ALARM_RATE = 0.012
+# Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
+_MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
+_JUDGED = 4
+# Where nothing can be named, the closest description must close this share of the gap on data kept back.
+_DESCRIBES = 0.3
+_MOST_STEPS_LISTED = 12
+
+
+class Answer:
+    """Puts together what a diagnosis says; computes what several parts need once."""
+
+    def __init__(
+        self,
+        problem: Problem,
+        choice: Choice,
+        events: Events | None,
+        warnings: tuple[str, ...],
+        span: Span | None,
+    ) -> None:
+        self.problem, self.choice, self.events = problem, choice, events
+        self.verdict = _verdict(choice, events)
+        self.warnings, self.span = warnings, span
+        self.by_law = events is None or (_beside(choice, events) and choice.verdict != "unexplained")
+        self.named = choice.chosen if self.verdict != "unexplained" and self.by_law else choice.baseline
+        self.judged = self._judged()
+        self.used = self._used()
+
+    def _used(self) -> Fitted:
+        """What the corrected model holds: what was named, or the closest description where nothing can be named.
+
+        A description that fails on data kept back would only mislead where nobody has looked yet.
+        """
+        if self.verdict == "unexplained" and self.choice.chosen.terms and self._describes():
+            return self.choice.chosen
+        return self.named if self.named.terms else self.choice.nominal
+
+    def _describes(self) -> bool:
+        """Whether the closest description closes a good part of the gap on data kept back."""
+        nominal = self._fit_held_out(self.choice.nominal)
+        return self.judged[0].fit_held_out - nominal >= _DESCRIBES * (ceiling(self.problem) - nominal)
+
+    def _fit_held_out(self, f: Fitted) -> float:
+        """Of an explanation as it is, on the data that are kept back."""
+        return held_out_fit(self.problem, f.residuals, ~training_half(self.problem))
+
+    def _judged(self) -> list[Judged]:
+        """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
+        fits: list[Fitted] = [self.choice.chosen] if self.choice.chosen.terms else []
+        names = {_name(f) for f in fits}
+        for f in self.choice.candidates:
+            if len(fits) < _JUDGED and _name(f) not in names:
+                names.add(_name(f))
+                fits.append(f)
+        least = min((f.chi2 for f in fits), default=0.0)
+        return [judge(self.problem, f, least) for f in fits]
+
+    @property
+    def corrected(self) -> Model:
+        """The model file's content."""
+        return corrected(self.problem, self.used, self.verdict)
+
+    def diagnosis(self, seconds: float) -> Diagnosis:
+        """Everything that is said."""
+        problem, plant = self.problem, self.problem.plant
+        mismatch = self.verdict != "consistent"
+        nominal = self.choice.nominal
+        found = self._findings()
+        changed = self._changed()
+        left = self._left()
+        unseen = limits(around(problem, self.named), self.choice.terms)
+        rivals = self._not_separable()
+        drawn = strips(problem, self.used)
+        return Diagnosis(
+            verdict=self.verdict,
+            headline=headline(self.verdict, found, changed, left),
+            plant=plant.name,
+            plant_title=plant.title,
+            input=problem.experiments[0].input,
+            output=problem.experiments[0].output_heading,
+            chain=tuple((hook.name, hook.stage) for hook in plant.hooks),
+            effects=found,
+            changed_parameters=changed,
+            not_separable=rivals,
+            next_test=self._next_test(rivals, [limit.effect for limit in unseen if not limit.visible]),
+            candidates=self._candidates(),
+            held_out=self._held_out(),
+            recordings=self._fits(drawn),
+            mismatch=locate(problem, self._outputs(nominal.residuals)) if mismatch else None,
+            stage_shares=self._stage_shares(nominal) if mismatch else (),
+            left=left,
+            limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
+            warnings=self._all_warnings(),
+            false_alarm_rate=FALSE_ALARM_RATE,
+            seconds=round(seconds, 3),
+            strips=drawn,
+            spectra=spectra(problem, nominal, self.used),
+        )
+
+    # -- findings ----------------------------------------------------------------------------------------
+
+    def _findings(self) -> tuple[Finding, ...]:
+        found = [self._event_finding(self.events)] if self.events is not None else []
+        if self.verdict == "unexplained" or not self.by_law:
+            return tuple(found)
+        f = self.choice.chosen
+        changes = [self._without(f, k) for k in range(len(f.terms))]
+        order = sorted(range(len(f.terms)), key=lambda k: -float(changes[k] @ changes[k]))
+        laws = [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
+        return (*found, *(law for law in laws if self.events is None or law.name not in self.events.told))
+
+    def _without(self, f: Fitted, k: int) -> Array:
+        """How residuals change when one term is taken away."""
+        others = f.only([i for i in range(len(f.terms)) if i != k])
+        difference: Array = residuals_of(self.problem, others) - f.residuals
+        return difference
+
+    def _finding(self, f: Fitted, k: int, change: Array) -> Finding | None:
+        """One term as a finding; `change`: what residuals would be without it, less what they are."""
+        term, values = f.terms[k], f.values[k]
+        name = term.effect_name(values)
+        if not name:
+            return None
+        effect = installed_effect(term.name if term.kind == "effect" else name)
+        quantities = self._quantities(f, term, values)
+        where = locate(self.problem, self._outputs(change))
+        return Finding(
+            name, effect.title, self._probability(name), term.stage, term.hook,
+            quantities, where, sentence(effect, term, quantities), effect.equation, effect.source,
+        )  # fmt: skip
+
+    def _quantities(self, f: Fitted, term: Term, values: Sequence[float]) -> dict[str, Quantity]:
+        stds = standard_uncertainties(f)
+        if term.kind == "parameter":
+            u = term.unknowns[0]
+            std = stds.get((term.name, ""))
+            return {
+                term.name: Quantity(values[0], std, u.unit, self.problem.plant.parameter(term.name).meaning),
+                "change": Quantity(values[0] - term.nominal, std, u.unit, "beyond the nominal model"),
+            }
+        effect = installed_effect(term.name)
+        meanings = {p.name: p.meaning for p in effect.parameters}
+        return {
+            u.name: Quantity(float(v), stds.get((f"{term.name}.{u.name}", term.hook)), u.unit, meanings[u.name])
+            for u, v in zip(term.unknowns, values, strict=True)
+        }
+
+    def _event_finding(self, events: Events) -> Finding:
+        effect = next((e for e in installed_effects() if e.name == events.name), None)
+        difference = self._outputs(events.residuals - self.choice.baseline.residuals)
+        where = locate(self.problem, difference)
+        spells = tuple((round(s.start_s, 3), round(s.stop_s, 3)) for s in events.spells)[:_MOST_STEPS_LISTED]
+        if spells:
+            where = replace(where, time_s=spells, recording=events.spells[0].recording)
+        return Finding(
+            events.name, effect.title if effect else events.name, self._event_probability(events), events.stage,
+            events.hook,
+            {name: Quantity(value, std, unit) for name, (value, std, unit) in events.values.items()},
+            where, events.sentence, events.equation, effect.source if effect else "",
+        )  # fmt: skip
+
+    def _changed(self) -> tuple[ChangedParameter, ...]:
+        if self.verdict == "unexplained" or not self.by_law:
+            return ()
+        f = self.choice.chosen
+        stds = standard_uncertainties(f)
+        found = []
+        for term, values in zip(f.terms, f.values, strict=True):
+            if term.kind != "parameter":
+                continue
+            p, u = self.problem.plant.parameter(term.name), term.unknowns[0]
+            std, at_bound = stds.get((p.name, "")), u.at_bound(values[0])
+            found.append(ChangedParameter(p.name, term.nominal, float(values[0]), std, u.unit, p.meaning, at_bound))
+        return tuple(found)
+
+    # -- evidence ----------------------------------------------------------------------------------------
+
+    def _none_of_these(self) -> float:
+        """The probability that no explanation of the library is the true one."""
+        if self.verdict == "unexplained":
+            return _NOTHING_KNOWN
+        return _something_else(self.choice.left, LAW_TOLERANCE)
+
+    def _event_probability(self, events: Events) -> float:
+        """Of events that were read off the recordings themselves, next to certain; else from what they leave."""
+        if _beside(self.choice, events):
+            return _MOST_SURE
+        return round(1.0 - _something_else(self._left_by(events), TOLERANCE_OF_EVENTS[events.name]), 3)
+
+    def _left_by(self, events: Events) -> float:
+        """The share of the misfit that events leave."""
+        return share_left(self.problem, events.chi2, excess(self.problem, self.choice.baseline.chi2))
+
+    def _chances(self) -> list[float]:
+        return probabilities(self.judged, self._none_of_these())
+
+    def _probability(self, name: str) -> float:
+        chosen = self.choice.chosen
+        total = sum(p for p, j in zip(self._chances(), self.judged, strict=True)
+                    if name in j.fitted.names or (j.fitted is chosen and name in chosen.names))  # fmt: skip
+        return round(min(total, _MOST_SURE), 3)
+
+    def _candidates(self) -> tuple[Candidate, ...]:
+        if not self.judged:
+            return ()
+        held = ~training_half(self.problem)
+        r = self.choice.nominal.residuals[held]
+        nothing = float(r @ r)
+        rows = [
+            Candidate(
+                _name(j.fitted), ", ".join(t.stage for t in j.fitted.terms),
+                round(j.fit_held_out, 3), round(0.5 * (nothing - j.chi2_held_out), 1), round(p, 3),
+            )
+            for j, p in zip(self.judged, self._chances(), strict=True)
+        ]  # fmt: skip
+        return tuple(sorted(rows, key=lambda c: -c.evidence))
+
+    def _not_separable(self) -> tuple[tuple[str, ...], ...]:
+        return self.choice.rivals if self.verdict != "unexplained" and self.by_law else ()
+
+    # -- fits --------------------------------------------------------------------------------------------
+
+    def _held_out(self) -> Fit:
+        nominal = self._fit_held_out(self.choice.nominal)
+        best = next((j.fit_held_out for j in self.judged if j.fitted is self.used), None)
+        corrected = self._fit_held_out(self.used) if best is None else best
+        return Fit(round(nominal, 3), round(corrected, 3), round(ceiling(self.problem), 3))
+
+    def _fits(self, drawn: Sequence[Strip]) -> dict[str, Fit]:
+        """Of every recording, from the simulations that the report draws."""
+        found = {}
+        for e, strip in zip(self.problem.experiments, drawn, strict=True):
+            keep = np.ones(len(e.output), dtype=np.bool_) if e.ignored is None else ~e.ignored
+            found[e.name] = Fit(
+                round(fit_percent(e.output[keep], strip.nominal[keep]), 3),
+                round(fit_percent(e.output[keep], strip.corrected[keep]), 3),
+                round(fit_ceiling(e.output[keep], strip.noise_std), 3),
+            )
+        return found
+
+    # -- places ------------------------------------------------------------------------------------------
+
+    def _outputs(self, residuals: Array) -> list[Array]:
+        return [residuals[part] for part in self.problem.output_slices()]
+
+    def _left(self) -> Left:
+        problem, noise = self.problem, self.problem.noises[0]
+        r = self.used.residuals if self.events is None else self.events.residuals
+        share = self.choice.left if self.events is None else self._left_by(self.events)
+        outputs: Array = np.concatenate(self._outputs(r))
+        rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
+        open_question = self.verdict in OPEN
+        where: Where | None = locate(problem, self._outputs(r)) if open_question else None
+        curves = self._stage_shares(self.used) if open_question else ()
+        return Left(round(share, 4), rms, noise.std, problem.plant.output.unit, where, curves)
+
+    def _stage_shares(self, f: Fitted) -> tuple[StageShare, ...]:
+        effects: list[ActiveEffect] = [*self.problem.model.active_effects, *f.effects]
+        return stages(self.problem, f.parameters, effects, f.residuals)
+
+    # -- what else ---------------------------------------------------------------------------------------
+
+    def _next_test(self, rivals: Sequence[Sequence[str]], unseen: Sequence[str]) -> NextTest | None:
+        return next_test(self.problem, self.verdict, self.choice, rivals, unseen, self.span)
+
+    def _all_warnings(self) -> tuple[str, ...]:
+        f = self.choice.chosen
+        bounds = f.on_bound() if self.by_law else ()
+        said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
+        if self.verdict == "unexplained" and f.terms:
+            described = ", ".join(term.label for term in f.terms)
+            left = quantity_text(100 * self.choice.left, None, "%")
+            holds = "holds it as a description" if self.used is f else "is the nominal one"
+            said.append(
+                f"the closest description ({described}) leaves {left} of the misfit and is not named as the cause; the "
+                f"corrected model {holds}"
+            )
+        return (*self.warnings, *said)
+
+
+def _verdict(choice: Choice, events: Events | None) -> Verdict:
+    if events is None:
+        return choice.verdict
+    if _beside(choice, events) and choice.verdict in OPEN:
+        return "partly_explained"
+    return "explained"
+
+
+def _beside(choice: Choice, events: Events) -> bool:
+    """Whether events are there beside what the library has to say of the rest, instead of it."""
+    return events is not choice.events
+
+
+def _something_else(left: float, tolerance: float) -> float:
+    """The probability that the truth is something else, from the share of the misfit that an explanation leaves.
+
+    `tolerance`: the share at which it would no longer have been accepted; one in five of those at it may be wrong.
+    """
+    return float(np.clip(1.0 - _MOST_SURE + _WRONG_AT_TOLERANCE * left / tolerance, 0.0, 0.6))
+
+
+def _name(f: Fitted) -> str:
+    """`friction`, `dead_time + sensor_lag`, `pilot_rate` for a changed parameter."""
+    labels = [t.effect_name(v) or t.name for t, v in zip(f.terms, f.values, strict=True)]
+    return " + ".join(dict.fromkeys(labels))

@@ -1,0 +1,79 @@
+"""The corrected model, and how uncertain its values are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hil.diagnose.diagnosis import Verdict
+from hil.diagnose.problem import Problem
+from hil.diagnose.search.fitted import Fitted
+from hil.physics.compose import effect as installed_effect
+from hil.physics.model import Covariance, Model, ModelEffect, Value
+
+
+def corrected(problem: Problem, f: Fitted, verdict: Verdict) -> Model:
+    """The nominal model with what was fitted beside it."""
+    model, stds = problem.model, standard_uncertainties(f)
+    values = {
+        name: Value(f.parameters.get(name, v.value), v.unit, stds.get((name, ""), v.std))
+        for name, v in model.parameters.items()
+    }
+    found = [
+        ModelEffect(
+            term.name, term.hook,
+            {u.name: Value(float(v), u.unit, stds.get((f"{term.name}.{u.name}", term.hook)))
+             for u, v in zip(term.unknowns, own, strict=True)},
+        )
+        for term, own in zip(f.terms, f.values, strict=True)
+        if term.kind == "effect"
+    ]  # fmt: skip
+    origin = {
+        "nominal": dict(model.origin),
+        "resolution": model.origin.get("resolution", 0.0),
+        "diagnosed": [e.name for e in problem.experiments],
+        "verdict": verdict,
+    }
+    if verdict == "unexplained" and f.terms:
+        origin["note"] = "effects here describe the recordings best; they are not named as causes"
+    return replace(
+        model,
+        parameters=values,
+        effects=(*model.effects, *found),
+        covariance=_covariance(f, model),
+        origin=origin,
+    )
+
+
+def standard_uncertainties(f: Fitted) -> dict[tuple[str, str], float | None]:
+    """Standard uncertainties by (name, hook): base parameters by their name, effects' as `effect.parameter`.
+
+    From noise, and for effects from laws that are not quite nature's.
+    """
+    if f.estimate is None:
+        return {}
+    stds = [float(s) if np.isfinite(s) else None for s in f.estimate.std]
+    base = len(stds) - f.unknowns
+    found = {(u.name, ""): s for u, s in zip(f.estimate.unknowns[:base], stds[:base], strict=True)}
+    at = base
+    for term, values in zip(f.terms, f.values, strict=True):
+        by_law = {p.name: p.by_law for p in installed_effect(term.name).parameters} if term.kind == "effect" else {}
+        for u, value in zip(term.unknowns, values, strict=True):
+            key = (term.name, "") if term.kind == "parameter" else (f"{term.name}.{u.name}", term.hook)
+            std = stds[at]
+            found[key] = None if std is None else float(np.hypot(std, by_law.get(u.name, 0.0) * value))
+            at += 1
+    return found
+
+
+def _covariance(f: Fitted, nominal: Model) -> Covariance | None:
+    """Of the base parameters as refitted; what no sample can tell keeps what the nominal model knew."""
+    if f.estimate is None or not np.all(np.isfinite(f.estimate.covariance)):
+        return nominal.covariance
+    keep = [k for k, u in enumerate(f.estimate.unknowns) if u.name in nominal.parameters]
+    names = tuple(f.estimate.unknowns[k].name for k in keep)
+    if len(set(names)) < len(names):
+        return nominal.covariance
+    matrix = f.estimate.covariance[np.ix_(keep, keep)]
+    return Covariance(names, tuple(tuple(row) for row in matrix.tolist()))

@@ -1,0 +1,112 @@
+"""Fit terms and base parameters together, nothing linearised."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnose.problem import Problem
+from hil.diagnose.search.around import prior_root
+from hil.diagnose.search.fitted import Fitted, pool, simulated, starting
+from hil.identify.estimate import Unknown, estimate
+from hil.record.recording import Array
+
+_ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
+# So many other valleys are tried where a misfit has many.
+_VALLEYS = 2
+
+
+def polish(
+    problem: Problem,
+    fitted: Fitted,
+    *,
+    base_free: bool = False,
+    keep: NDArray[np.bool_] | None = None,
+    evaluations: int = 40,
+    tolerance: float = 1e-5,
+) -> Fitted:
+    """Fit terms and base parameters together, nothing linearised.
+
+    Args:
+        problem: the question.
+        fitted: terms and where to start.
+        base_free: let base parameters go as far as they like instead of as far as their prior lets them.
+        keep: which residuals count, shape (n,); the others are for judging.
+        evaluations: at most.
+        tolerance: relative fall of χ² at which to stop.
+    """
+    taken = {term.name for term in fitted.terms if term.kind == "parameter"}
+    free = [k for k, p in enumerate(problem.base) if p.name not in taken]
+    base = [problem.base[k] for k in free]
+    root = prior_root(problem, free)
+    nominal = np.array([problem.model.values[p.name] for p in base])
+    unknowns = [Unknown(p.name, p.unit, fitted.parameters[p.name], p.low, p.high, p.scale) for p in base]
+    for term, values in zip(fitted.terms, fitted.values, strict=True):
+        unknowns += starting(term.unknowns, values)
+    count, names = len(base), [p.name for p in base]
+
+    def split(values: Array) -> tuple[dict[str, float], list[tuple[float, ...]]]:
+        parameters = problem.model.values | dict(zip(names, values[:count].tolist(), strict=True))
+        own, at = [], count
+        for term in fitted.terms:
+            own.append(tuple(values[at : at + len(term.unknowns)].tolist()))
+            at += len(term.unknowns)
+        return parameters, own
+
+    def residuals(values: Array) -> Array:
+        parameters, own = split(values)
+        r = simulated(problem, parameters, fitted.terms, own)
+        r = r if keep is None else r[keep]
+        return r if base_free else np.concatenate([r, root @ (values[:count] - nominal)])
+
+    found = estimate(
+        residuals, _better_start(residuals, unknowns, nominal), max_evaluations=evaluations, tolerance=tolerance
+    )
+    parameters, own = split(found.values)
+    r = simulated(problem, parameters, fitted.terms, own)
+    for term, values in zip(fitted.terms, own, strict=True):
+        if term.kind == "parameter":
+            parameters[term.name] = values[0]
+    return Fitted(fitted.terms, tuple(own), parameters, found.chi2, r, found)
+
+
+def roughly(problem: Problem, start: Fitted, *, base_free: bool = False) -> Fitted:
+    """A first look, which need not creep along a valley to its end."""
+    return polish(problem, start, base_free=base_free, tolerance=_ROUGH, evaluations=_ROUGH_EVALUATIONS)
+
+
+def from_other_shapes(problem: Problem, f: Fitted) -> Fitted:
+    """The same explanation, every rugged term fitted once more from the shapes of its starts; the lowest of all."""
+    for k, term in enumerate(f.terms):
+        if term.rugged:
+            f = _lowest_valley(problem, f, k)
+    return f
+
+
+def _better_start(residuals: Callable[[Array], Array], unknowns: list[Unknown], nominal: Array) -> list[Unknown]:
+    """The unknowns as they are, or with base parameters at their nominal values: linear moves may have gone too far."""
+    moved = np.array([u.start for u in unknowns])
+    back = np.concatenate([nominal, moved[len(nominal) :]])
+    if np.array_equal(moved, back):
+        return unknowns
+    far, near = (float(r @ r) for r in (residuals(moved), residuals(back)))
+    if not near < far:
+        return unknowns
+    return [replace(u, start=float(v)) for u, v in zip(unknowns, back, strict=True)]
+
+
+def _lowest_valley(problem: Problem, f: Fitted, k: int) -> Fitted:
+    size = f.values[k][0]
+    shapes = dict.fromkeys((size, *shape) for _, *shape in f.terms[k].starts)
+    tried = [(*f.values[:k], own, *f.values[k + 1 :]) for own in shapes]
+
+    def chi2(values: tuple[tuple[float, ...], ...]) -> float:
+        r = simulated(problem, f.parameters, f.terms, values)
+        return float(r @ r)
+
+    nearest = [values for _, values in sorted(zip(pool().map(chi2, tried), tried, strict=True))[:_VALLEYS]]
+    best = min((roughly(problem, replace(f, values=values)) for values in nearest), key=lambda other: other.chi2)
+    return min(f, polish(problem, best), key=lambda other: other.chi2) if best.chi2 < f.chi2 else f
