@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnose.corrected import corrected, standard_uncertainties
+from hil.diagnose.corrected import beyond_noise, corrected, standard_uncertainties
 from hil.diagnose.coverage import limits
 from hil.diagnose.decide import OPEN, Choice
 from hil.diagnose.diagnosis import (
@@ -199,7 +199,7 @@ class Answer:
         return Finding(
             events.name, effect.title if effect else events.name, self._event_probability(events), events.stage,
             events.hook,
-            {name: Quantity(value, std, unit) for name, (value, std, unit) in events.values.items()},
+            {name: Quantity(v, beyond_noise(std, v), unit) for name, (v, std, unit) in events.values.items()},
             where, events.sentence, events.equation, effect.source if effect else "",
         )  # fmt: skip
 

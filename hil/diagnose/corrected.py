@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,10 @@ from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted
 from hil.physics.compose import effect as installed_effect
 from hil.physics.model import Covariance, Model, ModelEffect, Value
+
+# Nothing is known better than the recorder keeps time: 50 ppm of the sample rate (NI 6361, timing accuracy), anywhere
+# within (GUM 4.3.7).
+_TIME_BASE = 50e-6 / math.sqrt(3.0)
 
 
 def corrected(problem: Problem, f: Fitted, verdict: Verdict) -> Model:
@@ -47,24 +52,27 @@ def corrected(problem: Problem, f: Fitted, verdict: Verdict) -> Model:
 
 
 def standard_uncertainties(f: Fitted) -> dict[tuple[str, str], float | None]:
-    """Standard uncertainties by (name, hook): base parameters by their name, effects' as `effect.parameter`.
-
-    From noise, and for effects from laws that are not quite nature's.
-    """
+    """By (name, hook): base parameters by their name, effects' as `effect.parameter`; see `beyond_noise`."""
     if f.estimate is None:
         return {}
     stds = [float(s) if np.isfinite(s) else None for s in f.estimate.std]
-    base = len(stds) - f.unknowns
-    found = {(u.name, ""): s for u, s in zip(f.estimate.unknowns[:base], stds[:base], strict=True)}
-    at = base
+    at = len(stds) - f.unknowns
+    found = {
+        (u.name, ""): beyond_noise(std, float(value))
+        for u, value, std in zip(f.estimate.unknowns[:at], f.estimate.values[:at], stds[:at], strict=True)
+    }
     for term, values in zip(f.terms, f.values, strict=True):
         by_law = {p.name: p.by_law for p in installed_effect(term.name).parameters} if term.kind == "effect" else {}
         for u, value in zip(term.unknowns, values, strict=True):
             key = (term.name, "") if term.kind == "parameter" else (f"{term.name}.{u.name}", term.hook)
-            std = stds[at]
-            found[key] = None if std is None else float(np.hypot(std, by_law.get(u.name, 0.0) * value))
+            found[key] = beyond_noise(stds[at], value, by_law.get(u.name, 0.0))
             at += 1
     return found
+
+
+def beyond_noise(std: float | None, value: float, by_law: float = 0.0) -> float | None:
+    """A standard uncertainty from noise with that of the recorder's time base, and of a law not quite nature's."""
+    return None if std is None else math.hypot(std, _TIME_BASE * value, by_law * value)
 
 
 def _covariance(f: Fitted, nominal: Model) -> Covariance | None:

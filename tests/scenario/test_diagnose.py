@@ -146,6 +146,7 @@ def test_a_tone_with_a_phase_of_its_own_in_each_recording() -> None:
     assert names(of) == ["periodic_disturbance"]
     frequency = of.diagnosis.effects[0].parameters["frequency"]
     assert frequency.value == pytest.approx(11.3, abs=0.01)
+    assert frequency.std is not None and frequency.std > 2.8e-5 * 11.3  # the recorder's time base
 
 
 def test_a_tone_beside_an_effect_hides_neither() -> None:

@@ -24,7 +24,7 @@ EFFECT = Effect(
     hooks=("command", "flow", "sensor", "recorder"),
     parameters=(
         EffectParameter("amplitude", "{value}", 0.0, 0.01, 0.0, 0.5, "amplitude"),
-        EffectParameter("frequency", "Hz", None, 10.0, 0.05, 500.0, "frequency", by_law=1e-5),
+        EffectParameter("frequency", "Hz", None, 10.0, 0.05, 500.0, "frequency"),
         EffectParameter("phase", "rad", None, 0.0, -7.0, 7.0, "phase at the start of the recording"),
     ),
     transform=transform,
