@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from hil.diagnose.runs import runs
 from hil.errors import FileError
-from hil.identify.experiment import Experiment, require_excitation
+from hil.identify.experiment import DEAD, Experiment, require_excitation
 from hil.identify.grey_box import fit_percent
-from hil.identify.noise import white_floor
+from hil.identify.noise import resolution, white_floor
 from hil.physics.model import Model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array
@@ -44,6 +44,8 @@ _ALSO_MOVES = 0.5
 _TOO_SMALL, _TOO_LARGE = 0.12, 5.0
 _LEAST_CLIPPED = 0.002
 _LEAST_RUN = 5
+# A coarse channel that stands still may hide moves of this many of its steps.
+_MANY_STEPS = 3.0
 _GAP = 5.0
 _TELLING = 0.02
 
@@ -66,13 +68,13 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     """Look for recordings that would be taken for physics.
 
     Raises:
-        FileError: nothing moves, a recording is shorter than one time constant of the plant, two columns are
-            swapped, or a channel is off by the factor of a wrong unit.
+        FileError: the command or the output never moves, a recording is shorter than one time constant of the plant,
+            two columns are swapped, or a channel is off by the factor of a wrong unit.
     """
     require_excitation(experiments)
-    warnings: list[str] = []
+    alive, warnings = _without_dead(model, experiments)
     kept = []
-    for e in experiments:
+    for e in alive:
         _refuse_short(model, e)
         simulated = e.respond(model.definition, model.values, model.active_effects)[0]
         expected = _nominal(model, e)
@@ -86,6 +88,20 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     return Checked(
         tuple(timed.experiment for timed in kept), tuple(warnings), tuple(moved) if said else (), tuple(said)
     )
+
+
+def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[str]]:
+    """Without recordings whose output stands still where it should move by more than a coarse channel could hide."""
+    hidden = _MANY_STEPS * max(resolution(e.output) for e in experiments)
+    kept, said = [], []
+    for e in experiments:
+        moves = float(np.ptp(_nominal(model, e))) if e.stands_still else 0.0
+        if moves <= max(hidden, _MANY_STEPS * _floor(model, e)):
+            kept.append(e)
+        else:
+            expected = f"where the model moves by {moves:.3g}"
+            said.append(f"{e.name}: {e.where_it_stands}, {expected}: {DEAD}; the recording is left out")
+    return kept, said
 
 
 def _refuse_short(model: Model, e: Experiment) -> None:

@@ -23,6 +23,7 @@ from hil.record.recording import Array
 _DRIFT_SHARE = 0.005
 # A channel's own floor stands in for the model's noise when they differ by more than this factor.
 _SAME_NOISE = 1.25
+_LEAST_NOISE = 1e-12
 # A hum is known up to this multiple of what it was.
 _SAME_HUM = 1.5
 
@@ -168,17 +169,30 @@ def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
     A hum that the model knows from the healthy unit is taken out of the recordings: it is no news.
     """
     experiments = [_without_hum(model, e) for e in experiments]
-    noises = tuple(_noise(model, e) for e in experiments)
-    observed = tuple({name: channel_floor(values) for name, values in e.observed.items()} for e in experiments)
-    return Problem(model, tuple(experiments), noises, observed)
+    noises = tuple(_noise(model, floor) for floor in _floors([e.output for e in experiments]))
+    names = {name for e in experiments for name in e.observed}
+    inner = {name: iter(_floors([e.observed[name] for e in experiments if name in e.observed])) for name in names}
+    observed = tuple({name: next(inner[name]) for name in e.observed} for e in experiments)
+    told = tuple({name: floor for name, floor in own.items() if floor > 0.0} for own in observed)
+    return Problem(model, tuple(experiments), noises, told)
 
 
-def _noise(model: Model, experiment: Experiment) -> Noise:
-    """The noise the model was identified with, unless this recording's own floor contradicts it."""
-    floor = channel_floor(experiment.output)
+def _floors(recorded: Sequence[Array]) -> list[float]:
+    """The floor of a channel in each recording.
+
+    One that stands still hides it: then it is the largest of the others, and 0 where the channel never moves.
+    """
+    floors = [channel_floor(values) if np.ptp(values) > 0.0 else 0.0 for values in recorded]
+    return [floor or max(floors) for floor in floors]
+
+
+def _noise(model: Model, floor: float) -> Noise:
+    """The noise the model was identified with, unless a recording's own floor contradicts it."""
     known = model.noise
     if known is None or known.std <= 0.0:
-        return Noise(floor)
+        return Noise(max(floor, _LEAST_NOISE))
+    if floor <= 0.0:
+        return known
     expected = white_floor_of(known)
     if 1.0 / _SAME_NOISE < floor / expected < _SAME_NOISE:
         return known

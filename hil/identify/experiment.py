@@ -15,6 +15,7 @@ from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Array, Channel, Recording, split_heading
 
 _GRID_PER_UNEVEN_SAMPLE = 8
+DEAD = "a dead sensor, no supply or a wrong column"
 _FEWEST_SAMPLES = 20
 
 
@@ -69,6 +70,16 @@ class Experiment:
             return self.at_stamps(rows)
         grid_s = self.grid_s
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the output has one value all the time."""
+        return float(np.ptp(self.output)) == 0.0
+
+    @property
+    def where_it_stands(self) -> str:
+        """The channel and its value, for an operator."""
+        return f"channel '{self.output_heading}' stands at {self.output[0]:.4g} all the time"
 
     @property
     def to_follow(self) -> Array:
@@ -218,10 +229,13 @@ def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Ar
 
 
 def require_excitation(experiments: Sequence[Experiment]) -> None:
-    """Raise `FileError` when a recording is too short to tell anything, or no input moves at all."""
+    """Raise `FileError` when a recording is too short to tell anything, or no input or no output moves at all."""
     for e in experiments:
         if len(e.output) < _FEWEST_SAMPLES:
             raise FileError(f"{e.name}: {len(e.output)} samples; at least {_FEWEST_SAMPLES} are needed to identify")
     if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in experiments):
         names = ", ".join(e.name for e in experiments)
         raise FileError(f"{names}: the input never changes; nothing can be identified from a constant input")
+    if all(e.stands_still for e in experiments):
+        e = experiments[0]
+        raise FileError(f"{e.name}: {e.where_it_stands}, and so in every recording: {DEAD}")

@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identify.estimate import Estimate, Unknown, estimate
-from hil.identify.experiment import Experiment, require_excitation
+from hil.identify.experiment import DEAD, Experiment, require_excitation
 from hil.identify.first_reading import start_slope, with_free_start
 from hil.identify.lines import common_line, line_at
 from hil.identify.noise import channel_floor, measured_noise, resolution
@@ -82,15 +82,17 @@ def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequen
         also_free: parameters to estimate beside those that the plant does not hold fixed.
 
     Raises:
-        FileError: no input moves.
+        FileError: no input or no output moves.
     """
     require_excitation(experiments)
+    still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
+    experiments = [e for e in experiments if not e.stands_still]
     weights = [1.0 / max(channel_floor(e.output), _resolution(e.output)) for e in experiments]
     model, note = _with_structure(model, experiments, weights)
     plant = model.definition
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     found, used = _best_reading(model, plant, names, experiments, weights)
-    return _result(model, plant, found, used, note)
+    return _result(model, plant, found, used, (*still, *note))
 
 
 def _with_structure(

@@ -22,13 +22,24 @@ _MOST_COLOURED = 12.0
 _DELAYS_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0)
 _WHITE_SHARE = 1e-9
 _STILL_MOVING = 0.1
+# Noise so many times the resolution makes a channel that hardly ever repeats itself.
+NOISE_OVER_RESOLUTION = 2.0
 
 
 def white_floor(values: Array) -> float:
     """Standard deviation of white noise on a smooth signal, from its fourth differences.
 
-    Robust to steps (a median); blind to coloured noise, which needs repeated periods or a model.
+    Robust to steps (a median); blind to coloured noise, which needs repeated periods or a model. Where more than half
+    of a channel repeats itself, which a noisy one does not by itself, it is that of the rest.
     """
+    floor = _of_fourth_differences(values)
+    if floor > 0.0:
+        return floor
+    moving = _of_fourth_differences(values[~np.convolve(np.diff(values) == 0.0, (True, True))])
+    return moving if moving > NOISE_OVER_RESOLUTION * resolution(values) else 0.0
+
+
+def _of_fourth_differences(values: Array) -> float:
     if len(values) < 16:
         return 0.0
     fourth = np.diff(values, 4)

@@ -14,7 +14,7 @@ from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
 from hil.diagnose.search.fitted import Fitted
 from hil.identify.experiment import Experiment
-from hil.identify.noise import white_floor
+from hil.identify.noise import NOISE_OVER_RESOLUTION, white_floor
 from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
@@ -25,7 +25,7 @@ _STALE_RUN = 4
 _CHANCE_RUNS = 1e-4
 # In bursts of misfit a run is telling already when chance makes so few of them there, in a channel that seldom repeats.
 _CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
-_NOISE_OVER_RESOLUTION = 2.0
+_LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stopped
 
 
 def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[Spell, ...]]:
@@ -33,7 +33,7 @@ def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, 
     kept, spells = [], []
     for e in experiments:
         repeated = _stale_runs(e.output)
-        if len(repeated) < LEAST_SPELLS:
+        if len(repeated) < LEAST_SPELLS and not any(_is_long(e, start, stop) for start, stop in repeated):
             kept.append(e)
             continue
         stale = np.zeros(len(e.output), dtype=np.bool_)
@@ -69,8 +69,8 @@ def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array, r
     last = problem.plant.hooks[-1]
     return Events(
         "dropout", last.stage, last.name, tuple(spells), values, residuals, rest,
-        f"Samples were not measured anew: {len(spells)} times the recording repeats its last value, "
-        f"{values['lasting'][0]:.2g} s on average.",
+        f"Samples were not measured anew: {_times(len(spells))} the recording repeats its last value, "
+        f"{values['lasting'][0]:.2g} s{'' if len(spells) == 1 else ' on average'}.",
         "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
 
@@ -80,12 +80,16 @@ def without(e: Experiment, samples: Mask) -> Experiment:
     return replace(e, ignored=samples if e.ignored is None else e.ignored | samples)
 
 
+def _is_long(e: Experiment, start: int, stop: int) -> bool:
+    return stop - start >= _LONE_SAMPLES and e.time_s[stop - 1] - e.time_s[start] >= _LONE_S
+
+
 def _stale_runs(values: Array) -> list[tuple[int, int]]:
     """Runs of identical values in a channel whose noise is well above its resolution."""
     steps = np.abs(np.diff(values))
     moving = steps[steps > 0.0]
     floor = white_floor(values)
-    if not moving.size or floor < _NOISE_OVER_RESOLUTION * float(moving.min()):
+    if not moving.size or floor < NOISE_OVER_RESOLUTION * float(moving.min()):
         return []
     longest_by_chance = 1.0 + np.log(_CHANCE_RUNS / len(values)) / np.log(_same_again(steps, floor))
     least = max(_STALE_RUN, int(np.ceil(longest_by_chance)))
@@ -115,3 +119,7 @@ def _same_again(steps: Array, floor: float) -> float:
     """The probability that two readings of white noise agree within the resolution."""
     moving = steps[steps > 0.0]
     return float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor) if moving.size and floor > 0.0 else 1.0
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

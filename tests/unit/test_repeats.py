@@ -1,0 +1,47 @@
+"""Samples that were not measured anew, and the noise of a channel that has many of them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.diagnose.events.repeats import without_stale
+from hil.identify.noise import channel_floor, white_floor
+from tests.concealed import DURATION_S, NOISE, RATE_HZ, bound, nominal, records
+
+SECOND = round(RATE_HZ)
+
+
+def noisy() -> np.ndarray:
+    return NOISE * np.random.default_rng(5).standard_normal(4000)
+
+
+def test_a_recorder_that_stops_once_for_long_is_recognised_by_that_alone() -> None:
+    made = records(seed=23)
+    flow = made[1].channels["flow"].values
+    flow[5 * SECOND :] = flow[5 * SECOND]
+    kept, spells = without_stale(bound(nominal(), made))
+    assert [(s.recording, s.start_s) for s in spells] == [("sweep", 5.0)]
+    assert kept[1].ignored is not None
+    assert kept[1].ignored.mean() == pytest.approx((DURATION_S - 5.0) / DURATION_S, abs=0.001)
+
+
+def test_a_short_run_alone_is_nothing() -> None:
+    made = records(seed=23)
+    flow = made[1].channels["flow"].values
+    flow[5 * SECOND : 5 * SECOND + 20] = flow[5 * SECOND]
+    assert without_stale(bound(nominal(), made))[1] == ()
+
+
+@pytest.mark.parametrize("at", ["where it was", "at its lowest"])
+def test_the_noise_of_a_channel_that_stands_still_for_long_is_that_of_the_rest(at: str) -> None:
+    values = noisy()
+    values[1500:] = values[1500] if at == "where it was" else values.min()
+    assert channel_floor(values) == pytest.approx(NOISE, rel=0.1)
+
+
+def test_a_coarse_channel_at_rest_has_the_noise_of_its_resolution() -> None:
+    values = np.round(np.sin(np.arange(4000) / 500.0) / 0.01) * 0.01
+    values[1500:] = values[1500]
+    assert white_floor(values) == 0.0
+    assert channel_floor(values) == pytest.approx(0.01 / np.sqrt(12.0))
