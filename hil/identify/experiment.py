@@ -16,6 +16,8 @@ from hil.record.recording import Array, Channel, Recording, split_heading
 
 _GRID_PER_UNEVEN_SAMPLE = 8
 DEAD = "a dead sensor, no supply or a wrong column"
+# A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
+_FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
 _FEWEST_SAMPLES = 20
 
 
@@ -134,11 +136,27 @@ def experiment(
     if read_s is not None:
         at = 0.0
     grid_s, on_grid, interval_s = _even(recording, inputs, read_s)
-    drive = Drive(on_grid, float(output[0]), interval_s, at or 0.0)
+    drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
     return Experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
         recording.time_s, drive, grid_s, output, observed, at is not None, read_s=read_s,
     )  # fmt: skip
+
+
+def _at_rest(inputs: Array, output: Array) -> float:
+    """Where the output stands at the start: its mean while no input has moved and it shows no motion; else its first.
+
+    One noisy sample as the start would leave a loop an error to correct, which play or friction then keep.
+    """
+    moved = np.flatnonzero((inputs != inputs[:, :1]).any(axis=0))
+    count = int(moved[0]) if moved.size else len(output)
+    while count >= _FEWEST_AT_REST:
+        early, late = output[: count // 2], output[count // 2 : count]
+        uncertainty = np.hypot(np.std(early), np.std(late)) / np.sqrt(count / 2.0)
+        if abs(early.mean() - late.mean()) <= _NO_MOTION_SIGMAS * uncertainty:
+            return float(output[:count].mean())
+        count //= 2
+    return float(output[0])
 
 
 def for_model(
