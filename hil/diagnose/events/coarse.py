@@ -62,11 +62,12 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted) -> Events:
 def lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]:
     """The distance of levels that are whole multiples of it apart, about `step`; rounded to `rounding` in their turn.
 
-    A line through the levels over their number, with its standard uncertainty.
+    A line through the levels over their number, with its standard uncertainty: what rounding does to levels may grow
+    with their number by one rounding over all of them, and then looks like a longer step.
     """
     number = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(levels) / step))])
     if len(levels) < _LEAST_LEVELS:
         return step, rounding / float(np.sqrt(6.0))
     line = linregress(number, levels)
-    of_rounding = rounding / float(np.sqrt(12.0 * len(number)) * np.std(number))
+    of_rounding = rounding / float(np.sqrt(3.0) * np.ptp(number))
     return float(line.slope), max(float(line.stderr), of_rounding)
