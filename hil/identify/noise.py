@@ -29,14 +29,21 @@ NOISE_OVER_RESOLUTION = 2.0
 def white_floor(values: Array) -> float:
     """Standard deviation of white noise on a smooth signal, from its fourth differences.
 
-    Robust to steps (a median); blind to coloured noise, which needs repeated periods or a model. Where more than half
-    of a channel repeats itself, which a noisy one does not by itself, it is that of the rest.
+    Robust to steps (a median); blind to coloured noise, which needs repeated periods or a model. Where a channel stands
+    at one value for more than half of the time, which a noisy one does not by itself, it is that of the rest.
     """
     floor = _of_fourth_differences(values)
     if floor > 0.0:
         return floor
-    moving = _of_fourth_differences(values[~np.convolve(np.diff(values) == 0.0, (True, True))])
+    moving = _of_fourth_differences(_without_rest(values))
     return moving if moving > NOISE_OVER_RESOLUTION * resolution(values) else 0.0
+
+
+def _without_rest(values: Array) -> Array:
+    """The samples that do not have the most common value."""
+    levels, counts = np.unique(values, return_counts=True)
+    kept: Array = values[values != levels[np.argmax(counts)]]
+    return kept
 
 
 def _of_fourth_differences(values: Array) -> float:

@@ -45,3 +45,10 @@ def test_a_coarse_channel_at_rest_has_the_noise_of_its_resolution() -> None:
     values[1500:] = values[1500]
     assert white_floor(values) == 0.0
     assert channel_floor(values) == pytest.approx(0.01 / np.sqrt(12.0))
+
+
+def test_coarse_steps_above_a_level_are_no_samples_that_were_not_measured() -> None:
+    """A meter that reads finely below a level and coarsely above it: repeats, but never for long at one value."""
+    rising = np.linspace(0.0, 20.0, 4000) + 0.002 * np.random.default_rng(6).standard_normal(4000)
+    values = np.where(rising < 4.0, np.round(rising, 4), 0.38 * np.round(rising / 0.38))
+    assert white_floor(values) == 0.0
