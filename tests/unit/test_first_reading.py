@@ -54,6 +54,32 @@ def test_a_free_start_takes_an_offset_and_nothing_else() -> None:
     assert np.isclose(offset @ offset, 25.0 * len(slope) / (1.0 + power))  # the marginal likelihood, exactly
 
 
+def started(force: np.ndarray, position: np.ndarray) -> float:
+    time_s = np.arange(len(force)) / RATE_HZ
+    made = recording("run", time_s, {"force [N]": force, "position [m]": position})
+    return experiment(made, AXIS).drive.first_output
+
+
+def test_a_recording_that_begins_at_rest_starts_at_the_mean_of_the_rest() -> None:
+    noise = NOISE_M * np.random.default_rng(3).standard_normal(2000)
+    force = np.where(np.arange(2000) < 1000, 5.0, 20.0)  # it stands against a stop
+    start = started(force, 0.3 + noise)
+    assert start == np.mean(0.3 + noise[:1000])
+    assert abs(start - 0.3) < 4.0 * NOISE_M / np.sqrt(1000.0)
+
+
+def test_a_recording_that_begins_in_motion_starts_near_its_first_reading() -> None:
+    time_s = np.arange(2000) / RATE_HZ
+    noise = NOISE_M * np.random.default_rng(4).standard_normal(2000)
+    start = started(np.full(2000, 5.0) + (time_s > 4.0), 0.05 * time_s + noise)
+    assert abs(start) < 20.0 * NOISE_M  # 50 mm after a second are 2500 times the noise
+
+
+def test_a_command_that_moves_at_once_leaves_the_first_reading() -> None:
+    position = NOISE_M * np.random.default_rng(5).standard_normal(200)
+    assert started(np.sin(np.arange(200) / 9.0), position) == position[0]
+
+
 def test_a_plant_that_does_not_start_from_its_reading_has_no_free_start() -> None:
     valve = plant("brevini-hpv41")
     time_s = np.arange(0.0, 2.0, 0.004)
