@@ -73,6 +73,7 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     """
     require_excitation(experiments)
     alive, warnings = _without_dead(model, experiments)
+    require_excitation(alive)
     kept = []
     for e in alive:
         _refuse_short(model, e)

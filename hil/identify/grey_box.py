@@ -87,6 +87,7 @@ def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequen
     require_excitation(experiments)
     still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
     experiments = [e for e in experiments if not e.stands_still]
+    require_excitation(experiments)
     weights = [1.0 / max(channel_floor(e.output), _resolution(e.output)) for e in experiments]
     model, note = _with_structure(model, experiments, weights)
     plant = model.definition

@@ -60,3 +60,13 @@ def test_a_model_is_identified_from_the_recordings_whose_sensor_lived() -> None:
     with_it, without = (fit_plant(start, bound(start, made)) for made in ((steps, dead(sweep), sine), (steps, sine)))
     assert with_it.model == without.model
     assert any("sweep: channel 'flow [l/min]' stands at 3 all the time" in note for note in with_it.notes)
+
+
+def test_what_is_left_must_still_tell_something() -> None:
+    start = typical_model(PLANT)
+    steps, sweep, _ = records(seed=20)
+    sweep.channels["command"].values[:] = 50.0
+    with pytest.raises(FileError, match="sweep: the input never changes"):
+        fit_plant(start, bound(start, [dead(steps), sweep]))
+    with pytest.raises(FileError, match="sweep: the input never changes"):
+        check(nominal(), bound(nominal(), [dead(steps), sweep]))
