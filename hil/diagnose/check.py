@@ -73,7 +73,6 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     """
     require_excitation(experiments)
     alive, warnings = _without_dead(model, experiments)
-    require_excitation(alive)
     kept = []
     for e in alive:
         _refuse_short(model, e)
@@ -172,20 +171,18 @@ def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
     # A plant that integrates is linear but for what the diagnosis is to find: either channel may be the wrong one.
     or_output = f" (or '{e.output_heading}' divided by it)" if led_back else ""
     for factor in _UNIT_FACTORS:
-        scaled = replace(e, drive=replace(e.drive, inputs=e.drive.inputs * factor))
-        if fit_percent(e.output, _nominal(model, scaled)) > enough:
-            raise FileError(
-                f"{e.name}: channel '{e.input}' fits the model only when multiplied by {factor:.4g}{or_output}; "
-                "it looks like a wrong unit"
-            )
-        # A loop that starts at its first reading starts somewhere else.
+        command = replace(e, drive=replace(e.drive, inputs=e.drive.inputs * factor))
+        # a loop that starts at its first reading starts somewhere else
         begins = replace(e.drive, first_output=e.drive.first_output / factor)
-        scaled = replace(e, drive=begins, output=e.output / factor)
-        if fit_percent(scaled.output, _nominal(model, scaled)) > enough:
-            raise FileError(
-                f"{e.name}: channel '{e.output_heading}' fits the model only when divided by {factor:.4g}; "
-                "it looks like a wrong unit"
-            )
+        answer = replace(e, drive=begins, output=e.output / factor)
+        for tried, channel, how in (
+            (command, e.input, f"multiplied by {factor:.4g}{or_output}"),
+            (answer, e.output_heading, f"divided by {factor:.4g}"),
+        ):
+            if fit_percent(tried.output, _nominal(model, tried)) > enough:
+                raise FileError(
+                    f"{e.name}: channel '{channel}' fits the model only when {how}; it looks like a wrong unit"
+                )
 
 
 def _times(simulated: Array, measured: Array) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from hil.identify.estimate import jacobian
 from hil.identify.experiment import Experiment
 from hil.identify.first_reading import start_slope, with_free_start
 from hil.identify.lines import line_at
-from hil.identify.noise import channel_floor, white_floor, whiten
+from hil.identify.noise import channel_floors, white_floor, whiten
 from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Plant
 from hil.physics.simulate import ActiveEffect
@@ -23,7 +23,6 @@ from hil.record.recording import Array
 _DRIFT_SHARE = 0.005
 # A channel's own floor stands in for the model's noise when they differ by more than this factor.
 _SAME_NOISE = 1.25
-_LEAST_NOISE = 1e-12
 # A hum is known up to this multiple of what it was.
 _SAME_HUM = 1.5
 
@@ -164,35 +163,20 @@ class Problem:
 
 
 def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
-    """Bind a nominal model and experiments, and settle what noise is.
+    """Bind a nominal model and experiments, of which at least one output moves, and settle what noise is.
 
     A hum that the model knows from the healthy unit is taken out of the recordings: it is no news.
     """
     experiments = [_without_hum(model, e) for e in experiments]
-    noises = tuple(_noise(model, floor) for floor in _floors([e.output for e in experiments]))
-    names = {name for e in experiments for name in e.observed}
-    inner = {name: iter(_floors([e.observed[name] for e in experiments if name in e.observed])) for name in names}
-    observed = tuple({name: next(inner[name]) for name in e.observed} for e in experiments)
-    told = tuple({name: floor for name, floor in own.items() if floor > 0.0} for own in observed)
-    return Problem(model, tuple(experiments), noises, told)
-
-
-def _floors(recorded: Sequence[Array]) -> list[float]:
-    """The floor of a channel in each recording.
-
-    One that stands still hides it: then it is the largest of the others, and 0 where the channel never moves.
-    """
-    floors = [channel_floor(values) if np.ptp(values) > 0.0 else 0.0 for values in recorded]
-    return [floor or max(floors) for floor in floors]
+    noises = tuple(_noise(model, own["output"]) for own in channel_floors([{"output": e.output} for e in experiments]))
+    return Problem(model, tuple(experiments), noises, channel_floors([e.observed for e in experiments]))
 
 
 def _noise(model: Model, floor: float) -> Noise:
     """The noise the model was identified with, unless a recording's own floor contradicts it."""
     known = model.noise
     if known is None or known.std <= 0.0:
-        return Noise(max(floor, _LEAST_NOISE))
-    if floor <= 0.0:
-        return known
+        return Noise(floor)
     expected = white_floor_of(known)
     if 1.0 / _SAME_NOISE < floor / expected < _SAME_NOISE:
         return known

@@ -247,12 +247,13 @@ def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Ar
 
 
 def require_excitation(experiments: Sequence[Experiment]) -> None:
-    """Raise `FileError` when a recording is too short to tell anything, or no input or no output moves at all."""
+    """Raise `FileError` when a recording is too short to tell anything, or no output or its input moves."""
     for e in experiments:
         if len(e.output) < _FEWEST_SAMPLES:
             raise FileError(f"{e.name}: {len(e.output)} samples; at least {_FEWEST_SAMPLES} are needed to identify")
-    if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in experiments):
-        names = ", ".join(e.name for e in experiments)
+    telling = [e for e in experiments if not e.stands_still] or experiments
+    if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in telling):
+        names = ", ".join(e.name for e in telling)
         raise FileError(f"{names}: the input never changes; nothing can be identified from a constant input")
     if all(e.stands_still for e in experiments):
         e = experiments[0]

@@ -13,7 +13,7 @@ from hil.identify.estimate import Estimate, Unknown, estimate
 from hil.identify.experiment import DEAD, Experiment, require_excitation
 from hil.identify.first_reading import start_slope, with_free_start
 from hil.identify.lines import common_line, line_at
-from hil.identify.noise import channel_floor, measured_noise, resolution
+from hil.identify.noise import channel_floor, channel_floors, measured_noise, resolution
 from hil.identify.structure import choose_structure
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
@@ -87,7 +87,6 @@ def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequen
     require_excitation(experiments)
     still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
     experiments = [e for e in experiments if not e.stands_still]
-    require_excitation(experiments)
     weights = [1.0 / max(channel_floor(e.output), _resolution(e.output)) for e in experiments]
     model, note = _with_structure(model, experiments, weights)
     plant = model.definition
@@ -193,7 +192,7 @@ def _fit_from(
     base, active = model.values, model.active_effects
 
     starts = [start_slope(e, plant, base, active, 1.0 / weight) for e, weight in zip(experiments, weights, strict=True)]
-    inner = [{name: 1.0 / channel_floor(values) for name, values in e.observed.items()} for e in experiments]
+    inner = channel_floors([e.observed for e in experiments])
 
     def residuals(values: Array) -> Array:
         parameters = base | dict(zip(names, values.tolist(), strict=True))
@@ -202,7 +201,7 @@ def _fit_from(
             rows = e.respond(plant, parameters, active)
             parts.append(with_free_start((rows[0] - e.output) * weight, slope))
             parts += [
-                (rows[k] - e.observed[signal.name]) * inside[signal.name]
+                (rows[k] - e.observed[signal.name]) / inside[signal.name]
                 for k, signal in enumerate(plant.observed, start=1)
                 if signal.name in inside
             ]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -61,9 +61,22 @@ def resolution(values: Array) -> float:
 
 
 def channel_floor(values: Array) -> float:
-    """The least noise a channel has: by its fourth differences, and by the resolution of its converter."""
+    """The least noise a channel has: by its fourth differences, and by the resolution of its converter.
+
+    0 for a channel that stands still: it tells nothing of it.
+    """
     rounding = resolution(values) / float(np.sqrt(12.0))
-    return max(white_floor(values), rounding, 1e-6 * float(np.ptp(values)), 1e-12)
+    return max(white_floor(values), rounding, 1e-6 * float(np.ptp(values)))
+
+
+def channel_floors(recorded: Sequence[Mapping[str, Array]]) -> tuple[dict[str, float], ...]:
+    """The floors of channels, by recording and name.
+
+    A channel that stands still hides it: then it is the largest of the other recordings; one that never moves has none.
+    """
+    floors = [{name: channel_floor(values) for name, values in own.items()} for own in recorded]
+    largest = {name: max(other.get(name, 0.0) for other in floors) for own in floors for name in own}
+    return tuple({name: floor or largest[name] for name, floor in own.items() if largest[name]} for own in floors)
 
 
 def noise_of(residuals: Sequence[Array], interval_s: float) -> Noise:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,7 +12,7 @@ from hil.diagnose.problem import pose
 from hil.errors import FileError
 from hil.identify.grey_box import fit_plant
 from hil.physics.model import typical_model
-from hil.record.recording import Recording
+from hil.record.recording import Channel, Recording
 from tests.concealed import PLANT, bound, nominal, records
 
 
@@ -60,6 +62,18 @@ def test_a_model_is_identified_from_the_recordings_whose_sensor_lived() -> None:
     with_it, without = (fit_plant(start, bound(start, made)) for made in ((steps, dead(sweep), sine), (steps, sine)))
     assert with_it.model == without.model
     assert any("sweep: channel 'flow [l/min]' stands at 3 all the time" in note for note in with_it.notes)
+
+
+def with_gauge(each: Recording, bar: float) -> Recording:
+    gauge = Channel("supply pressure", "bar", np.full(len(each), bar))
+    return replace(each, channels={**each.channels, "supply pressure": gauge})
+
+
+def test_a_gauge_whose_needle_sticks_has_no_say() -> None:
+    start, made = typical_model(PLANT), records(seed=20)
+    stuck = bound(start, [with_gauge(each, 105.0) for each in made])
+    assert fit_plant(start, stuck).model.parameters == fit_plant(start, bound(start, made)).model.parameters
+    assert all(not own for own in pose(nominal(), stuck).observed_noise)
 
 
 def test_what_is_left_must_still_tell_something() -> None:
