@@ -20,8 +20,9 @@ import sys
 import tempfile
 import textwrap
 from collections.abc import Callable, Iterator, Mapping
+from contextlib import nullcontext
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from itertools import accumulate
 from pathlib import Path
 from types import ModuleType
@@ -29,12 +30,18 @@ from typing import Any
 
 import numba
 import platformdirs
+from filelock import FileLock
 
 from hil.catalog import entries, find
 from hil.physics.effect import Effect, hold_first
 from hil.physics.plant import Hook, Plant
 
 _GIVEN = ("value", "state", "time_s", "step_s", "full_scale")
+# With it a kernel is compiled when it is loaded, and once only.
+_SIGNATURE = (
+    "void(f8[:, ::1], f8, i8, i8, i8, b1, f8[::1], f8[::1], f8[::1], b1[::1], f8[::1], f8[::1], i8[::1],"
+    " i8, f8[::1], b1, f8[:, ::1], f8[::1], f8[::1], f8[:, ::1])"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,9 +63,9 @@ class Site:
         return tuple(name for name in _argument_names(self.effect.transform) if name not in given)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Kernel:
-    """A compiled plant: `run` advances it; the rest says how its arrays are laid out.
+    """A plant to be simulated: `run` advances it; the rest says how its arrays are laid out.
 
     Attributes:
         indices: of the sites by their key. `arguments`: coefficients of each site; `starts`: where they begin,
@@ -69,10 +76,15 @@ class Kernel:
     sites: tuple[Site, ...]
     states: tuple[str, ...]
     coefficients: tuple[str, ...]
-    run: Callable[..., None]
     indices: Mapping[tuple[str, str], int]
     arguments: tuple[tuple[str, ...], ...]
     starts: tuple[int, ...]
+
+    @cached_property
+    def run(self) -> Callable[..., None]:
+        """The plant with every effect that fits it, compiled at its first use on a machine."""
+        loaded: Callable[..., None] = _load(_Page(self).source(), _stamp(self.plant, self.sites)).kernel
+        return loaded
 
 
 @cache
@@ -97,14 +109,12 @@ def effects() -> tuple[Effect, ...]:
 
 @cache
 def kernel(name: str) -> Kernel:
-    """The compiled kernel of a plant with every effect that fits it (compiled once per set of sources)."""
+    """The kernel of a plant with every effect that fits it."""
     chosen = plant(name)
     sites = tuple(Site(effect, hook) for hook in chosen.hooks for effect in effects() if hook.name in effect.hooks)
-    page = _Page(chosen, sites)
-    module = _load(page.source(), _stamp(chosen, sites))
     arguments = tuple(site.arguments for site in sites)
     return Kernel(
-        chosen, sites, tuple(chosen.states), page.coefficients, module.kernel,
+        chosen, sites, tuple(chosen.states), tuple(chosen.coefficients(chosen.typical, math.inf)),
         {site.key: i for i, site in enumerate(sites)}, arguments, (0, *accumulate(map(len, arguments))),
     )  # fmt: skip
 
@@ -117,12 +127,11 @@ def _argument_names(function: Callable[..., Any]) -> tuple[str, ...]:
 class _Page(ast.NodeTransformer):
     """Rewrites a plant's page into the body of the kernel's inner loop."""
 
-    def __init__(self, plant: Plant, sites: tuple[Site, ...]) -> None:
-        self.plant = plant
-        self.sites = sites
-        self.tree = ast.parse(textwrap.dedent(inspect.getsource(plant.equations))).body[0]
-        probe = plant.coefficients(plant.typical, math.inf)
-        self.coefficients = tuple(probe)
+    def __init__(self, kernel: Kernel) -> None:
+        self.plant = kernel.plant
+        self.sites = kernel.sites
+        self.tree = ast.parse(textwrap.dedent(inspect.getsource(self.plant.equations))).body[0]
+        probe = self.plant.coefficients(self.plant.typical, math.inf)
         self.widths = {name: getattr(value, "size", 0) for name, value in probe.items()}
 
     # -- rewriting -----------------------------------------------------------------------------------------
@@ -216,7 +225,7 @@ class _Page(ast.NodeTransformer):
                 yield f"settle{k} = effect{k}.settle"
             elif settle is not None:
                 yield f"from hil.physics.effect import hold_first as settle{k}"
-        yield "@njit(cache=True, nogil=True, error_model='numpy')"
+        yield f"@njit('{_SIGNATURE}', cache=True, nogil=True, error_model='numpy')"
         yield (
             "def kernel(inputs, step_s, sub_steps, read_at, start, settle_first, steady, coefficients, states,"
             " on, effect_coefficients, memory, offsets, inject, disturbance, tracing, trace, follow, measured, out):"
@@ -276,8 +285,7 @@ class _Page(ast.NodeTransformer):
 
     def _load_coefficients(self, array: str) -> Iterator[str]:
         at = 0
-        for name in self.coefficients:
-            width = self.widths[name]
+        for name, width in self.widths.items():
             yield f"c_{name} = {array}[{at}]" if not width else f"c_{name} = {array}[{at}:{at + width}]"
             at += width or 1
 
@@ -316,13 +324,22 @@ def _stamp(plant: Plant, sites: tuple[Site, ...]) -> str:
 
 
 def _load(source: str, name: str) -> ModuleType:
+    """The generated module, compiled or taken from the cache.
+
+    Processes that need the same kernel at once, such as workers of a fleet on a new machine, wait for the first.
+    """
     folder = Path(os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil")) / "kernels"
     path = folder / f"{name}.py"
-    if not path.exists():
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False) as file:
-            file.write(source)
-        Path(file.name).replace(path)  # two processes may race here; both write the same text
+    folder.mkdir(parents=True, exist_ok=True)
+    with FileLock(path.with_suffix(".lock")) if os.access(folder, os.W_OK) else nullcontext():
+        if not path.exists():
+            with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False) as file:
+                file.write(source)
+            Path(file.name).replace(path)
+        return _imported(path, name)
+
+
+def _imported(path: Path, name: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"hil_kernel_{name}", path)
     assert spec is not None and spec.loader is not None
     module = importlib.util.module_from_spec(spec)

@@ -110,13 +110,13 @@ def simulate(
     arrays = _arrays(compiled, parameters, drive, effects, sub_steps(plant, drive.interval_s, factor))
     out = np.empty((1 + len(plant.observed), count))
     compiled.run(
-        drive.inputs, arrays.step_s, arrays.sub_steps, round(drive.read_at * arrays.sub_steps), 0, True,
+        _dense(drive.inputs), arrays.step_s, arrays.sub_steps, round(drive.read_at * arrays.sub_steps), 0, True,
         arrays.steady, arrays.coefficients, arrays.states, arrays.on, arrays.effect_coefficients,
         arrays.memory, arrays.offsets,
-        hook_names.index(inject[0]) if inject else -1, inject[1] if inject else _NOTHING,
+        hook_names.index(inject[0]) if inject else -1, _dense(inject[1]) if inject else _NOTHING,
         trace is not None, _NO_TRACE if trace is None else trace,
         _NO_OBSERVER if measured is None else _observer(plant, parameters, drive.interval_s),
-        _NOTHING if measured is None else measured, out,
+        _NOTHING if measured is None else _dense(measured), out,
     )  # fmt: skip
     return out
 
@@ -148,12 +148,17 @@ class Twin:
         a = self._arrays
         out = np.empty((1 + len(self.plant.observed), inputs.shape[1]))
         compiled.run(
-            inputs, a.step_s, a.sub_steps, round(self.read_at * a.sub_steps), self._done, settle,
+            _dense(inputs), a.step_s, a.sub_steps, round(self.read_at * a.sub_steps), self._done, settle,
             a.steady, a.coefficients, a.states, a.on, a.effect_coefficients, a.memory, a.offsets,
             -1, _NOTHING, False, _NO_TRACE, _NO_OBSERVER, _NOTHING, out,
         )  # fmt: skip
         self._done += inputs.shape[1] * a.sub_steps
         return out
+
+
+def _dense(values: Array) -> Array:
+    """What the compiled kernel takes; a copy of what another process handed over read-only, or of every other value."""
+    return np.require(values, np.float64, ("C", "W"))
 
 
 def _check_rows(what: str, values: Array, plant: Plant, rows: Sequence[str], count: int | None = None) -> None:

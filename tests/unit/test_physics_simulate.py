@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import math
+import os
+import subprocess
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +19,11 @@ from hil.physics.simulate import ActiveEffect, Drive, Twin, simulate
 
 VALVE = plant("brevini-hpv41")
 COUNT = 10
+COMPILED = """
+from hil.physics.compose import kernel
+stats = kernel("pneumatic-cylinder").run.stats
+print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
+"""
 
 
 def run(inputs: np.ndarray, effects: tuple[ActiveEffect, ...] = (), **given: Any) -> np.ndarray:
@@ -50,3 +59,22 @@ def test_an_effect_is_found_under_its_name() -> None:
     assert [found.name for found in effects()] == [entry.name for entry in entries("effects")]
     with pytest.raises(UnknownNameError, match="no effect named 'fricton', did you mean 'friction'"):
         effect("fricton")
+
+
+def test_what_another_process_hands_over_is_simulated_the_same() -> None:
+    """A cluster hands arrays over read-only, a table's column lies in strides."""
+    inputs = np.linspace(0.0, 50.0, COUNT)[None, :]
+    locked = inputs.copy()
+    locked.setflags(write=False)
+    column = np.asfortranarray(np.vstack([inputs, inputs]))[:1]
+    for given in (locked, column):
+        assert not (given.flags.writeable and given.flags.c_contiguous)
+        np.testing.assert_array_equal(run(given), run(inputs))
+
+
+def test_a_plant_is_compiled_once_however_many_processes_need_it(tmp_path: Path) -> None:
+    alone = [sys.executable, "-c", COMPILED]
+    environment = os.environ | {"HIL_CACHE_DIR": str(tmp_path)}
+    started = [subprocess.Popen(alone, env=environment, stdout=subprocess.PIPE, text=True) for _ in range(3)]
+    said = [process.communicate()[0].split() for process in started]
+    assert sorted(said) == [["0", "1"], ["1", "0"], ["1", "0"]]
