@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import platformdirs
@@ -38,3 +38,34 @@ def stranger(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     entries.cache_clear()
     yield STRANGER
     entries.cache_clear()
+
+
+Install = Callable[[str, str, Mapping[str, str]], None]
+
+
+@pytest.fixture
+def install_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+    """Installs a stranger's package for one test: group of its entry point, name, files and their text."""
+
+    def installed(group: str, package: str, files: Mapping[str, str]) -> None:
+        folder = tmp_path / package
+        folder.mkdir()
+        for name, text in {"__init__.py": '"""A stranger\'s package."""\n', **files}.items():
+            (folder / name).write_text(text, encoding="utf-8")
+        about = tmp_path / f"{package}-1.0.dist-info"
+        about.mkdir()
+        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")
+        (about / "entry_points.txt").write_text(f"[{group}]\n{package} = {package}\n", encoding="utf-8")
+        monkeypatch.syspath_prepend(str(tmp_path))
+        _forget()
+
+    _forget()
+    yield installed
+    _forget()
+
+
+def _forget() -> None:
+    from hil.physics.compose import effects, kernel, plant  # numpy comes with it
+
+    for remembered in (entries, effects, kernel, plant):
+        remembered.cache_clear()

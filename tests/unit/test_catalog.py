@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -10,6 +9,7 @@ import pytest
 from hil.catalog import KINDS, Entry, Kind, entries, find
 from hil.errors import FileError, UnknownNameError
 from hil.physics.compose import effects, kernel
+from tests.conftest import Install
 
 MOISTURE = '''"""Moisture: a made-up effect of a stranger."""
 
@@ -35,32 +35,6 @@ EFFECT = Effect(
     sentence="Moisture takes {share}.",
 )
 '''
-
-
-@pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[object]:
-    """Installs a stranger's package for one test: its entry point names it, its files are the entries."""
-
-    def installed(group: str, package: str, files: dict[str, str]) -> None:
-        folder = tmp_path / package
-        folder.mkdir()
-        for name, text in {"__init__.py": '"""A stranger\'s package."""\n', **files}.items():
-            (folder / name).write_text(text, encoding="utf-8")
-        about = tmp_path / f"{package}-1.0.dist-info"
-        about.mkdir()
-        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")
-        (about / "entry_points.txt").write_text(f"[{group}]\n{package} = {package}\n", encoding="utf-8")
-        monkeypatch.syspath_prepend(str(tmp_path))
-        forget()
-
-    forget()
-    yield installed
-    forget()
-
-
-def forget() -> None:
-    for remembered in (entries, effects, kernel):
-        remembered.cache_clear()
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -93,29 +67,31 @@ def test_a_name_that_nobody_has() -> None:
         find("plants", "xyz")
 
 
-def test_a_stranger_adds_an_effect_with_one_file(install) -> None:
-    install("hil.effects", "damp", {"moisture.py": MOISTURE, "_helper.py": "raise RuntimeError\n"})
+def test_a_stranger_adds_an_effect_with_one_file(install_package: Install) -> None:
+    install_package("hil.effects", "damp", {"moisture.py": MOISTURE, "_helper.py": "raise RuntimeError\n"})
     assert "moisture" in [effect.name for effect in effects()]
     assert ("moisture", "coil") in [site.key for site in kernel("linear-axis").sites]
     assert find("effects", "moisture").summary == "Moisture: a made-up effect of a stranger."
 
 
-def test_a_stranger_may_not_take_a_name_that_is_in_use(install) -> None:
-    install("hil.effects", "rival", {"friction.py": MOISTURE})
+def test_a_stranger_may_not_take_a_name_that_is_in_use(install_package: Install) -> None:
+    install_package("hil.effects", "rival", {"friction.py": MOISTURE})
     with pytest.raises(FileError, match=r"'friction' is provided twice: hil\.physics\.effects\.friction and rival\."):
         entries("effects")
 
 
-def test_an_entry_that_lacks_a_package_says_which(install) -> None:
-    install("hil.drivers", "needy", {"acme.py": '"""Acme."""\nimport acme_sdk\n'})
+def test_an_entry_that_lacks_a_package_says_which(install_package: Install) -> None:
+    install_package("hil.drivers", "needy", {"acme.py": '"""Acme."""\nimport acme_sdk\n'})
     entry = find("drivers", "acme")
     assert entry.summary == "Acme."  # listing it needs nothing
     with pytest.raises(FileError, match="driver 'acme' needs the package 'acme_sdk', which is not installed"):
         entry.load()
 
 
-def test_an_entry_point_that_names_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, install) -> None:
-    install("hil.drivers", "ghost", {})
+def test_an_entry_point_that_names_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, install_package: Install
+) -> None:
+    install_package("hil.drivers", "ghost", {})
     (tmp_path / "ghost-1.0.dist-info" / "entry_points.txt").write_text("[hil.drivers]\nghost = ghastly\n")
     with pytest.raises(FileError, match="entry point 'ghastly' for drivers is not an importable package"):
         entries("drivers")

@@ -19,17 +19,18 @@ import pytest
 from hil.__main__ import main
 from hil.bench.find import benches
 from hil.bench.read import read_bench
-from hil.catalog import entries, find
+from hil.catalog import find
 from hil.physics.compose import effects, kernel, plant
 from hil.physics.model import load_model
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
+from tests.conftest import Install
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
 WITH_COMMANDS = [ROOT / "README.md", *sorted((DOCS / "tutorial").glob("*.md")), *sorted((DOCS / "how-to").glob("*.md"))]
-Install = Callable[[str, str, str], None]
+Follow = Callable[[str, str, str], None]
 
 
 def generator() -> ModuleType:
@@ -70,37 +71,21 @@ def fenced(page: Path, language: str) -> list[str]:
 
 
 @pytest.fixture
-def install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Install]:
+def follow(install_package: Install) -> Follow:
     """Puts the code of a how-to into a package of its own and installs it for one test."""
 
-    def installed(group: str, module: str, page: str) -> None:
+    def followed(group: str, module: str, page: str) -> None:
         package = f"acme_{group.rpartition('.')[2]}"
         (code,) = fenced(DOCS / "how-to" / page, "python")
         (declared,) = fenced(DOCS / "how-to" / page, "toml")
         assert f'"{group}"' in declared and f'"{package}"' in declared and f"holds {module}.py" in declared
-        folder = tmp_path / package
-        folder.mkdir()
-        (folder / "__init__.py").write_text("", encoding="utf-8")
-        (folder / f"{module}.py").write_text(code, encoding="utf-8")
-        about = tmp_path / f"{package}-1.0.dist-info"
-        about.mkdir()
-        (about / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {package}\nVersion: 1.0\n", encoding="utf-8")
-        (about / "entry_points.txt").write_text(f"[{group}]\nacme = {package}\n", encoding="utf-8")
-        monkeypatch.syspath_prepend(str(tmp_path))
-        forget()
+        install_package(group, package, {f"{module}.py": code})
 
-    forget()
-    yield installed
-    forget()
+    return followed
 
 
-def forget() -> None:
-    for remembered in (entries, effects, kernel, plant):
-        remembered.cache_clear()
-
-
-def test_the_effect_of_the_how_to(install: Install) -> None:
-    install("hil.effects", "edge_wear", "add-an-effect.md")
+def test_the_effect_of_the_how_to(follow: Follow) -> None:
+    follow("hil.effects", "edge_wear", "add-an-effect.md")
     effect = find("effects", "edge_wear").load().EFFECT
     assert effect in effects()
     assert ("edge_wear", "opening") in [site.key for site in kernel("brevini-hpv41").sites]
@@ -111,8 +96,8 @@ def test_the_effect_of_the_how_to(install: Install) -> None:
     assert set(shown["parameters"]) == {parameter.name for parameter in effect.parameters}
 
 
-def test_the_plant_of_the_how_to(install: Install) -> None:
-    install("hil.plants", "relief_valve", "add-a-plant.md")
+def test_the_plant_of_the_how_to(follow: Follow) -> None:
+    follow("hil.plants", "relief_valve", "add-a-plant.md")
     found = plant("relief-valve")
     compiled = kernel("relief-valve")
     assert {hook.name for hook in found.hooks} == {site.hook.name for site in compiled.sites}
@@ -121,8 +106,8 @@ def test_the_plant_of_the_how_to(install: Install) -> None:
     assert list(steady) == list(compiled.coefficients)
 
 
-def test_the_procedure_of_the_how_to(install: Install, tmp_path: Path) -> None:
-    install("hil.procedures", "level_check", "add-a-procedure.md")
+def test_the_procedure_of_the_how_to(follow: Follow, tmp_path: Path) -> None:
+    follow("hil.procedures", "level_check", "add-a-procedure.md")
     procedure = load_procedure("level_check")
     bench = read_bench(benches()["brevini-hpv41"])
     outcome = run_procedure(procedure, bench, {"levels": "40,80", "hold_s": "0.5"}, tmp_path / "run")
