@@ -183,6 +183,12 @@ class Causes:
                 found += [best] if self._is_pair(best, seed) else []
         return found
 
+    def needed(self, both: Fitted) -> Fitted:
+        """The greater of two causes alone where that is enough: it may have found its valley only beside the other."""
+        greater = min((self.without_the_other(both, k) for k in range(len(both.terms))), key=lambda f: f.chi2)
+        alone = polish(self.m.problem, greater)
+        return alone if self.m.is_adequate(alone) and not self._is_pair(both, alone) else both
+
     def without_the_other(self, f: Fitted, k: int) -> Fitted:
         """One term of an explanation, as it is there."""
         one = f.only([k])
@@ -205,6 +211,7 @@ class Causes:
         return list(distinct.values())[:_PAIR_TRIED]
 
     def _is_pair(self, both: Fitted, seed: Fitted) -> bool:
+        """Whether a second cause explains most of what a first one leaves, and both are there."""
         better = self.m.gain(seed, both.chi2) >= SECOND_SHARE and seed.chi2 - both.chi2 > ALARM_GAIN
         return better and is_present(both)
 

@@ -135,7 +135,7 @@ class _Judge:
         if not self.m.is_full(best) and len(best.terms) == NAMEABLE:
             # the first one was found when the second was not known
             best = min([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], key=self.m.cost)
-        return best
+        return self.causes.needed(best) if len(best.terms) == NAMEABLE else best
 
     def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""

@@ -159,6 +159,14 @@ def test_a_tone_beside_an_effect_hides_neither() -> None:
     assert of.diagnosis.verdict == "explained"
 
 
+def test_a_few_slow_waves_are_a_drift_and_no_tone() -> None:
+    made = records(seed=9)
+    for k, each in enumerate(made):
+        each.channels["flow"].values[:] += 5.0 * np.sin(2.0 * np.pi * 2.8 / DURATION_S * each.time_s + 2.0 * k)
+    problem = pose(nominal(), bound(nominal(), made))
+    assert tone(problem, nothing(problem)) is None
+
+
 def test_a_gain_that_swings_is_no_tone() -> None:
     made = records(seed=9)
     for k, each in enumerate(made):

@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil.diagnose.causes import Causes
 from hil.diagnose.check import check
 from hil.diagnose.decide import Choice, decide
 from hil.diagnose.events.recognise import recognised
-from hil.diagnose.measures import excess
-from hil.diagnose.problem import pose
-from hil.diagnose.search.fitted import nothing
+from hil.diagnose.measures import Measures, excess
+from hil.diagnose.problem import Problem, pose
+from hil.diagnose.search.fitted import Fitted, nothing
+from hil.diagnose.search.polish import polish, roughly
+from hil.diagnose.search.terms import all_terms
 from hil.errors import FileError
 from hil.identify.experiment import Experiment, experiment
 from hil.physics.compose import plant
@@ -40,6 +43,15 @@ def answer(*effects: ActiveEffect) -> Choice:
     return decide(pose(MODEL, [moved(kind, *effects) for kind in range(3)]))
 
 
+def fitted(problem: Problem, *effects: ActiveEffect) -> Fitted:
+    """An explanation as it is where nothing has been fitted yet."""
+    start = nothing(problem)
+    known = {(term.name, term.hook): term for term in all_terms(problem, start.residuals)}
+    terms = tuple(known[effect.key] for effect in effects)
+    values = tuple(tuple(effect.parameters[u.name] for u in known[effect.key].unknowns) for effect in effects)
+    return replace(start, terms=terms, values=values)
+
+
 MODEL: Model = replace(typical_model("linear-axis"), noise=Noise(NOISE_M))
 FRICTION = ActiveEffect("friction", "force", {"coulomb": 9.0, "stiction": 1.3, "stribeck": 0.02, "presliding": 1e-4})
 LIMITED = ActiveEffect("saturation", "coil", {"limit": 280.0, "knee": 0.05, "slope": 0.0})
@@ -52,6 +64,20 @@ def test_its_causes_are_found(effects: tuple[ActiveEffect, ...]) -> None:
     assert of.verdict == "explained"
     assert sorted(of.chosen.names) == sorted(effect.name for effect in effects)
     assert of.chosen.chi2 < 1.05 * len(of.chosen.residuals)
+
+
+@pytest.mark.parametrize(
+    ("effects", "beside"),
+    [((FRICTION,), ActiveEffect("hysteresis", "command", {"width": 0.5, "reach": 300.0, "least": 0.1, "closing": 0.1})),
+     ((LIMITED,), UNEVEN)],
+    ids=["not there", "there"],
+)  # fmt: skip
+def test_a_second_cause_is_kept_where_it_is_needed(effects: tuple[ActiveEffect, ...], beside: ActiveEffect) -> None:
+    is_there = beside is UNEVEN
+    problem = pose(MODEL, [moved(kind, *effects, *([beside] if is_there else [])) for kind in range(3)])
+    both = polish(problem, fitted(problem, *effects, beside))
+    causes = Causes(Measures(problem, roughly(problem, nothing(problem))), both.terms)
+    assert causes.needed(both).names == (both.names if is_there else both.names[:1])
 
 
 @pytest.mark.parametrize("factor", [1000.0, 60.0, 0.1])

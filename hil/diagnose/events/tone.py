@@ -28,6 +28,9 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     if frequency is None:
         return None
     frequency = _sharpened(problem, around.residuals, frequency)
+    # slower still it takes more: a drift, no line
+    if frequency * _shortest_s(problem) < _FEWEST_TONE_CYCLES - 0.5:
+        return None
     residuals, waves = _tone_fit(problem, around.residuals, frequency)
     amplitudes = [float(np.hypot(a[0], a[3]) * n.std) for a, n in zip(waves, problem.noises, strict=True)]
     growing = [
@@ -67,13 +70,17 @@ def without_tone(problem: Problem, beside: Fitted, frequency_hz: float) -> tuple
 
 def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float:
     """The frequency at which a tone takes most, on grids that become finer."""
-    width = 1.0 / min(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    width = 1.0 / _shortest_s(problem)
     best = frequency_hz
     for scale in (2.0, 0.2, 0.02):
         grid = best + width * scale * np.linspace(-1.0, 1.0, 41)
         left = [float(np.sum(_tone_fit(problem, residuals, f)[0] ** 2)) for f in grid]
         best = float(grid[int(np.argmin(left))])
     return best
+
+
+def _shortest_s(problem: Problem) -> float:
+    return min(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
 
 
 def _tone_fit(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[Array]]:
