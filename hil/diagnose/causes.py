@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.measures import SMALL_EXCESS, Measures, is_present
 from hil.diagnose.search.around import Around, around
-from hil.diagnose.search.fitted import Fitted, nothing, residuals_of
+from hil.diagnose.search.fitted import Fitted, evaluated, nothing
 from hil.diagnose.search.joint import joint
 from hil.diagnose.search.polish import polish
 from hil.diagnose.search.refine import LEAN, refine_all
@@ -191,9 +191,7 @@ class Causes:
 
     def without_the_other(self, f: Fitted, k: int) -> Fitted:
         """One term of an explanation, as it is there."""
-        one = f.only([k])
-        r = residuals_of(self.m.problem, one)
-        return replace(one, chi2=float(r @ r), residuals=r)
+        return evaluated(self.m.problem, f.only([k]))
 
     def _most_economical(self, fits: Sequence[Fitted]) -> Fitted:
         """Of those as good as the best, the one with the fewest unknowns."""

@@ -15,9 +15,10 @@ from hil.diagnose.events.coarse import coarse, coarse_step
 from hil.diagnose.events.event import Events
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.events.repeats import stale_outputs, without_stale
-from hil.diagnose.measures import SMALL_EXCESS, excess
+from hil.diagnose.measures import LAW_TOLERANCE, SMALL_EXCESS, excess
 from hil.diagnose.next_test import Span
 from hil.diagnose.problem import Problem, pose
+from hil.diagnose.search.fitted import Fitted, evaluated
 from hil.diagnose.solver import settled
 from hil.diagnose.wording import quantity_text
 from hil.identify.experiment import Experiment
@@ -27,6 +28,8 @@ Progress = Callable[[float, str], None]
 
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
+# Events and a law beside them are looked for so often.
+_LOOKS = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,15 +66,15 @@ def diagnose(
     progress(0.1, "searching for the cause")
     choice = decide(problem)
     if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
-        second = _explained(problem, without_stale(checked.clocks_set)[0])
-        if second is not None:
-            problem, choice = second
+        set_right = _posed(problem, without_stale(checked.clocks_set)[0])
+        second = decide(set_right)
+        if second.verdict not in OPEN:
+            problem, choice = set_right, second
             warnings += checked.clock_warnings
     events = choice.events
-    happened = _happened(problem, choice)
-    second = None if happened is None else _explained(problem, happened.rest, beside_events=True)
-    if happened is not None and second is not None and (events is None or second[1].chosen.terms):
-        problem, choice = second
+    beside = _beside_events(problem, choice)
+    if beside is not None and (events is None or beside[2].chosen.terms):
+        happened, problem, choice = beside
         events = replace(happened, residuals=choice.chosen.residuals)
     progress(0.6, "judging on data kept back")
     if stale:
@@ -89,13 +92,39 @@ def diagnose(
     return Diagnosed(diagnosis, answer.corrected)
 
 
-def _explained(
-    problem: Problem, experiments: Sequence[Experiment], *, beside_events: bool = False
-) -> tuple[Problem, Choice] | None:
-    """A second look, at the experiments on another clock or without events; None if that is still open."""
-    other = replace(pose(problem.model, experiments), factor=problem.factor)
-    choice = decide(other, laws_only=beside_events, most=NAMEABLE - 1 if beside_events else NAMEABLE)
-    return None if choice.verdict in OPEN else (other, choice)
+def _posed(problem: Problem, experiments: Sequence[Experiment]) -> Problem:
+    """The same question of the experiments on another clock, or without events."""
+    return replace(pose(problem.model, experiments), factor=problem.factor)
+
+
+def _beside_events(problem: Problem, choice: Choice) -> tuple[Events, Problem, Choice] | None:
+    """Events, and what explains the rest when they are taken out; None where that stays open.
+
+    A law hides some of the events, and they distort the law: where it explains most of the rest, they are looked for
+    beside it once more. Where the events alone explain too little, the law explains the rest if what both leave
+    together is within the tolerance of laws.
+    """
+    most = LAW_TOLERANCE * excess(problem, choice.baseline.chi2) if choice.events is None else 0.0
+    happened = _happened(problem, choice)
+    for _ in range(_LOOKS):
+        if happened is None:
+            return None
+        rest = _posed(problem, happened.rest)
+        found = decide(rest, laws_only=True, most=NAMEABLE - 1)
+        if found.verdict == "partly_explained" and excess(rest, found.chosen.chi2) <= most:
+            found = replace(found, verdict="explained")
+        if found.verdict not in OPEN:
+            return happened, rest, found
+        if found.verdict != "partly_explained":
+            return None
+        happened = _beside_law(problem, evaluated(problem, found.chosen))
+    return None
+
+
+def _beside_law(problem: Problem, law: Fitted) -> Events | None:
+    """Events that explain all or a part of what a law leaves of the recordings as they are."""
+    found = recognised(problem, (law,), excess(problem, law.chi2))
+    return next((events for events in found if events is not None), None)
 
 
 def _happened(problem: Problem, choice: Choice) -> Events | None:

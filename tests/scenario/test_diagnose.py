@@ -131,10 +131,19 @@ def test_samples_that_repeat_are_dropouts_of_the_recording() -> None:
     assert of.diagnosis.verdict == "explained"
 
 
-def test_a_law_beside_commands_that_do_not_arrive_is_found_too() -> None:
-    uneven = ActiveEffect("asymmetry", "flow", {"ratio": 0.93, "gain": 1.0})
-    of = found(uneven, seed=7, arriving=held(commands(np.random.default_rng(7)), np.random.default_rng(0)))
-    assert sorted(names(of)) == ["asymmetry", "dropout"]
+@pytest.mark.parametrize(
+    "law",
+    [
+        ActiveEffect("asymmetry", "flow", {"ratio": 0.93, "gain": 1.0}),
+        ActiveEffect(
+            "resonance", "flow", {"share": 0.35, "period": 0.1, "damping": 0.05}
+        ),  # leaves a little of the rest
+    ],
+    ids=lambda effect: effect.name,
+)
+def test_a_law_beside_commands_that_do_not_arrive_is_found_too(law: ActiveEffect) -> None:
+    of = found(law, seed=7, arriving=held(commands(np.random.default_rng(7)), np.random.default_rng(0)))
+    assert sorted(names(of)) == sorted(["dropout", law.name])
     assert of.diagnosis.verdict == "explained"
 
 

@@ -92,6 +92,12 @@ def nothing(problem: Problem) -> Fitted:
     return Fitted((), (), dict(problem.model.values), float(r @ r), r)
 
 
+def evaluated(problem: Problem, f: Fitted) -> Fitted:
+    """An explanation as it stands, with what it leaves of the recordings of a problem."""
+    r = residuals_of(problem, f)
+    return replace(f, chi2=float(r @ r), residuals=r)
+
+
 def residuals_of(
     problem: Problem, f: Fitted, *, factor: float | None = None, experiments: Sequence[Experiment] | None = None
 ) -> Array:
