@@ -45,10 +45,12 @@ def records(
     memory: float = 0.0,
     factor: float = 4.0,
     arriving: Mapping[str, Array] | None = None,
+    with_spool: bool = False,
 ) -> list[Recording]:
     """Three recordings of 16 s; the truth takes finer steps than the model.
 
     `arriving`: the commands that really reach the valve, where they are not those that are recorded.
+    `with_spool`: the spool's position is recorded too.
     """
     rng = np.random.default_rng(seed)
     valve = plant(PLANT)
@@ -56,9 +58,12 @@ def records(
     made = []
     for name, command in commands(rng).items():
         drive = Drive((arriving or {}).get(name, command)[None, :], 0.0, 1.0 / RATE_HZ, 0.0)
-        flow = simulate(valve, values, drive, effects, factor=factor)[0]
+        flow, spool, _ = simulate(valve, values, drive, effects, factor=factor)
         flow = flow + NOISE * noise(rng, len(flow), memory)
-        made.append(recording(name, np.arange(len(flow)) / RATE_HZ, {"command [%]": command, "flow [l/min]": flow}))
+        channels = {"command [%]": command, "flow [l/min]": flow}
+        if with_spool:
+            channels["spool position [%]"] = spool + NOISE * noise(rng, len(spool))
+        made.append(recording(name, np.arange(len(flow)) / RATE_HZ, channels))
     return made
 
 

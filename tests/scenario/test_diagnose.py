@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hil.diagnose.diagnose import Diagnosed, diagnose
+from hil.diagnose.events.bursts import all_bursts, is_sparse
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.events.tone import tone
 from hil.diagnose.measures import excess
@@ -118,6 +119,15 @@ def test_commands_that_do_not_arrive_are_dropouts() -> None:
     of = found(seed=7, arriving=held(recorded, np.random.default_rng(0)))
     assert names(of) == ["dropout"]
     assert of.diagnosis.effects[0].stage == "command"
+
+
+def test_commands_that_do_not_arrive_are_seen_where_the_spool_is_recorded_too() -> None:
+    recorded = commands(np.random.default_rng(7))
+    made = records(seed=7, arriving=held(recorded, np.random.default_rng(0)), with_spool=True)
+    problem = pose(nominal(), bound(nominal(), made))
+    start = nothing(problem)
+    assert len(start.residuals) == 2 * sum(len(each.time_s) for each in made)
+    assert is_sparse(problem, start.residuals, all_bursts(problem, start))
 
 
 def test_samples_that_repeat_are_dropouts_of_the_recording() -> None:

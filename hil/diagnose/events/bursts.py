@@ -40,12 +40,13 @@ def bursts_of(problem: Problem, residuals: Array, k: int) -> list[Burst]:
 
 
 def is_sparse(problem: Problem, residuals: Array, bursts: Sequence[Sequence[Burst]]) -> bool:
-    """Whether most of the misfit lies in a small part of the time."""
-    inside, time = 0.0, 0
+    """Whether most of the misfit of the output lies in a small part of the time."""
+    inside, beyond, time, whole = 0.0, 0.0, 0, 0
     for part, own in zip(problem.output_slices(), bursts, strict=True):
         r = residuals[part]
+        beyond += float(r @ r) - len(r)
+        whole += len(r)
         for start, stop in own:
             inside += float(r[start:stop] @ r[start:stop]) - (stop - start)
             time += stop - start
-    beyond = float(residuals @ residuals) - len(residuals)
-    return inside > _SPARSE_SHARE * beyond and time < _SPARSE_TIME * problem.size
+    return inside > _SPARSE_SHARE * beyond and time < _SPARSE_TIME * whole
