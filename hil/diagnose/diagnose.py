@@ -11,7 +11,7 @@ from hil.diagnose.causes import NAMEABLE
 from hil.diagnose.check import check
 from hil.diagnose.decide import OPEN, Choice, decide, healthy
 from hil.diagnose.diagnosis import Diagnosis
-from hil.diagnose.events.coarse import coarse, coarse_step
+from hil.diagnose.events.coarse import all_rounding, coarse, coarse_step
 from hil.diagnose.events.event import Events
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.events.repeats import stale_outputs, without_stale
@@ -83,8 +83,9 @@ def diagnose(
         )
     elif events is None and (step := coarse_step(problem, kept)) is not None:
         only = excess(problem, choice.baseline.chi2) < _COARSE_EXCESS
-        choice = healthy(choice) if only else choice
-        events = coarse(problem, *step, choice.chosen)
+        rounded = all_rounding(problem, choice.baseline, step[0])
+        choice = healthy(choice) if only or rounded is not None else choice
+        events = coarse(problem, *step, rounded or choice.chosen)
     answer = Answer(problem, choice, events, tuple(warnings), span)
     progress(0.8, "locating the mismatch")
     diagnosis = answer.diagnosis(time.perf_counter() - started)

@@ -1,13 +1,20 @@
-"""The step of a coarse channel is read off all its levels, however the finer one beneath rounds them."""
+"""A coarse channel: its step is read off all levels, and what rounding does is taken for nothing else."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from hil.diagnose.events.coarse import lattice
+from hil.diagnose.events.coarse import all_rounding, lattice
+from hil.diagnose.measures import excess
+from hil.diagnose.problem import pose
+from hil.diagnose.search.fitted import nothing
+from hil.physics.simulate import ActiveEffect
+from tests.concealed import bound, nominal, records
 
 FINE = 0.01
 
@@ -27,3 +34,28 @@ def test_two_levels_give_no_line() -> None:
     found, std = lattice(np.array([1.0, 2.5]), 1.5, FINE)
     assert found == 1.5
     assert std == pytest.approx(FINE / 6.0**0.5)
+
+
+STEP = 4.0
+
+
+@pytest.mark.parametrize(
+    ("effects", "to_whole", "is_all"),
+    [
+        ((), np.round, True),
+        ((), np.floor, False),  # half a step away: its own sentence
+        ((ActiveEffect("saturation", "flow", {"limit": 40.0, "knee": 0.05, "slope": 0.0}),), np.round, False),
+    ],
+    ids=["rounds", "cuts off", "something else too"],
+)
+def test_a_healthy_unit_read_coarsely_leaves_nothing_but_rounding(
+    effects: tuple[ActiveEffect, ...], to_whole: Callable[[np.ndarray], np.ndarray], is_all: bool
+) -> None:
+    made = records(effects, seed=12)
+    for each in made:
+        flow = each.channels["flow"].values
+        flow[:] = STEP * to_whole(flow / STEP)
+    problem = pose(nominal(), bound(nominal(), made))
+    left = all_rounding(problem, nothing(problem), STEP)
+    assert (left is not None) == is_all
+    assert left is None or excess(problem, left.chi2) == 0.0

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import linregress
@@ -20,6 +21,9 @@ _LEAST_LEVELS = 3
 _COARSER, _TELLING_STEP = 4.0, 0.5
 # An offset of half a step, to within this share of a step, is the converter's own.
 _HALF_A_STEP = 0.1
+# Nearly all samples of a unit that is only read coarsely are no further than so many steps, and so much noise, from its
+# model, which is itself not exact; and about as many above as below.
+_NO_FURTHER, _NOISE_SIGMAS, _NEARLY_ALL, _CENTRED = 0.75, 3.0, 0.997, 0.25
 
 
 def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float, float] | None:
@@ -36,6 +40,26 @@ def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float
     if not (step > _COARSER * before and step > _TELLING_STEP * known.std):
         return None
     return lattice(np.unique(np.concatenate([e.output for e in recorded])), step, before)
+
+
+def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
+    """A unit with what rounding to a step cannot have done to its output, where that is all there is; None elsewhere.
+
+    What rounding leaves follows what the output does, and may look like many a law. A converter that cuts off is half a
+    step away.
+    """
+    known = problem.model.noise
+    assert known is not None  # noqa: S101 - without it there is no coarse step
+    effects, residuals, off = problem.model.active_effects, unit.residuals.copy(), []
+    for e, part, noise in zip(problem.experiments, problem.output_slices(), problem.noises, strict=True):
+        by = e.output - e.respond(problem.plant, unit.parameters, effects, factor=problem.factor)[0]
+        residuals[part] = (by - np.clip(by, -0.5 * step, 0.5 * step)) / noise.std
+        off.append(by)
+    every = np.concatenate(off)
+    near = np.abs(every) <= _NO_FURTHER * step + _NOISE_SIGMAS * known.std
+    if not (np.mean(near) > _NEARLY_ALL and abs(np.median(every)) < _CENTRED * step):
+        return None
+    return replace(unit, residuals=residuals, chi2=float(residuals @ residuals))
 
 
 def coarse(problem: Problem, step: float, std: float, chosen: Fitted) -> Events:
