@@ -106,10 +106,9 @@ def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list
 
 def _refuse_short(model: Model, e: Experiment) -> None:
     needed_s = time_constant_s(model, e)
-    duration_s = float(e.time_s[-1] - e.time_s[0])
-    if duration_s < needed_s:
+    if e.duration_s < needed_s:
         raise FileError(
-            f"{e.name}: {duration_s:.3g} s long; at least one time constant of the plant is needed, {needed_s:.3g} s"
+            f"{e.name}: {e.duration_s:.3g} s long; at least one time constant of the plant is needed, {needed_s:.3g} s"
         )
 
 

@@ -107,16 +107,16 @@ def _beside_events(problem: Problem, choice: Choice) -> tuple[Events, Problem, C
     """
     most = LAW_TOLERANCE * excess(problem, choice.baseline.chi2) if choice.events is None else 0.0
     happened = _happened(problem, choice)
-    for _ in range(_LOOKS):
-        if happened is None:
-            return None
+    looks = 0
+    while happened is not None:
+        looks += 1
         rest = _posed(problem, happened.rest)
         found = decide(rest, laws_only=True, most=NAMEABLE - 1)
         if found.verdict == "partly_explained" and excess(rest, found.chosen.chi2) <= most:
             found = replace(found, verdict="explained")
         if found.verdict not in OPEN:
             return happened, rest, found
-        if found.verdict != "partly_explained":
+        if found.verdict == "unexplained" or looks == _LOOKS:
             return None
         happened = _beside_law(problem, evaluated(problem, found.chosen))
     return None
@@ -124,8 +124,8 @@ def _beside_events(problem: Problem, choice: Choice) -> tuple[Events, Problem, C
 
 def _beside_law(problem: Problem, law: Fitted) -> Events | None:
     """Events that explain all or a part of what a law leaves of the recordings as they are."""
-    found = recognised(problem, (law,), excess(problem, law.chi2))
-    return next((events for events in found if events is not None), None)
+    whole, part = recognised(problem, (law,), excess(problem, law.chi2))
+    return whole or part
 
 
 def _happened(problem: Problem, choice: Choice) -> Events | None:

@@ -16,11 +16,11 @@ import numpy as np
 from hil.diagnose.decide import OPEN, Choice
 from hil.diagnose.diagnosis import NextTest, Verdict
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.fitted import Fitted, output_of
 from hil.diagnose.search.terms import Term
 from hil.identify.experiment import Experiment
 from hil.identify.noise import whiten
-from hil.physics.simulate import ActiveEffect, Drive
+from hil.physics.simulate import Drive
 from hil.record.recording import Array
 from hil.signals.ramps import triangle
 from hil.signals.steps import step_sequence
@@ -236,9 +236,7 @@ def _base_slopes(problem: Problem, planned: Experiment, plain: Array) -> Array:
 
 
 def _simulated(problem: Problem, planned: Experiment, f: Fitted) -> Array:
-    effects: list[ActiveEffect] = [*problem.model.active_effects, *f.effects]
-    rows = planned.respond(problem.plant, f.parameters, effects, factor=problem.factor)
-    return whiten(rows[0], problem.noises[0], planned.drive.interval_s)
+    return whiten(output_of(problem, f, planned), problem.noises[0], planned.drive.interval_s)
 
 
 def _planned(problem: Problem, test: MenuTest, span: Span) -> Experiment:

@@ -7,7 +7,7 @@ from scipy.signal import find_peaks
 
 from hil.diagnose.diagnosis import Spectrum, Strip
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.fitted import Fitted, output_of
 from hil.identify.experiment import Experiment
 from hil.record.recording import Array
 
@@ -22,7 +22,7 @@ def strips(problem: Problem, used: Fitted) -> tuple[Strip, ...]:
     effects = list(problem.model.active_effects)
     for e, noise in zip(problem.experiments, problem.noises, strict=True):
         nominal = e.respond(problem.plant, problem.model.values, effects, factor=problem.factor)[0]
-        corrected = e.respond(problem.plant, used.parameters, [*effects, *used.effects], factor=problem.factor)[0]
+        corrected = output_of(problem, used, e)
         found.append(Strip(e.name, e.time_s, e.on_grid_input(), e.output, nominal, corrected, noise.std))
     return tuple(found)
 

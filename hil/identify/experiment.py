@@ -74,6 +74,11 @@ class Experiment:
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
 
     @property
+    def duration_s(self) -> float:
+        """From the first stamp to the last."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
     def stands_still(self) -> bool:
         """Whether the output has one value all the time."""
         return float(np.ptp(self.output)) == 0.0

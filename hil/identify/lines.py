@@ -35,7 +35,7 @@ def common_line(
     None when it is less than `least_ratio` times the median around it, on average over the recordings. Lines
     with less than `fewest_cycles` in the shortest recording are not looked for.
     """
-    shortest_s = min(float(e.time_s[-1] - e.time_s[0]) for e in experiments)
+    shortest_s = min(e.duration_s for e in experiments)
     fastest_hz = min(0.5 / e.drive.interval_s for e in experiments)
     grid = np.arange(float(fewest_cycles), fastest_hz * shortest_s) / shortest_s
     if not grid.size:

@@ -187,7 +187,7 @@ class _Search:
         if known > 0.0:
             return [known]
         interval_s = min(e.drive.interval_s for e in self.experiments)
-        length_s = max(float(e.time_s[-1] - e.time_s[0]) for e in self.experiments)
+        length_s = max(e.duration_s for e in self.experiments)
         return [float(t) for t in np.geomspace(2.0 * interval_s, length_s / 5.0, _TRIAL_TIMES)]
 
     def _power(self, name: str) -> int:
@@ -205,7 +205,7 @@ class _Search:
         """The size of a parameter that these recordings suggest."""
         output = float(np.mean([np.std(e.output) for e in self.experiments])) or 1.0
         given = float(np.mean([np.std(e.drive.inputs[0]) for e in self.experiments])) or 1.0
-        length_s = max(float(e.time_s[-1] - e.time_s[0]) for e in self.experiments)
+        length_s = max(e.duration_s for e in self.experiments)
         natural = {"{output}": output, "[{output}]/[{input}]": output / given, "s": length_s, "s^2": length_s**2}
         return natural.get(parameter.unit, 1.0)
 

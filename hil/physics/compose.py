@@ -68,6 +68,7 @@ class Kernel:
     """A plant to be simulated: `run` advances it; the rest says how its arrays are laid out.
 
     Attributes:
+        coefficients: of the plant, with the width of those that are arrays; 0 of a number.
         indices: of the sites by their key. `arguments`: coefficients of each site; `starts`: where they begin,
             and the number of all of them at the end.
     """
@@ -75,7 +76,7 @@ class Kernel:
     plant: Plant
     sites: tuple[Site, ...]
     states: tuple[str, ...]
-    coefficients: tuple[str, ...]
+    coefficients: Mapping[str, int]
     indices: Mapping[tuple[str, str], int]
     arguments: tuple[tuple[str, ...], ...]
     starts: tuple[int, ...]
@@ -114,7 +115,8 @@ def kernel(name: str) -> Kernel:
     sites = tuple(Site(effect, hook) for hook in chosen.hooks for effect in effects() if hook.name in effect.hooks)
     arguments = tuple(site.arguments for site in sites)
     return Kernel(
-        chosen, sites, tuple(chosen.states), tuple(chosen.coefficients(chosen.typical, math.inf)),
+        chosen, sites, tuple(chosen.states),
+        {name: getattr(value, "size", 0) for name, value in chosen.coefficients(chosen.typical, math.inf).items()},
         {site.key: i for i, site in enumerate(sites)}, arguments, (0, *accumulate(map(len, arguments))),
     )  # fmt: skip
 
@@ -131,8 +133,7 @@ class _Page(ast.NodeTransformer):
         self.plant = kernel.plant
         self.sites = kernel.sites
         self.tree = ast.parse(textwrap.dedent(inspect.getsource(self.plant.equations))).body[0]
-        probe = self.plant.coefficients(self.plant.typical, math.inf)
-        self.widths = {name: getattr(value, "size", 0) for name, value in probe.items()}
+        self.coefficients = kernel.coefficients
 
     # -- rewriting -----------------------------------------------------------------------------------------
 
@@ -285,7 +286,7 @@ class _Page(ast.NodeTransformer):
 
     def _load_coefficients(self, array: str) -> Iterator[str]:
         at = 0
-        for name, width in self.widths.items():
+        for name, width in self.coefficients.items():
             yield f"c_{name} = {array}[{at}]" if not width else f"c_{name} = {array}[{at}:{at + width}]"
             at += width or 1
 

@@ -91,7 +91,7 @@ def simulate(
         effects: those that are switched on.
         factor: finer sub-steps than the plant asks for, to measure the solver's own error, or coarser ones.
         inject: (hook, values) adds a free disturbance of shape (n,) to what passes a hook.
-        trace: shape (hooks, n), filled with what arrives at each hook.
+        trace: shape (hooks, n), contiguous, filled with what arrives at each hook.
         measured: shape (n,); the plant's observer leads the simulation back to it, but where it is NaN.
 
     Raises:

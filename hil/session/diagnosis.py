@@ -63,7 +63,7 @@ def conclude(
             return found
         done.append((asked.procedure, asked.settings))
         known.append(_tested(model, asked, bench, out / f"test-{len(done)}", progress))
-        took_s = float(known[-1].time_s[-1] - known[-1].time_s[0])
+        took_s = known[-1].duration_s
         left_s, beside_s = left_s - took_s, max(beside_s, took_s - asked.bench_s)
 
 

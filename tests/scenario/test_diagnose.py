@@ -145,9 +145,8 @@ def test_samples_that_repeat_are_dropouts_of_the_recording() -> None:
     "law",
     [
         ActiveEffect("asymmetry", "flow", {"ratio": 0.93, "gain": 1.0}),
-        ActiveEffect(
-            "resonance", "flow", {"share": 0.35, "period": 0.1, "damping": 0.05}
-        ),  # leaves a little of the rest
+        # leaves a little of the rest
+        ActiveEffect("resonance", "flow", {"share": 0.35, "period": 0.1, "damping": 0.05}),
     ],
     ids=lambda effect: effect.name,
 )

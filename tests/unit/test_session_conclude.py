@@ -6,7 +6,6 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 import pytest
 
 from hil.bench.find import find_bench
@@ -24,7 +23,7 @@ def runs(monkeypatch: pytest.MonkeyPatch, asked: list[NextTest | None], took_s: 
 
     def tested(_model: Any, test: NextTest, *_: Any) -> Any:
         ran.append(test)
-        return SimpleNamespace(time_s=np.array([0.0, took_s]))
+        return SimpleNamespace(duration_s=took_s)
 
     monkeypatch.setattr(diagnosis, "diagnose", diagnose)
     monkeypatch.setattr(diagnosis, "_tested", tested)

@@ -41,12 +41,14 @@ def bursts_of(problem: Problem, residuals: Array, k: int) -> list[Burst]:
 
 def is_sparse(problem: Problem, residuals: Array, bursts: Sequence[Sequence[Burst]]) -> bool:
     """Whether most of the misfit of the output lies in a small part of the time."""
-    inside, beyond, time, whole = 0.0, 0.0, 0, 0
-    for part, own in zip(problem.output_slices(), bursts, strict=True):
-        r = residuals[part]
-        beyond += float(r @ r) - len(r)
-        whole += len(r)
-        for start, stop in own:
-            inside += float(r[start:stop] @ r[start:stop]) - (stop - start)
-            time += stop - start
-    return inside > _SPARSE_SHARE * beyond and time < _SPARSE_TIME * whole
+    parts = [residuals[part] for part in problem.output_slices()]
+    inside = [r[start:stop] for r, own in zip(parts, bursts, strict=True) for start, stop in own]
+    return (
+        _misfit(inside) > _SPARSE_SHARE * _misfit(parts)
+        and sum(map(len, inside)) < _SPARSE_TIME * sum(map(len, parts))
+    )  # fmt: skip
+
+
+def _misfit(parts: Sequence[Array]) -> float:
+    """Squared residuals beyond what noise would make of them."""
+    return sum(float(r @ r) - len(r) for r in parts)

@@ -10,7 +10,7 @@ from scipy.stats import linregress
 
 from hil.diagnose.events.event import Events
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.fitted import Fitted, output_of
 from hil.identify.experiment import Experiment
 from hil.identify.noise import resolution
 from hil.record.recording import Array
@@ -50,9 +50,9 @@ def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
     """
     known = problem.model.noise
     assert known is not None  # noqa: S101 - without it there is no coarse step
-    effects, residuals, off = problem.model.active_effects, unit.residuals.copy(), []
+    residuals, off = unit.residuals.copy(), []
     for e, part, noise in zip(problem.experiments, problem.output_slices(), problem.noises, strict=True):
-        by = e.output - e.respond(problem.plant, unit.parameters, effects, factor=problem.factor)[0]
+        by = e.output - output_of(problem, unit, e)
         residuals[part] = (by - np.clip(by, -0.5 * step, 0.5 * step)) / noise.std
         off.append(by)
     every = np.concatenate(off)

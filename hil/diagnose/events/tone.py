@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.diagnose.events.event import Events
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.fitted import Fitted, output_of
 from hil.identify.experiment import Experiment
 from hil.identify.lines import common_line
 from hil.record.recording import Array
@@ -41,7 +41,7 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
         return None
     unit = problem.plant.output.unit
     size, spread = float(np.mean(amplitudes)), float(np.std(amplitudes) / np.sqrt(len(amplitudes)))
-    longest = max(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    longest = max(e.duration_s for e in problem.experiments)
     noise = problem.noises[0].std
     count = sum(len(e.output) for e in problem.experiments)
     std_hz = float(np.sqrt(6.0 / count) * noise / max(size, 1e-12) / (np.pi * longest))
@@ -58,12 +58,10 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
 
 def without_tone(problem: Problem, beside: Fitted, frequency_hz: float) -> tuple[Experiment, ...]:
     """The experiments with a tone taken out of their output, as it shows beside a model."""
-    effects = [*problem.model.active_effects, *beside.effects]
     kept = []
     for e in problem.experiments:
-        simulated = e.respond(problem.plant, beside.parameters, effects, factor=problem.factor)[0]
         columns = _waves(e, frequency_hz)
-        solution = np.linalg.lstsq(columns, e.output - simulated, rcond=None)[0]
+        solution = np.linalg.lstsq(columns, e.output - output_of(problem, beside, e), rcond=None)[0]
         kept.append(replace(e, output=e.output - columns @ solution))
     return tuple(kept)
 
@@ -80,7 +78,7 @@ def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float
 
 
 def _shortest_s(problem: Problem) -> float:
-    return min(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    return min(e.duration_s for e in problem.experiments)
 
 
 def _tone_fit(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[Array]]:

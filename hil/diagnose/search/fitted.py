@@ -98,6 +98,13 @@ def evaluated(problem: Problem, f: Fitted) -> Fitted:
     return replace(f, chi2=float(r @ r), residuals=r)
 
 
+def output_of(problem: Problem, f: Fitted, e: Experiment) -> Array:
+    """The output that an explanation as it stands gives under what drives an experiment, shape (n,)."""
+    effects = [*problem.model.active_effects, *f.effects]
+    output: Array = e.respond(problem.plant, f.parameters, effects, factor=problem.factor)[0]
+    return output
+
+
 def residuals_of(
     problem: Problem, f: Fitted, *, factor: float | None = None, experiments: Sequence[Experiment] | None = None
 ) -> Array:

@@ -152,7 +152,7 @@ def signals_seen(problem: Problem, left: Array) -> Mapping[str, Seen]:
         )
         traces.append((trace, e.drive.interval_s))
     tones = _tones(problem, left)
-    duration_s = max(float(e.time_s[-1] - e.time_s[0]) for e in problem.experiments)
+    duration_s = max(e.duration_s for e in problem.experiments)
     found: dict[str, Seen] = {}
     for k, hook in enumerate(problem.plant.hooks):
         # What passes a force hook is a speed; effects there are sized by what drives the part.
