@@ -16,9 +16,10 @@ from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
 
-# Every other stretch of this length is kept back. Long against the memory of a valve, so that the stretches are
-# news, short against a recording, so that both halves see every kind of excitation.
-_STRETCH_S = 4.0
+# Every other stretch of this length is kept back. Long against the memory of a valve, or of a plant that is sampled as
+# slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
+# excitation.
+_STRETCH_S, _STRETCH_SAMPLES = 4.0, 100
 # What leaves several times more than the best is refitted less well: only its rank is asked for.
 _REFIT_EVALUATIONS, _FEW_EVALUATIONS, _FAR_BEHIND = 8, 3, 2.0
 _WORTH = 4.0
@@ -44,7 +45,7 @@ class Judged:
 
 def training_half(problem: Problem) -> Mask:
     """Which residuals are fitted; the others are for judging. Shape (n,), True and False."""
-    labels = problem.block_labels(_STRETCH_S)
+    labels = problem.block_labels(max(_STRETCH_S, _STRETCH_SAMPLES * max(problem.intervals_s)))
     half: Mask = labels % 2 == 0
     return half
 

@@ -130,7 +130,7 @@ def next_test(
 
     `span`: how far the command may go, if that is known.
     """
-    if _interval_s(problem) > _SLOWEST_SAMPLING_S:
+    if problem.intervals_s[0] > _SLOWEST_SAMPLING_S:
         return None
     span = span or span_of(problem)
     tests = [test for test in menu(span) if _stays(problem, _planned(problem, test, span))]
@@ -240,7 +240,7 @@ def _simulated(problem: Problem, planned: Experiment, f: Fitted) -> Array:
 
 
 def _planned(problem: Problem, test: MenuTest, span: Span) -> Experiment:
-    like, interval_s = problem.experiments[0], _interval_s(problem)
+    like, interval_s = problem.experiments[0], problem.intervals_s[0]
     wave = span.neutral + span.full * test.shape(1.0 / interval_s)
     inputs = np.vstack([wave, *(np.full(len(wave), float(np.median(row))) for row in like.drive.inputs[1:])])
     drive = Drive(inputs, float(like.output[0]), interval_s, like.drive.read_at)
@@ -250,12 +250,8 @@ def _planned(problem: Problem, test: MenuTest, span: Span) -> Experiment:
     )  # fmt: skip
 
 
-def _interval_s(problem: Problem) -> float:
-    return float(np.median(np.diff(problem.experiments[0].time_s)))
-
-
 def _bench_s(problem: Problem, test: MenuTest) -> float:
-    interval_s = _interval_s(problem)
+    interval_s = problem.intervals_s[0]
     return len(test.shape(1.0 / interval_s)) * interval_s
 
 

@@ -86,14 +86,19 @@ class Problem:
         return len(self.nominal_residuals) - ignored
 
     @cached_property
+    def intervals_s(self) -> tuple[float, ...]:
+        """From one sample to the next, the median of each experiment."""
+        return tuple(float(np.median(np.diff(e.time_s))) for e in self.experiments)
+
+    @cached_property
     def start_slopes(self) -> tuple[Array | None, ...]:
         """Of each whitened output in what its first reading got wrong (see `hil.identify.first_reading`)."""
         if self.following:  # the start is forgotten
             return (None,) * len(self.experiments)
         model, found = self.model, []
-        for e, noise in zip(self.experiments, self.noises, strict=True):
+        for e, noise, interval_s in zip(self.experiments, self.noises, self.intervals_s, strict=True):
             slope = start_slope(e, self.plant, model.values, model.active_effects, noise.std, self.factor)
-            found.append(None if slope is None else whiten(noise.std * slope, noise, _interval_s(e)))
+            found.append(None if slope is None else whiten(noise.std * slope, noise, interval_s))
         return tuple(found)
 
     @cached_property
@@ -124,21 +129,25 @@ class Problem:
                 self.plant, parameters, effects,
                 factor=factor or self.factor, inject=added, following=self.following,
             )  # fmt: skip
-            error = with_free_start(whiten(rows[0] - e.output, noise, _interval_s(e)), starts[i])
+            error = with_free_start(whiten(rows[0] - e.output, noise, self.intervals_s[i]), starts[i])
             parts.append(error if e.ignored is None else np.where(e.ignored, 0.0, error))
             for k, signal in enumerate(self.plant.observed, start=1):
                 if signal.name in inner:
                     parts.append((rows[k] - e.observed[signal.name]) / inner[signal.name])
         return np.concatenate(parts)
 
-    def output_slices(self) -> list[slice]:
-        """Where each experiment's output stands in the residuals."""
+    def channel_slices(self) -> list[list[slice]]:
+        """Where each experiment's output and then its recorded inner signals stand in the residuals."""
         found, at = [], 0
         for e, inner in zip(self.experiments, self.observed_noise, strict=True):
             n = len(e.output)
-            found.append(slice(at, at + n))
-            at += n * (1 + len(inner))
+            found.append([slice(at + k * n, at + (k + 1) * n) for k in range(1 + len(inner))])
+            at = found[-1][-1].stop
         return found
+
+    def output_slices(self) -> list[slice]:
+        """Where each experiment's output stands in the residuals."""
+        return [parts[0] for parts in self.channel_slices()]
 
     def base_jacobian(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], base: Array) -> Array:
         """Slopes of the residuals in the base parameters, shape (n, k)."""
@@ -203,7 +212,3 @@ def white_floor_of(noise: Noise) -> float:
 
     sample = lfilter((1.0,), (1.0, *noise.colour), generator.standard_normal(20_000))[1000:]
     return noise.std * white_floor(sample) / float(np.std(sample))
-
-
-def _interval_s(experiment: Experiment) -> float:
-    return float(np.median(np.diff(experiment.time_s)))

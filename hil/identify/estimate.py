@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from hil.signals.colour import colour_factor
 _RELATIVE_STEP = 1e-3
 _FIRST_DAMPING = 1e-3
 _STILL = 1e-9
+# Slopes are carried on by secants while a step brings at least this share of what they promised.
+_AS_PROMISED = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,26 +36,34 @@ class Unknown:
         return min(value - self.low, self.high - value) <= 1e-3 * self.scale
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Estimate:
     """The outcome of a fit.
 
     Attributes:
         unknowns: what was estimated.
-        values: shape (k,). `std`: standard uncertainties, infinite where the data cannot tell.
-        covariance: shape (k, k), scaled by the residual's variance and its colour.
-        residuals: weighted, shape (n,). `jacobian`: of the residuals, shape (n, k).
-        chi2: sum of squared residuals.
+        values: shape (k,).
+        residuals: weighted, shape (n,).
         converged: whether the optimiser met its tolerance. `sentence`: what it said.
+        slopes_at_values: computes the `jacobian`; most fits of a search are only compared, and none asks for it.
     """
 
     unknowns: tuple[Unknown, ...]
     values: Array
-    covariance: Array
     residuals: Array
-    jacobian: Array
     converged: bool
     sentence: str
+    slopes_at_values: Callable[[], Array]
+
+    @cached_property
+    def jacobian(self) -> Array:
+        """Of the residuals, shape (n, k)."""
+        return self.slopes_at_values()
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Shape (k, k), scaled by the residual's variance and its colour."""
+        return _covariance(self.jacobian, self.residuals, np.array([u.scale for u in self.unknowns]))
 
     @property
     def chi2(self) -> float:
@@ -62,7 +72,7 @@ class Estimate:
 
     @property
     def std(self) -> Array:
-        """Standard uncertainties."""
+        """Standard uncertainties, infinite where the data cannot tell."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -99,6 +109,9 @@ def estimate(
     """Minimise the sum of squared residuals within the bounds, from the unknowns' start values.
 
     `residuals` maps values of shape (k,) to weighted residuals of shape (n,); it is called from threads.
+
+    Levenberg and Marquardt; slopes are differences once, and secants as long as steps bring what they promise. It ends
+    only by slopes from differences. `max_evaluations` counts the steps that were taken by those.
     """
     low = np.array([u.low for u in unknowns])
     high = np.array([u.high for u in unknowns])
@@ -106,30 +119,42 @@ def estimate(
     values = np.clip([u.start for u in unknowns], low, high)
     r = residuals(values)
     if not len(unknowns):
-        return Estimate((), values, np.zeros((0, 0)), r, np.zeros((len(r), 0)), True, "nothing to estimate")
-    slopes = jacobian(residuals, values, high, scale, r)
+        return Estimate((), values, r, True, "nothing to estimate", lambda: np.zeros((len(r), 0)))
+    slopes, secants = jacobian(residuals, values, high, scale, r), 0
     damping, evaluations, sentence = _FIRST_DAMPING, 1, ""
     while not sentence:
-        step = _damped_step(slopes, r, values, low, high, scale, damping)
-        moved = np.clip(values + step, low, high)
-        if np.all(np.abs(moved - values) <= _STILL * scale):
-            sentence = "no step improves any further"
-            break
-        new = residuals(moved)
-        evaluations += 1
-        gain = float(r @ r - new @ new)
-        if gain > 0.0:  # also False when the new residuals are not finite
-            if gain < tolerance * float(r @ r):
-                sentence = "the misfit no longer falls"
+        moved = np.clip(values + _damped_step(slopes, r, values, low, high, scale, damping), low, high)
+        step = (moved - values) / scale
+        still = bool(np.all(np.abs(step) <= _STILL))
+        new = r if still else residuals(moved)
+        evaluations += not secants
+        foretold = r + slopes @ (moved - values)
+        gain, promise = float(r @ r - new @ new), float(r @ r - foretold @ foretold)
+        fell = gain > 0.0  # also False when the new residuals are not finite
+        converged = still or (fell and gain < tolerance * float(r @ r))
+        if fell:
             values, r = moved, new
-            slopes = jacobian(residuals, values, high, scale, r)
             damping = max(damping / 5.0, 1e-9)
-        else:
+        elif not secants:
             damping *= 4.0
-        if evaluations >= max_evaluations and not sentence:
+        if converged and not secants:
+            sentence = "no step improves any further" if still else "the misfit no longer falls"
+        elif evaluations >= max_evaluations:
             sentence = f"stopped after {evaluations} evaluations"
-    converged = not sentence.startswith("stopped")
-    return Estimate(tuple(unknowns), values, _covariance(slopes, r, scale), r, slopes, converged, sentence)
+        elif fell and not converged and gain >= _AS_PROMISED * promise and secants < len(unknowns):
+            slopes, secants = _secant(slopes, step, scale, new - foretold), secants + 1
+        elif fell or secants:
+            slopes, secants = jacobian(residuals, values, high, scale, r), 0
+    done = not sentence.startswith("stopped")
+    return Estimate(
+        tuple(unknowns), values, r, done, sentence, lambda: jacobian(residuals, values, high, scale, r)
+    )  # fmt: skip
+
+
+def _secant(slopes: Array, step: Array, scale: Array, missed: Array) -> Array:
+    """The slopes that would have foretold a step, in scales, that missed by so much (Broyden, Math. Comp. 19, 1965)."""
+    corrected: Array = slopes + np.outer(missed / float(step @ step), step / scale)
+    return corrected
 
 
 def _damped_step(

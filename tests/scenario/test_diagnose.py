@@ -12,7 +12,7 @@ from hil.diagnose.diagnose import Diagnosed, diagnose
 from hil.diagnose.events.bursts import all_bursts, is_sparse
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.events.tone import tone
-from hil.diagnose.measures import excess
+from hil.diagnose.measures import SMALL_EXCESS, excess
 from hil.diagnose.problem import pose
 from hil.diagnose.search.around import around
 from hil.diagnose.search.fitted import nothing
@@ -165,6 +165,22 @@ def test_a_tone_with_a_phase_of_its_own_in_each_recording() -> None:
     frequency = of.diagnosis.effects[0].parameters["frequency"]
     assert frequency.value == pytest.approx(11.3, abs=0.01)
     assert frequency.std is not None and frequency.std > 2.8e-5 * 11.3  # the recorder's time base
+
+
+def test_a_tone_that_runs_through_the_spool_too_is_one() -> None:
+    made = records(seed=9, with_spool=True)
+    for k, each in enumerate(made):
+        wave = np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
+        each.channels["flow"].values[:] += 1.5 * wave
+        each.channels["spool position"].values[:] += 1.0 * wave
+    problem = pose(nominal(), bound(nominal(), made))
+    start = nothing(problem)
+    found, _ = recognised(problem, (start,), excess(problem, start.chi2))
+    assert found is not None
+    assert found.name == "periodic_disturbance"
+    assert excess(problem, found.chi2) < SMALL_EXCESS
+    rest = pose(nominal(), found.rest)
+    assert excess(rest, nothing(rest).chi2) < SMALL_EXCESS
 
 
 def test_a_tone_beside_an_effect_hides_neither() -> None:

@@ -26,3 +26,31 @@ def test_what_acts_as_a_sum_cannot_be_told_apart_but_is_there() -> None:
     assert found.values.sum() == pytest.approx(3.0, abs=0.01)
     assert np.all(np.isinf(found.std))
     assert found.std_holding(0, [1]) == pytest.approx(0.1 / np.sqrt(4000), rel=0.1)
+
+
+class Counted:
+    """Residuals of a curved valley with its lowest point at one in every direction, and how often they were asked for."""
+
+    def __init__(self, count: int) -> None:
+        self.count, self.calls = count, 0
+
+    def __call__(self, values: Array) -> Array:
+        self.calls += 1
+        return np.concatenate([values - 1.0, 3.0 * (values[1:] - values[:-1] ** 2), 0.1 * np.sin(values - 1.0)])
+
+
+def test_secants_lead_where_differences_lead_with_fewer_simulations() -> None:
+    valley = Counted(8)
+    found = estimate(valley, [Unknown(f"x{k}", "1", 0.3, -5.0, 5.0, 1.0) for k in range(8)], tolerance=1e-10)
+    assert found.converged
+    assert found.values == pytest.approx(np.ones(8), abs=1e-4)
+    assert valley.calls < 70  # 85 by differences alone
+
+
+def test_nobody_pays_for_an_uncertainty_that_is_not_asked_for() -> None:
+    valley = Counted(8)
+    found = estimate(valley, [Unknown(f"x{k}", "1", 0.3, -5.0, 5.0, 1.0) for k in range(8)])
+    before = valley.calls
+    assert found.chi2 < 1e-6 and valley.calls == before
+    assert np.all(np.isfinite(found.std)) and valley.calls == before + 8
+    assert found.covariance.shape == (8, 8) and valley.calls == before + 8

@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.diagnose.events.event import Events
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted, output_of
+from hil.diagnose.search.fitted import Fitted, rows_of
 from hil.identify.experiment import Experiment
 from hil.identify.lines import common_line
 from hil.record.recording import Array
@@ -57,13 +57,22 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
 
 
 def without_tone(problem: Problem, beside: Fitted, frequency_hz: float) -> tuple[Experiment, ...]:
-    """The experiments with a tone taken out of their output, as it shows beside a model."""
+    """The experiments with a tone taken out of all that is recorded, as it shows beside a model."""
+    inner = [signal.name for signal in problem.plant.observed]
     kept = []
     for e in problem.experiments:
-        columns = _waves(e, frequency_hz)
-        solution = np.linalg.lstsq(columns, e.output - output_of(problem, beside, e), rcond=None)[0]
-        kept.append(replace(e, output=e.output - columns @ solution))
+        waves, (output, *signals) = _waves(e, frequency_hz), rows_of(problem, beside, e)
+        simulated = dict(zip(inner, signals, strict=True))
+        observed = {name: _without(measured, simulated[name], waves) for name, measured in e.observed.items()}
+        kept.append(replace(e, output=_without(e.output, output, waves), observed=observed))
     return tuple(kept)
+
+
+def _without(measured: Array, simulated: Array, waves: Array) -> Array:
+    """What was measured without the waves in what the simulation leaves of it."""
+    share = np.linalg.lstsq(waves, measured - simulated, rcond=None)[0]
+    left: Array = measured - waves @ share
+    return left
 
 
 def _sharpened(problem: Problem, residuals: Array, frequency_hz: float) -> float:
@@ -82,13 +91,17 @@ def _shortest_s(problem: Problem) -> float:
 
 
 def _tone_fit(problem: Problem, residuals: Array, frequency_hz: float) -> tuple[Array, list[Array]]:
-    """Residuals without the tone, and for each recording how much there is of each wave."""
+    """Residuals without the tone, and how much there is of each wave in each recording's output.
+
+    A tone that enters early runs through recorded inner signals too.
+    """
     left, found = residuals.copy(), []
-    for e, part in zip(problem.experiments, problem.output_slices(), strict=True):
+    for e, parts in zip(problem.experiments, problem.channel_slices(), strict=True):
         columns = _waves(e, frequency_hz)
-        share: Array = np.asarray(np.linalg.lstsq(columns, left[part], rcond=None)[0], dtype=np.float64)
-        left[part] -= columns @ share
-        found.append(share)
+        shares = [np.asarray(np.linalg.lstsq(columns, left[part], rcond=None)[0], dtype=np.float64) for part in parts]
+        for part, share in zip(parts, shares, strict=True):
+            left[part] -= columns @ share
+        found.append(shares[0])
     return left, found
 
 

@@ -100,9 +100,14 @@ def evaluated(problem: Problem, f: Fitted) -> Fitted:
 
 def output_of(problem: Problem, f: Fitted, e: Experiment) -> Array:
     """The output that an explanation as it stands gives under what drives an experiment, shape (n,)."""
-    effects = [*problem.model.active_effects, *f.effects]
-    output: Array = e.respond(problem.plant, f.parameters, effects, factor=problem.factor)[0]
+    output: Array = rows_of(problem, f, e)[0]
     return output
+
+
+def rows_of(problem: Problem, f: Fitted, e: Experiment) -> Array:
+    """The output and the plant's inner signals, as in `output_of`, shape (1 + observed, n)."""
+    effects = [*problem.model.active_effects, *f.effects]
+    return e.respond(problem.plant, f.parameters, effects, factor=problem.factor)
 
 
 def residuals_of(
