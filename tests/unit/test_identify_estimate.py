@@ -29,7 +29,7 @@ def test_what_acts_as_a_sum_cannot_be_told_apart_but_is_there() -> None:
 
 
 class Counted:
-    """Residuals of a curved valley with its lowest point at one in every direction, and how often they were asked for."""
+    """Residuals of a curved valley, lowest where every value is one, and how often they were asked for."""
 
     def __init__(self, count: int) -> None:
         self.count, self.calls = count, 0

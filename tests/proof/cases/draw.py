@@ -71,5 +71,7 @@ def _changed(plant: Plant, unit: dict[str, float], rng: np.random.Generator) -> 
     chosen = rng.choice(len(candidates), size=rng.integers(1, 3), replace=False)
     changed = dict(unit)
     for base in (candidates[i] for i in chosen):
-        changed[base.name] *= 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(*base.change)
+        factor = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(*base.change)
+        for name in (base.name, *base.together):
+            changed[name] *= factor
     return changed

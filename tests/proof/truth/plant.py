@@ -21,6 +21,8 @@ class Base:
     """Whether a concealed change of it is a `parameter_change`; not so where an effect is named after it."""
     change: tuple[float, float] = (0.05, 0.35)
     """Least and greatest concealed change, as a share of the value."""
+    together: tuple[str, ...] = ()
+    """Others that change with it, by the same factor: a change of one of them alone is an effect of that name."""
 
 
 @dataclass(frozen=True, slots=True)

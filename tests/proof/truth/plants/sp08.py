@@ -50,8 +50,8 @@ PLANT = Plant(
         Base("loop_gain", 1.4, 0.15, "%/mm"),
         Base("spool_frequency", 75.0, 0.15, "rad/s"),
         Base("spool_damping", 0.7, 0.15),
-        Base("speed_out", 180.0, 0.12, "mm/s"),
-        Base("speed_in", 264.0, 0.12, "mm/s"),
+        Base("speed_out", 180.0, 0.12, "mm/s", together=("speed_in",)),
+        Base("speed_in", 264.0, 0.12, "mm/s", changes=False),  # alone it is an asymmetry
     ),
     start=_start,
     command=Channel("request [mm]", 0.0, 300.0),
