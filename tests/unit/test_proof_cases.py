@@ -9,13 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.proof.cases.draw import draw
+from tests.proof.cases.draw import changed, draw
 from tests.proof.cases.folder import unseen, write_case
 from tests.proof.cases.label import SEVERITIES, Label, parse
 from tests.proof.cases.seal import BrokenSealError, publish, read, verify
 from tests.proof.cases.severity import Stand, strengthened
 from tests.proof.cases.truth import Truth, from_json, to_json
 from tests.proof.plan import Plan, kinds
+from tests.proof.truth.catalog import PLANTS
 from tests.proof.truth.law import Hidden
 from tests.proof.truth.noise import Colour, converted, noise
 
@@ -43,6 +44,15 @@ def test_another_seed_draws_another_case(leak: Truth) -> None:
     assert other.unit != leak.unit
     assert other.hidden != leak.hidden
     assert other.salt != leak.salt
+
+
+def test_a_changed_speed_of_both_directions_is_no_asymmetry() -> None:
+    plant = PLANTS["hydraforce-sp08-47c"]
+    before = plant.unit(np.random.default_rng(0))
+    after = [changed(plant, before, np.random.default_rng(seed)) for seed in range(20)]
+    moved = [unit["speed_out"] / before["speed_out"] for unit in after]
+    assert [unit["speed_in"] / before["speed_in"] for unit in after] == pytest.approx(moved)
+    assert 0 < sum(factor != 1.0 for factor in moved) < len(moved)
 
 
 def test_a_truth_survives_being_written(leak: Truth) -> None:

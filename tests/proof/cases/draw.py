@@ -37,7 +37,7 @@ def draw(seed: int, label: Label) -> Truth:
     salt = rng.bytes(16).hex()
     healthy = Unit(plant, unit)
     on = stand(healthy, programme_of(seed, label).changed, key + CHANGED, COARSE)
-    changed_unit = _changed(plant, unit, rng) if label.kind == PARAMETER else unit
+    changed_unit = changed(plant, unit, rng) if label.kind == PARAMETER else unit
     hidden = tuple(strengthened(*_conceal(effect, on, label, rng)) for effect in _effects(label, rng))
     alone = [replace(healthy, hidden=(h,)) for h in hidden]
     sigma = tuple(on.sigma(one) for one in alone or [Unit(plant, changed_unit)])
@@ -66,12 +66,13 @@ def _conceal(effect: str, on: Stand, label: Label, rng: np.random.Generator) -> 
     return Hidden(name, parameters), on, wanted * SEVERITIES[label.severity]
 
 
-def _changed(plant: Plant, unit: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+def changed(plant: Plant, unit: dict[str, float], rng: np.random.Generator) -> dict[str, float]:
+    """Return a unit of which one parameter or two have changed, with those that change together with them."""
     candidates = [b for b in plant.base if b.changes]
     chosen = rng.choice(len(candidates), size=rng.integers(1, 3), replace=False)
-    changed = dict(unit)
+    after = dict(unit)
     for base in (candidates[i] for i in chosen):
         factor = 1.0 + rng.choice([-1.0, 1.0]) * rng.uniform(*base.change)
         for name in (base.name, *base.together):
-            changed[name] *= factor
-    return changed
+            after[name] *= factor
+    return after
