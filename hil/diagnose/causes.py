@@ -27,7 +27,9 @@ NAMEABLE = 2
 SECOND_SHARE = 0.7
 # A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
 MOVED_SIGMAS = 3.0
-_POLISHED = 2
+# So many single explanations are fitted to their end; more, where one of them explains what it should, of those that
+# leave no more than so many times what the best left while all else adapted linearly.
+_POLISHED, _MOST_POLISHED, _MAY_BE_AS_GOOD = 2, 5, 4.0
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
 _PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
@@ -123,17 +125,18 @@ class Causes:
         return Fitted(terms, values, at.parameters, at.chi2, at.residuals)
 
     def polished(self, singles: Sequence[Fitted]) -> list[Fitted]:
-        """The best few single explanations of different names, fitted with nothing linearised."""
-        seen: set[str] = set()
-        found = []
+        """The best single explanations of different names, fitted with nothing linearised; of lags that one recording
+        hardly tells apart the linearised ones come in any order.
+        """
+        distinct: dict[str, Fitted] = {}
         for f in singles:
-            name = f.names[0] if f.names else f.terms[0].name
-            if name in seen:
-                continue
-            seen.add(name)
-            found.append(polish(self.m.problem, f))
-            if len(found) == _POLISHED:
+            distinct.setdefault(f.names[0] if f.names else f.terms[0].name, f)
+        found: list[Fitted] = []
+        for f in list(distinct.values())[:_MOST_POLISHED]:
+            near = self._left(f) <= _MAY_BE_AS_GOOD * self._left(singles[0])
+            if len(found) >= _POLISHED and not (near and any(self.m.is_adequate(other) for other in found)):
                 break
+            found.append(polish(self.m.problem, f))
         return [f for f in found if is_present(f)]
 
     def seeds(self, best: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:

@@ -43,7 +43,7 @@ class Choice:
         chosen: terms and values, fitted together; no terms when nothing is to be named.
         baseline: the nominal model, base parameters moved within their prior.
         nominal: the nominal model as it is.
-        candidates: single explanations that were fitted, best first.
+        candidates: single explanations that were fitted: those with nothing linearised, then the others; best first.
         rivals: effect names that explain the data as well as the first chosen one.
         terms: everything that was looked for.
         left: the share of the misfit that the chosen explanation leaves.
@@ -113,8 +113,9 @@ class _Judge:
         if verdict in OPEN and not self.m.is_adequate(best) and events is None and self.causes.is_short():
             best = self.most_telling([best, self.causes.deeper(best, alone.place)], polished)
             verdict = self.verdict(best, polished)
+        candidates = (*sorted(polished, key=self.m.cost), *singles)
         return Choice(
-            verdict, best, self.baseline, nominal, singles,
+            verdict, best, self.baseline, nominal, candidates,
             self.rivals(best, polished), self.causes.terms, self.m.left(best), events, part,
         )  # fmt: skip
 

@@ -89,21 +89,25 @@ def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
 
     The laws of the library are not the laws of nature, so likelihoods are tempered: by what even the best explanation
     leaves on data it was not fitted to, and so that a difference of `indistinguishable` is worth a factor of seven at
-    most. An explanation strained to the end of what is physical is no more probable than the first, which was chosen.
-    `unexplained` is the probability of none.
+    most. What all the data cannot tell from the first one, which was chosen, or is strained to the end of what is
+    physical, is no more probable than that. `unexplained` is the probability of none.
     """
     if not judged:
         return []
     costs = [j.chi2_held_out + j.prior_cost for j in judged]
-    costs = [max(c, costs[0]) if is_strained(j.fitted) else c for c, j in zip(costs, judged, strict=True)]
     least = min(j.chi2_held_out for j in judged)
     temper = max(least / judged[0].count, indistinguishable(least) / _WORTH)
-    logs = np.array(
-        [-(c - min(costs)) / (2.0 * temper) - 0.5 * j.fitted.unknowns for c, j in zip(costs, judged, strict=True)]
-    )
+    logs = np.array([-c / (2.0 * temper) - 0.5 * j.fitted.unknowns for c, j in zip(costs, judged, strict=True)])
+    bound = [_no_better(j.fitted, judged[0].fitted) for j in judged]
+    logs = np.where(bound, np.minimum(logs, logs[0]), logs)
     weights = np.exp(np.maximum(logs - logs.max(), -700.0))
     shares = (1.0 - unexplained) * weights / weights.sum()
     return [float(share) for share in shares]
+
+
+def _no_better(f: Fitted, chosen: Fitted) -> bool:
+    """Whether nothing speaks for an explanation against the one that was chosen."""
+    return is_strained(f) or abs(f.chi2 - chosen.chi2) < indistinguishable(chosen.chi2)
 
 
 def indistinguishable(chi2: float) -> float:

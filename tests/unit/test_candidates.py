@@ -1,0 +1,77 @@
+"""Which explanations are fitted to their end, and what is said of how probable they are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.diagnose import causes
+from hil.diagnose.causes import Causes
+from hil.diagnose.evidence import Judged, probabilities
+from hil.diagnose.problem import Problem
+from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.terms import Term
+from hil.identify.estimate import Unknown
+
+COUNT = 10_000
+
+
+def explanation(name: str, chi2: float, unknowns: int = 1) -> Fitted:
+    own = tuple(Unknown(f"x{k}", "1", 1.0, 0.0, 10.0, 1.0) for k in range(unknowns))
+    term = Term("effect", name, "flow", "load", own, ((1.0,) * unknowns,), null=np.inf)
+    return Fitted((term,), ((1.0,) * unknowns,), {}, chi2, np.zeros(0))
+
+
+def judged(f: Fitted, held_out: float) -> Judged:
+    return Judged(f, 99.0, held_out, COUNT // 2, 0.0)
+
+
+def test_what_was_chosen_is_no_less_probable_than_what_cannot_be_told_from_it() -> None:
+    chosen = judged(explanation("saturation", 10_000.0, unknowns=3), 5_000.0)
+    same = judged(explanation("end_stop", 10_010.0), 4_999.0)
+    first, second = probabilities([chosen, same], 0.02)
+    assert first == pytest.approx(second) == pytest.approx(0.49)
+
+
+def test_what_data_kept_back_prefer_may_be_more_probable_than_what_was_chosen() -> None:
+    chosen = judged(explanation("saturation", 10_000.0, unknowns=3), 5_400.0)
+    other = judged(explanation("end_stop", 11_000.0), 5_000.0)
+    first, second = probabilities([chosen, other], 0.02)
+    assert first < 0.1 < second
+
+
+class Stand:
+    """Measures of explanations that are their χ² alone."""
+
+    problem = None
+
+    def excess(self, f: Fitted) -> float:
+        return f.chi2 / COUNT - 1.0
+
+    def is_adequate(self, f: Fitted) -> bool:
+        return self.excess(f) < 0.03
+
+
+@pytest.mark.parametrize(
+    ("lowest", "expected"),
+    [
+        (10_000.0, ["saturation", "coil_lag", "sensor_lag"]),  # the second one explains: what is near it is fitted too
+        (13_000.0, ["saturation", "coil_lag"]),  # nothing explains: no more than two
+    ],
+)
+def test_what_may_be_as_good_as_an_explanation_is_fitted_too(
+    monkeypatch: pytest.MonkeyPatch, lowest: float, expected: list[str]
+) -> None:
+    def polish(_problem: Problem, f: Fitted) -> Fitted:
+        return explanation(f.names[0], 12_000.0 if f.names[0] == "saturation" else lowest)
+
+    monkeypatch.setattr(causes, "polish", polish)
+    singles = [
+        explanation("saturation", 13_000.0),
+        explanation("coil_lag", 13_500.0),
+        explanation("coil_lag", 13_600.0),  # the same name at another place
+        explanation("sensor_lag", 16_000.0),
+        explanation("deadband", 40_000.0),  # far behind
+    ]
+    found = Causes(Stand(), ()).polished(singles)  # type: ignore[arg-type]
+    assert [f.names[0] for f in found] == expected
