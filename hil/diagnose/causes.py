@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -152,8 +152,21 @@ class Causes:
         rough = [self._compared(f) for f in self._within(found, _FAR_WORSE)]
         self.second.extend(rough)
         closest = self._within(sorted(rough, key=lambda f: f.chi2), _MAY_TURN_OUT_BEST)[:_FITTED_TO_THE_END]
-        both = min((polish(self.m.problem, f) for f in closest), key=self.m.cost)
+        both = self._from_one_valley([polish(self.m.problem, f) for f in closest])
         return [both] if self._is_pair(both, best) else []
+
+    def _from_one_valley(self, pairs: Sequence[Fitted]) -> Fitted:
+        """The most economical of pairs. Where it has a rugged term, those that have it too, and no more unknowns, are
+        fitted once more from its valley: they may have ended in another one.
+        """
+        best = min(pairs, key=self.m.cost)
+        valleys = {(t.name, t.hook): v for t, v in zip(best.terms, best.values, strict=True) if t.rugged}
+        again = [
+            replace(f, values=moved, parameters=best.parameters)
+            for f in pairs
+            if f is not best and f.unknowns <= best.unknowns and (moved := _moved_into(f, valleys)) != f.values
+        ]
+        return min([best, *(polish(self.m.problem, f) for f in again)], key=self.m.cost)
 
     def _within(self, best_first: Sequence[Fitted], times: float) -> list[Fitted]:
         """Those that leave no more than so many times what the best leaves."""
@@ -261,3 +274,8 @@ class Causes:
         for f in sorted(found, key=lambda f: f.chi2):
             distinct.setdefault(frozenset((t.name, t.hook) for t in f.terms), f)
         return list(distinct.values())[:_BEAM]
+
+
+def _moved_into(f: Fitted, valleys: Mapping[tuple[str, str], tuple[float, ...]]) -> tuple[tuple[float, ...], ...]:
+    """Values of an explanation with those of some terms, by name and hook, taken from elsewhere."""
+    return tuple(valleys.get((t.name, t.hook), v) for t, v in zip(f.terms, f.values, strict=True))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -48,6 +50,9 @@ class Stand:
     def excess(self, f: Fitted) -> float:
         return f.chi2 / COUNT - 1.0
 
+    def cost(self, f: Fitted) -> float:
+        return f.chi2 + f.unknowns
+
     def is_adequate(self, f: Fitted) -> bool:
         return self.excess(f) < 0.03
 
@@ -75,3 +80,21 @@ def test_what_may_be_as_good_as_an_explanation_is_fitted_too(
     ]
     found = Causes(Stand(), ()).polished(singles)  # type: ignore[arg-type]
     assert [f.names[0] for f in found] == expected
+
+
+def test_pairs_that_share_a_rugged_term_are_compared_in_one_valley(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The more economical of two pairs ended in a wrong valley of friction, the other one in the right one."""
+
+    def pair(name: str, size: float, unknowns: int) -> Fitted:
+        lag, friction = explanation(name, 0.0, unknowns), explanation("friction", 0.0)
+        terms = (lag.terms[0], replace(friction.terms[0], rugged=True))
+        return Fitted(terms, (lag.values[0], (size,)), {}, 10_000.0 + 1_000.0 * abs(size - 3.0) + unknowns, np.zeros(0))
+
+    def polish(_problem: Problem, f: Fitted) -> Fitted:
+        return pair(f.terms[0].name, f.values[1][0], len(f.values[0]))  # it stays in the valley that it is in
+
+    monkeypatch.setattr(causes, "polish", polish)
+    right, economical, other = pair("coil_lag", 3.0, 4), pair("dead_time", 5.0, 1), explanation("backlash", 10_500.0)
+    both = Causes(Stand(), ())._from_one_valley([economical, right, other])  # type: ignore[arg-type]
+    assert both.names == ("dead_time", "friction")
+    assert both.values[1] == (3.0,)
