@@ -28,7 +28,7 @@ SECOND_SHARE = 0.7
 # A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
 MOVED_SIGMAS = 3.0
 # So many single explanations are fitted to their end; more, where one of them explains what it should, of those that
-# leave no more than so many times what the best left while all else adapted linearly.
+# leave no more than so many times what the best left while all else adapted linearly: lags come in any order then.
 _POLISHED, _MOST_POLISHED, _MAY_BE_AS_GOOD = 2, 5, 4.0
 # The coarse grid of the screen must show this share of it before a second cause is fitted.
 _HOPE = 0.3
@@ -125,18 +125,15 @@ class Causes:
         return Fitted(terms, values, at.parameters, at.chi2, at.residuals)
 
     def polished(self, singles: Sequence[Fitted]) -> list[Fitted]:
-        """The best single explanations of different names, fitted with nothing linearised; of lags that one recording
-        hardly tells apart the linearised ones come in any order.
-        """
+        """The best single explanations of different names, fitted with nothing linearised."""
         distinct: dict[str, Fitted] = {}
         for f in singles:
             distinct.setdefault(f.names[0] if f.names else f.terms[0].name, f)
-        found: list[Fitted] = []
-        for f in list(distinct.values())[:_MOST_POLISHED]:
-            near = self._left(f) <= _MAY_BE_AS_GOOD * self._left(singles[0])
-            if len(found) >= _POLISHED and not (near and any(self.m.is_adequate(other) for other in found)):
-                break
-            found.append(polish(self.m.problem, f))
+        best_first = list(distinct.values())
+        found = [polish(self.m.problem, f) for f in best_first[:_POLISHED]]
+        if any(self.m.is_adequate(f) for f in found):
+            near = self._within(best_first, _MAY_BE_AS_GOOD)
+            found += [polish(self.m.problem, f) for f in near[_POLISHED:_MOST_POLISHED]]
         return [f for f in found if is_present(f)]
 
     def seeds(self, best: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:

@@ -12,6 +12,7 @@ from scipy.stats import chi2, false_discovery_control
 from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
 from hil.diagnose.search.fitted import pool
+from hil.identify.experiment import Experiment
 from hil.physics.simulate import ActiveEffect, simulate
 from hil.record.recording import Array
 
@@ -95,7 +96,7 @@ def _band(problem: Problem, difference: Sequence[Array]) -> tuple[float, float]:
     """The band from 5 to 95 % of the difference's energy, its mean included."""
     frequencies, powers = [], []
     for e, d in zip(problem.experiments, difference, strict=True):
-        rate = 1.0 / float(np.median(np.diff(e.time_s)))
+        rate = 1.0 / e.interval_s
         f, power = welch(d, rate, nperseg=min(len(d), 8192), detrend=False)
         frequencies.append(f)
         powers.append(power * len(d) * (f[1] - f[0] if len(f) > 1 else 1.0))
@@ -115,7 +116,7 @@ def _region_shares(problem: Problem, difference: Sequence[Array]) -> dict[str, f
     total_energy, total_time = 0.0, 0.0
     largest = max(float(np.abs(e.output - _middle(problem)).max()) for e in problem.experiments)
     for e, d in zip(problem.experiments, difference, strict=True):
-        masks = _regions(e.time_s, e.output - _middle(problem), e.on_grid_input(), largest)
+        masks = _regions(e, e.output - _middle(problem), largest)
         total_energy += float(d @ d)
         total_time += len(d)
         for name, mask in masks.items():
@@ -133,16 +134,15 @@ def _middle(problem: Problem) -> float:
     return 0.0 if low < -0.2 * high else 0.5 * (low + high)
 
 
-def _regions(time_s: Array, output: Array, command: Array, largest: float) -> dict[str, Array]:
-    step_s = float(np.median(np.diff(time_s)))
-    window = max(3, int(0.06 / step_s) | 1)
+def _regions(e: Experiment, output: Array, largest: float) -> dict[str, Array]:
+    window = max(3, int(0.06 / e.interval_s) | 1)
     smooth = np.convolve(np.pad(output, window // 2, mode="edge"), np.full(window, 1.0 / window), "valid")
-    speed = np.gradient(smooth, time_s)
+    speed = np.gradient(smooth, e.time_s)
     fast = np.quantile(np.abs(speed), 0.85)
     still = 0.02 * max(float(np.abs(speed).max()), 1e-12)
     level = np.abs(smooth) / largest
-    since = _since_reversal(time_s, command)
-    progress = (time_s - time_s[0]) / max(float(time_s[-1] - time_s[0]), 1e-12)
+    since = _since_reversal(e.time_s, e.on_grid_input())
+    progress = (e.time_s - e.time_s[0]) / max(e.duration_s, 1e-12)
     return {
         "high level": level > 0.7,
         "around zero": level < 0.1,

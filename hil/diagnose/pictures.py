@@ -31,7 +31,7 @@ def spectra(problem: Problem, nominal: Fitted, used: Fitted) -> tuple[Spectrum, 
     """Amplitude spectra of the residuals, with the harmonics of the command where it has few lines."""
     found = []
     for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
-        step_s = float(np.median(np.diff(e.time_s)))
+        step_s = e.interval_s
         frequency, before = _amplitudes(nominal.residuals[part] * noise.std, step_s)
         _, after = _amplitudes(used.residuals[part] * noise.std, step_s)
         lines = _lines(e, step_s)

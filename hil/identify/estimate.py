@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 
 import numpy as np
 
@@ -146,9 +146,7 @@ def estimate(
         elif fell or secants:
             slopes, secants = jacobian(residuals, values, high, scale, r), 0
     done = not sentence.startswith("stopped")
-    return Estimate(
-        tuple(unknowns), values, r, done, sentence, lambda: jacobian(residuals, values, high, scale, r)
-    )  # fmt: skip
+    return Estimate(tuple(unknowns), values, r, done, sentence, partial(jacobian, residuals, values, high, scale, r))
 
 
 def _secant(slopes: Array, step: Array, scale: Array, missed: Array) -> Array:

@@ -79,6 +79,11 @@ class Experiment:
         return float(self.time_s[-1] - self.time_s[0])
 
     @property
+    def interval_s(self) -> float:
+        """The median interval of the samples; that of the drive's grid is `drive.interval_s`."""
+        return float(np.median(np.diff(self.time_s)))
+
+    @property
     def stands_still(self) -> bool:
         """Whether the output has one value all the time."""
         return float(np.ptp(self.output)) == 0.0

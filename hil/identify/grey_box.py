@@ -214,7 +214,7 @@ def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
     """The noise of the output from what the model leaves, a tone that runs through everything apart."""
     inputs = [e.on_grid_input() for e in experiments]
     outputs = [e.output for e in experiments]
-    interval_s = float(np.median(np.diff(experiments[0].time_s)))
+    interval_s = experiments[0].interval_s
     floor = float(np.sqrt(np.mean([channel_floor(y) ** 2 for y in outputs])))
     is_noise = float(np.sqrt(np.mean([np.mean(error**2) for error in errors]))) < _MOST_OVER_FLOOR * floor
     hum_hz = common_line(experiments, errors) if is_noise else None  # a misfit has lines that are no hum

@@ -31,8 +31,8 @@ def test_what_acts_as_a_sum_cannot_be_told_apart_but_is_there() -> None:
 class Counted:
     """Residuals of a curved valley, lowest where every value is one, and how often they were asked for."""
 
-    def __init__(self, count: int) -> None:
-        self.count, self.calls = count, 0
+    def __init__(self) -> None:
+        self.calls = 0
 
     def __call__(self, values: Array) -> Array:
         self.calls += 1
@@ -40,7 +40,7 @@ class Counted:
 
 
 def test_secants_lead_where_differences_lead_with_fewer_simulations() -> None:
-    valley = Counted(8)
+    valley = Counted()
     found = estimate(valley, [Unknown(f"x{k}", "1", 0.3, -5.0, 5.0, 1.0) for k in range(8)], tolerance=1e-10)
     assert found.converged
     assert found.values == pytest.approx(np.ones(8), abs=1e-4)
@@ -48,7 +48,7 @@ def test_secants_lead_where_differences_lead_with_fewer_simulations() -> None:
 
 
 def test_nobody_pays_for_an_uncertainty_that_is_not_asked_for() -> None:
-    valley = Counted(8)
+    valley = Counted()
     found = estimate(valley, [Unknown(f"x{k}", "1", 0.3, -5.0, 5.0, 1.0) for k in range(8)])
     before = valley.calls
     assert found.chi2 < 1e-6 and valley.calls == before

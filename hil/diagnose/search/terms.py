@@ -192,7 +192,7 @@ def _tones(problem: Problem, left: Array, most: int = 4) -> tuple[tuple[float, f
         spectrum = np.fft.rfft((r - r.mean()) * np.hanning(len(r)))
         power = np.abs(spectrum) ** 2
         above = prominence(power)
-        duration_s = len(r) * float(np.median(np.diff(e.time_s)))
+        duration_s = len(r) * e.interval_s
         for found, of in ((strongest, power / np.median(power)), (standing_out, above)):
             k = int(np.argmax(of[2:])) + 2
             size = 4.0 * np.abs(spectrum[k]) / len(r) * noise.std
