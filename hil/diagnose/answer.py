@@ -46,6 +46,8 @@ FALSE_ALARM_RATE = 0.012
 # Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
 _MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
 _JUDGED = 4
+# An explanation of a part only that is less probable than this is not named.
+_DOUBTED = 0.05
 # Where nothing can be named, the closest description, refitted on half of the data, must close this share of the gap on
 # the other half, which the nominal model may have been identified on.
 _DESCRIBES = 0.05
@@ -64,12 +66,18 @@ class Answer:
         span: Span | None,
     ) -> None:
         self.problem, self.choice, self.events = problem, choice, events
-        self.verdict = _verdict(choice, events)
         self.warnings, self.span = warnings, span
+        self.judged = self._judged()
+        self.verdict = _verdict(choice, events)
+        if events is None and self._is_doubted():
+            self.verdict = "unexplained"
         self.by_law = events is None or (_beside(choice, events) and choice.verdict != "unexplained")
         self.named = choice.chosen if self.verdict != "unexplained" and self.by_law else choice.baseline
-        self.judged = self._judged()
         self.used = self._used()
+
+    def _is_doubted(self) -> bool:
+        """Whether data kept back speak against what explains a part of the misfit."""
+        return self.verdict == "partly_explained" and self._chances()[0] < _DOUBTED
 
     def _used(self) -> Fitted:
         """What the corrected model holds: what was named, or the closest description where nothing can be named.

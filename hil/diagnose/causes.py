@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -12,7 +12,7 @@ from hil.diagnose.measures import SMALL_EXCESS, Measures, is_present
 from hil.diagnose.search.around import Around, around
 from hil.diagnose.search.fitted import Fitted, evaluated, nothing
 from hil.diagnose.search.joint import joint
-from hil.diagnose.search.polish import polish
+from hil.diagnose.search.polish import FAR_OFF_SIGMAS, fit, polish, roughly
 from hil.diagnose.search.refine import LEAN, refine_all
 from hil.diagnose.search.screen import Screened, screen
 from hil.diagnose.search.terms import Term, all_terms
@@ -25,8 +25,6 @@ ALARM_GAIN = 60.0
 NAMEABLE = 2
 # A second cause must explain most of what the first one leaves.
 SECOND_SHARE = 0.7
-# A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
-MOVED_SIGMAS = 3.0
 # So many single explanations are fitted to their end; more, where one of them explains what it should, of those that
 # leave no more than so many times what the best left while all else adapted linearly: lags come in any order then.
 _POLISHED, _MOST_POLISHED, _MAY_BE_AS_GOOD = 2, 5, 4.0
@@ -116,7 +114,7 @@ class Causes:
         return [
             p.name
             for p, std in zip(self.m.problem.base, stds, strict=True)
-            if abs(parameters[p.name] - nominal[p.name]) > MOVED_SIGMAS * std
+            if abs(parameters[p.name] - nominal[p.name]) > FAR_OFF_SIGMAS * std
         ]
 
     def _parameter_terms(self, at: Fitted, names: Sequence[str]) -> Fitted:
@@ -149,21 +147,27 @@ class Causes:
         rough = [self._compared(f) for f in self._within(found, _FAR_WORSE)]
         self.second.extend(rough)
         closest = self._within(sorted(rough, key=lambda f: f.chi2), _MAY_TURN_OUT_BEST)[:_FITTED_TO_THE_END]
-        both = self._from_one_valley([polish(self.m.problem, f) for f in closest])
+        both = self._to_the_end(closest)
         return [both] if self._is_pair(both, best) else []
 
-    def _from_one_valley(self, pairs: Sequence[Fitted]) -> Fitted:
-        """The most economical of pairs. Where it has a rugged term, those that have it too, and no more unknowns, are
-        fitted once more from its valley: they may have ended in another one.
+    def _to_the_end(self, pairs: Sequence[Fitted]) -> Fitted:
+        """The most economical of pairs, fitted one after another, each from the valley of a rugged term that the best
+        so far has in common with it, where that is lower. What then leaves much more is given up.
         """
-        best = min(pairs, key=self.m.cost)
+        best = polish(self.m.problem, pairs[0])
+        for f in (*pairs[1:], pairs[0]):
+            if f.terms == best.terms:
+                continue
+            near = min([f, *self._from_valley_of(best, f)], key=lambda f: f.chi2)
+            if self._left(near) <= _MAY_TURN_OUT_BEST * self._left(best):
+                best = min(best, polish(self.m.problem, near), key=self.m.cost)
+        return best
+
+    def _from_valley_of(self, best: Fitted, f: Fitted) -> list[Fitted]:
+        """An explanation fitted roughly from the valley of a rugged term that it has in common with another one."""
         valleys = {(t.name, t.hook): v for t, v in zip(best.terms, best.values, strict=True) if t.rugged}
-        again = [
-            replace(f, values=moved, parameters=best.parameters)
-            for f in pairs
-            if f is not best and f.unknowns <= best.unknowns and (moved := _moved_into(f, valleys)) != f.values
-        ]
-        return min([best, *(polish(self.m.problem, f) for f in again)], key=self.m.cost)
+        moved = tuple(valleys.get((t.name, t.hook), v) for t, v in zip(f.terms, f.values, strict=True))
+        return [] if moved == f.values else [self._compared(replace(f, values=moved, parameters=best.parameters))]
 
     def _within(self, best_first: Sequence[Fitted], times: float) -> list[Fitted]:
         """Those that leave no more than so many times what the best leaves."""
@@ -171,7 +175,7 @@ class Causes:
 
     def _compared(self, both: Fitted) -> Fitted:
         """A pair fitted so far that it can be compared with others."""
-        return polish(self.m.problem, both, evaluations=_COUPLE_EVALUATIONS, tolerance=_COUPLE_TOLERANCE)
+        return fit(self.m.problem, both, evaluations=_COUPLE_EVALUATIONS, tolerance=_COUPLE_TOLERANCE)
 
     def _left(self, f: Fitted) -> float:
         """Variance beyond the noise that something leaves, as far as it matters."""
@@ -199,7 +203,8 @@ class Causes:
     def needed(self, both: Fitted) -> Fitted:
         """The greater of two causes alone where that is enough: it may have found its valley only beside the other."""
         greater = min((self.without_the_other(both, k) for k in range(len(both.terms))), key=lambda f: f.chi2)
-        alone = polish(self.m.problem, greater)
+        alone = roughly(self.m.problem, greater)
+        alone = polish(self.m.problem, alone) if self.m.is_adequate(alone) else alone
         return alone if self.m.is_adequate(alone) and not self._is_pair(both, alone) else both
 
     def without_the_other(self, f: Fitted, k: int) -> Fitted:
@@ -271,8 +276,3 @@ class Causes:
         for f in sorted(found, key=lambda f: f.chi2):
             distinct.setdefault(frozenset((t.name, t.hook) for t in f.terms), f)
         return list(distinct.values())[:_BEAM]
-
-
-def _moved_into(f: Fitted, valleys: Mapping[tuple[str, str], tuple[float, ...]]) -> tuple[tuple[float, ...], ...]:
-    """Values of an explanation with those of some terms, by name and hook, taken from elsewhere."""
-    return tuple(valleys.get((t.name, t.hook), v) for t, v in zip(f.terms, f.values, strict=True))

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hil.diagnose.measures import is_strained
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted
-from hil.diagnose.search.polish import polish
+from hil.diagnose.search.polish import fit
 from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
@@ -57,7 +57,7 @@ def judge(problem: Problem, fitted: Fitted, least: float) -> Judged:
     """
     train = training_half(problem)
     evaluations = _FEW_EVALUATIONS if fitted.chi2 > _FAR_BEHIND * least else _REFIT_EVALUATIONS
-    refitted = polish(problem, fitted, keep=train, evaluations=evaluations) if fitted.terms else fitted
+    refitted = fit(problem, fitted, keep=train, evaluations=evaluations) if fitted.terms else fitted
     r, held_out = refitted.residuals, ~train
     prior_cost = refitted.chi2 - float(r[train] @ r[train]) if fitted.terms else 0.0
     chi2 = float(r[held_out] @ r[held_out])

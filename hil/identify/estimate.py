@@ -103,12 +103,14 @@ def estimate(
     residuals: Callable[[Array], Array],
     unknowns: Sequence[Unknown],
     *,
+    sketch: Callable[[Array], Array] | None = None,
     max_evaluations: int = 60,
     tolerance: float = 1e-7,
 ) -> Estimate:
     """Minimise the sum of squared residuals within the bounds, from the unknowns' start values.
 
-    `residuals` maps values of shape (k,) to weighted residuals of shape (n,); it is called from threads.
+    `residuals` maps values of shape (k,) to weighted residuals of shape (n,); it is called from threads. `sketch`, a
+    quicker function that moves nearly as `residuals` do, is asked for the slopes on the way.
 
     Levenberg and Marquardt; slopes are differences once, and secants as long as steps bring what they promise. It ends
     only by slopes from differences. `max_evaluations` counts the steps that were taken by those.
@@ -120,7 +122,13 @@ def estimate(
     r = residuals(values)
     if not len(unknowns):
         return Estimate((), values, r, True, "nothing to estimate", lambda: np.zeros((len(r), 0)))
-    slopes, secants = jacobian(residuals, values, high, scale, r), 0
+
+    def differences() -> Array:
+        if sketch is None:
+            return jacobian(residuals, values, high, scale, r)
+        return jacobian(sketch, values, high, scale, sketch(values))
+
+    slopes, secants = differences(), 0
     damping, evaluations, sentence = _FIRST_DAMPING, 1, ""
     while not sentence:
         moved = np.clip(values + _damped_step(slopes, r, values, low, high, scale, damping), low, high)
@@ -144,7 +152,7 @@ def estimate(
         elif fell and not converged and gain >= _AS_PROMISED * promise and secants < len(unknowns):
             slopes, secants = _secant(slopes, step, scale, new - foretold), secants + 1
         elif fell or secants:
-            slopes, secants = jacobian(residuals, values, high, scale, r), 0
+            slopes, secants = differences(), 0
     done = not sentence.startswith("stopped")
     return Estimate(tuple(unknowns), values, r, done, sentence, partial(jacobian, residuals, values, high, scale, r))
 

@@ -16,7 +16,7 @@ from hil.diagnose.measures import SMALL_EXCESS, excess
 from hil.diagnose.problem import pose
 from hil.diagnose.search.around import around
 from hil.diagnose.search.fitted import nothing
-from hil.diagnose.search.polish import from_other_shapes, polish
+from hil.diagnose.search.polish import fit, from_other_shapes
 from hil.diagnose.search.screen import screen
 from hil.diagnose.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
@@ -99,7 +99,7 @@ def test_a_sticking_spool_is_fitted_in_the_right_valley() -> None:
     problem = pose(nominal(), bound(nominal(), records((sticking,), seed=15)))
     start = nothing(problem)
     term = next(t for t in all_terms(problem, start.residuals) if t.name == "friction")
-    stuck = polish(problem, replace(start, terms=(term,), values=((1.9, 1.3, 4.7, 1.0),)), evaluations=5)
+    stuck = fit(problem, replace(start, terms=(term,), values=((1.9, 1.3, 4.7, 1.0),)), evaluations=5)
     lowest = from_other_shapes(problem, stuck)
     assert stuck.chi2 > 1.05 * problem.size
     assert lowest.chi2 < 1.01 * problem.size

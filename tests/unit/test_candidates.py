@@ -8,12 +8,18 @@ import numpy as np
 import pytest
 
 from hil.diagnose import causes
+from hil.diagnose.answer import Answer
 from hil.diagnose.causes import Causes
+from hil.diagnose.decide import decide
 from hil.diagnose.evidence import Judged, probabilities
-from hil.diagnose.problem import Problem
+from hil.diagnose.problem import Problem, pose
+from hil.diagnose.search import polish as polishing
 from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.polish import polish
 from hil.diagnose.search.terms import Term
 from hil.identify.estimate import Unknown
+from hil.physics.simulate import ActiveEffect
+from tests.concealed import bound, nominal, records
 
 COUNT = 10_000
 
@@ -82,7 +88,8 @@ def test_what_may_be_as_good_as_an_explanation_is_fitted_too(
     assert [f.names[0] for f in found] == expected
 
 
-def test_pairs_that_share_a_rugged_term_are_compared_in_one_valley(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("first", [0, 1])
+def test_pairs_that_share_a_rugged_term_are_compared_in_one_valley(monkeypatch: pytest.MonkeyPatch, first: int) -> None:
     """The more economical of two pairs ended in a wrong valley of friction, the other one in the right one."""
 
     def pair(name: str, size: float, unknowns: int) -> Fitted:
@@ -90,11 +97,68 @@ def test_pairs_that_share_a_rugged_term_are_compared_in_one_valley(monkeypatch: 
         terms = (lag.terms[0], replace(friction.terms[0], rugged=True))
         return Fitted(terms, (lag.values[0], (size,)), {}, 10_000.0 + 1_000.0 * abs(size - 3.0) + unknowns, np.zeros(0))
 
-    def polish(_problem: Problem, f: Fitted) -> Fitted:
+    to_the_end = []
+
+    def fit(_problem: Problem, f: Fitted, **_effort: float) -> Fitted:
+        if f.names == ("backlash",):
+            return f
         return pair(f.terms[0].name, f.values[1][0], len(f.values[0]))  # it stays in the valley that it is in
 
+    def polish(problem: Problem, f: Fitted) -> Fitted:
+        to_the_end.append(f.names[0])
+        return fit(problem, f)
+
+    monkeypatch.setattr(causes, "fit", fit)
     monkeypatch.setattr(causes, "polish", polish)
     right, economical, other = pair("coil_lag", 3.0, 4), pair("dead_time", 5.0, 1), explanation("backlash", 10_500.0)
-    both = Causes(Stand(), ())._from_one_valley([economical, right, other])  # type: ignore[arg-type]
+    pairs = [economical, right, other] if first == 0 else [right, economical, other]
+    both = Causes(Stand(), ())._to_the_end(pairs)  # type: ignore[arg-type]
     assert both.names == ("dead_time", "friction")
     assert both.values[1] == (3.0,)
+    assert "backlash" in to_the_end  # it leaves little more
+
+
+def test_what_leaves_much_more_than_another_pair_is_not_fitted_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    to_the_end = []
+
+    def polish(_problem: Problem, f: Fitted) -> Fitted:
+        to_the_end.append(f.names[0])
+        return f
+
+    monkeypatch.setattr(causes, "polish", polish)
+    pairs = [explanation("leakage", 10_400.0), explanation("coil_lag", 10_700.0), explanation("backlash", 10_900.0)]
+    assert Causes(Stand(), ())._to_the_end(pairs) is pairs[0]  # type: ignore[arg-type]
+    assert to_the_end == ["leakage", "coil_lag"]
+
+
+@pytest.mark.parametrize(("rugged", "moved", "starts"), [(True, 0.5, 2), (True, 0.01, 1), (False, 0.5, 1)])
+def test_a_rugged_term_that_pulled_parameters_far_off_is_fitted_from_nominal_ones_too(
+    monkeypatch: pytest.MonkeyPatch, rugged: bool, moved: float, starts: int
+) -> None:
+    """From there it may have a way to a valley that the parameters, once they have bent to a wrong one, shut off."""
+    problem = pose(nominal(), bound(nominal(), records(seed=15)))
+    p = problem.base[1]
+    at_home, single = problem.model.values[p.name], explanation("friction", 0.0)
+    asked = []
+
+    def fit(_problem: Problem, f: Fitted, **_effort: float) -> Fitted:
+        asked.append(f.parameters[p.name])
+        return replace(f, chi2=12_000.0 if f.parameters[p.name] == at_home else 14_000.0)
+
+    monkeypatch.setattr(polishing, "fit", fit)
+    bent = problem.model.values | {p.name: at_home + moved * abs(at_home)}
+    found = polish(problem, replace(single, terms=(replace(single.terms[0], rugged=rugged),), parameters=bent))
+    assert len(dict.fromkeys(asked)) == starts
+    assert found.chi2 == (12_000.0 if starts == 2 else 14_000.0)
+
+
+def test_a_part_that_data_kept_back_speak_against_is_not_named() -> None:
+    droop = ActiveEffect("deadband", "opening", {"width": 4.0, "ratio": 1.0})
+    problem = pose(nominal(), bound(nominal(), records((droop,), seed=21)))
+    choice = decide(problem)
+    assert Answer(problem, choice, None, (), None).verdict == "explained"
+    wrong = next(f for f in choice.candidates if f.names and f.names[0] != "deadband")
+    doubted = replace(choice, verdict="partly_explained", chosen=wrong)
+    answer = Answer(problem, doubted, None, (), None)
+    assert answer.verdict == "unexplained"
+    assert answer.diagnosis(0.0).effects == ()

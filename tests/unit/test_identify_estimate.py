@@ -54,3 +54,19 @@ def test_nobody_pays_for_an_uncertainty_that_is_not_asked_for() -> None:
     assert found.chi2 < 1e-6 and valley.calls == before
     assert np.all(np.isfinite(found.std)) and valley.calls == before + 8
     assert found.covariance.shape == (8, 8) and valley.calls == before + 8
+
+
+def test_a_sketch_is_asked_for_slopes_and_the_whole_for_what_they_bring() -> None:
+    valley, rough = Counted(), Counted()
+
+    def sketch(values: Array) -> Array:
+        nearly: Array = 1.05 * rough(values) + 0.2
+        return nearly
+
+    unknowns = [Unknown(f"x{k}", "1", 0.3, -5.0, 5.0, 1.0) for k in range(8)]
+    found = estimate(valley, unknowns, sketch=sketch, tolerance=1e-10)
+    assert found.converged
+    assert found.values == pytest.approx(np.ones(8), abs=1e-4)
+    assert valley.calls < 40 < rough.calls
+    before = valley.calls
+    assert np.all(np.isfinite(found.std)) and valley.calls == before + 8  # uncertainties are of the whole

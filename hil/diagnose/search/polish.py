@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.around import prior_root
+from hil.diagnose.search.around import COARSE, prior_root
 from hil.diagnose.search.fitted import Fitted, pool, simulated, starting
 from hil.identify.estimate import Unknown, estimate
 from hil.record.recording import Array
@@ -17,9 +18,35 @@ from hil.record.recording import Array
 _ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
 # So many other valleys are tried where a misfit has many.
 _VALLEYS = 2
+# A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
+FAR_OFF_SIGMAS = 3.0
 
 
-def polish(
+def polish(problem: Problem, fitted: Fitted) -> Fitted:
+    """Fit terms and base parameters together to the end, nothing linearised.
+
+    A rugged term that pulled base parameters far off is fitted once more from their nominal values: it may have ended
+    in a valley from which only they had a way on.
+    """
+    found = fit(problem, fitted)
+    if not (any(term.rugged for term in found.terms) and _is_far_off(problem, found)):
+        return found
+    nominal = found.parameters | {p.name: problem.model.values[p.name] for p in problem.base}
+    again = roughly(problem, replace(found, parameters=nominal))
+    return min(found, fit(problem, again), key=lambda f: f.chi2) if again.chi2 < found.chi2 else found
+
+
+def _is_far_off(problem: Problem, f: Fitted) -> bool:
+    """Whether a base parameter that is no term lies far from its nominal value."""
+    taken = {term.name for term in f.terms if term.kind == "parameter"}
+    return any(
+        abs(f.parameters[p.name] - problem.model.values[p.name]) > FAR_OFF_SIGMAS * std
+        for p, std in zip(problem.base, problem.prior_std, strict=True)
+        if p.name not in taken
+    )
+
+
+def fit(
     problem: Problem,
     fitted: Fitted,
     *,
@@ -28,7 +55,7 @@ def polish(
     evaluations: int = 40,
     tolerance: float = 1e-5,
 ) -> Fitted:
-    """Fit terms and base parameters together, nothing linearised.
+    """Fit terms and base parameters together from one start, nothing linearised.
 
     Args:
         problem: the question.
@@ -56,14 +83,18 @@ def polish(
             at += len(term.unknowns)
         return parameters, own
 
-    def residuals(values: Array) -> Array:
+    def residuals(values: Array, factor: float = problem.factor) -> Array:
         parameters, own = split(values)
-        r = simulated(problem, parameters, fitted.terms, own)
+        r = simulated(problem, parameters, fitted.terms, own, factor)
         r = r if keep is None else r[keep]
         return r if base_free else np.concatenate([r, root @ (values[:count] - nominal)])
 
     found = estimate(
-        residuals, _better_start(residuals, unknowns, nominal), max_evaluations=evaluations, tolerance=tolerance
+        residuals,
+        _better_start(residuals, unknowns, nominal),
+        sketch=partial(residuals, factor=COARSE * problem.factor),
+        max_evaluations=evaluations,
+        tolerance=tolerance,
     )
     parameters, own = split(found.values)
     r = simulated(problem, parameters, fitted.terms, own)
@@ -75,7 +106,7 @@ def polish(
 
 def roughly(problem: Problem, start: Fitted, *, base_free: bool = False) -> Fitted:
     """A first look, which need not creep along a valley to its end."""
-    return polish(problem, start, base_free=base_free, tolerance=_ROUGH, evaluations=_ROUGH_EVALUATIONS)
+    return fit(problem, start, base_free=base_free, tolerance=_ROUGH, evaluations=_ROUGH_EVALUATIONS)
 
 
 def from_other_shapes(problem: Problem, f: Fitted) -> Fitted:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -65,10 +66,16 @@ def refine(
 ) -> Fitted:
     """Fit one term from a start, everything else adapting linearly."""
 
-    def residuals(values: Array) -> Array:
+    def residuals(values: Array, coarse: bool = coarse) -> Array:
         return adapted_residuals(place, (term, values.tolist()), coarse=coarse)
 
-    found = estimate(residuals, starting(term.unknowns, start), max_evaluations=evaluations, tolerance=1e-4)
+    found = estimate(
+        residuals,
+        starting(term.unknowns, start),
+        sketch=None if coarse else partial(residuals, coarse=True),
+        max_evaluations=evaluations,
+        tolerance=1e-4,
+    )
     values = tuple(float(v) for v in found.values)
     r = with_term(place, term, values, coarse)
     _, moves = adapt(place, r, term)
