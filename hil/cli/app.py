@@ -45,7 +45,7 @@ def main() -> int:
     app = _assembled()
     silent = len(sys.argv) == 1  # the help is shown, and nothing was done
     try:
-        status = app(["--help"] if silent else None, standalone_mode=False)
+        status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
         return 2 if silent else int(status or 0)
     except HilError as error:
         return _say(str(error), error.exit_status)
