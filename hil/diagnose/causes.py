@@ -12,7 +12,7 @@ from hil.diagnose.measures import SMALL_EXCESS, Measures, is_present
 from hil.diagnose.search.around import Around, around
 from hil.diagnose.search.fitted import Fitted, evaluated, nothing
 from hil.diagnose.search.joint import joint
-from hil.diagnose.search.polish import FAR_OFF_SIGMAS, fit, polish, roughly
+from hil.diagnose.search.polish import fit, polish, roughly
 from hil.diagnose.search.refine import LEAN, refine_all
 from hil.diagnose.search.screen import Screened, screen
 from hil.diagnose.search.terms import Term, all_terms
@@ -91,7 +91,7 @@ class Causes:
         """
         if polished and _SURELY * free.chi2 > min(self.m.cost(f) for f in polished):
             return []
-        names = self._moved(free.parameters)
+        names = self.m.problem.moved(free.parameters)
         fitted = polish(self.m.problem, self._parameter_terms(free, names))
         while len(names) > 1 and (spare := self._dispensable(fitted)):
             names = [name for name in names if name != spare]
@@ -107,15 +107,6 @@ class Causes:
             prices[term.name] = ((values[0] - term.nominal) / std) ** 2 if std > 0.0 else np.inf
         name = min(prices, key=lambda name: prices[name])
         return name if prices[name] < ALARM_GAIN else ""
-
-    def _moved(self, parameters: dict[str, float]) -> list[str]:
-        nominal = self.m.problem.model.values
-        stds = self.m.problem.prior_std
-        return [
-            p.name
-            for p, std in zip(self.m.problem.base, stds, strict=True)
-            if abs(parameters[p.name] - nominal[p.name]) > FAR_OFF_SIGMAS * std
-        ]
 
     def _parameter_terms(self, at: Fitted, names: Sequence[str]) -> Fitted:
         terms = tuple(t for t in self.terms if t.kind == "parameter" and t.name in names)

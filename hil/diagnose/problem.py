@@ -23,6 +23,8 @@ from hil.record.recording import Array
 _DRIFT_SHARE = 0.005
 # A channel's own floor stands in for the model's noise when they differ by more than this factor.
 _SAME_NOISE = 1.25
+# A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
+_MOVED_SIGMAS = 3.0
 # A hum is known up to this multiple of what it was.
 _SAME_HUM = 1.5
 
@@ -78,6 +80,15 @@ class Problem:
     def prior_std(self) -> Array:
         """How far each base parameter may wander by itself."""
         return np.sqrt(np.diag(self.prior_covariance))
+
+    def moved(self, parameters: Mapping[str, float]) -> list[str]:
+        """The base parameters that are further from their nominal values than they may wander."""
+        nominal = self.model.values
+        return [
+            p.name
+            for p, std in zip(self.base, self.prior_std, strict=True)
+            if abs(parameters[p.name] - nominal[p.name]) > _MOVED_SIGMAS * std
+        ]
 
     @cached_property
     def size(self) -> int:

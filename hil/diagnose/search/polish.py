@@ -18,8 +18,6 @@ from hil.record.recording import Array
 _ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
 # So many other valleys are tried where a misfit has many.
 _VALLEYS = 2
-# A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
-FAR_OFF_SIGMAS = 3.0
 
 
 def polish(problem: Problem, fitted: Fitted) -> Fitted:
@@ -29,21 +27,12 @@ def polish(problem: Problem, fitted: Fitted) -> Fitted:
     in a valley from which only they had a way on.
     """
     found = fit(problem, fitted)
-    if not (any(term.rugged for term in found.terms) and _is_far_off(problem, found)):
+    bent = set(problem.moved(found.parameters)) - {term.name for term in found.terms if term.kind == "parameter"}
+    if not (bent and any(term.rugged for term in found.terms)):
         return found
     nominal = found.parameters | {p.name: problem.model.values[p.name] for p in problem.base}
     again = roughly(problem, replace(found, parameters=nominal))
     return min(found, fit(problem, again), key=lambda f: f.chi2) if again.chi2 < found.chi2 else found
-
-
-def _is_far_off(problem: Problem, f: Fitted) -> bool:
-    """Whether a base parameter that is no term lies far from its nominal value."""
-    taken = {term.name for term in f.terms if term.kind == "parameter"}
-    return any(
-        abs(f.parameters[p.name] - problem.model.values[p.name]) > FAR_OFF_SIGMAS * std
-        for p, std in zip(problem.base, problem.prior_std, strict=True)
-        if p.name not in taken
-    )
 
 
 def fit(
