@@ -5,8 +5,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.diagnose.events.repeats import without_stale
+from hil.diagnose.events.repeats import held_outputs, without_stale
+from hil.diagnose.measures import excess
+from hil.diagnose.problem import pose
+from hil.diagnose.search.fitted import nothing
 from hil.identify.noise import channel_floor, white_floor
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Recording
 from tests.concealed import DURATION_S, NOISE, RATE_HZ, bound, nominal, records
 
 SECOND = round(RATE_HZ)
@@ -52,3 +57,34 @@ def test_coarse_steps_above_a_level_are_no_samples_that_were_not_measured() -> N
     rising = np.linspace(0.0, 20.0, 4000) + 0.002 * np.random.default_rng(6).standard_normal(4000)
     values = np.where(rising < 4.0, np.round(rising, 4), 0.38 * np.round(rising / 0.38))
     assert white_floor(values) == 0.0
+
+
+def coarse(made: list[Recording], step: float) -> list[Recording]:
+    for each in made:
+        flow = each.channels["flow"].values
+        flow[:] = step * np.round(flow / step)
+    return made
+
+
+def test_a_coarse_channel_that_catches_up_at_once_was_not_measured_anew() -> None:
+    made = coarse(records(seed=24), NOISE)
+    sweep = made[1].channels["flow"].values
+    lost = [SECOND * k for k in (5, 6, 7, 10, 11)]
+    for start in lost:
+        sweep[start : start + 40] = sweep[start]
+    kept, spells = without_stale(bound(nominal(), made))
+    assert spells == ()  # chance may repeat a reading for as long
+    problem = pose(nominal(), kept)
+    found = held_outputs(problem, nothing(problem))
+    assert found is not None
+    assert [round(s.start_s * SECOND) for s in found.spells] == pytest.approx(lost, abs=3)
+    assert excess(problem, problem.nominal_residuals @ problem.nominal_residuals) > 0.5
+    assert excess(problem, found.chi2) < 1.0 / 12.0 + 0.05  # a twelfth is what rounding adds
+
+
+def test_a_spool_that_sticks_does_not_catch_up_at_once() -> None:
+    stuck = ActiveEffect("friction", "force", {"coulomb": 6.0, "stiction": 2.0, "stribeck": 5.0, "presliding": 0.01})
+    problem = pose(nominal(), bound(nominal(), coarse(records((stuck,), seed=25), 4.0 * NOISE)))
+    start = nothing(problem)
+    assert excess(problem, start.chi2) > 10.0
+    assert held_outputs(problem, start) is None

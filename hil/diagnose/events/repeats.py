@@ -12,7 +12,7 @@ from hil.diagnose.events.bursts import Burst, bursts_of
 from hil.diagnose.events.event import LEAST_SPELLS, Events, Spell, how_often
 from hil.diagnose.problem import Problem
 from hil.diagnose.runs import runs
-from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.fitted import Fitted, output_of
 from hil.identify.experiment import Experiment
 from hil.identify.noise import NOISE_OVER_RESOLUTION, white_floor
 from hil.record.recording import Array
@@ -26,6 +26,9 @@ _CHANCE_RUNS = 1e-4
 # In bursts of misfit a run is telling already when chance makes so few of them there, in a channel that seldom repeats.
 _CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
 _LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stopped
+# A run at whose end the output catches up at once, to within a half, with so many steps or noise deviations that the
+# model went on by meanwhile: what sticks comes loose, but not within a sample.
+_CAUGHT_UP, _AT_ONCE = 6.0, 0.5
 
 
 def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[Spell, ...]]:
@@ -45,7 +48,8 @@ def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, 
 
 
 def held_outputs(problem: Problem, around: Fitted) -> Events | None:
-    """Samples that repeat the one before in bursts of misfit, more often than a coarse channel repeats itself there.
+    """Samples that repeat the one before where a coarse channel would not: in bursts of misfit more often than by
+    chance, or while the model goes on and the output catches up with it in the end.
 
     Where noise is hardly above the resolution `without_stale` needs longer runs than a short loss makes.
     """
@@ -53,7 +57,8 @@ def held_outputs(problem: Problem, around: Fitted) -> Events | None:
     for k, (e, part) in enumerate(zip(problem.experiments, problem.output_slices(), strict=True)):
         memory = len(problem.noises[k].colour)
         stale = np.zeros(len(e.output), dtype=np.bool_)
-        for start, stop in _repeats_in_bursts(e.output, bursts_of(problem, around.residuals, k)):
+        in_bursts = _repeats_in_bursts(e.output, bursts_of(problem, around.residuals, k))
+        for start, stop in in_bursts or _caught_up(e.output, output_of(problem, around, e)):
             residuals[part][start + 1 : stop + memory] = 1.0  # as noise would be; nothing was measured there
             stale[start + 1 : stop + memory] = True
             spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
@@ -113,6 +118,23 @@ def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int
     for start, stop in bursts:
         inside[max(start - 1, 0) : stop] = True
     return [(start, stop + 1) for start, stop in runs((steps == 0.0) & inside) if stop + 1 - start >= least]
+
+
+def _caught_up(values: Array, simulated: Array) -> list[tuple[int, int]]:
+    """Runs of identical values after which the output is, within a sample, where the model went meanwhile."""
+    steps = np.abs(np.diff(values))
+    if not steps.any():
+        return []
+    least = _CAUGHT_UP * max(float(steps[steps > 0.0].min()), white_floor(values))
+    found = []
+    for start, last in runs(steps == 0.0):
+        if last - start + 1 < _STALE_RUN or last + 1 == len(values):
+            continue
+        jump, went = values[last + 1] - values[last], simulated[last + 1] - simulated[start]
+        goes = abs(simulated[last + 1] - simulated[last])
+        if abs(went) >= least and max(abs(jump - went), goes) <= _AT_ONCE * abs(went):
+            found.append((start, last + 1))
+    return found
 
 
 def _same_again(steps: Array, floor: float) -> float:
