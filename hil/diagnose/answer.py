@@ -46,8 +46,8 @@ FALSE_ALARM_RATE = 0.012
 # Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
 _MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
 _JUDGED = 4
-# An explanation of a part only that is less probable than this is not named.
-_DOUBTED = 0.05
+# What is less probable than this, and than that nothing known is the cause, is not named.
+_DOUBTED = 0.2
 # Where nothing can be named, the closest description, refitted on half of the data, must close this share of the gap on
 # the other half, which the nominal model may have been identified on.
 _DESCRIBES = 0.05
@@ -76,8 +76,9 @@ class Answer:
         self.used = self._used()
 
     def _is_doubted(self) -> bool:
-        """Whether data kept back speak against what explains a part of the misfit."""
-        return self.verdict == "partly_explained" and self._chances()[0] < _DOUBTED
+        """Whether what was chosen is improbable, as others are as good or data kept back speak against it."""
+        names = self.choice.chosen.names
+        return bool(names) and self._probability(names[0]) < min(_DOUBTED, self._none_of_these())
 
     def _used(self) -> Fitted:
         """What the corrected model holds: what was named, or the closest description where nothing can be named.

@@ -75,8 +75,15 @@ class Measures:
 
     def is_full(self, f: Fitted) -> bool:
         """Whether an explanation leaves nothing that a second cause could be sought in."""
-        beyond = self.excess(f)
-        return beyond <= SMALL_EXCESS or (beyond <= FULL_EXCESS and self.left(f) <= FULL_TOLERANCE)
+        if self.excess(f) <= SMALL_EXCESS:
+            return True
+        beyond = max(self.excess(f), self._excess_of_output(f))  # inner signals with much noise would hide it
+        return beyond <= FULL_EXCESS and self.left(f) <= FULL_TOLERANCE
+
+    def _excess_of_output(self, f: Fitted) -> float:
+        """Variance that an explanation leaves beyond the noise of the output alone, as a share of it."""
+        outputs = np.concatenate([f.residuals[part] for part in self.problem.output_slices()])
+        return float(np.mean(outputs**2)) - 1.0
 
     def is_adequate(self, f: Fitted) -> bool:
         """Whether an explanation leaves little of the misfit and, where that is most of the output, little of that."""

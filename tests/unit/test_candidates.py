@@ -12,6 +12,7 @@ from hil.diagnose.answer import Answer
 from hil.diagnose.causes import Causes
 from hil.diagnose.decide import decide
 from hil.diagnose.evidence import Judged, probabilities
+from hil.diagnose.measures import Measures
 from hil.diagnose.problem import Problem, pose
 from hil.diagnose.search import polish as polishing
 from hil.diagnose.search.fitted import Fitted
@@ -152,7 +153,7 @@ def test_a_rugged_term_that_pulled_parameters_far_off_is_fitted_from_nominal_one
     assert found.chi2 == (12_000.0 if starts == 2 else 14_000.0)
 
 
-def test_a_part_that_data_kept_back_speak_against_is_not_named() -> None:
+def test_what_data_kept_back_speak_against_is_not_named() -> None:
     droop = ActiveEffect("deadband", "opening", {"width": 4.0, "ratio": 1.0})
     problem = pose(nominal(), bound(nominal(), records((droop,), seed=21)))
     choice = decide(problem)
@@ -162,3 +163,17 @@ def test_a_part_that_data_kept_back_speak_against_is_not_named() -> None:
     answer = Answer(problem, doubted, None, (), None)
     assert answer.verdict == "unexplained"
     assert answer.diagnosis(0.0).effects == ()
+
+
+@pytest.mark.parametrize(("beyond", "full"), [(0.8, True), (1.5, False)])
+def test_what_is_left_of_the_output_is_not_hidden_by_inner_signals(beyond: float, full: bool) -> None:
+    """Two channels: the inner one, in which the misfit was a thousand times the noise, is explained."""
+    problem = pose(nominal(), bound(nominal(), records(seed=15, with_spool=True)))
+    residuals = np.ones(problem.size)
+    for part in problem.output_slices():
+        residuals[part] *= np.sqrt(1.0 + beyond)
+    baseline = Fitted((), (), {}, 1e3 * problem.size, np.zeros(0))
+    explained = Fitted((), (), {}, float(residuals @ residuals), residuals)
+    m = Measures(problem, baseline)
+    assert m.excess(explained) < 1.0
+    assert m.is_full(explained) is full
