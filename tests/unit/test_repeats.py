@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -88,3 +90,14 @@ def test_a_spool_that_sticks_does_not_catch_up_at_once() -> None:
     start = nothing(problem)
     assert excess(problem, start.chi2) > 10.0
     assert held_outputs(problem, start) is None
+
+
+def test_a_channel_without_noise_repeats_by_itself_and_may_jump() -> None:
+    """A pressure that a spool's edge lets rise within a sample after a slow start, read in steps and without noise."""
+    problem = pose(nominal(), bound(nominal(), records(seed=26)))
+    still = problem.experiments[1].output.copy()
+    still[:] = still[0]
+    still[2000:] = still[0] + 40.0
+    e = replace(problem.experiments[1], output=still)
+    alone = replace(problem, experiments=(problem.experiments[0], e, problem.experiments[2]))
+    assert held_outputs(alone, nothing(alone)) is None

@@ -29,6 +29,8 @@ _LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stop
 # A run at whose end the output catches up at once, to within a half, with so many steps or noise deviations that the
 # model went on by meanwhile: what sticks comes loose, but not within a sample.
 _CAUGHT_UP, _AT_ONCE = 6.0, 0.5
+# A channel with less noise repeats its readings by itself wherever the unit is slow.
+_REPEATS_BY_ITSELF = 0.6
 
 
 def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[Spell, ...]]:
@@ -96,8 +98,7 @@ def _stale_runs(values: Array) -> list[tuple[int, int]]:
     floor = white_floor(values)
     if not moving.size or floor < NOISE_OVER_RESOLUTION * float(moving.min()):
         return []
-    longest_by_chance = 1.0 + np.log(_CHANCE_RUNS / len(values)) / np.log(_same_again(steps, floor))
-    least = max(_STALE_RUN, int(np.ceil(longest_by_chance)))
+    least = _longer_than_by_chance(steps, floor)
     ends = (values.max(), values.min())
     return [
         (start, stop + 1)
@@ -122,19 +123,26 @@ def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int
 
 def _caught_up(values: Array, simulated: Array) -> list[tuple[int, int]]:
     """Runs of identical values after which the output is, within a sample, where the model went meanwhile."""
-    steps = np.abs(np.diff(values))
-    if not steps.any():
+    steps, floor = np.abs(np.diff(values)), white_floor(values)
+    if _same_again(steps, floor) > _REPEATS_BY_ITSELF:
         return []
-    least = _CAUGHT_UP * max(float(steps[steps > 0.0].min()), white_floor(values))
+    least = _CAUGHT_UP * max(float(steps[steps > 0.0].min()), floor)
+    shortest = _longer_than_by_chance(steps, floor)
     found = []
     for start, last in runs(steps == 0.0):
-        if last - start + 1 < _STALE_RUN or last + 1 == len(values):
+        if last - start + 1 < shortest or last + 1 == len(values):
             continue
         jump, went = values[last + 1] - values[last], simulated[last + 1] - simulated[start]
         goes = abs(simulated[last + 1] - simulated[last])
         if abs(went) >= least and max(abs(jump - went), goes) <= _AT_ONCE * abs(went):
             found.append((start, last + 1))
     return found
+
+
+def _longer_than_by_chance(steps: Array, floor: float) -> int:
+    """So many identical values in a row are more than chance makes anywhere in a recording."""
+    longest = 1.0 + np.log(_CHANCE_RUNS / (len(steps) + 1)) / np.log(_same_again(steps, floor))
+    return max(_STALE_RUN, int(np.ceil(longest)))
 
 
 def _same_again(steps: Array, floor: float) -> float:
