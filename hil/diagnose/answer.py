@@ -140,7 +140,7 @@ class Answer:
             candidates=self._candidates(),
             held_out=self._held_out(),
             recordings=self._fits(drawn),
-            mismatch=locate(problem, self._outputs(nominal.residuals)) if mismatch else None,
+            mismatch=locate(problem, problem.outputs_of(nominal.residuals)) if mismatch else None,
             stage_shares=self._stage_shares(nominal) if mismatch else (),
             left=left,
             limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
@@ -177,7 +177,7 @@ class Answer:
             return None
         effect = installed_effect(term.name if term.kind == "effect" else name)
         quantities = self._quantities(f, term, values)
-        where = locate(self.problem, self._outputs(change))
+        where = locate(self.problem, self.problem.outputs_of(change))
         return Finding(
             name, effect.title, self._probability(name), term.stage, term.hook,
             quantities, where, sentence(effect, term, quantities), effect.equation, effect.source,
@@ -201,7 +201,7 @@ class Answer:
 
     def _event_finding(self, events: Events) -> Finding:
         effect = next((e for e in installed_effects() if e.name == events.name), None)
-        difference = self._outputs(events.residuals - self.choice.baseline.residuals)
+        difference = self.problem.outputs_of(events.residuals - self.choice.baseline.residuals)
         where = locate(self.problem, difference)
         spells = tuple((round(s.start_s, 3), round(s.stop_s, 3)) for s in events.spells)[:_MOST_STEPS_LISTED]
         if spells:
@@ -294,17 +294,14 @@ class Answer:
 
     # -- places ------------------------------------------------------------------------------------------
 
-    def _outputs(self, residuals: Array) -> list[Array]:
-        return [residuals[part] for part in self.problem.output_slices()]
-
     def _left(self) -> Left:
         problem, noise = self.problem, self.problem.noises[0]
         r = self.used.residuals if self.events is None else self.events.residuals
         share = self.choice.left if self.events is None else self._left_by(self.events)
-        outputs: Array = np.concatenate(self._outputs(r))
+        outputs: Array = np.concatenate(self.problem.outputs_of(r))
         rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
         open_question = self.verdict in OPEN
-        where: Where | None = locate(problem, self._outputs(r)) if open_question else None
+        where: Where | None = locate(problem, self.problem.outputs_of(r)) if open_question else None
         curves = self._stage_shares(self.used) if open_question else ()
         return Left(round(share, 4), rms, noise.std, problem.plant.output.unit, where, curves)
 

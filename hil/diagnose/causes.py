@@ -149,16 +149,20 @@ class Causes:
         for f in (*pairs[1:], pairs[0]):
             if f.terms == best.terms:
                 continue
-            near = min([f, *self._from_valley_of(best, f)], key=lambda f: f.chi2)
+            near = self._from_valley_of(best, f)
             if self._left(near) <= _MAY_TURN_OUT_BEST * self._left(best):
                 best = min(best, polish(self.m.problem, near), key=self.m.cost)
         return best
 
-    def _from_valley_of(self, best: Fitted, f: Fitted) -> list[Fitted]:
-        """An explanation fitted roughly from the valley of a rugged term that it has in common with another one."""
+    def _from_valley_of(self, best: Fitted, f: Fitted) -> Fitted:
+        """An explanation, or, where that is lower, the same fitted roughly from the valley of a rugged term that it has
+        in common with another one.
+        """
         valleys = {(t.name, t.hook): v for t, v in zip(best.terms, best.values, strict=True) if t.rugged}
         moved = tuple(valleys.get((t.name, t.hook), v) for t, v in zip(f.terms, f.values, strict=True))
-        return [] if moved == f.values else [self._compared(replace(f, values=moved, parameters=best.parameters))]
+        if moved == f.values:
+            return f
+        return min(f, self._compared(replace(f, values=moved, parameters=best.parameters)), key=lambda f: f.chi2)
 
     def _within(self, best_first: Sequence[Fitted], times: float) -> list[Fitted]:
         """Those that leave no more than so many times what the best leaves."""
@@ -195,8 +199,10 @@ class Causes:
         """The greater of two causes alone where that is enough: it may have found its valley only beside the other."""
         greater = min((self.without_the_other(both, k) for k in range(len(both.terms))), key=lambda f: f.chi2)
         alone = roughly(self.m.problem, greater)
-        alone = polish(self.m.problem, alone) if self.m.is_adequate(alone) else alone
-        return alone if self.m.is_adequate(alone) and not self._is_pair(both, alone) else both
+        if not self.m.is_adequate(alone):
+            return both
+        alone = polish(self.m.problem, alone)
+        return both if self._is_pair(both, alone) else alone
 
     def without_the_other(self, f: Fitted, k: int) -> Fitted:
         """One term of an explanation, as it is there."""

@@ -82,7 +82,7 @@ class Measures:
 
     def _excess_of_output(self, f: Fitted) -> float:
         """Variance that an explanation leaves beyond the noise of the output alone, as a share of it."""
-        outputs = np.concatenate([f.residuals[part] for part in self.problem.output_slices()])
+        outputs = np.concatenate(self.problem.outputs_of(f.residuals))
         return float(np.mean(outputs**2)) - 1.0
 
     def is_adequate(self, f: Fitted) -> bool:

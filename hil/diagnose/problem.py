@@ -25,6 +25,8 @@ _DRIFT_SHARE = 0.005
 _SAME_NOISE = 1.25
 # A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
 _MOVED_SIGMAS = 3.0
+# A first look takes sub-steps this much coarser.
+_COARSE = 0.5
 # A hum is known up to this multiple of what it was.
 _SAME_HUM = 1.5
 
@@ -89,6 +91,11 @@ class Problem:
             for p, std in zip(self.base, self.prior_std, strict=True)
             if abs(parameters[p.name] - nominal[p.name]) > _MOVED_SIGMAS * std
         ]
+
+    @property
+    def coarse_factor(self) -> float:
+        """How fine sub-steps are for a first look, and for slopes on the way of a fit."""
+        return _COARSE * self.factor
 
     @cached_property
     def size(self) -> int:
@@ -159,6 +166,10 @@ class Problem:
     def output_slices(self) -> list[slice]:
         """Where each experiment's output stands in the residuals."""
         return [parts[0] for parts in self.channel_slices()]
+
+    def outputs_of(self, residuals: Array) -> list[Array]:
+        """What of the residuals is each experiment's output; views of them."""
+        return [residuals[part] for part in self.output_slices()]
 
     def base_jacobian(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], base: Array) -> Array:
         """Slopes of the residuals in the base parameters, shape (n, k)."""

@@ -103,6 +103,11 @@ class Seen:
         """The largest magnitude."""
         return max(abs(self.low), abs(self.high))
 
+    def periods_s(self, *usual: float) -> list[float]:
+        """Usual periods and those of the tones, as far as they have four samples at least."""
+        periods = (*usual, *(1.0 / frequency for frequency, _, _ in self.tones if frequency > 0.0))
+        return [period for period in periods if period >= 4.0 * self.interval_s]
+
 
 Start = Mapping[str, float]
 

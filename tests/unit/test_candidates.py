@@ -154,8 +154,8 @@ def test_a_rugged_term_that_pulled_parameters_far_off_is_fitted_from_nominal_one
 
 
 def test_what_data_kept_back_speak_against_is_not_named() -> None:
-    droop = ActiveEffect("deadband", "opening", {"width": 4.0, "ratio": 1.0})
-    problem = pose(nominal(), bound(nominal(), records((droop,), seed=21)))
+    widened = ActiveEffect("deadband", "opening", {"width": 4.0, "ratio": 1.0})
+    problem = pose(nominal(), bound(nominal(), records((widened,), seed=21)))
     choice = decide(problem)
     assert Answer(problem, choice, None, (), None).verdict == "explained"
     wrong = next(f for f in choice.candidates if f.names and f.names[0] != "deadband")

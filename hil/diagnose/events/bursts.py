@@ -41,7 +41,7 @@ def bursts_of(problem: Problem, residuals: Array, k: int) -> list[Burst]:
 
 def is_sparse(problem: Problem, residuals: Array, bursts: Sequence[Sequence[Burst]]) -> bool:
     """Whether most of the misfit of the output lies in a small part of the time."""
-    parts = [residuals[part] for part in problem.output_slices()]
+    parts = problem.outputs_of(residuals)
     inside = [r[start:stop] for r, own in zip(parts, bursts, strict=True) for start, stop in own]
     return (
         _misfit(inside) > _SPARSE_SHARE * _misfit(parts)

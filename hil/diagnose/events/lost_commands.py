@@ -171,7 +171,7 @@ def _moved(holds: Holds, bursts: Bursts, step: Sequence[float], by_s: float, mov
 
 def _costs(problem: Problem, residuals: Array, windows: Bursts) -> list[list[float]]:
     """Squared residuals in each window."""
-    parts = [residuals[part] for part in problem.output_slices()]
+    parts = problem.outputs_of(residuals)
     return [[float(r[a:z] @ r[a:z]) for a, z in own] for r, own in zip(parts, windows, strict=True)]
 
 

@@ -60,7 +60,7 @@ def held_outputs(problem: Problem, around: Fitted) -> Events | None:
         memory = len(problem.noises[k].colour)
         stale = np.zeros(len(e.output), dtype=np.bool_)
         in_bursts = _repeats_in_bursts(e.output, bursts_of(problem, around.residuals, k))
-        for start, stop in in_bursts or _caught_up(e.output, output_of(problem, around, e)):
+        for start, stop in in_bursts or _caught_up(problem, around, e):
             residuals[part][start + 1 : stop + memory] = 1.0  # as noise would be; nothing was measured there
             stale[start + 1 : stop + memory] = True
             spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
@@ -121,13 +121,14 @@ def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int
     return [(start, stop + 1) for start, stop in runs((steps == 0.0) & inside) if stop + 1 - start >= least]
 
 
-def _caught_up(values: Array, simulated: Array) -> list[tuple[int, int]]:
+def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[int, int]]:
     """Runs of identical values after which the output is, within a sample, where the model went meanwhile."""
-    steps, floor = np.abs(np.diff(values)), white_floor(values)
+    values, steps, floor = e.output, np.abs(np.diff(e.output)), white_floor(e.output)
     if _same_again(steps, floor) > _REPEATS_BY_ITSELF:
         return []
     least = _CAUGHT_UP * max(float(steps[steps > 0.0].min()), floor)
     shortest = _longer_than_by_chance(steps, floor)
+    simulated = output_of(problem, around, e)
     found = []
     for start, last in runs(steps == 0.0):
         if last - start + 1 < shortest or last + 1 == len(values):

@@ -23,7 +23,7 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     Its amplitude may grow with the output, as ripple does that enters before the orifice; where it is hardly there
     without an output it is no disturbance but a gain that swings.
     """
-    parts = [around.residuals[part] for part in problem.output_slices()]
+    parts = problem.outputs_of(around.residuals)
     frequency = common_line(problem.experiments, parts, _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES)
     if frequency is None:
         return None

@@ -14,8 +14,6 @@ from hil.diagnose.search.terms import Term
 from hil.record.recording import Array
 
 _FROZEN = 1e6
-# A first look takes sub-steps this much coarser; only what a term changes is simulated so.
-COARSE = 0.5
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Around:
     @cached_property
     def coarse_residuals(self) -> Array:
         """Of what is accepted, with coarser sub-steps."""
-        return residuals_of(self.problem, self.accepted, factor=COARSE * self.problem.factor)
+        return residuals_of(self.problem, self.accepted, factor=self.problem.coarse_factor)
 
 
 def around(problem: Problem, accepted: Fitted) -> Around:
@@ -70,7 +68,7 @@ def with_term(place: Around, term: Term, values: Sequence[float], coarse: bool =
     terms, own = (*accepted.terms, term), (*accepted.values, values)
     if not coarse:
         return simulated(problem, accepted.parameters, terms, own)
-    change = simulated(problem, accepted.parameters, terms, own, COARSE * problem.factor) - place.coarse_residuals
+    change = simulated(problem, accepted.parameters, terms, own, problem.coarse_factor) - place.coarse_residuals
     return accepted.residuals + change
 
 

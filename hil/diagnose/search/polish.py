@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.around import COARSE, prior_root
+from hil.diagnose.search.around import prior_root
 from hil.diagnose.search.fitted import Fitted, pool, simulated, starting
 from hil.identify.estimate import Unknown, estimate
 from hil.record.recording import Array
@@ -81,7 +81,7 @@ def fit(
     found = estimate(
         residuals,
         _better_start(residuals, unknowns, nominal),
-        sketch=partial(residuals, factor=COARSE * problem.factor),
+        sketch=partial(residuals, factor=problem.coarse_factor),
         max_evaluations=evaluations,
         tolerance=tolerance,
     )

@@ -54,9 +54,8 @@ def coefficients(parameters: Mapping[str, float], step_s: float) -> dict[str, fl
 
 def starts(seen: Seen) -> list[dict[str, float]]:
     """Periods from a few samples to a second, and those of lines that stand out, each in a part of the signal."""
-    shortest = 4.0 * seen.interval_s
-    periods = [0.02, 0.04, 0.08, 0.12, 0.17, 0.25, 0.4, 0.8, 1.5, *(1.0 / f for f, _, _ in seen.tones if f > 0.0)]
-    return [{"share": 0.4, "period": period, "damping": 0.1} for period in periods if period >= shortest]
+    periods = seen.periods_s(0.02, 0.04, 0.08, 0.12, 0.17, 0.25, 0.4, 0.8, 1.5)
+    return [{"share": 0.4, "period": period, "damping": 0.1} for period in periods]
 
 
 EFFECT = Effect(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from typing import Any
 
@@ -41,8 +42,7 @@ def settle(value: float, state: Any, step_s: float, reflection: float, period: f
         order = 2.0 * k + 1.0
         decay = -2.0 * math.log(reflection) / period * math.sqrt(order)
         pole = complex(-decay, 2.0 * math.pi * order / period)
-        turn = math.exp(-decay * step_s)
-        step = complex(turn * math.cos(pole.imag * step_s), turn * math.sin(pole.imag * step_s))
+        step = cmath.exp(pole * step_s)
         new = (step - 1.0 - pole * step_s) / (pole * pole * step_s)
         old = (step - 1.0) / pole - new
         rest = -value / pole
@@ -58,8 +58,7 @@ def settle(value: float, state: Any, step_s: float, reflection: float, period: f
 
 def starts(seen: Seen) -> list[dict[str, float]]:
     """Periods of lines of a metre to a dozen, and of those tones that stand out."""
-    periods = [0.05, 0.08, 0.12, 0.17, 0.25, 0.4, *(1.0 / f for f, _, _ in seen.tones if f > 0.0)]
-    return [{"reflection": 0.5, "period": period} for period in periods if period >= 4.0 * seen.interval_s]
+    return [{"reflection": 0.5, "period": period} for period in seen.periods_s(0.05, 0.08, 0.12, 0.17, 0.25, 0.4)]
 
 
 EFFECT = Effect(
