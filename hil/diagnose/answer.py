@@ -61,7 +61,7 @@ class Answer:
         self,
         problem: Problem,
         choice: Choice,
-        events: Events | None,
+        events: tuple[Events, ...],
         warnings: tuple[str, ...],
         span: Span | None,
     ) -> None:
@@ -69,9 +69,9 @@ class Answer:
         self.warnings, self.span = warnings, span
         self.judged = self._judged()
         self.verdict = _verdict(choice, events)
-        if events is None and self._is_doubted():
+        if not events and self._is_doubted():
             self.verdict = "unexplained"
-        self.by_law = events is None or (_beside(choice, events) and choice.verdict != "unexplained")
+        self.by_law = not events or (not _instead(choice, events) and choice.verdict != "unexplained")
         self.named = choice.chosen if self.verdict != "unexplained" and self.by_law else choice.baseline
         self.used = self._used()
 
@@ -154,14 +154,15 @@ class Answer:
     # -- findings ----------------------------------------------------------------------------------------
 
     def _findings(self) -> tuple[Finding, ...]:
-        found = [self._event_finding(self.events)] if self.events is not None else []
+        found = [self._event_finding(events) for events in self.events]
         if self.verdict == "unexplained" or not self.by_law:
             return tuple(found)
         f = self.choice.chosen
         changes = [self._without(f, k) for k in range(len(f.terms))]
         order = sorted(range(len(f.terms)), key=lambda k: -float(changes[k] @ changes[k]))
         laws = [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
-        return (*found, *(law for law in laws if self.events is None or law.name not in self.events.told))
+        told = {name for events in self.events for name in events.told}
+        return (*found, *(law for law in laws if law.name not in told))
 
     def _without(self, f: Fitted, k: int) -> Array:
         """How residuals change when one term is taken away."""
@@ -237,7 +238,7 @@ class Answer:
 
     def _event_probability(self, events: Events) -> float:
         """Of events that were read off the recordings themselves, next to certain; else from what they leave."""
-        if _beside(self.choice, events):
+        if events is not self.choice.events:
             return _MOST_SURE
         return round(1.0 - _something_else(self._left_by(events), TOLERANCE_OF_EVENTS[events.name]), 3)
 
@@ -296,8 +297,8 @@ class Answer:
 
     def _left(self) -> Left:
         problem, noise = self.problem, self.problem.noises[0]
-        r = self.used.residuals if self.events is None else self.events.residuals
-        share = self.choice.left if self.events is None else self._left_by(self.events)
+        r = self.events[-1].residuals if self.events else self.used.residuals
+        share = self._left_by(self.events[-1]) if self.events else self.choice.left
         outputs: Array = np.concatenate(self.problem.outputs_of(r))
         rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
         open_question = self.verdict in OPEN
@@ -329,17 +330,15 @@ class Answer:
         return (*self.warnings, *said)
 
 
-def _verdict(choice: Choice, events: Events | None) -> Verdict:
-    if events is None:
+def _verdict(choice: Choice, events: Sequence[Events]) -> Verdict:
+    if not events:
         return choice.verdict
-    if _beside(choice, events) and choice.verdict in OPEN:
-        return "partly_explained"
-    return "explained"
+    return "partly_explained" if choice.verdict in OPEN and not _instead(choice, events) else "explained"
 
 
-def _beside(choice: Choice, events: Events) -> bool:
-    """Whether events are there beside what the library has to say of the rest, instead of it."""
-    return events is not choice.events
+def _instead(choice: Choice, events: Sequence[Events]) -> bool:
+    """Whether events are there instead of what laws say, not beside it."""
+    return any(e is choice.events for e in events)
 
 
 def _something_else(left: float, tolerance: float) -> float:

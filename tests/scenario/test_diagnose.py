@@ -130,12 +130,15 @@ def test_commands_that_do_not_arrive_are_seen_where_the_spool_is_recorded_too() 
     assert is_sparse(problem, start.residuals, all_bursts(problem, start))
 
 
+def repeated(of: np.ndarray) -> None:
+    for start in range(300, len(of) - 100, 500):
+        of[start : start + 40] = of[start]
+
+
 def test_samples_that_repeat_are_dropouts_of_the_recording() -> None:
     made = records(seed=8)
     for each in made:
-        flow = each.channels["flow"].values
-        for start in range(300, len(flow) - 100, 500):
-            flow[start : start + 40] = flow[start]
+        repeated(each.channels["flow"].values)
     of = diagnose(nominal(), bound(nominal(), made))
     assert names(of) == ["dropout"]
     assert of.diagnosis.verdict == "explained"
@@ -191,6 +194,25 @@ def test_a_tone_beside_an_effect_hides_neither() -> None:
     of = diagnose(nominal(), bound(nominal(), made))
     assert sorted(names(of)) == ["asymmetry", "periodic_disturbance"]
     assert of.diagnosis.verdict == "explained"
+
+
+def rounded(of: np.ndarray) -> None:
+    of[:] = 2.0 * np.round(of / 2.0)
+
+
+@pytest.mark.parametrize(("spoilt", "name"), [(repeated, "dropout"), (rounded, "quantisation"), (None, "dropout")])
+def test_a_tone_beside_other_events_hides_neither(spoilt: Callable[[np.ndarray], None] | None, name: str) -> None:
+    arriving = {} if spoilt else {"arriving": held(commands(np.random.default_rng(7)), np.random.default_rng(0))}
+    made = records(seed=7, **arriving)
+    for k, each in enumerate(made):
+        flow = each.channels["flow"].values
+        flow[:] += 1.5 * np.sin(2.0 * np.pi * 11.3 * each.time_s + 2.0 * k)
+        if spoilt is not None:
+            spoilt(flow)
+    of = diagnose(nominal(), bound(nominal(), made))
+    assert sorted(names(of)) == sorted([name, "periodic_disturbance"])
+    assert of.diagnosis.verdict == "explained"
+    assert of.diagnosis.changed_parameters == ()
 
 
 def test_a_few_slow_waves_are_a_drift_and_no_tone() -> None:

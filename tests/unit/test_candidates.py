@@ -157,10 +157,10 @@ def test_what_data_kept_back_speak_against_is_not_named() -> None:
     widened = ActiveEffect("deadband", "opening", {"width": 4.0, "ratio": 1.0})
     problem = pose(nominal(), bound(nominal(), records((widened,), seed=21)))
     choice = decide(problem)
-    assert Answer(problem, choice, None, (), None).verdict == "explained"
+    assert Answer(problem, choice, (), (), None).verdict == "explained"
     wrong = next(f for f in choice.candidates if f.names and f.names[0] != "deadband")
     doubted = replace(choice, verdict="partly_explained", chosen=wrong)
-    answer = Answer(problem, doubted, None, (), None)
+    answer = Answer(problem, doubted, (), (), None)
     assert answer.verdict == "unexplained"
     assert answer.diagnosis(0.0).effects == ()
 

@@ -62,7 +62,7 @@ def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
     return replace(unit, residuals=residuals, chi2=float(residuals @ residuals))
 
 
-def coarse(problem: Problem, step: float, std: float, chosen: Fitted) -> Events:
+def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals: Array) -> Events:
     """The finding for an output that comes in coarse steps of this size, beside what was chosen.
 
     A converter that cuts off what is below its level reads half a step too little: no offset of the sensor.
@@ -76,7 +76,7 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted) -> Events:
         else ""
     )
     return Events(
-        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, chosen.residuals, problem.experiments,
+        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
         f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified{how}.",
         "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
         shows_as="sensor_offset" if cut else "",
