@@ -154,15 +154,20 @@ class Answer:
     # -- findings ----------------------------------------------------------------------------------------
 
     def _findings(self) -> tuple[Finding, ...]:
-        found = [self._event_finding(events) for events in self.events]
+        laws = self._law_findings()
+        foreseen = {law.name for law in laws}
+        events = [e for e in self.events if e.name not in foreseen or not e.gives_way]
+        told = {name for e in events for name in e.told}
+        return (*(self._event_finding(e) for e in events), *(law for law in laws if law.name not in told))
+
+    def _law_findings(self) -> list[Finding]:
+        """The greatest change first."""
         if self.verdict == "unexplained" or not self.by_law:
-            return tuple(found)
+            return []
         f = self.choice.chosen
         changes = [self._without(f, k) for k in range(len(f.terms))]
         order = sorted(range(len(f.terms)), key=lambda k: -float(changes[k] @ changes[k]))
-        laws = [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
-        told = {name for events in self.events for name in events.told}
-        return (*found, *(law for law in laws if law.name not in told))
+        return [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
 
     def _without(self, f: Fitted, k: int) -> Array:
         """How residuals change when one term is taken away."""

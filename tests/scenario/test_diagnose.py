@@ -196,6 +196,18 @@ def test_a_tone_beside_an_effect_hides_neither() -> None:
     assert of.diagnosis.verdict == "explained"
 
 
+def test_a_tone_that_a_law_foresees_has_the_frequency_of_its_period() -> None:
+    made = records(seed=9)
+    for each in made:
+        phase = 2.0 * np.pi * 11.3 * each.time_s
+        each.channels["flow"].values[:] += 5.0 * np.sin(phase) + 2.5 * np.sin(2.0 * phase) + 0.8 * np.sin(3.0 * phase)
+    of = diagnose(nominal(), bound(nominal(), made))
+    assert names(of) == ["periodic_disturbance"]
+    told = of.diagnosis.effects[0].parameters
+    assert told["frequency"].value == pytest.approx(11.3, abs=0.001)
+    assert told["amplitude"].value == pytest.approx(5.0, rel=0.02)
+
+
 def rounded(of: np.ndarray) -> None:
     of[:] = 2.0 * np.round(of / 2.0)
 

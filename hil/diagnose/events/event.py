@@ -33,6 +33,7 @@ class Events:
         rest: the experiments without the events, to look at again.
         sentence: for the operator. `equation`: for the engineer.
         shows_as: an effect of the library that is there beside them and only another side of them.
+        gives_way: whether a law of the same name is told instead: it foresees them, and they are what it leaves.
     """
 
     name: str
@@ -45,6 +46,7 @@ class Events:
     sentence: str
     equation: str
     shows_as: str = ""
+    gives_way: bool = False
 
     @property
     def told(self) -> tuple[str, str]:
