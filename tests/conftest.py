@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
@@ -17,6 +18,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the console script does
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)  # HYPOTHESIS_PROFILE=explore: other examples each time
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
+
+
+def pytest_configure() -> None:
+    """Hear Ctrl-C even where a shell that runs things in the background has it ignored: programs would inherit that."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
 
 STRANGER = Path(__file__).parent / "stranger"
 
