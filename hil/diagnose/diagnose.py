@@ -21,6 +21,7 @@ from hil.diagnose.solver import settled
 from hil.diagnose.wording import quantity_text
 from hil.identify.experiment import Experiment
 from hil.physics.model import Model
+from hil.signals.products import one_blas_thread
 
 Progress = Callable[[float, str], None]
 
@@ -53,6 +54,11 @@ def diagnose(
     Raises:
         FileError: a recording cannot be what its headings say (see `hil.diagnose.check`).
     """
+    with one_blas_thread():
+        return _diagnose(model, experiments, progress, span)
+
+
+def _diagnose(model: Model, experiments: Sequence[Experiment], progress: Progress, span: Span | None) -> Diagnosed:
     started = time.perf_counter()
     progress(0.0, "checking the recordings")
     checked = check(model, experiments)

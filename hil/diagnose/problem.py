@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hil.identify.estimate import jacobian
+from hil.identify.estimate import jacobian, side_by_side
 from hil.identify.experiment import Experiment
 from hil.identify.first_reading import start_slope, with_free_start
 from hil.identify.lines import line_at
@@ -138,21 +138,21 @@ class Problem:
         `factor`: other sub-steps than the problem's; `inject`: a disturbance at a hook, one array for each experiment;
         `experiments`: the same, driven by other commands.
         """
-        parts: list[Array] = []
-        starts = self.start_slopes
-        driven = self.experiments if experiments is None else experiments
-        for i, (e, noise, inner) in enumerate(zip(driven, self.noises, self.observed_noise, strict=True)):
-            added = (inject[0], inject[1][i]) if inject else None
+        driven, starts = self.experiments if experiments is None else experiments, self.start_slopes
+
+        def of(i: int) -> list[Array]:
+            e, noise, inner = driven[i], self.noises[i], self.observed_noise[i]
             rows = e.respond(
                 self.plant, parameters, effects,
-                factor=factor or self.factor, inject=added, following=self.following,
+                factor=factor or self.factor, inject=(inject[0], inject[1][i]) if inject else None,
+                following=self.following,
             )  # fmt: skip
             error = with_free_start(whiten(rows[0] - e.output, noise, self.intervals_s[i]), starts[i])
-            parts.append(error if e.ignored is None else np.where(e.ignored, 0.0, error))
-            for k, signal in enumerate(self.plant.observed, start=1):
-                if signal.name in inner:
-                    parts.append((rows[k] - e.observed[signal.name]) / inner[signal.name])
-        return np.concatenate(parts)
+            output = error if e.ignored is None else np.where(e.ignored, 0.0, error)
+            inside = [(k, s.name) for k, s in enumerate(self.plant.observed, start=1) if s.name in inner]
+            return [output, *((rows[k] - e.observed[name]) / inner[name] for k, name in inside)]
+
+        return np.concatenate([part for parts in side_by_side(of, len(driven)) for part in parts])
 
     def channel_slices(self) -> list[list[slice]]:
         """Where each experiment's output and then its recorded inner signals stand in the residuals."""

@@ -7,11 +7,14 @@ from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
+from typing import TypeVar
 
 import numpy as np
 
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
+
+T = TypeVar("T")
 
 _RELATIVE_STEP = 1e-3
 _FIRST_DAMPING = 1e-3
@@ -97,6 +100,19 @@ class Estimate:
 def workers() -> ThreadPoolExecutor:
     """Threads for simulations; the compiled kernels release the interpreter's lock."""
     return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="simulate")
+
+
+@cache
+def _simulators() -> ThreadPoolExecutor:
+    """Threads for what waits for nothing: whoever holds one of the `workers` may wait for them."""
+    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="recording")
+
+
+def side_by_side(of: Callable[[int], T], recordings: int) -> list[T]:
+    """What a function makes of every recording by its number, simulated side by side."""
+    if recordings == 1:
+        return [of(0)]
+    return list(_simulators().map(of, range(recordings)))
 
 
 def estimate(

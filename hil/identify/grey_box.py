@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identify.estimate import Estimate, Unknown, estimate
+from hil.identify.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identify.experiment import DEAD, Experiment, require_excitation
 from hil.identify.first_reading import start_slope, with_free_start
 from hil.identify.lines import common_line, line_at
@@ -18,6 +18,7 @@ from hil.identify.structure import choose_structure
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.record.recording import Array
+from hil.signals.products import one_blas_thread
 
 # Start values tried beside the given ones when the first fit stays far above the noise.
 _RESTARTS = (0.4, 2.5)
@@ -84,6 +85,11 @@ def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequen
     Raises:
         FileError: no input or no output moves.
     """
+    with one_blas_thread():
+        return _fit_plant(model, experiments, also_free)
+
+
+def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str]) -> GreyBoxFit:
     require_excitation(experiments)
     still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
     experiments = [e for e in experiments if not e.stands_still]
@@ -196,16 +202,15 @@ def _fit_from(
 
     def residuals(values: Array) -> Array:
         parameters = base | dict(zip(names, values.tolist(), strict=True))
-        parts = []
-        for e, weight, inside, slope in zip(experiments, weights, inner, starts, strict=True):
+
+        def of(i: int) -> list[Array]:
+            e, inside = experiments[i], inner[i]
             rows = e.respond(plant, parameters, active)
-            parts.append(with_free_start((rows[0] - e.output) * weight, slope))
-            parts += [
-                (rows[k] - e.observed[signal.name]) / inside[signal.name]
-                for k, signal in enumerate(plant.observed, start=1)
-                if signal.name in inside
-            ]
-        return np.concatenate(parts)
+            known = [(k, signal.name) for k, signal in enumerate(plant.observed, start=1) if signal.name in inside]
+            output = with_free_start((rows[0] - e.output) * weights[i], starts[i])
+            return [output, *((rows[k] - e.observed[name]) / inside[name] for k, name in known)]
+
+        return np.concatenate([part for parts in side_by_side(of, len(experiments)) for part in parts])
 
     return estimate(residuals, start)
 

@@ -1,4 +1,4 @@
-"""Two matrix products that stay on one thread.
+"""Matrix products that stay on one thread.
 
 A threaded BLAS turns a product of a tenth of a millisecond into a hundred when other work keeps the cores
 busy (measured: 0.8 ms against 140 ms for one sine fit), and a bench is busy while it records.
@@ -6,11 +6,13 @@ busy (measured: 0.8 ms against 140 ms for one sine fit), and a bench is busy whi
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from typing import Any, cast
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+from threadpoolctl import threadpool_limits
 
 Array = NDArray[np.float64]
 
@@ -46,3 +48,8 @@ def rows_by_rows(a: Array, b: Array) -> Array:
 def rows_by_columns(a: Array, b: Array) -> Array:
     """a·b; shape (r, n) from (r, c) and (c, n). For a small inner size."""
     return cast(Array, _rows_by_columns(a, b))
+
+
+def one_blas_thread() -> AbstractContextManager[Any]:
+    """Keep BLAS to one thread meanwhile: fits multiply small matrices, in threads of their own."""
+    return cast(AbstractContextManager[Any], threadpool_limits(limits=1, user_api="blas"))
