@@ -86,11 +86,12 @@ def sections(results: Iterable[Result]) -> list[Section]:
     single = [r for r in every if r.listed and r.kind not in (NOTHING, PAIR, PARAMETER)]
     full = [r for r in single if r.severity == "full"]
     odd = [r for r in every if not r.listed]
+    graded = single if len(single) > len(full) else []
     return [
-        _section("Single effects, full severity", full, lambda r: r.kind),
-        _section("Single effects by severity", single, lambda r: r.severity, tuple(SEVERITIES)),
+        _section("Single effects, full severity", full, lambda r: r.kind, total=True),
+        _section("Single effects by severity", graded, lambda r: r.severity, tuple(SEVERITIES)),
         _section("Single effects by plant, full severity", full, lambda r: r.plant),
-        _section("Single effects by effect and severity", single, lambda r: f"{r.kind}, {r.severity}"),
+        _section("Single effects by effect and severity", graded, lambda r: f"{r.kind}, {r.severity}"),
         _section("Pairs", [r for r in every if r.kind == PAIR], lambda r: r.plant, total=True),
         _section("Out of library", odd, lambda r: r.kind, total=True),
         _section("Parameter changes", [r for r in every if r.kind == PARAMETER], lambda r: r.plant, total=True),
