@@ -19,14 +19,13 @@ settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)  # HYPOTHESIS_PROFILE=explore: other examples each time
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "repeatable"))
 
+STRANGER = Path(__file__).parent / "stranger"
+
 
 def pytest_configure() -> None:
     """Hear Ctrl-C even where a shell that runs things in the background has it ignored: programs would inherit that."""
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-STRANGER = Path(__file__).parent / "stranger"
 
 
 @pytest.fixture(scope="session", autouse=True)

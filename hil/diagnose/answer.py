@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.diagnose.corrected import beyond_noise, corrected, standard_uncertainties
 from hil.diagnose.coverage import limits
-from hil.diagnose.decide import OPEN, Choice
+from hil.diagnose.decide import OPEN
 from hil.diagnose.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -25,11 +25,11 @@ from hil.diagnose.diagnosis import (
 from hil.diagnose.events.event import Events
 from hil.diagnose.events.recognise import TOLERANCE_OF_EVENTS
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
+from hil.diagnose.happened import Happened
 from hil.diagnose.locate import StageShare, Where, locate, stages
 from hil.diagnose.measures import LAW_TOLERANCE, excess, share_left
 from hil.diagnose.next_test import Span, next_test
 from hil.diagnose.pictures import spectra, strips
-from hil.diagnose.problem import Problem
 from hil.diagnose.search.around import around
 from hil.diagnose.search.fitted import Fitted, residuals_of
 from hil.diagnose.search.terms import Term
@@ -57,22 +57,16 @@ _MOST_STEPS_LISTED = 12
 class Answer:
     """Puts together what a diagnosis says; computes what several parts need once."""
 
-    def __init__(
-        self,
-        problem: Problem,
-        choice: Choice,
-        events: tuple[Events, ...],
-        warnings: tuple[str, ...],
-        span: Span | None,
-    ) -> None:
-        self.problem, self.choice, self.events = problem, choice, events
-        self.warnings, self.span = warnings, span
+    def __init__(self, found: Happened, warnings: tuple[str, ...], span: Span | None) -> None:
+        self.found, self.warnings, self.span = found, warnings, span
+        self.problem, self.choice, self.events = found.problem, found.choice, found.events
         self.judged = self._judged()
-        self.verdict = _verdict(choice, events)
-        if not events and self._is_doubted():
+        self.verdict = _verdict(found)
+        if not found.events and self._is_doubted():
             self.verdict = "unexplained"
-        self.by_law = not events or (not _instead(choice, events) and choice.verdict != "unexplained")
-        self.named = choice.chosen if self.verdict != "unexplained" and self.by_law else choice.baseline
+        beside = not found.replaces_laws and found.choice.verdict != "unexplained"
+        self.by_law = not found.events or beside
+        self.named = found.choice.chosen if self.verdict != "unexplained" and self.by_law else found.choice.baseline
         self.used = self._used()
 
     def _is_doubted(self) -> bool:
@@ -302,7 +296,7 @@ class Answer:
 
     def _left(self) -> Left:
         problem, noise = self.problem, self.problem.noises[0]
-        r = self.events[-1].residuals if self.events else self.used.residuals
+        r = self.found.residuals if self.events else self.used.residuals
         share = self._left_by(self.events[-1]) if self.events else self.choice.left
         outputs: Array = np.concatenate(self.problem.outputs_of(r))
         rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
@@ -335,15 +329,10 @@ class Answer:
         return (*self.warnings, *said)
 
 
-def _verdict(choice: Choice, events: Sequence[Events]) -> Verdict:
-    if not events:
-        return choice.verdict
-    return "partly_explained" if choice.verdict in OPEN and not _instead(choice, events) else "explained"
-
-
-def _instead(choice: Choice, events: Sequence[Events]) -> bool:
-    """Whether events are there instead of what laws say, not beside it."""
-    return any(e is choice.events for e in events)
+def _verdict(found: Happened) -> Verdict:
+    if not found.events:
+        return found.choice.verdict
+    return "partly_explained" if found.choice.verdict in OPEN and not found.replaces_laws else "explained"
 
 
 def _something_else(left: float, tolerance: float) -> float:

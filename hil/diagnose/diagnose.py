@@ -79,7 +79,7 @@ def _diagnose(model: Model, experiments: Sequence[Experiment], progress: Progres
         found = _read_coarsely(found, *step)
     if stale:
         found = _with_stale(found, stale)
-    answer = Answer(found.problem, found.choice, found.events, tuple(warnings), span)
+    answer = Answer(found, tuple(warnings), span)
     progress(0.8, "locating the mismatch")
     diagnosis = answer.diagnosis(time.perf_counter() - started)
     progress(1.0, "done")

@@ -37,6 +37,11 @@ class Happened:
         """Whitened, with everything that was found."""
         return self.events[-1].residuals if self.events else self.choice.chosen.residuals
 
+    @property
+    def replaces_laws(self) -> bool:
+        """Whether events are there instead of what laws say, not beside it."""
+        return any(events is self.choice.events for events in self.events)
+
     def also(self, events: Events) -> Happened:
         """One more kind of event; its residuals are with all of them."""
         return replace(self, events=(*self.events, events))

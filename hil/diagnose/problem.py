@@ -140,19 +140,18 @@ class Problem:
         """
         driven, starts = self.experiments if experiments is None else experiments, self.start_slopes
 
-        def of(i: int) -> list[Array]:
-            e, noise, inner = driven[i], self.noises[i], self.observed_noise[i]
+        def errors_of(i: int) -> list[Array]:
+            e = driven[i]
             rows = e.respond(
                 self.plant, parameters, effects,
                 factor=factor or self.factor, inject=(inject[0], inject[1][i]) if inject else None,
                 following=self.following,
             )  # fmt: skip
-            error = with_free_start(whiten(rows[0] - e.output, noise, self.intervals_s[i]), starts[i])
+            error = with_free_start(whiten(rows[0] - e.output, self.noises[i], self.intervals_s[i]), starts[i])
             output = error if e.ignored is None else np.where(e.ignored, 0.0, error)
-            inside = [(k, s.name) for k, s in enumerate(self.plant.observed, start=1) if s.name in inner]
-            return [output, *((rows[k] - e.observed[name]) / inner[name] for k, name in inside)]
+            return [output, *e.observed_errors(self.plant, rows, self.observed_noise[i])]
 
-        return np.concatenate([part for parts in side_by_side(of, len(driven)) for part in parts])
+        return side_by_side(errors_of, len(driven))
 
     def channel_slices(self) -> list[list[slice]]:
         """Where each experiment's output and then its recorded inner signals stand in the residuals."""

@@ -7,14 +7,11 @@ from collections.abc import Callable, Collection, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
-from typing import TypeVar
 
 import numpy as np
 
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
-
-T = TypeVar("T")
 
 _RELATIVE_STEP = 1e-3
 _FIRST_DAMPING = 1e-3
@@ -108,11 +105,10 @@ def _simulators() -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="recording")
 
 
-def side_by_side(of: Callable[[int], T], recordings: int) -> list[T]:
-    """What a function makes of every recording by its number, simulated side by side."""
-    if recordings == 1:
-        return [of(0)]
-    return list(_simulators().map(of, range(recordings)))
+def side_by_side(errors_of: Callable[[int], Sequence[Array]], recordings: int) -> Array:
+    """The errors of every recording, by its number, one after another; simulated side by side."""
+    each = _simulators().map(errors_of, range(recordings)) if recordings > 1 else map(errors_of, range(recordings))
+    return np.concatenate([error for errors in each for error in errors])
 
 
 def estimate(

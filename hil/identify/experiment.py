@@ -73,6 +73,14 @@ class Experiment:
         grid_s = self.grid_s
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
 
+    def observed_errors(self, plant: Plant, rows: Array, noise: Mapping[str, float]) -> list[Array]:
+        """Simulated minus recorded inner signals, in units of the noise of those that have one; `rows` of `respond`."""
+        return [
+            (row - self.observed[signal.name]) / noise[signal.name]
+            for signal, row in zip(plant.observed, rows[1:], strict=True)
+            if signal.name in noise
+        ]
+
     @property
     def duration_s(self) -> float:
         """From the first stamp to the last."""

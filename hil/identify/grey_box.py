@@ -203,14 +203,13 @@ def _fit_from(
     def residuals(values: Array) -> Array:
         parameters = base | dict(zip(names, values.tolist(), strict=True))
 
-        def of(i: int) -> list[Array]:
-            e, inside = experiments[i], inner[i]
+        def errors_of(i: int) -> list[Array]:
+            e = experiments[i]
             rows = e.respond(plant, parameters, active)
-            known = [(k, signal.name) for k, signal in enumerate(plant.observed, start=1) if signal.name in inside]
             output = with_free_start((rows[0] - e.output) * weights[i], starts[i])
-            return [output, *((rows[k] - e.observed[name]) / inside[name] for k, name in known)]
+            return [output, *e.observed_errors(plant, rows, inner[i])]
 
-        return np.concatenate([part for parts in side_by_side(of, len(experiments)) for part in parts])
+        return side_by_side(errors_of, len(experiments))
 
     return estimate(residuals, start)
 

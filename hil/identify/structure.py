@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.identify.estimate import Estimate, Unknown, estimate
+from hil.identify.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identify.evidence import VERY_STRONG, simplest_good
 from hil.identify.experiment import Experiment
 from hil.physics.plant import Parameter, Plant, Structure
@@ -167,10 +167,12 @@ class _Search:
 
     def _errors(self, parameters: Mapping[str, float]) -> Array:
         """Weighted simulated minus measured, all experiments one after another."""
-        return np.concatenate([
-            (e.respond(self.plant, parameters)[0] - e.output) * weight
-            for e, weight in zip(self.experiments, self.weights, strict=True)
-        ])  # fmt: skip
+
+        def errors_of(i: int) -> list[Array]:
+            e = self.experiments[i]
+            return [(e.respond(self.plant, parameters)[0] - e.output) * self.weights[i]]
+
+        return side_by_side(errors_of, len(self.experiments))
 
     def _values(self, structure: Structure, values: Array) -> dict[str, float]:
         return {**self.off, **dict(zip(structure.free, values.tolist(), strict=True))}

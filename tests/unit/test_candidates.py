@@ -12,6 +12,7 @@ from hil.diagnose.answer import Answer
 from hil.diagnose.causes import Causes
 from hil.diagnose.decide import decide
 from hil.diagnose.evidence import Judged, probabilities
+from hil.diagnose.happened import Happened
 from hil.diagnose.measures import Measures
 from hil.diagnose.problem import Problem, pose
 from hil.diagnose.search import polish as polishing
@@ -157,10 +158,10 @@ def test_what_data_kept_back_speak_against_is_not_named() -> None:
     widened = ActiveEffect("deadband", "opening", {"width": 4.0, "ratio": 1.0})
     problem = pose(nominal(), bound(nominal(), records((widened,), seed=21)))
     choice = decide(problem)
-    assert Answer(problem, choice, (), (), None).verdict == "explained"
+    assert Answer(Happened((), problem, choice), (), None).verdict == "explained"
     wrong = next(f for f in choice.candidates if f.names and f.names[0] != "deadband")
     doubted = replace(choice, verdict="partly_explained", chosen=wrong)
-    answer = Answer(problem, doubted, (), (), None)
+    answer = Answer(Happened((), problem, doubted), (), None)
     assert answer.verdict == "unexplained"
     assert answer.diagnosis(0.0).effects == ()
 
