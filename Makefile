@@ -26,9 +26,9 @@ check: $(STAMP)  ## format, lint, types, import layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-# Three at a time on two cores: some tests wait for the clock of a process, and their core would wait with them.
+# Four at a time on two cores: some tests wait for the clock of a process, and their core would wait with them.
 test: $(STAMP) check  ## everything CI asks for
-	$(BIN)/pytest -n 3 --dist loadgroup -m "not slow"
+	$(BIN)/pytest -n 4 --dist loadgroup -m "not slow"
 
 test-slow: $(STAMP)  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else
 	$(BIN)/pytest -m slow
