@@ -41,6 +41,8 @@ class Problem:
         noises: of the output, per experiment; `observed_noise`: of each recorded inner signal.
         factor: how much finer than the plant's own the sub-steps are.
         following: whether the plant's observer leads every simulation back to its recording.
+        beyond: by how much what laws leave is greater than noise (rms); a start is then known so much better than
+            anything that they say.
     """
 
     model: Model
@@ -49,6 +51,7 @@ class Problem:
     observed_noise: tuple[Mapping[str, float], ...]
     factor: float = 1.0
     following: bool = False
+    beyond: float = 1.0
 
     @property
     def plant(self) -> Plant:
@@ -116,7 +119,7 @@ class Problem:
         model, found = self.model, []
         for e, noise, interval_s in zip(self.experiments, self.noises, self.intervals_s, strict=True):
             slope = start_slope(e, self.plant, model.values, model.active_effects, noise.std, self.factor)
-            found.append(None if slope is None else whiten(noise.std * slope, noise, interval_s))
+            found.append(None if slope is None else whiten(noise.std / self.beyond * slope, noise, interval_s))
         return tuple(found)
 
     @cached_property

@@ -13,8 +13,8 @@ from hil.diagnose.decide import Choice, decide
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.measures import Measures, excess
 from hil.diagnose.problem import Problem, pose
-from hil.diagnose.search.fitted import Fitted, nothing
-from hil.diagnose.search.polish import polish, roughly
+from hil.diagnose.search.fitted import Fitted, nothing, output_of
+from hil.diagnose.search.polish import polish, roughly, with_known_start
 from hil.diagnose.search.terms import all_terms
 from hil.errors import FileError
 from hil.identify.experiment import Experiment, experiment
@@ -56,6 +56,7 @@ MODEL: Model = replace(typical_model("linear-axis"), noise=Noise(NOISE_M))
 FRICTION = ActiveEffect("friction", "force", {"coulomb": 9.0, "stiction": 1.3, "stribeck": 0.02, "presliding": 1e-4})
 LIMITED = ActiveEffect("saturation", "coil", {"limit": 280.0, "knee": 0.05, "slope": 0.0})
 UNEVEN = ActiveEffect("asymmetry", "command", {"ratio": 0.97, "gain": 1.0})
+DRAGGING = ActiveEffect("uneven_drag", "drag", {"difference": 0.2})
 
 
 @pytest.mark.parametrize("effects", [(FRICTION,), (LIMITED, UNEVEN)], ids=lambda e: " and ".join(x.name for x in e))
@@ -64,6 +65,32 @@ def test_its_causes_are_found(effects: tuple[ActiveEffect, ...]) -> None:
     assert of.verdict == "explained"
     assert sorted(of.chosen.names) == sorted(effect.name for effect in effects)
     assert of.chosen.chi2 < 1.05 * len(of.chosen.residuals)
+
+
+def test_a_guide_that_brakes_one_way_harder_is_told_beside_its_friction() -> None:
+    of = answer(FRICTION, DRAGGING)
+    assert of.verdict == "explained"
+    assert sorted(of.chosen.names) == ["asymmetry", "friction"]
+    told = {(term.name, term.hook): values for term, values in zip(of.chosen.terms, of.chosen.values, strict=True)}
+    assert told["uneven_drag", "drag"] == pytest.approx((0.2,), abs=0.01)
+
+
+def raw_rms(problem: Problem, f: Fitted) -> float:
+    """Of simulations that run freely from where the first reading says, in units of the noise."""
+    pairs = zip(problem.experiments, problem.noises, strict=True)
+    return float(np.sqrt(np.mean([np.mean(((output_of(problem, f, e) - e.output) / n.std) ** 2) for e, n in pairs])))
+
+
+def test_a_start_does_not_bend_to_laws_that_are_off_by_much_more_than_noise() -> None:
+    """A tone that is no part of the explanation; without friction in it, a start of a few noises would hide some."""
+    problem = pose(MODEL, [moved(0, FRICTION, humming_n=20.0)])
+    bent = polish(problem, fitted(problem, FRICTION))
+    known = with_known_start(problem, bent)
+    assert raw_rms(problem, known) < raw_rms(problem, bent) - 1.0
+    assert known.chi2 >= bent.chi2
+    within_noise = pose(MODEL, [moved(0, FRICTION)])
+    exact = polish(within_noise, fitted(within_noise, FRICTION))
+    assert with_known_start(within_noise, exact) is exact
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,15 @@ def test_the_arm_rings_on_its_oil_and_turbulent_losses_brake_only_fast_motion():
     assert np.isclose(braked[-1], 3.0 * 0.5**2, rtol=0.02)  # what steady motion costs
 
 
+def test_drag_that_differs_between_directions_makes_one_of_them_faster():
+    axis = plant("linear-axis")
+    values = axis.typical | {"mass": 10.0, "viscous": 200.0}
+    uneven = ActiveEffect("uneven_drag", "drag", {"difference": 0.2})
+    for force, drag in ((100.0, 160.0), (-100.0, 240.0)):
+        place = simulate(axis, values, Drive(np.full((1, 2000), force), 0.0, 0.001), [uneven])[0]
+        assert np.isclose((place[-1] - place[-2]) / 0.001, force / drag, rtol=0.002)
+
+
 def test_the_controller_of_the_axis_works_at_its_own_clock():
     axis = plant("servo-axis")
     reference = 0.1 * (1.0 - np.cos(np.arange(1500) / 300.0))[None, :]

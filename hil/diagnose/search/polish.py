@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.around import prior_root
-from hil.diagnose.search.fitted import Fitted, pool, simulated, starting
+from hil.diagnose.search.fitted import Fitted, evaluated, pool, simulated, starting
 from hil.identify.estimate import Unknown, estimate
 from hil.record.recording import Array
 
 _ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
+_FAR_BEYOND = 3.0
 # So many other valleys are tried where a misfit has many.
 _VALLEYS = 2
 
@@ -91,6 +92,19 @@ def fit(
         if term.kind == "parameter":
             parameters[term.name] = values[0]
     return Fitted(fitted.terms, tuple(own), parameters, found.chi2, r, found)
+
+
+def with_known_start(problem: Problem, f: Fitted) -> Fitted:
+    """The same explanation where laws leave much more than noise: fitted with starts known so much better than laws.
+
+    The start of a plant that integrates is uncertain by a little noise. Beside laws that are off by much more, it would
+    bend to them for nothing.
+    """
+    beyond = float(np.sqrt(f.chi2 / problem.size))
+    if beyond < _FAR_BEYOND or all(slope is None for slope in problem.start_slopes) or not f.terms:
+        return f
+    again = fit(replace(problem, beyond=beyond), f)
+    return replace(evaluated(problem, again), estimate=again.estimate)
 
 
 def roughly(problem: Problem, start: Fitted, *, base_free: bool = False) -> Fitted:

@@ -20,7 +20,10 @@ def equations(force: Any, x: Any, c: Any, hook: Any) -> Any:
     force = delayed(x.line, force, c.dead_steps)
     force = hook.coil(force)
     free_speed = c.keep * x.speed + c.mobility * force
-    opposing = hook.force(free_speed, c.mobility)
+    dragging = hook.drag(free_speed)
+    more_drag = c.viscous * (dragging - free_speed)
+    friction = hook.force(free_speed - c.mobility * more_drag, c.mobility)
+    opposing = more_drag + friction
     net = force - opposing
     before = x.place
     x.place += c.travel * x.speed + c.compliance * net
@@ -34,14 +37,13 @@ def equations(force: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step; at rest before the first sample."""
-    dead_steps = delay_steps(p["dead_time"], step_s)
+    held = {"dead_steps": delay_steps(p["dead_time"], step_s), "viscous": p["viscous"]}
     if math.isinf(step_s):
-        return {"dead_steps": dead_steps, "keep": 0.0, "mobility": 0.0, "travel": 0.0, "compliance": 0.0}
+        return held | {"keep": 0.0, "mobility": 0.0, "travel": 0.0, "compliance": 0.0}
     rate = max(p["viscous"], 1e-9) / p["mass"]
     keep = math.exp(-rate * step_s)
     faded = -math.expm1(-rate * step_s)
-    return {
-        "dead_steps": dead_steps,
+    return held | {
         "keep": keep,
         "mobility": faded / (rate * p["mass"]),
         "travel": faded / rate,
@@ -76,6 +78,7 @@ PLANT = Plant(
         Hook("command", "command", "N", 500.0),
         Hook("coil", "drive", "N", 500.0),
         Hook("force", "guide", "N", 500.0, extra="mobility", motion_unit="m", motion_scale=0.25),
+        Hook("drag", "guide", "m/s", 0.2),
         Hook("load", "carriage", "m", 0.25),
         Hook("sensor", "sensor", "m", 0.25),
     ),

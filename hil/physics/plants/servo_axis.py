@@ -22,7 +22,10 @@ def equations(reference: Any, x: Any, c: Any, hook: Any) -> Any:
     force = hook.coil(c.motor * x.voltage)
     reading = hook.sensor(force)
     free_speed = c.keep * x.speed + c.mobility * force
-    opposing = hook.force(free_speed, c.mobility)
+    dragging = hook.drag(free_speed)
+    more_drag = c.viscous * (dragging - free_speed)
+    friction = hook.force(free_speed - c.mobility * more_drag, c.mobility)
+    opposing = more_drag + friction
     net = force - opposing
     x.place += c.travel * x.speed + c.compliance * net
     x.speed = free_speed - c.mobility * opposing
@@ -37,6 +40,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
         "position_gain": p["position_gain"],
         "limit": p["voltage_limit"],
         "motor": p["motor_gain"],
+        "viscous": p["viscous"],
     }
     if math.isinf(step_s):
         return loop | {"step": 0.0, "period": 0.0, "keep": 0.0, "mobility": 0.0, "travel": 0.0, "compliance": 0.0}
@@ -87,6 +91,7 @@ PLANT = Plant(
     hooks=(
         Hook("coil", "drive", "N", 350.0),
         Hook("force", "guide", "N", 500.0, extra="mobility", motion_unit="m", motion_scale=0.25),
+        Hook("drag", "guide", "m/s", 0.2),
         Hook("position", "screw", "m", 0.25),
         Hook("sensor", "sensor", "N", 500.0),
     ),

@@ -6,7 +6,7 @@ A law is `law(x, a, b, r) -> x`: it changes the signal x of its slot; a and b ar
 |---|---|---|
 | DRIVE | command after the base dead time, in input units | – |
 | RATE | speed of the first moving or electrical stage | its state, – |
-| VISCOSITY | factor on damping, 1 | time |
+| VISCOSITY | factor on damping, 1 | time, speed of the moving part where the plant has one |
 | FORCE | net force on the moving part, in input units | position, speed |
 | LINK | position of the moving part | speed, – |
 | METER | position of the metering edge | speed, – |

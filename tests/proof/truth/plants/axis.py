@@ -18,7 +18,7 @@ def equations(r: Any, laws: Any, records: Any) -> None:
     c, s, ds = r.c, r.s, r.ds
     position, speed = s[0], s[1]
     drive = through(slots.DRIVE, r.u, 0.0, 0.0, laws, records)
-    viscosity = through(slots.VISCOSITY, 1.0, r.t, 0.0, laws, records)
+    viscosity = through(slots.VISCOSITY, 1.0, r.t, speed, laws, records)
     net = drive - c[2] * viscosity * speed
     ds[0] = speed
     ds[1] = through(slots.FORCE, net, position, speed, laws, records) / c[1]
