@@ -9,14 +9,14 @@ import pytest
 from typer import Typer
 from typer.testing import CliRunner
 
-from hil.physics.compose import plant
+from hil.physics.compose import kernel, plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.read import write_recording
 from hil.record.recording import recording
 from tests.proof.real.__main__ import main
 from tests.proof.real.prove import prove
 from tests.proof.real.publish import START, STOP, cells, inserted, parameters
-from tests.proof.real.sets import SETS
+from tests.proof.real.sets import SETS, RealSet
 
 SEAL = next(real for real in SETS if real.name == "pneumatic seal")
 FILES = {"nap310-3bar.csv": 3.0, "nap310-7bar.csv": 7.0, "nap310-5bar.csv": 5.0}
@@ -55,8 +55,14 @@ def test_a_set_is_fitted_and_judged_on_what_was_kept_back(recordings: Path) -> N
     assert outcome.seen is not None and outcome.seen.count == 2
     assert outcome.unseen is not None and outcome.unseen.count == 3  # the rest of two files, and a third one
     assert outcome.unseen.nominal < 60.0 < 97.0 < outcome.unseen.corrected
+    assert outcome.unseen.by_hand == pytest.approx(outcome.unseen.corrected, abs=0.1)  # the same physics, known before
     assert "seal friction" in cells(outcome)[3]
     assert "N" in parameters(outcome)
+
+
+@pytest.mark.parametrize("real", SETS, ids=lambda real: real.name)
+def test_what_is_fitted_by_hand_is_physics_that_its_plant_has(real: RealSet) -> None:
+    assert {*real.by_hand} <= {site.key for site in kernel(real.plant).sites}
 
 
 def test_an_absent_folder_is_one_line_and_status_two(run: Typer, tmp_path: Path) -> None:

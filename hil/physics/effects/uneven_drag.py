@@ -32,5 +32,5 @@ EFFECT = Effect(
     signature="an offset of the force that grows with speed and is gone at rest; one direction faster than the other",
     source="Armstrong-Hélouvry, Dupont, Canudas de Wit, Automatica 30(7), 1994; "
     "Janot, Gautier, Brunot: Data Set and Reference Models of EMPS, nonlinearbenchmark.org 2019",
-    sentence="Motion is braked harder one way than the other, by {difference:%} of the mean either way.",
+    sentence="Motion backwards is braked by {difference:%} more than the mean of both ways, forwards by as much less.",
 )

@@ -38,7 +38,7 @@ def _effects(outcome: Outcome) -> str:
 def _fits(fits: Fits | None) -> str:
     if fits is None:
         return "nothing kept back"
-    return f"{fits.nominal:.1f} → {fits.corrected:.1f}"
+    return f"{fits.nominal:.1f} → {fits.corrected:.1f} ({fits.by_hand:.1f})"
 
 
 def number(value: Value) -> str:
