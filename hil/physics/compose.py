@@ -19,20 +19,21 @@ import platform
 import sys
 import tempfile
 import textwrap
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import accumulate
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 import numba
 import platformdirs
 from filelock import FileLock
 
 from hil.catalog import entries, find
+from hil.errors import FileError, UnknownNameError
 from hil.physics.effect import Effect, hold_first
 from hil.physics.plant import Hook, Plant
 
@@ -138,15 +139,29 @@ class _Page(ast.NodeTransformer):
     # -- rewriting -----------------------------------------------------------------------------------------
 
     def visit_Attribute(self, node: ast.Attribute) -> ast.AST:
+        if _is_hook(node):
+            self._refuse(node, f"hook.{node.attr}(…) stands within an expression; write `name = hook.{node.attr}(…)`")
         if isinstance(node.value, ast.Name) and node.value.id in ("x", "c"):
+            known = {"x": (*self.plant.states, *self.plant.lines_s), "c": tuple(self.coefficients)}[node.value.id]
+            self._is_known(node, {"x": "state", "c": "coefficient"}[node.value.id], known)
             return ast.copy_location(ast.Name(f"{node.value.id}_{node.attr}", node.ctx), node)
         return self.generic_visit(node)
+
+    def _is_known(self, node: ast.Attribute, kind: str, known: Collection[str]) -> None:
+        if node.attr not in known:
+            self._refuse(node, str(UnknownNameError(kind, node.attr, known)))
+
+    def _refuse(self, node: ast.expr, text: str) -> NoReturn:
+        """Say what is wrong with a line of the page."""
+        first = inspect.getsourcelines(self.plant.equations)[1]
+        raise FileError(f"{inspect.getsourcefile(self.plant.equations)}:{first + node.lineno - 1}: {text}")
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST | list[ast.stmt]:
         call = node.value
         if not (isinstance(call, ast.Call) and _is_hook(call.func)):
             return self.generic_visit(node)
         assert isinstance(call.func, ast.Attribute)
+        self._is_known(call.func, "hook", [hook.name for hook in self.plant.hooks])
         target = ast.unparse(self.visit(node.targets[0]))
         value, *extra = [ast.unparse(self.visit(argument)) for argument in call.args]
         return ast.parse("\n".join(self._hook_lines(call.func.attr, target, value, extra))).body

@@ -6,6 +6,8 @@ import math
 import os
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +15,8 @@ import numpy as np
 import pytest
 
 from hil.catalog import entries
-from hil.errors import InputError, UnknownNameError
-from hil.physics.compose import effect, effects, plant
+from hil.errors import FileError, InputError, UnknownNameError
+from hil.physics.compose import effect, effects, kernel, plant
 from hil.physics.simulate import ActiveEffect, Drive, Twin, simulate
 
 VALVE = plant("brevini-hpv41")
@@ -45,6 +47,46 @@ def run(inputs: np.ndarray, effects: tuple[ActiveEffect, ...] = (), **given: Any
 def test_what_does_not_fit_is_refused(inputs: np.ndarray, given: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         run(inputs, **given)
+
+
+def nested(force: Any, x: Any, c: Any, hook: Any) -> Any:
+    """A page with a hook within an expression."""
+    return 2.0 * hook.sensor(x.place), x.speed
+
+
+def misspelt(force: Any, x: Any, c: Any, hook: Any) -> Any:
+    """A page with a hook that the plant does not have."""
+    reading = hook.senser(x.place)
+    return reading, x.speed
+
+
+def forgotten(force: Any, x: Any, c: Any, hook: Any) -> Any:
+    """A page with a coefficient that nobody works out."""
+    x.speed += c.mobilty * force
+    return x.place, x.speed
+
+
+def undeclared(force: Any, x: Any, c: Any, hook: Any) -> Any:
+    """A page with a state that the plant does not list."""
+    x.plase += force
+    return x.place, x.speed
+
+
+@pytest.mark.parametrize(
+    ("page", "line", "said"),
+    [
+        (nested, 2, r"hook.sensor\(…\) stands within an expression; write `name = hook.sensor\(…\)`"),
+        (misspelt, 2, "no hook named 'senser', did you mean 'sensor'.* known: coil, command, "),
+        (forgotten, 2, "no coefficient named 'mobilty', did you mean 'mobility'"),
+        (undeclared, 2, "no state named 'plase', did you mean 'place'.* known: line, place, speed"),
+    ],
+    ids=lambda of: getattr(of, "__name__", None),
+)
+def test_a_fault_of_a_page_is_said_with_its_line(page: Callable[..., Any], line: int, said: str) -> None:
+    axis = kernel("linear-axis")
+    at = page.__code__.co_firstlineno + line
+    with pytest.raises(FileError, match=rf"test_physics_simulate\.py:{at}: {said}"):
+        _ = replace(axis, plant=replace(axis.plant, equations=page)).run
 
 
 def test_a_twin_refuses_a_block_of_another_shape() -> None:
