@@ -26,7 +26,7 @@ EFFECT = Effect(
     name="rate_limit",
     title="slew rate limit",
     hooks=("command", "coil", "pilot", "opening", "position"),
-    parameters=(EffectParameter("rate", "{value}/s", math.inf, 2.0, 0.02, 200.0, "fastest change", by_law=0.001),),
+    parameters=(EffectParameter("rate", "{value}/s", math.inf, 2.0, 0.02, 200.0, "fastest change", by_law=0.02),),
     transform=transform,
     starts=starts,
     memory=lambda _parameters, _step_s: 1,
