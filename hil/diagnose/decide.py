@@ -14,7 +14,7 @@ from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.measures import SMALL_EXCESS, Measures, excess, is_itself, is_present, is_strained
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted, nothing
-from hil.diagnose.search.polish import from_other_shapes, polish, roughly
+from hil.diagnose.search.polish import from_other_shapes, polish, roughly, with_known_start
 from hil.diagnose.search.terms import Term, all_terms
 
 _CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
@@ -114,9 +114,11 @@ class _Judge:
             best = self.most_telling([best, self.causes.deeper(best, alone.place)], polished)
             verdict = self.verdict(best, polished)
         candidates = (*sorted(polished, key=self.m.cost), *singles)
+        rivals = self.rivals(best, polished)
+        best = with_known_start(self.problem, best)
         return Choice(
             verdict, best, self.baseline, nominal, candidates,
-            self.rivals(best, polished), self.causes.terms, self.m.left(best), events, part,
+            rivals, self.causes.terms, self.m.left(best), events, part,
         )  # fmt: skip
 
     def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted], alone: Alone) -> Fitted:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from hil.diagnose.answer import Answer
 from hil.diagnose.check import check
@@ -17,7 +17,6 @@ from hil.diagnose.happened import Happened, happened, posed_again
 from hil.diagnose.measures import excess
 from hil.diagnose.next_test import Span
 from hil.diagnose.problem import pose
-from hil.diagnose.search.polish import with_known_start
 from hil.diagnose.solver import settled
 from hil.diagnose.wording import quantity_text
 from hil.identify.experiment import Experiment
@@ -75,7 +74,6 @@ def _diagnose(model: Model, experiments: Sequence[Experiment], progress: Progres
             problem, choice = set_right, second
             warnings += checked.clock_warnings
     found = happened(problem, choice)
-    found = replace(found, choice=replace(found.choice, chosen=with_known_start(found.problem, found.choice.chosen)))
     progress(0.6, "judging on data kept back")
     if (step := coarse_step(problem, kept)) is not None:
         found = _read_coarsely(found, *step)

@@ -241,7 +241,7 @@ class _Page(ast.NodeTransformer):
                 yield f"settle{k} = effect{k}.settle"
             elif settle is not None:
                 yield f"from hil.physics.effect import hold_first as settle{k}"
-        yield f"@njit('{_SIGNATURE}', cache=True, nogil=True, error_model='numpy', no_cfunc_wrapper=True)"
+        yield f"@njit('{_SIGNATURE}', cache=True, nogil=True, error_model='numpy')"
         yield (
             "def kernel(inputs, step_s, sub_steps, read_at, start, settle_first, steady, coefficients, states,"
             " on, effect_coefficients, memory, offsets, inject, disturbance, tracing, trace, follow, measured, out):"

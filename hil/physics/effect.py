@@ -30,7 +30,7 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 def compiled(function: F) -> F:
     """Mark a function as part of the compiled core (numba, numpy's rules for division by zero)."""
-    return cast(F, njit(error_model="numpy", no_cfunc_wrapper=True)(function))
+    return cast(F, njit(error_model="numpy")(function))
 
 
 @compiled

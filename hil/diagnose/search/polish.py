@@ -16,6 +16,7 @@ from hil.identify.estimate import Unknown, estimate
 from hil.record.recording import Array
 
 _ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
+# What is left is much more than noise from so many times it (rms).
 _FAR_BEYOND = 3.0
 # So many other valleys are tried where a misfit has many.
 _VALLEYS = 2
@@ -104,7 +105,9 @@ def with_known_start(problem: Problem, f: Fitted) -> Fitted:
     if beyond < _FAR_BEYOND or all(slope is None for slope in problem.start_slopes) or not f.terms:
         return f
     again = fit(replace(problem, beyond=beyond), f)
-    return replace(evaluated(problem, again), estimate=again.estimate)
+    moving = again.chi2 - float(again.residuals @ again.residuals)
+    seen = evaluated(problem, again)
+    return replace(seen, chi2=seen.chi2 + moving, estimate=again.estimate)
 
 
 def roughly(problem: Problem, start: Fitted, *, base_free: bool = False) -> Fitted:
