@@ -89,3 +89,14 @@ def test_small_commands_look_slower_and_the_spool_sticks_at_reversals() -> None:
         spool = simulate(VALVE, VALVE.typical, Drive(command[None, :], math.nan, 1e-3), [effect])[1]
         ratios.append(np.ptp(spool[4000:]) / (2.0 * amplitude))
     assert ratios[0] < 0.6 < 0.75 < ratios[1]
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0])
+def test_a_part_that_slips_as_soon_as_it_moves_is_simulated_as_with_fine_steps(factor: float) -> None:
+    """Stiction is gone at 1 %/s: the force falls to a half within a step."""
+    time_s = np.arange(0.0, 8.0, 0.004)
+    command = 45.0 + 12.0 * np.sin(2.0 * np.pi * 0.8 * time_s)
+    slippery = ActiveEffect("friction", "force", {"coulomb": 6.0, "stiction": 2.0, "stribeck": 1.0, "presliding": 0.01})
+    drive = Drive(command[None, :], 0.0, 0.004)
+    found, truth = (simulate(VALVE, VALVE.typical, drive, [slippery], factor=f)[0] for f in (factor, 64.0))
+    assert np.sqrt(np.mean((found - truth) ** 2)) < 0.05  # l/min; noise is 0.3

@@ -21,8 +21,9 @@ def transform(
 ) -> float:
     """The friction force of one sub-step.
 
-    Bristles (state: their deflection) carry the load until they slip at `presliding`; the step is implicit, so
-    that it is stable however stiff they are. With no presliding the part stops at once and truly sticks.
+    Bristles carry the load until they slip at `presliding`; the step is implicit, so that it is stable however stiff
+    they are, but for how slippery it is, which is that of the last speed: a guess from the free one would be wrong by
+    all that friction takes of it. With no presliding the part stops at once and truly sticks. State: deflection, speed.
     """
     if presliding <= 0.0:
         stopping = value / mobility
@@ -35,14 +36,12 @@ def transform(
     if coulomb <= 0.0:
         return 0.0
     stiffness = coulomb / presliding
-    grip = mobility * stiffness
-    drive = value - grip * state[0]
-    level = coulomb * (1.0 + (stiction - 1.0) * math.exp(-((value / stribeck) ** 2)))
-    speed = _slipping(value, drive, grip * step_s, step_s * stiffness / level)
-    level = coulomb * (1.0 + (stiction - 1.0) * math.exp(-((speed / stribeck) ** 2)))
+    level = coulomb * (1.0 + (stiction - 1.0) * math.exp(-((state[1] / stribeck) ** 2)))
     wear = step_s * stiffness / level
-    speed = _slipping(value, drive, grip * step_s, wear)
+    grip = mobility * stiffness
+    speed = _slipping(value, value - grip * state[0], grip * step_s, wear)
     state[0] = (state[0] + step_s * speed) / (1.0 + wear * abs(speed))
+    state[1] = speed
     return stiffness * state[0]
 
 
@@ -59,7 +58,7 @@ def _slipping(free: float, drive: float, grip: float, wear: float) -> float:
 @compiled
 def settle(value: float, state: Any) -> float:
     """At rest and centred: no force yet."""
-    state[0] = 0.0
+    state[:] = 0.0
     return 0.0 * value
 
 
@@ -89,7 +88,7 @@ EFFECT = Effect(
     ),
     transform=transform,
     starts=starts,
-    memory=lambda _parameters, _step_s: 1,
+    memory=lambda _parameters, _step_s: 2,
     settle=settle,
     equation="ż = v − |v|·z/z_s(v);  F = (F_C/z_0)·z;  F_ss = F_C·(1 + (r − 1)·exp(−(v/v_s)²))·sgn v",
     signature="phase lag that stays as frequency falls, odd harmonics, residual at reversals of motion; "
