@@ -75,18 +75,18 @@ static double level_at(double speed, const double *p) {
 
 static double friction(double free, double mobility, double step, double *z, const double *p) {
     double stiffness = p[0] / p[3];
+    double wear = step * stiffness / level_at(z[1], p);
     double grip = mobility * stiffness;
-    double drive = free - grip * *z;
-    double speed = slipping(free, drive, grip * step, step * stiffness / level_at(free, p));
-    double wear = step * stiffness / level_at(speed, p);
-    speed = slipping(free, drive, grip * step, wear);
-    *z = (*z + step * speed) / (1.0 + wear * fabs(speed));
-    return stiffness * *z;
+    double speed = slipping(free, free - grip * z[0], grip * step, wear);
+    z[0] = (z[0] + step * speed) / (1.0 + wear * fabs(speed));
+    z[1] = speed;
+    return stiffness * z[0];
 }
 
 void run(const double *command, long n, long sub_steps, double step, const coefficients *c,
          double *line, long size, const double *rub, double *out) {
-    double pilot = command[0], drive = command[0], spool = command[0], speed = 0.0, old = 0.0, meter = 0.0, z = 0.0;
+    double pilot = command[0], drive = command[0], spool = command[0], speed = 0.0, old = 0.0, meter = 0.0;
+    double z[2] = {0.0, 0.0};
     double pressure = c->supply;
     long at = 0;
     for (long k = 0; k < size; k++) line[k] = command[0];
@@ -119,7 +119,7 @@ void run(const double *command, long n, long sub_steps, double step, const coeff
                 compliance = c->x0_neg + c->x1_neg;
             }
             drive = pilot;
-            double force = rub ? friction(free, mobility, step, &z, rub) : 0.0;
+            double force = rub ? friction(free, mobility, step, z, rub) : 0.0;
             spool = place - compliance * force;
             speed = free - mobility * force;
             double demand = metered(spool, c->dead_band, c->full_flow, c->exponent);
