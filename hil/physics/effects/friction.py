@@ -83,7 +83,7 @@ EFFECT = Effect(
         EffectParameter("stiction", "1", None, 1.2, 1.0, 3.0, "static over sliding friction"),
         EffectParameter("stribeck", "{motion}/s", None, 0.1, 0.005, 5.0, "speed at which stiction has faded"),
         EffectParameter(
-            "presliding", "{motion}", None, 0.002, 1e-5, 0.01, "elastic give before it breaks away", telling="upper end"
+            "presliding", "{motion}", None, 0.002, 1e-5, 0.03, "elastic give before it breaks away", telling="upper end"
         ),
     ),
     transform=transform,
