@@ -143,11 +143,12 @@ class _Page(ast.NodeTransformer):
             self._refuse(node, f"hook.{node.attr}(…) stands within an expression; write `name = hook.{node.attr}(…)`")
         if isinstance(node.value, ast.Name) and node.value.id in ("x", "c"):
             known = {"x": (*self.plant.states, *self.plant.lines_s), "c": tuple(self.coefficients)}[node.value.id]
-            self._is_known(node, {"x": "state", "c": "coefficient"}[node.value.id], known)
+            self._must_be_one_of(node, {"x": "state", "c": "coefficient"}[node.value.id], known)
             return ast.copy_location(ast.Name(f"{node.value.id}_{node.attr}", node.ctx), node)
         return self.generic_visit(node)
 
-    def _is_known(self, node: ast.Attribute, kind: str, known: Collection[str]) -> None:
+    def _must_be_one_of(self, node: ast.Attribute, kind: str, known: Collection[str]) -> None:
+        """Refuse a name that the plant does not have."""
         if node.attr not in known:
             self._refuse(node, str(UnknownNameError(kind, node.attr, known)))
 
@@ -161,7 +162,7 @@ class _Page(ast.NodeTransformer):
         if not (isinstance(call, ast.Call) and _is_hook(call.func)):
             return self.generic_visit(node)
         assert isinstance(call.func, ast.Attribute)
-        self._is_known(call.func, "hook", [hook.name for hook in self.plant.hooks])
+        self._must_be_one_of(call.func, "hook", [hook.name for hook in self.plant.hooks])
         target = ast.unparse(self.visit(node.targets[0]))
         value, *extra = [ast.unparse(self.visit(argument)) for argument in call.args]
         return ast.parse("\n".join(self._hook_lines(call.func.attr, target, value, extra))).body

@@ -150,6 +150,11 @@ class Effect:
     known_as: str = ""
     rugged: bool = False
 
+    @property
+    def told(self) -> str:
+        """The name by which a diagnosis tells it."""
+        return self.known_as or self.name
+
     def parameters_at(self, hook: Hook) -> tuple[Parameter, ...]:
         """The parameters in the units of a hook."""
         return tuple(parameter.at(hook) for parameter in self.parameters)

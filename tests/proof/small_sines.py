@@ -74,7 +74,7 @@ def drawn(unit: int, seed: int) -> Concealed:
     rng = np.random.default_rng([seed, unit])
     by_name: dict[str, list[Site]] = {}
     for site in kernel(PLANT).sites:
-        by_name.setdefault(site.effect.known_as or site.effect.name, []).append(site)
+        by_name.setdefault(site.effect.told, []).append(site)
     told = sorted(by_name)[unit % len(by_name)]
     site = by_name[told][rng.integers(len(by_name[told]))]
     values = {p.name: p.typical for p in site.effect.parameters_at(site.hook)}

@@ -19,7 +19,7 @@ from hil.errors import FileError, HilError
 from hil.identify.experiment import Experiment, experiment
 from hil.identify.grey_box import fit_plant, starting_model
 from hil.physics.compose import effect as installed_effect
-from hil.physics.model import Model, ModelEffect, Value
+from hil.physics.model import Model, Value
 from hil.physics.plant import Plant
 from hil.record.read import read_recording
 from hil.record.recording import Recording
@@ -97,8 +97,9 @@ def _proved(real: RealSet, folder: Path) -> Outcome:
         for e in corrected.effects
         for name, value in e.parameters.items()
     )
+    described = tuple(installed_effect(e.name).told for e in corrected.effects)
     return Outcome(
-        real, said.verdict, tuple(e.name for e in said.effects), tuple(_told(e) for e in corrected.effects), effects,
+        real, said.verdict, tuple(e.name for e in said.effects), described, effects,
         _free(plant, corrected), said.left.share, _mean([_kept_back(models, e, 0) for e in used]), _mean(kept_back),
         sum(not r.is_even() for r in fitted), said.warnings, seconds,
     )  # fmt: skip
@@ -119,11 +120,6 @@ def fitted_by_hand(real: RealSet, nominal: Model, used: Sequence[Experiment]) ->
         ]
         f = polish(problem, min(tried, key=lambda each: each.chi2))
     return corrected_model(problem, f, "explained")
-
-
-def _told(effect: ModelEffect) -> str:
-    """The name by which a diagnosis tells an effect."""
-    return installed_effect(effect.name).known_as or effect.name
 
 
 def _count(recording: Recording, real: RealSet) -> int:
