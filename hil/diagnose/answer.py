@@ -33,7 +33,7 @@ from hil.diagnose.pictures import spectra, strips
 from hil.diagnose.search.around import around
 from hil.diagnose.search.fitted import Fitted, residuals_of
 from hil.diagnose.search.terms import Term
-from hil.diagnose.wording import headline, quantity_text, sentence
+from hil.diagnose.wording import headline, quantity_text, sentence, unlikely
 from hil.identify.grey_box import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
@@ -138,7 +138,7 @@ class Answer:
             stage_shares=self._stage_shares(nominal) if mismatch else (),
             left=left,
             limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
-            warnings=self._all_warnings(),
+            warnings=(*self._all_warnings(), *unlikely(changed)),
             false_alarm_rate=FALSE_ALARM_RATE,
             seconds=round(seconds, 3),
             strips=drawn,

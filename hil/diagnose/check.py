@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.diagnose.runs import runs
+from hil.diagnose.units import expected, refuse_wrong_time, refuse_wrong_unit
 from hil.errors import FileError
 from hil.identify.experiment import DEAD, Experiment, require_excitation
 from hil.identify.grey_box import fit_percent
@@ -17,31 +18,8 @@ from hil.physics.model import Model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array
 
-# Factors that a wrong unit brings: decimals, minutes for seconds, psi for kPa or bar, gallons for litres.
-_UNIT_FACTORS = (
-    1000.0,
-    100.0,
-    10.0,
-    60.0,
-    6.895,
-    14.504,
-    3.785,
-    0.1,
-    0.01,
-    0.001,
-    1 / 60.0,
-    1 / 6.895,
-    1 / 14.504,
-    1 / 3.785,
-)
-_FACTOR_TOLERANCE = 0.08
+# A model fits so well where nothing is swapped.
 _GOOD_FIT = 80.0
-_POOR_FIT = 50.0
-_MUCH_LESS = 0.2
-_ALSO_MOVES = 0.5
-# Below and above so many times what is expected, in level and moves alike, no effect makes an output of the same shape;
-# an effect beside a wrong unit hides how many times exactly.
-_TOO_SMALL, _TOO_LARGE = 0.12, 5.0
 _LEAST_CLIPPED = 0.002
 _LEAST_RUN = 5
 # A coarse channel that stands still may hide moves of this many of its steps.
@@ -69,17 +47,18 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
 
     Raises:
         FileError: the command or the output never moves, a recording is shorter than one time constant of the plant,
-            two columns are swapped, or a channel is off by the factor of a wrong unit.
+            two columns are swapped, or a channel or the time is off by the factor of a wrong unit.
     """
     require_excitation(experiments)
+    refuse_wrong_time(model, experiments)
     alive, warnings = _without_dead(model, experiments)
     kept = []
     for e in alive:
         _refuse_short(model, e)
         simulated = e.respond(model.definition, model.values, model.active_effects)[0]
-        expected = _nominal(model, e)
-        _refuse_swapped(model, e, expected)
-        _refuse_wrong_unit(model, e, expected)
+        likely = expected(model, e)
+        _refuse_swapped(model, e, likely)
+        refuse_wrong_unit(model, e, likely)
         warnings += _gaps(e)
         e, said = _without_clipped(e)
         warnings += said
@@ -95,12 +74,12 @@ def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list
     hidden = _MANY_STEPS * max(resolution(e.output) for e in experiments)
     kept, said = [], []
     for e in experiments:
-        moves = float(np.ptp(_nominal(model, e))) if e.stands_still else 0.0
+        moves = float(np.ptp(expected(model, e))) if e.stands_still else 0.0
         if moves <= max(hidden, _MANY_STEPS * _floor(model, e)):
             kept.append(e)
         else:
-            expected = f"where the model moves by {moves:.3g}"
-            said.append(f"{e.name}: {e.where_it_stands}, {expected}: {DEAD}; the recording is left out")
+            but = f"where the model moves by {moves:.3g}"
+            said.append(f"{e.name}: {e.where_it_stands}, {but}: {DEAD}; the recording is left out")
     return kept, said
 
 
@@ -128,13 +107,6 @@ def time_constant_s(model: Model, e: Experiment) -> float:
     return float(np.argmax(change >= 0.632 * change[-1])) * step_s
 
 
-def _nominal(model: Model, e: Experiment) -> Array:
-    """What the model expects; led back to the recording where it would drift away from any, right or wrong."""
-    plant = model.definition
-    response: Array = e.respond(plant, model.values, model.active_effects, following=plant.observer is not None)[0]
-    return response
-
-
 def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
     command = e.on_grid_input()
     # What is commanded has no noise, unless a position loop that keeps an integrating plant in its stroke commands it.
@@ -144,61 +116,11 @@ def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
     inputs = e.drive.inputs.copy()
     inputs[0] = e.output
     turned = replace(e, drive=replace(e.drive, inputs=inputs, first_output=float(command[0])), output=command)
-    if fit_percent(command, _nominal(model, turned)) > max(_GOOD_FIT, fit_percent(e.output, simulated) + 20.0):
+    if fit_percent(command, expected(model, turned)) > max(_GOOD_FIT, fit_percent(e.output, simulated) + 20.0):
         raise FileError(
             f"{e.name}: the columns '{e.input}' and '{e.output_heading}' look swapped: "
             "the model fits the other way round"
         )
-
-
-def _refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
-    before, led_back = fit_percent(e.output, simulated), model.definition.observer is not None
-    if not (before < _POOR_FIT or led_back):  # led back, a model fits half of anything
-        return
-    enough = _GOOD_FIT if before < _POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
-    moves, fit_of_moves = _times(simulated - simulated.mean(), e.output - e.output.mean())
-    level, fit_of_level = _times(simulated, e.output)  # small moves may be smaller for a reason, a level hardly is
-    also_moves = abs(moves / level - 1.0) < _ALSO_MOVES if level else False
-    for slope, fit in ((moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0)):
-        beyond_effects = also_moves and not led_back and not _TOO_SMALL < slope < _TOO_LARGE
-        factor = _unit_factor(slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
-        if factor and fit > _GOOD_FIT:
-            raise FileError(
-                f"{e.name}: channel '{e.output_heading}' is {slope:.3g} times what the model expects; "
-                f"a factor near {factor:.4g} looks like a wrong unit"
-            )
-    # A plant that integrates is linear but for what the diagnosis is to find: either channel may be the wrong one.
-    or_output = f" (or '{e.output_heading}' divided by it)" if led_back else ""
-    for factor in _UNIT_FACTORS:
-        command = replace(e, drive=replace(e.drive, inputs=e.drive.inputs * factor))
-        # a loop that starts at its first reading starts somewhere else
-        begins = replace(e.drive, first_output=e.drive.first_output / factor)
-        answer = replace(e, drive=begins, output=e.output / factor)
-        for tried, channel, how in (
-            (command, e.input, f"multiplied by {factor:.4g}{or_output}"),
-            (answer, e.output_heading, f"divided by {factor:.4g}"),
-        ):
-            if fit_percent(tried.output, _nominal(model, tried)) > enough:
-                raise FileError(
-                    f"{e.name}: channel '{channel}' fits the model only when {how}; it looks like a wrong unit"
-                )
-
-
-def _times(simulated: Array, measured: Array) -> tuple[float, float]:
-    """How many times the one is in the other, and how much of that one (rms, in %) this explains."""
-    power, size = float(simulated @ simulated), float(np.sqrt(measured @ measured))
-    if power == 0.0 or size == 0.0:
-        return 0.0, 0.0
-    slope = float(simulated @ measured) / power
-    return slope, 100.0 * (1.0 - float(np.linalg.norm(measured - slope * simulated)) / size)
-
-
-def _unit_factor(slope: float, tolerance: float) -> float | None:
-    """The factor between common units that is nearest to this one, within a tolerance of its logarithm."""
-    if slope <= 0.0:
-        return None
-    near = min(_UNIT_FACTORS, key=lambda factor: abs(np.log(slope / factor)))
-    return near if abs(np.log(slope / near)) < tolerance else None
 
 
 def _gaps(e: Experiment) -> list[str]:

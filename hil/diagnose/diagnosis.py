@@ -59,6 +59,11 @@ class ChangedParameter:
     meaning: str
     at_bound: bool = False
 
+    @property
+    def times(self) -> float:
+        """How many times what it was; 1 where it was nothing."""
+        return self.after / self.before if self.before else 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class Candidate:

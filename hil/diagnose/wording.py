@@ -14,6 +14,8 @@ _PLACE = re.compile(r"\{(\w+)(:%|:\?)?\}")
 _NOT_REACHED = "none that was reached"
 # Differences of the laws that stay below this share of the noise do not show in a recording.
 _HIDDEN_IN_NOISE = 0.25
+# No wear makes a parameter so many times what it was; a heading or a time in a wrong unit does.
+_BEYOND_WEAR = 5.0
 
 
 def quantity_text(value: float, std: float | None, unit: str) -> str:
@@ -78,4 +80,13 @@ def _changes(changed: Sequence[ChangedParameter]) -> str:
     return ", ".join(
         f"{c.meaning} is {quantity_text(c.after, c.std, c.unit)} instead of {quantity_text(c.before, None, c.unit)}"
         for c in changed
+    )
+
+
+def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
+    """A word on parameters that have changed by more than units do, one sentence each."""
+    return tuple(
+        f"{p.name} is {p.times:.3g} times what it was: if that cannot be, look at the units of the channels and of time"
+        for p in changed
+        if not 1.0 / _BEYOND_WEAR < p.times < _BEYOND_WEAR
     )

@@ -260,6 +260,7 @@ def _result(
         _covariance(found),
         {
             "recordings": [e.name for e in experiments], "fit_percent": fits,
+            "intervals_s": sorted({float(f"{e.interval_s:.6g}") for e in experiments}),
             "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
         },
     )  # fmt: skip

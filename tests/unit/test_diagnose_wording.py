@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from hil.diagnose.diagnosis import Finding, Left, Quantity
+from hil.diagnose.diagnosis import ChangedParameter, Finding, Left, Quantity
 from hil.diagnose.locate import Where
 from hil.diagnose.search.terms import Term
-from hil.diagnose.wording import headline, quantity_text, sentence
+from hil.diagnose.wording import headline, quantity_text, sentence, unlikely
 from hil.physics.compose import effect
 
 
@@ -49,3 +49,10 @@ def test_the_headline_says_what_stays_beside_the_noise() -> None:
         "The model leaves out drooping supply (supply) and lag of the sensor (sensor); with them 97.8 % of the misfit "
         "is explained, 4.3 l/min (rms) of it stay beside noise of 0.3 l/min."
     )
+
+
+@pytest.mark.parametrize(("after", "said"), [(10.0, True), (0.1, True), (2.0, False), (0.4, False)])
+def test_a_parameter_that_changed_beyond_wear_brings_a_word_about_units(after: float, said: bool) -> None:
+    changed = ChangedParameter("spool_frequency", 33.0, 33.0 * after, 0.1, "rad/s", "natural frequency of the spool")
+    word = f"spool_frequency is {after:g} times what it was: if that cannot be, look at the units of the channels"
+    assert [text.startswith(word) for text in unlikely([changed])] == [True] * said

@@ -1,0 +1,148 @@
+"""Channels and stamps in a wrong unit are refused; what only looks like one is not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.diagnose.check import check
+from hil.errors import FileError
+from hil.identify.experiment import experiment, for_model
+from hil.identify.grey_box import fit_plant
+from hil.physics.compose import plant
+from hil.physics.model import Model, typical_model
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import Recording, recording
+from tests.concealed import DURATION_S, NOISE, PLANT, RATE_HZ, bound, noise, nominal, records
+
+STICKING = ActiveEffect("friction", "force", {"coulomb": 2.5, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
+SLUGGISH = ActiveEffect("coil_lag", "command", {"lag": 0.1, "second": 0.0, "direct": 0.0, "saturating": 0.0})
+
+
+def changed(change: Callable[[Recording], None]) -> list[Recording]:
+    made = records(seed=20)
+    for each in made:
+        change(each)
+    return made
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1, 60.0, 1.0 / 60.0])
+def test_an_output_in_a_wrong_unit_is_refused_with_its_factor(factor: float) -> None:
+    def scale(each: Recording) -> None:
+        each.channels["flow"].values[:] *= factor
+
+    with pytest.raises(FileError, match=rf"'flow \[l/min\]'.*factor near {factor:.4g}"):
+        check(nominal(), bound(nominal(), changed(scale)))
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1, 60.0])
+def test_a_wrong_unit_is_refused_though_a_sticking_part_moves_less(factor: float) -> None:
+    valve, time_s = plant(PLANT), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
+    command = -50.0 + 10.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
+    flow = simulate(valve, valve.typical, Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0), (STICKING,))[0]
+    flow += NOISE * noise(np.random.default_rng(22), len(flow))
+    made = recording("small sine", time_s, {"command [%]": command, "flow [l/min]": factor * flow})
+    with pytest.raises(FileError, match=rf"'flow \[l/min\]'.*factor near {factor:.4g}"):
+        check(nominal(), bound(nominal(), [made]))
+
+
+@pytest.mark.parametrize("factor", [60.0, 10.0, 0.1, 1.0 / 60.0])
+def test_a_wrong_unit_is_refused_though_the_supply_gives_way(factor: float) -> None:
+    shape = {"droop": 0.5, "recovery": 0.3, "power": 1.0, "line": 0.0, "lean": 0.0}
+    (made, *_) = records((ActiveEffect("supply_droop", "supply", shape),), seed=23)
+    made.channels["flow"].values[:] *= factor
+    with pytest.raises(FileError, match=r"'flow \[l/min\]'.*wrong unit"):
+        check(nominal(), bound(nominal(), [made]))
+
+
+@pytest.mark.parametrize("factor", [1000.0, 60.0, 10.0, 0.1])
+def test_a_loop_whose_output_has_a_wrong_unit_is_refused(factor: float) -> None:
+    loop, time_s = typical_model("hydraforce-sp08-47c"), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
+    request = 125.0 + 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
+    drive = Drive(request[None, :], 125.0, 1.0 / RATE_HZ, 0.0)
+    position = simulate(loop.definition, loop.values, drive) + 0.05 * noise(np.random.default_rng(24), len(time_s))
+    made = recording("loop", time_s, {"request [mm]": request, "position [mm]": factor * position[0]})
+    with pytest.raises(FileError, match=r"'position \[mm\]'.*wrong unit"):
+        check(loop, [for_model(loop, made)])
+
+
+def test_an_offset_many_times_what_moves_is_no_unit() -> None:
+    def offset(each: Recording) -> None:
+        each.channels["flow"].values[:] += 130.0
+
+    check(nominal(), bound(nominal(), changed(offset)))
+
+
+def test_a_command_in_a_wrong_unit_is_refused() -> None:
+    def scale(each: Recording) -> None:
+        each.channels["command"].values[:] /= 10.0
+
+    with pytest.raises(FileError, match=r"'command \[%\]'.*multiplied by 10"):
+        check(nominal(), bound(nominal(), changed(scale)))
+
+
+def scaled(made: Sequence[Recording], channel: str, factor: float) -> list[Recording]:
+    return [
+        replace(each, channels={n: replace(c, values=c.values * factor) if n == channel else c
+                                for n, c in each.channels.items()})
+        for each in made
+    ]  # fmt: skip
+
+
+def stretched(made: Sequence[Recording], factor: float) -> list[Recording]:
+    return [replace(each, time_s=each.time_s * factor) for each in made]
+
+
+@pytest.mark.parametrize("factor", [10.0, 0.1, 1.0 / 60.0])
+@pytest.mark.parametrize("channel", ["command", "flow"])
+def test_a_model_that_never_fitted_well_is_not_asked_for_more(channel: str, factor: float) -> None:
+    start, worn = typical_model(PLANT), ActiveEffect("backlash", "opening", {"half_width": 25.0})
+    made = records([worn], seed=25)
+    poor = fit_plant(start, bound(start, made)).model
+    assert np.median(list(poor.origin["fit_percent"].values())) < 60.0
+    check(poor, bound(poor, made))
+    with pytest.raises(FileError, match=r"looks like a wrong unit"):
+        check(poor, bound(poor, scaled(made, channel, factor)))
+
+
+@pytest.mark.parametrize("factor", [1000.0, 60.0, 10.0])
+def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor: float) -> None:
+    """Its friction is in no model yet, so that the right unit does not fit well either."""
+    axis, time_s = plant("linear-axis"), np.arange(0.0, 16.0, 1.0 / RATE_HZ)
+    force = 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s) + 20.0 * np.sin(2.0 * np.pi * 1.7 * time_s)
+    dry = ActiveEffect("friction", "force", {"coulomb": 20.0, "stiction": 1.2, "stribeck": 0.02, "presliding": 1e-4})
+    position = simulate(axis, axis.typical, Drive(force[None, :], 0.0, 1.0 / RATE_HZ), (dry,), factor=4.0)[0]
+    position += 2e-5 * noise(np.random.default_rng(26), len(position))
+    made = recording("loop", time_s, {"force [N]": force, "position [m]": position})
+    start = typical_model("linear-axis")
+    model = fit_plant(start, [experiment(made, axis)]).model
+    check(model, [for_model(model, made)])
+    with pytest.raises(FileError, match=rf"by {factor:g} \(or 'position \[m\]' divided by it\)"):
+        check(model, [for_model(model, *scaled([made], "position", factor))])
+
+
+@pytest.mark.parametrize("factor", [1000.0, 60.0, 10.0, 0.1])
+@pytest.mark.parametrize("effects", [(), (STICKING,), (SLUGGISH,)], ids=["healthy", "sticking", "sluggish"])
+def test_a_time_in_a_wrong_unit_is_refused(effects: Sequence[ActiveEffect], factor: float) -> None:
+    made = stretched(records(effects, seed=27), factor)
+    with pytest.raises(FileError, match=rf"time divided by {factor:g}; it looks like a wrong unit of time"):
+        check(nominal(), bound(nominal(), made))
+
+
+@pytest.mark.parametrize("effects", [(), (STICKING,), (SLUGGISH,)], ids=["healthy", "sticking", "sluggish"])
+def test_a_recording_at_a_tenth_of_the_rate_is_none(effects: Sequence[ActiveEffect]) -> None:
+    made = [
+        replace(each, time_s=each.time_s[::10], channels={n: replace(c, values=c.values[::10])
+                                                          for n, c in each.channels.items()})
+        for each in records(effects, seed=28)
+    ]  # fmt: skip
+    check(nominal(), bound(nominal(), made))
+
+
+def test_an_interval_that_the_model_knows_is_no_wrong_unit() -> None:
+    model = nominal()
+    known: Model = replace(model, origin={**model.origin, "intervals_s": [1.0 / RATE_HZ, 10.0 / RATE_HZ]})
+    check(known, bound(known, stretched(records(seed=29), 10.0)))
