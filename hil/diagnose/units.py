@@ -38,7 +38,7 @@ _GOOD_FIT = 80.0
 _POOR_FIT = 50.0
 _MUCH_LESS, _HALF = 0.2, 0.5
 _LESS_THAN_OWN, _SAME_FIT = 10.0, 0.1
-_ALSO_MOVES = 0.5
+_ALSO_MOVES, _CHANGED_GAIN = 0.5, 2.0
 # Below and above so many times what is expected, in level and moves alike, no effect makes an output of the same shape;
 # an effect beside a wrong unit hides how many times exactly.
 _TOO_SMALL, _TOO_LARGE = 0.12, 5.0
@@ -60,7 +60,7 @@ def refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
     before, led_back = fit_percent(e.output, simulated), model.definition.observer is not None
     if not (before < _POOR_FIT or led_back):  # led back, a model fits half of anything
         return
-    moves, fit_of_moves = _times(simulated - simulated.mean(), e.output - e.output.mean())
+    moves, fit_of_moves = _moves(simulated, e.output)
     level, fit_of_level = _times(simulated, e.output)  # small moves may be smaller for a reason, a level hardly is
     also_moves = abs(moves / level - 1.0) < _ALSO_MOVES if level else False
     for slope, fit in ((moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0)):
@@ -104,8 +104,17 @@ def _in_another_unit(model: Model, e: Experiment, factor: float) -> _InAnotherUn
     # a loop that starts at its first reading starts somewhere else
     begins = replace(e.drive, first_output=e.drive.first_output / factor)
     output = replace(e, drive=begins, output=e.output / factor)
-    fits = (fit_percent(tried.output, expected(model, tried)) for tried in (command, output))
-    return _InAnotherUnit(factor, *fits)
+    return _InAnotherUnit(factor, _fit(model, command), _fit(model, output))
+
+
+def _fit(model: Model, e: Experiment) -> float:
+    """The fit of the model; of its moves, where their gain may have changed besides."""
+    simulated = expected(model, e)
+    fit = fit_percent(e.output, simulated)
+    if model.definition.observer is not None:
+        return fit
+    gain, of_moves = _moves(simulated, e.output)
+    return max(fit, of_moves) if 1.0 / _CHANGED_GAIN < gain < _CHANGED_GAIN else fit
 
 
 def _enough(model: Model, before: float, factor: float) -> float:
@@ -116,8 +125,8 @@ def _enough(model: Model, before: float, factor: float) -> float:
     """
     halved = 100.0 - _HALF * (100.0 - before)
     if model.definition.observer is None:
-        own = model.origin.get("fit_percent") or {}
-        return max(halved, min(_GOOD_FIT, *(fit - _LESS_THAN_OWN for fit in own.values()))) if own else _GOOD_FIT
+        own = list((model.origin.get("fit_percent") or {}).values())
+        return max(halved, min(_GOOD_FIT, float(np.median(own)) - _LESS_THAN_OWN)) if own else _GOOD_FIT
     if factor > _TOO_LARGE:
         return halved
     return _GOOD_FIT if before < _POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
@@ -130,6 +139,11 @@ def _times(simulated: Array, measured: Array) -> tuple[float, float]:
         return 0.0, 0.0
     slope = float(simulated @ measured) / power
     return slope, 100.0 * (1.0 - float(np.linalg.norm(measured - slope * simulated)) / size)
+
+
+def _moves(simulated: Array, measured: Array) -> tuple[float, float]:
+    """The same of how they move about their means."""
+    return _times(simulated - simulated.mean(), measured - measured.mean())
 
 
 def _unit_factor(slope: float, tolerance: float) -> float | None:
@@ -166,9 +180,12 @@ def refuse_wrong_time(model: Model, experiments: Sequence[Experiment]) -> None:
 
 
 def _vote(model: Model, e: Experiment, factor: float) -> int:
-    """1 where the model fits much better with the time divided by a factor, −1 where much worse, 0 where neither."""
+    """1 where the model fits much better with the time divided by a factor, −1 where much worse, 0 where neither.
+
+    Its gain and level are left free: they have nothing to do with time.
+    """
     with np.errstate(over="ignore", invalid="ignore"):  # what leads a simulation back is not made for seconds
-        fits = [fit_percent(t.output, expected(model, t)) for t in (e, _quicker(e, factor))]
+        fits = [_moves(expected(model, t), t.output)[1] for t in (e, _quicker(e, factor))]
     recorded, divided = 100.0 - np.nan_to_num(fits, nan=-np.inf)
     if min(recorded, divided) > 100.0 - _POOR_FIT or min(recorded, divided) > _HALF * max(recorded, divided):
         return 0
