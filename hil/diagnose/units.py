@@ -108,13 +108,14 @@ def _in_another_unit(model: Model, e: Experiment, factor: float) -> _InAnotherUn
 
 
 def _fit(model: Model, e: Experiment) -> float:
-    """The fit of the model; of its moves, where their gain may have changed besides."""
+    """The fit of the model; with a gain that may have changed besides, where it fits well so."""
     simulated = expected(model, e)
     fit = fit_percent(e.output, simulated)
     if model.definition.observer is not None:
         return fit
-    gain, of_moves = _moves(simulated, e.output)
-    return max(fit, of_moves) if 1.0 / _CHANGED_GAIN < gain < _CHANGED_GAIN else fit
+    (gain, of_moves), (of_level, _) = _moves(simulated, e.output), _times(simulated, e.output)
+    likely = all(1.0 / _CHANGED_GAIN < times < _CHANGED_GAIN for times in (gain, of_level))
+    return max(fit, of_moves) if likely and of_moves > _GOOD_FIT else fit
 
 
 def _enough(model: Model, before: float, factor: float) -> float:
