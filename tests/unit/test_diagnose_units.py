@@ -151,13 +151,14 @@ def test_an_interval_that_the_model_knows_is_no_wrong_unit() -> None:
 def test_moves_that_are_many_times_what_is_expected_at_the_right_level_are_no_unit() -> None:
     """A seal adds its friction to the small changes of force that the pressure makes."""
     cylinder, time_s = plant("pneumatic-cylinder"), np.arange(0.0, 20.0, 0.01)
-    displacement = 10.0 * np.sin(2.0 * np.pi * 0.2 * time_s)
-    pressure = 3.0 + 0.005 * np.sin(2.0 * np.pi * 0.2 * time_s + 1.4)
-    inputs = np.array([displacement, pressure])
-    seal = ActiveEffect("seal_friction", "seal", {"share": 0.02, "constant": 0.8, "presliding": 0.3})
-    force = simulate(cylinder, cylinder.typical, Drive(inputs, 0.0, 0.01), (seal,))[0]
-    force += 0.05 * noise(np.random.default_rng(30), len(force))
-    rows = dict(zip((s.heading for s in (*cylinder.inputs, cylinder.output)), (*inputs, force), strict=True))
-    start = typical_model("pneumatic-cylinder")
-    made = for_model(start, recording("to and fro", time_s, rows))
-    check(fit_plant(start, [made]).model, [made])
+    seal = ActiveEffect("seal_friction", "seal", {"share": 0.02, "constant": 0.002, "presliding": 0.3})
+    start, made = typical_model("pneumatic-cylinder"), []
+    for bar in (3.0, 7.0):
+        displacement = 10.0 * np.sin(2.0 * np.pi * 0.2 * time_s)
+        pressure = bar * (1.0 + 0.02 * np.tanh(5.0 * np.cos(2.0 * np.pi * 0.2 * time_s)))  # higher on the way out
+        inputs = np.array([displacement, pressure])
+        force = simulate(cylinder, cylinder.typical, Drive(inputs, 0.0, 0.01), (seal,))[0]
+        force += 0.05 * noise(np.random.default_rng(30), len(force))
+        rows = dict(zip((s.heading for s in (*cylinder.inputs, cylinder.output)), (*inputs, force), strict=True))
+        made.append(for_model(start, recording(f"{bar:g} bar", time_s, rows)))
+    check(fit_plant(start, made).model, made)
