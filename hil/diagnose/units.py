@@ -38,7 +38,7 @@ _GOOD_FIT = 80.0
 _POOR_FIT = 50.0
 _MUCH_LESS, _HALF = 0.2, 0.5
 _LESS_THAN_OWN, _SAME_FIT = 10.0, 0.1
-_ALSO_MOVES, _CHANGED_GAIN = 0.5, 2.0
+_ALSO_MOVES, _CHANGED_GAIN = 0.5, 1.5
 # Below and above so many times what is expected, in level and moves alike, no effect makes an output of the same shape;
 # an effect beside a wrong unit hides how many times exactly.
 _TOO_SMALL, _TOO_LARGE = 0.12, 5.0
@@ -49,6 +49,12 @@ def expected(model: Model, e: Experiment) -> Array:
     plant = model.definition
     response: Array = e.respond(plant, model.values, model.active_effects, following=plant.observer is not None)[0]
     return response
+
+
+def good_fit(model: Model) -> float:
+    """From which fit on the channels are what they say; less where the model never fitted well, run freely."""
+    own = [] if model.definition.observer else list((model.origin.get("fit_percent") or {}).values())
+    return min(_GOOD_FIT, float(np.median(own)) - _LESS_THAN_OWN) if own else _GOOD_FIT
 
 
 def refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
@@ -75,39 +81,45 @@ def refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
 
 
 def _refuse_what_fits_in_another_unit(model: Model, e: Experiment, before: float) -> None:
-    led_back = model.definition.observer is not None
-    tried = [_in_another_unit(model, e, factor) for factor in _UNIT_FACTORS]
-    of_command = max(tried, key=lambda found: found.command)
-    of_output = max(tried, key=lambda found: found.output)
-    # A plant that integrates is linear but for what the diagnosis is to find: either channel may be the wrong one.
-    or_output = f" (or '{e.output_heading}' divided by it)" if led_back else ""
-    if of_command.command >= of_output.output - _SAME_FIT:
-        factor, fit, channel, how = of_command.factor, of_command.command, e.input, "multiplied"
-    else:
-        factor, fit, channel, how, or_output = of_output.factor, of_output.output, e.output_heading, "divided", ""
-    if fit > _enough(model, before, factor):
-        said = f"{how} by {factor:.4g}{or_output}"
-        raise FileError(f"{e.name}: channel '{channel}' fits the model only when {said}; it looks like a wrong unit")
+    tried = [
+        _in_another_unit(model, e, channel, k) for channel in range(len(e.drive.inputs) + 1) for k in _UNIT_FACTORS
+    ]
+    best = max(tried, key=lambda found: found.fit)
+    likely = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
+    if best.fit > _enough(model, before, best.factor):
+        first, *others = likely
+        also = "".join(f" (or '{other.channel}' {other.how} by it)" for other in others)
+        raise FileError(
+            f"{e.name}: channel '{first.channel}' fits the model only when {first.how} by {first.factor:.4g}{also}; "
+            "it looks like a wrong unit"
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class _InAnotherUnit:
-    """Fits of the model with the command multiplied by a factor, and with the output divided by it."""
+    """The fit of the model with an input multiplied by a factor, or with the output divided by it."""
 
+    channel: str
+    how: str
     factor: float
-    command: float
-    output: float
+    fit: float
 
 
-def _in_another_unit(model: Model, e: Experiment, factor: float) -> _InAnotherUnit:
-    command = replace(e, drive=replace(e.drive, inputs=e.drive.inputs * factor))
+def _in_another_unit(model: Model, e: Experiment, channel: int, factor: float) -> _InAnotherUnit:
+    """`channel`: of the inputs, in their order; the output after them."""
+    if channel < len(e.drive.inputs):
+        inputs = e.drive.inputs.copy()
+        inputs[channel] *= factor
+        heading = model.definition.inputs[channel].heading if channel else e.input
+        read = replace(e, drive=replace(e.drive, inputs=inputs))
+        return _InAnotherUnit(heading, "multiplied", factor, fit_but_for_gain(model, read))
     # a loop that starts at its first reading starts somewhere else
     begins = replace(e.drive, first_output=e.drive.first_output / factor)
-    output = replace(e, drive=begins, output=e.output / factor)
-    return _InAnotherUnit(factor, _fit(model, command), _fit(model, output))
+    read = replace(e, drive=begins, output=e.output / factor)
+    return _InAnotherUnit(e.output_heading, "divided", factor, fit_but_for_gain(model, read))
 
 
-def _fit(model: Model, e: Experiment) -> float:
+def fit_but_for_gain(model: Model, e: Experiment) -> float:
     """The fit of the model; with a gain that may have changed besides, where it fits well so."""
     simulated = expected(model, e)
     fit = fit_percent(e.output, simulated)
@@ -121,13 +133,11 @@ def _fit(model: Model, e: Experiment) -> float:
 def _enough(model: Model, before: float, factor: float) -> float:
     """The fit in another unit from which no physics is looked for.
 
-    A model that never fitted well is not asked for more than it reached on its own recordings; and what integrates does
-    not move many times as much as expected for any reason, friction stops it from moving.
+    What integrates does not move many times as much as expected for any reason: friction stops it from moving.
     """
     halved = 100.0 - _HALF * (100.0 - before)
     if model.definition.observer is None:
-        own = list((model.origin.get("fit_percent") or {}).values())
-        return max(halved, min(_GOOD_FIT, float(np.median(own)) - _LESS_THAN_OWN)) if own else _GOOD_FIT
+        return max(halved, good_fit(model))
     if factor > _TOO_LARGE:
         return halved
     return _GOOD_FIT if before < _POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)

@@ -7,11 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.ndimage import gaussian_filter1d
 
 from hil.diagnose.check import check
 from hil.errors import FileError
+from hil.identify.grey_box import fit_plant
+from hil.physics.compose import plant
+from hil.physics.model import typical_model
+from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording
-from tests.concealed import bound, nominal, records
+from tests.concealed import PLANT, bound, noise, nominal, records
 
 
 def changed(change: Callable[[Recording], None]) -> list[Recording]:
@@ -40,6 +45,20 @@ def test_swapped_columns_are_refused() -> None:
 
     with pytest.raises(FileError, match="look swapped"):
         check(nominal(), bound(nominal(), changed(swap)))
+
+
+@pytest.mark.parametrize("gain", [1.0, 1.4])
+def test_swapped_columns_are_refused_where_the_model_never_fitted_well(gain: float) -> None:
+    """Of a unit that may have changed besides, and whose command was measured with more noise than its flow."""
+    start, worn = typical_model(PLANT), ActiveEffect("backlash", "opening", {"half_width": 25.0})
+    poor = fit_plant(start, bound(start, records([worn], seed=31))).model
+    made = records([worn], {"full_flow": gain * plant(PLANT).typical["full_flow"]}, seed=31)
+    for each in made:
+        command, flow = each.channels["command"].values, each.channels["flow"].values
+        kept = command + 0.3 * noise(np.random.default_rng(32), len(command))
+        command[:], flow[:] = gaussian_filter1d(flow, 20.0), kept
+    with pytest.raises(FileError, match="look swapped"):
+        check(poor, bound(poor, made))
 
 
 def test_a_recording_shorter_than_a_time_constant_is_refused() -> None:
