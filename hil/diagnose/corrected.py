@@ -10,6 +10,7 @@ import numpy as np
 from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted
+from hil.identify.experiment import sample_intervals_s
 from hil.physics.compose import effect as installed_effect
 from hil.physics.model import Covariance, Model, ModelEffect, Value
 
@@ -37,6 +38,7 @@ def corrected(problem: Problem, f: Fitted, verdict: Verdict) -> Model:
     origin = {
         "nominal": dict(model.origin),
         "resolution": model.origin.get("resolution", 0.0),
+        "intervals_s": sorted({*model.origin.get("intervals_s", ()), *sample_intervals_s(problem.experiments)}),
         "diagnosed": [e.name for e in problem.experiments],
         "verdict": verdict,
     }

@@ -264,6 +264,11 @@ def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Ar
     return grid_s, np.ascontiguousarray(inputs[:, held]), interval_s
 
 
+def sample_intervals_s(experiments: Sequence[Experiment]) -> list[float]:
+    """The intervals at which these were recorded, each once, in ascending order."""
+    return sorted({float(f"{e.interval_s:.6g}") for e in experiments})
+
+
 def require_excitation(experiments: Sequence[Experiment]) -> None:
     """Raise `FileError` when a recording is too short to tell anything, or no output or its input moves."""
     for e in experiments:

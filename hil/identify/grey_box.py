@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identify.estimate import Estimate, Unknown, estimate, side_by_side
-from hil.identify.experiment import DEAD, Experiment, require_excitation
+from hil.identify.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
 from hil.identify.first_reading import start_slope, with_free_start
 from hil.identify.lines import common_line, line_at
 from hil.identify.noise import channel_floor, channel_floors, measured_noise, resolution
@@ -260,7 +260,7 @@ def _result(
         _covariance(found),
         {
             "recordings": [e.name for e in experiments], "fit_percent": fits,
-            "intervals_s": sorted({float(f"{e.interval_s:.6g}") for e in experiments}),
+            "intervals_s": sample_intervals_s(experiments),
             "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
         },
     )  # fmt: skip

@@ -83,6 +83,7 @@ def test_more_dead_time_is_an_effect_and_a_slower_pilot_is_a_change() -> None:
     assert changed.std is not None
     assert abs(changed.after - 4.0) < 4.0 * changed.std
     assert slow.corrected.values["pilot_rate"] == pytest.approx(4.0, rel=0.02)
+    assert slow.corrected.origin["intervals_s"] == [1.0 / RATE_HZ]
 
 
 def test_two_effects_are_both_found() -> None:

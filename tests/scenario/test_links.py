@@ -157,7 +157,7 @@ def test_step_response_of_the_procedure_is_the_direct_one(tmp_path: Path) -> Non
     assert abs(linked.value - plain.value) < 3.0 * np.hypot(linked.std, plain.std) + 5.0
 
 
-SHORT = {**link_page.WHOLE, "frequencies": (0.5, 1.1, 1.7, 2.9, 4.1, 4.9), "measure_s": 3.0}
+SHORT = {**link_page.WHOLE, "frequencies": (0.5, 1.1, 1.7, 2.9, 4.1, 4.9), "measure_s": 6.0}
 
 
 @pytest.mark.slow
