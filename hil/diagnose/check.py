@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.diagnose.gaps import filled
 from hil.diagnose.runs import runs
 from hil.diagnose.units import expected, fit_but_for_gain, good_fit, refuse_wrong_time, refuse_wrong_unit
 from hil.errors import FileError
@@ -21,10 +22,9 @@ from hil.record.recording import Array
 # Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
 _GOOD_FIT, _HOPELESS, _FITS_BETTER = 80.0, 35.0, 20.0
 _LEAST_CLIPPED = 0.002
-_LEAST_RUN = 5
+_LEAST_RUN, _FEW_BELOW = 5, 50
 # A coarse channel that stands still may hide moves of this many of its steps.
 _MANY_STEPS = 3.0
-_GAP = 5.0
 _TELLING = 0.02
 
 
@@ -52,16 +52,17 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     require_excitation(experiments)
     refuse_wrong_time(model, experiments)
     alive, warnings = _without_dead(model, experiments)
+    constant_s = max((_refuse_short(model, e) for e in alive), default=0.0)
     kept = []
     for e in alive:
-        _refuse_short(model, e)
-        simulated = e.respond(model.definition, model.values, model.active_effects)[0]
         likely = expected(model, e)
         _refuse_swapped(model, e, likely)
         refuse_wrong_unit(model, e, likely)
-        warnings += _gaps(e)
+        e, said = filled(e, constant_s, forgets=model.definition.observer is None)
+        warnings += said
         e, said = _without_clipped(e)
         warnings += said
+        simulated = e.respond(model.definition, model.values, model.active_effects)[0]
         kept.append(_Timed(e, simulated, _floor(model, e)))
     moved, said = _with_clocks_set(kept)
     return Checked(
@@ -83,18 +84,20 @@ def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list
     return kept, said
 
 
-def _refuse_short(model: Model, e: Experiment) -> None:
+def _refuse_short(model: Model, e: Experiment) -> float:
+    """The time constant of the plant that the recording has to have."""
     needed_s = time_constant_s(model, e)
     if e.duration_s < needed_s:
         raise FileError(
             f"{e.name}: {e.duration_s:.3g} s long; at least one time constant of the plant is needed, {needed_s:.3g} s"
         )
+    return needed_s
 
 
 def time_constant_s(model: Model, e: Experiment) -> float:
     """Time after which a small step of the command has gone 63 % of its way; 0 for plants that do not settle."""
     plant = model.definition
-    step_s, count = e.drive.interval_s, 4000
+    step_s, count = e.interval_s, 4000
     rest = e.drive.inputs[:, :1]
     inputs = np.repeat(rest, count, axis=1)
     inputs[0, 1:] += (
@@ -124,40 +127,31 @@ def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
         )
 
 
-def _gaps(e: Experiment) -> list[str]:
-    steps = np.diff(e.time_s)
-    wide = np.flatnonzero(steps > _GAP * np.median(steps))
-    if not wide.size:
-        return []
-    k = int(wide[np.argmax(steps[wide])])
-    said = (
-        f"{e.name}: {wide.size} gap{'s' if wide.size > 1 else ''} in the samples, the longest "
-        f"{steps[k]:.3g} s at {e.time_s[k]:.4g} s; the command is taken as held"
-    )
-    return [said]
-
-
 def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
     """Samples at one extreme value, in runs, are a channel at the end of its range, not the valve."""
     if white_floor(e.output) <= 0.0:
         return e, []
     clipped = np.zeros(len(e.output), dtype=np.bool_)
     for extreme in (float(e.output.max()), float(e.output.min())):
-        clipped |= _in_runs(e.output == extreme)
+        clipped |= _at_the_end(e.output == extreme)
     if clipped.mean() < _LEAST_CLIPPED:
         return e, []
-    at = e.output[clipped]
+    at = e.output[clipped & ((e.output == e.output.max()) | (e.output == e.output.min()))]
     said = (
         f"{e.name}: channel '{e.output_heading}' is clipped at {at[0]:.4g} in {100 * clipped.mean():.1f} % of its "
         "samples; they are left out"
     )
-    return replace(e, ignored=clipped), [said]
+    return replace(e, ignored=clipped if e.ignored is None else clipped | e.ignored), [said]
 
 
-def _in_runs(same: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    kept = np.zeros_like(same)
-    for start, stop in runs(same):
-        if stop - start >= _LEAST_RUN:
+def _at_the_end(at_extreme: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Stretches of the extreme value in which there is a run; noise leaves it for a few samples where it just ends."""
+    kept = np.zeros_like(at_extreme)
+    bridged = ~at_extreme
+    for start, stop in runs(~at_extreme):
+        bridged[start:stop] = stop - start > _FEW_BELOW
+    for start, stop in runs(~bridged):
+        if any(last - first >= _LEAST_RUN for first, last in runs(at_extreme[start:stop])):
             kept[start:stop] = True
     return kept
 

@@ -1,0 +1,143 @@
+"""Samples that a recorder did not keep: put back as places that say nothing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnose.runs import runs
+from hil.identify.experiment import Experiment
+from hil.identify.noise import resolution, white_floor
+from hil.record.recording import Array
+
+# A hole of fewer intervals is bridged: the command hardly moves in it.
+_GAP = 5.0
+_OFF_GRID = 0.05
+_MOST_TIMES_LONGER = 10
+_SETTLED_AFTER = 5.0
+# A command that rises so many times as steeply through a hole as beside it, by this share of its span, has jumped.
+_STEEPER, _LEAST_JUMP = 3.0, 1e-3
+
+
+def filled(e: Experiment, time_constant_s: float, forgets: bool) -> tuple[Experiment, list[str]]:
+    """A recording with even stamps but for samples that are missing, made even; and what was done, in words.
+
+    The command is drawn straight through a hole, unless it is long or the command has jumped in it. What a unit did
+    then is unknown, so that its output says nothing until the unit has settled. One that never forgets (it
+    integrates) has only the longest stretch without such a hole left.
+
+    Stamps that are uneven otherwise are left as they are: the command is held between them.
+    """
+    gaps = _long_gaps(e)
+    at = _places(e)
+    if at is None:
+        return e, [f"{e.name}: {_counted(gaps)}; the command is taken as held"] if gaps else []
+    missing = np.ones(at[-1] + 1, dtype=np.bool_)
+    missing[at] = False
+    if not missing.any():
+        return e, []
+    even = _even(e, at, missing)
+    unknown = _unknown(even.drive.inputs, missing)
+    share = 100.0 * float(missing.mean())
+    said = f"{e.name}: {_counted(gaps)}" if gaps else f"{e.name}: {share:.2g} % of its samples are missing"
+    if not unknown:
+        return even, [f"{said}; the command is drawn straight through"]
+    if not forgets:
+        kept = _cut(even, missing, unknown)
+        return kept, [f"{said}; only {kept.duration_s:.4g} s from {kept.time_s[0]:.4g} s are used"]
+    settling_s = _SETTLED_AFTER * time_constant_s
+    ignored = missing.copy()
+    for start, stop in unknown:
+        ignored[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
+    what = f"{len(unknown)} of the holes and the {settling_s:.3g} s after each, until it has settled, are left out"
+    return replace(even, ignored=ignored if even.ignored is None else ignored | even.ignored), [f"{said}; {what}"]
+
+
+def _long_gaps(e: Experiment) -> list[tuple[float, float]]:
+    """When they begin, and how long they are."""
+    steps = np.diff(e.time_s)
+    return [(float(e.time_s[k]), float(steps[k])) for k in np.flatnonzero(steps > _GAP * np.median(steps))]
+
+
+def _counted(gaps: list[tuple[float, float]]) -> str:
+    start_s, long_s = max(gaps, key=lambda gap: gap[1])
+    plural = "s" if len(gaps) > 1 else ""
+    return f"{len(gaps)} gap{plural} in the samples, the longest {long_s:.3g} s at {start_s:.4g} s"
+
+
+def _places(e: Experiment) -> NDArray[np.intp] | None:
+    """Where the samples lie on an even grid, in its intervals from the first; None where they lie on none."""
+    if e.grid_s is None or e.read_s is not None:
+        return None
+    steps = np.diff(e.time_s)
+    at = np.concatenate(([0], np.cumsum(np.rint(steps / np.median(steps)).astype(np.intp))))
+    if np.diff(at).min() < 1 or at[-1] > _MOST_TIMES_LONGER * len(at):
+        return None
+    from_grid = e.time_s - e.time_s[0] - at * (e.time_s[-1] - e.time_s[0]) / at[-1]
+    return at if np.abs(from_grid).max() <= _OFF_GRID * np.median(steps) else None
+
+
+def _even(e: Experiment, at: NDArray[np.intp], missing: NDArray[np.bool_]) -> Experiment:
+    count = np.arange(len(missing))
+    time_s = np.linspace(e.time_s[0], e.time_s[-1], len(missing))
+    # a command is held from its stamp on: just after it the grid has its value, whatever the rounding of the stamp
+    grid_s = e.time_s if e.grid_s is None else e.grid_s
+    held = np.minimum(np.searchsorted(grid_s, e.time_s, side="right"), len(grid_s) - 1)
+
+    def drawn(values: Array) -> Array:
+        return np.interp(count, at, values)
+
+    inputs = np.array([drawn(row[held]) for row in e.drive.inputs])
+    drive = replace(e.drive, inputs=inputs, interval_s=float(time_s[-1] - time_s[0]) / (len(time_s) - 1))
+    ignored = missing if e.ignored is None else missing | (drawn(e.ignored.astype(float)) > 0.0)
+    observed = {name: _as_noisy(drawn(values), values, missing) for name, values in e.observed.items()}
+    output = _as_noisy(drawn(e.output), e.output, missing)
+    return replace(e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed, ignored=ignored)
+
+
+def _as_noisy(drawn: Array, recorded: Array, missing: NDArray[np.bool_]) -> Array:
+    """What is drawn through holes, in the steps of the channel and, through short ones, with its noise.
+
+    Nothing is ever fitted to it; but a channel that is smooth in its holes would look less noisy, or finer, than it is.
+    """
+    noise = white_floor(recorded) * np.random.default_rng(len(drawn)).standard_normal(len(drawn))
+    for start, stop in runs(missing):
+        if stop - start >= _GAP:
+            noise[start:stop] = 0.0
+    step = resolution(recorded)
+    noisy = drawn + noise
+    stepped = np.rint(noisy / step) * step if step > 0.0 else noisy
+    return np.where(missing, stepped, drawn)
+
+
+def _unknown(inputs: Array, missing: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """The holes in which nobody knows what was commanded: long ones, and those in which a command has jumped."""
+    least = _LEAST_JUMP * np.ptp(inputs, axis=1)
+    found = []
+    for start, stop in runs(missing):
+        before, after = max(start - 2, 0), min(stop + 1, len(missing) - 1)
+        beside = np.maximum(
+            np.abs(inputs[:, start - 1] - inputs[:, before]), np.abs(inputs[:, after] - inputs[:, stop])
+        )
+        rise = np.abs(inputs[:, stop] - inputs[:, start - 1])
+        jumps = rise > least + _STEEPER * (stop - start + 1) * beside
+        if stop - start >= _GAP or jumps.any():
+            found.append((start, stop))
+    return found
+
+
+def _cut(even: Experiment, missing: NDArray[np.bool_], unknown: list[tuple[int, int]]) -> Experiment:
+    """The longest stretch without a hole in which the command is unknown, as a recording of its own."""
+    holes = [(0, 0), *unknown, (len(missing), len(missing))]
+    start, stop = max(((before[1], after[0]) for before, after in pairwise(holes)), key=lambda s: s[1] - s[0])
+    part = slice(start, stop)
+    drive = replace(
+        even.drive, inputs=np.ascontiguousarray(even.drive.inputs[:, part]), first_output=float(even.output[start])
+    )
+    return replace(
+        even, time_s=even.time_s[part], drive=drive, output=even.output[part], ignored=missing[part],
+        observed={name: values[part] for name, values in even.observed.items()},
+    )  # fmt: skip

@@ -1,0 +1,84 @@
+"""Samples that are missing say nothing, and nothing is made of them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.diagnose.check import check
+from hil.diagnose.gaps import filled
+from hil.identify.experiment import Experiment, experiment
+from hil.identify.noise import white_floor
+from hil.physics.compose import plant
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import Array, Recording, recording
+from tests.concealed import NOISE, RATE_HZ, bound, nominal, records
+
+SECOND = round(RATE_HZ)
+
+
+def with_rows(each: Recording, kept: Array) -> Recording:
+    channels = {name: replace(c, values=c.values[kept]) for name, c in each.channels.items()}
+    return replace(each, time_s=each.time_s[kept], channels=channels)
+
+
+def residuals(e: Experiment) -> Array:
+    model = nominal()
+    error = e.output - e.respond(model.definition, model.values)[0]
+    told: Array = error if e.ignored is None else error[~e.ignored]
+    return told
+
+
+def test_a_healthy_unit_fits_beside_a_long_gap() -> None:
+    made = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in records(seed=41)]
+    checked = check(nominal(), bound(nominal(), made))
+    for e in checked.experiments:
+        assert e.grid_s is None and len(e.output) == 16 * SECOND
+        assert e.ignored is not None and e.ignored[800:1250].all() and not e.ignored[:800].any()
+        assert e.ignored.mean() < 0.25
+        assert np.std(residuals(e)) < 1.05 * NOISE
+    assert all("1 of the holes and the" in text for text in checked.warnings)
+
+
+def test_a_healthy_unit_fits_with_a_fifth_of_its_samples_missing_anywhere() -> None:
+    rng, made = np.random.default_rng(42), []
+    for each in records(seed=42):
+        kept = rng.random(len(each)) > 0.2
+        kept[[0, -1]] = True
+        made.append(with_rows(each, np.flatnonzero(kept)))
+    for e in check(nominal(), bound(nominal(), made)).experiments:
+        assert e.grid_s is None and e.ignored is not None and e.ignored.mean() > 0.19
+        assert np.std(residuals(e)) < 1.05 * NOISE
+        assert white_floor(e.output) > 0.85 * NOISE  # what is drawn looks nearly as noisy as the rest
+
+
+def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not() -> None:
+    steps, sweep, _ = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), 2 * SECOND))
+                                        for each in records(seed=43)])  # fmt: skip
+    jumped, said = filled(steps, 0.1, forgets=True)
+    assert jumped.ignored is not None and jumped.ignored.sum() == 1 + 0.5 * SECOND
+    assert "1 of the holes" in said[0]
+    moved, said = filled(sweep, 0.1, forgets=True)
+    assert moved.ignored is not None and moved.ignored.sum() == 1
+    assert "drawn straight through" in said[0]
+
+
+def test_what_integrates_keeps_the_longest_stretch() -> None:
+    axis, time_s = plant("linear-axis"), np.arange(0.0, 8.0, 1.0 / RATE_HZ)
+    force = 250.0 * np.sin(2.0 * np.pi * 0.5 * time_s)
+    position = simulate(axis, axis.typical, Drive(force[None, :], 0.0, 1.0 / RATE_HZ))[0]
+    whole = recording("axis", time_s, {"force [N]": force, "position [m]": position})
+    e = experiment(with_rows(whole, np.delete(np.arange(len(whole)), slice(500, 600))), axis)
+    kept, said = filled(e, 0.0, forgets=False)
+    assert kept.time_s[0] == pytest.approx(time_s[600]) and len(kept.output) == len(time_s) - 600
+    assert kept.drive.first_output == position[600]
+    assert "are used" in said[0]
+
+
+def test_stamps_on_no_grid_are_left_as_they_are() -> None:
+    (each, *_) = records(seed=44)
+    shifts = np.random.default_rng(44).uniform(-0.3, 0.3, len(each)) / RATE_HZ
+    (e,) = bound(nominal(), [replace(each, time_s=each.time_s + shifts)])
+    assert filled(e, 0.1, forgets=True) == (e, [])
