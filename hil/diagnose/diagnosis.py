@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+import numpy as np
+
 from hil.diagnose.coverage import Limit
 from hil.diagnose.locate import StageShare, Where
 from hil.record.plain import plain
@@ -100,7 +102,8 @@ class Strip:
     """A recording beside its simulations, all on the recording's stamps.
 
     Attributes:
-        name: of the recording. `time_s`, `command`, `measured`, `nominal`, `corrected`: shape (n,).
+        name: of the recording. `time_s`, `command`, `measured`, `nominal`, `corrected`: shape (n,); `measured` is NaN
+            in stretches that were left out.
         noise_std: of the measured channel, in its unit.
     """
 
@@ -111,6 +114,10 @@ class Strip:
     nominal: Array
     corrected: Array
     noise_std: float
+
+    def off(self, simulated: Array) -> Array:
+        """Recording minus a simulation; 0 where the recording was left out."""
+        return np.nan_to_num(self.measured - simulated)
 
 
 @dataclass(frozen=True, slots=True)

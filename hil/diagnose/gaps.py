@@ -52,7 +52,8 @@ def filled(e: Experiment, time_constant_s: float, forgets: bool) -> tuple[Experi
     ignored = missing.copy()
     for start, stop in unknown:
         ignored[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
-    what = f"{len(unknown)} of the holes and the {settling_s:.3g} s after each, until it has settled, are left out"
+    which = "hole" if len(unknown) == 1 else f"{len(unknown)} holes"
+    what = f"the {which} in which the command is unknown and the {settling_s:.3g} s until it has settled are left out"
     return replace(even, ignored=ignored if even.ignored is None else ignored | even.ignored), [f"{said}; {what}"]
 
 

@@ -7,10 +7,12 @@ from scipy.signal import find_peaks
 
 from hil.diagnose.diagnosis import Spectrum, Strip
 from hil.diagnose.problem import Problem
+from hil.diagnose.runs import runs
 from hil.diagnose.search.fitted import Fitted, output_of
 from hil.identify.experiment import Experiment
 from hil.record.recording import Array
 
+_STRETCH = 10
 _LINE = 0.05
 _MOST_LINES = 3
 _HARMONICS = 9
@@ -23,8 +25,17 @@ def strips(problem: Problem, used: Fitted) -> tuple[Strip, ...]:
     for e, noise in zip(problem.experiments, problem.noises, strict=True):
         nominal = e.respond(problem.plant, problem.model.values, effects, factor=problem.factor)[0]
         corrected = output_of(problem, used, e)
-        found.append(Strip(e.name, e.time_s, e.on_grid_input(), e.output, nominal, corrected, noise.std))
+        found.append(Strip(e.name, e.time_s, e.on_grid_input(), _shown(e), nominal, corrected, noise.std))
     return tuple(found)
+
+
+def _shown(e: Experiment) -> Array:
+    """The output without the stretches that are left out, for what is drawn through a gap was not recorded."""
+    shown = e.output.copy()
+    for start, stop in runs(e.ignored) if e.ignored is not None else ():
+        if stop - start >= _STRETCH:
+            shown[start:stop] = np.nan
+    return shown
 
 
 def spectra(problem: Problem, nominal: Fitted, used: Fitted) -> tuple[Spectrum, ...]:

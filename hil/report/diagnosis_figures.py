@@ -85,7 +85,7 @@ def worst_stretch(strip: Strip) -> tuple[int, int]:
     """First sample and end of the tenth of a recording that holds most of the nominal misfit."""
     n = len(strip.time_s)
     length = min(n, max(_ZOOM_LEAST, round(_ZOOM_SHARE * n)))
-    power = np.concatenate(([0.0], np.cumsum((strip.measured - strip.nominal) ** 2)))
+    power = np.concatenate(([0.0], np.cumsum(strip.off(strip.nominal) ** 2)))
     first = int(np.argmax(power[length:] - power[: n - length + 1]))
     return first, first + length
 
@@ -235,7 +235,7 @@ def _residuals(axes: Axes, strip: Strip, *, corrected: bool) -> None:
     if corrected:
         axes.plot(*thinned(strip.time_s, after), **{**_AFTER, "lw": 0.8})
     axes.margins(x=0.0)
-    reach = max(_WIDE, 1.05 * float(np.abs(before).max()))
+    reach = max(_WIDE, 1.05 * float(np.abs(strip.off(strip.nominal)).max()) / noise)
     axes.set_ylim(-reach, reach)
     axes.set_ylabel("difference /\nnoise")
 
@@ -244,7 +244,7 @@ def noise_of(strip: Strip) -> float:
     """The noise, or what the corrected model leaves where none was measured, so that there is a unit."""
     if strip.noise_std > 0.0 and np.isfinite(strip.noise_std):
         return strip.noise_std
-    left = float(np.std(strip.measured - strip.corrected))
+    left = float(np.std(strip.off(strip.corrected)))
     return left if left > 0.0 else 1.0
 
 
@@ -255,7 +255,7 @@ def _levels(strip: Strip) -> tuple[Array, Array, Array]:
     counts = np.diff(edges)
     noise = noise_of(strip)
     levels = [
-        np.sqrt(np.add.reduceat(((strip.measured - y) / noise) ** 2, edges[:-1]) / counts)
+        np.sqrt(np.add.reduceat((strip.off(y) / noise) ** 2, edges[:-1]) / counts)
         for y in (strip.nominal, strip.corrected)
     ]
     return strip.time_s[(edges[:-1] + edges[1:] - 1) // 2], levels[0], levels[1]

@@ -123,7 +123,7 @@ def _shown_strip(d: Diagnosis) -> Strip | None:
         named = [strip for strip in d.strips if strip.name == d.mismatch.recording]
         if named:
             return named[0]
-    return max(d.strips, key=lambda s: float((((s.measured - s.nominal) / noise_of(s)) ** 2).mean()), default=None)
+    return max(d.strips, key=lambda s: float(((s.off(s.nominal) / noise_of(s)) ** 2).mean()), default=None)
 
 
 def _time(d: Diagnosis, *, corrected: bool) -> Picture | None:
