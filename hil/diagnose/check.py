@@ -14,7 +14,7 @@ from hil.diagnose.units import expected, fit_but_for_gain, good_fit, refuse_wron
 from hil.errors import FileError
 from hil.identify.experiment import DEAD, Experiment, require_excitation
 from hil.identify.grey_box import fit_percent
-from hil.identify.noise import resolution, white_floor
+from hil.identify.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
 from hil.physics.model import Model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array
@@ -131,9 +131,12 @@ def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
     """Samples at one extreme value, in runs, are a channel at the end of its range, not the valve."""
     if white_floor(e.output) <= 0.0:
         return e, []
+    # a coarse channel is at its extreme again and again, and nothing in between is wrong
+    fine = white_floor(e.output) >= NOISE_OVER_RESOLUTION * resolution(e.output)
+    few_below = _FEW_BELOW if fine else 0
     clipped = np.zeros(len(e.output), dtype=np.bool_)
     for extreme in (float(e.output.max()), float(e.output.min())):
-        clipped |= _at_the_end(e.output == extreme)
+        clipped |= _at_the_end(e.output == extreme, few_below)
     if clipped.mean() < _LEAST_CLIPPED:
         return e, []
     at = e.output[clipped & ((e.output == e.output.max()) | (e.output == e.output.min()))]
@@ -144,12 +147,12 @@ def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
     return replace(e, ignored=clipped if e.ignored is None else clipped | e.ignored), [said]
 
 
-def _at_the_end(at_extreme: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def _at_the_end(at_extreme: NDArray[np.bool_], few_below: int) -> NDArray[np.bool_]:
     """Stretches of the extreme value in which there is a run; noise leaves it for a few samples where it just ends."""
     kept = np.zeros_like(at_extreme)
     bridged = ~at_extreme
     for start, stop in runs(~at_extreme):
-        bridged[start:stop] = stop - start > _FEW_BELOW
+        bridged[start:stop] = stop - start > few_below
     for start, stop in runs(~bridged):
         if any(last - first >= _LEAST_RUN for first, last in runs(at_extreme[start:stop])):
             kept[start:stop] = True
