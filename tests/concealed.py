@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -64,6 +65,20 @@ def records(
         if with_spool:
             channels["spool position [%]"] = spool + NOISE * noise(rng, len(spool))
         made.append(recording(name, np.arange(len(flow)) / RATE_HZ, channels))
+    return made
+
+
+def with_rows(each: Recording, kept: Array | slice) -> Recording:
+    """A recording of these samples only."""
+    channels = {name: replace(c, values=c.values[kept]) for name, c in each.channels.items()}
+    return replace(each, time_s=each.time_s[kept], channels=channels)
+
+
+def changed(change: Callable[[Recording], None]) -> list[Recording]:
+    """Healthy recordings, each changed in place."""
+    made = records(seed=20)
+    for each in made:
+        change(each)
     return made
 
 

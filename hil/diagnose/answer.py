@@ -138,7 +138,7 @@ class Answer:
             stage_shares=self._stage_shares(nominal) if mismatch else (),
             left=left,
             limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
-            warnings=(*self._all_warnings(), *unlikely(changed)),
+            warnings=self._all_warnings(changed),
             false_alarm_rate=FALSE_ALARM_RATE,
             seconds=round(seconds, 3),
             strips=drawn,
@@ -314,7 +314,7 @@ class Answer:
     def _next_test(self, rivals: Sequence[Sequence[str]], unseen: Sequence[str]) -> NextTest | None:
         return next_test(self.problem, self.verdict, self.choice, rivals, unseen, self.span)
 
-    def _all_warnings(self) -> tuple[str, ...]:
+    def _all_warnings(self, changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
         f = self.choice.chosen
         bounds = f.on_bound() if self.by_law else ()
         said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
@@ -326,7 +326,7 @@ class Answer:
                 f"the closest description ({described}) leaves {left} of the misfit and is not named as the cause; the "
                 f"corrected model {holds}"
             )
-        return (*self.warnings, *said)
+        return (*self.warnings, *said, *unlikely(changed))
 
 
 def _verdict(found: Happened) -> Verdict:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil.diagnose.gaps import filled
 from hil.diagnose.runs import runs
-from hil.diagnose.units import expected, fit_but_for_gain, good_fit, refuse_wrong_time, refuse_wrong_unit
+from hil.diagnose.units import GOOD_FIT, expected, fit_but_for_gain, good_fit, refuse_wrong_time, refuse_wrong_unit
 from hil.errors import FileError
 from hil.identify.experiment import DEAD, Experiment, require_excitation
 from hil.identify.grey_box import fit_percent
@@ -20,7 +20,7 @@ from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array
 
 # Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
-_GOOD_FIT, _HOPELESS, _FITS_BETTER = 80.0, 35.0, 20.0
+_HOPELESS, _FITS_BETTER = 35.0, 20.0
 _LEAST_CLIPPED = 0.002
 _LEAST_RUN, _FEW_BELOW = 5, 50
 # A coarse channel that stands still may hide moves of this many of its steps.
@@ -79,8 +79,8 @@ def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list
         if moves <= max(hidden, _MANY_STEPS * _floor(model, e)):
             kept.append(e)
         else:
-            but = f"where the model moves by {moves:.3g}"
-            said.append(f"{e.name}: {e.where_it_stands}, {but}: {DEAD}; the recording is left out")
+            where = f"{e.where_it_stands}, where the model moves by {moves:.3g}"
+            said.append(f"{e.name}: {where}: {DEAD}; the recording is left out")
     return kept, said
 
 
@@ -119,7 +119,7 @@ def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
     inputs = e.drive.inputs.copy()
     inputs[0] = e.to_follow
     turned = replace(e, drive=replace(e.drive, inputs=inputs, first_output=float(command[0])), output=command)
-    enough = good_fit(model) if before <= _HOPELESS else _GOOD_FIT
+    enough = good_fit(model) if before <= _HOPELESS else GOOD_FIT
     if fit_but_for_gain(model, turned) > max(enough, before + _FITS_BETTER):
         raise FileError(
             f"{e.name}: the columns '{e.input}' and '{e.output_heading}' look swapped: "
@@ -144,16 +144,16 @@ def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
         f"{e.name}: channel '{e.output_heading}' is clipped at {at[0]:.4g} in {100 * clipped.mean():.1f} % of its "
         "samples; they are left out"
     )
-    return replace(e, ignored=clipped if e.ignored is None else clipped | e.ignored), [said]
+    return e.without(clipped), [said]
 
 
 def _at_the_end(at_extreme: NDArray[np.bool_], few_below: int) -> NDArray[np.bool_]:
     """Stretches of the extreme value in which there is a run; noise leaves it for a few samples where it just ends."""
-    kept = np.zeros_like(at_extreme)
-    bridged = ~at_extreme
+    together, kept = at_extreme.copy(), np.zeros_like(at_extreme)
     for start, stop in runs(~at_extreme):
-        bridged[start:stop] = stop - start > few_below
-    for start, stop in runs(~bridged):
+        if stop - start <= few_below:
+            together[start:stop] = True
+    for start, stop in runs(together):
         if any(last - first >= _LEAST_RUN for first, last in runs(at_extreme[start:stop])):
             kept[start:stop] = True
     return kept

@@ -31,6 +31,8 @@ def filled(e: Experiment, time_constant_s: float, forgets: bool) -> tuple[Experi
 
     Stamps that are uneven otherwise are left as they are: the command is held between them.
     """
+    if e.grid_s is None:
+        return e, []
     gaps = _long_gaps(e)
     at = _places(e)
     if at is None:
@@ -39,7 +41,7 @@ def filled(e: Experiment, time_constant_s: float, forgets: bool) -> tuple[Experi
     missing[at] = False
     if not missing.any():
         return e, []
-    even = _even(e, at, missing)
+    even = _bridged(e, e.grid_s, at, missing)
     unknown = _unknown(even.drive.inputs, missing)
     share = 100.0 * float(missing.mean())
     said = f"{e.name}: {_counted(gaps)}" if gaps else f"{e.name}: {share:.2g} % of its samples are missing"
@@ -49,18 +51,18 @@ def filled(e: Experiment, time_constant_s: float, forgets: bool) -> tuple[Experi
         kept = _cut(even, missing, unknown)
         return kept, [f"{said}; only {kept.duration_s:.4g} s from {kept.time_s[0]:.4g} s are used"]
     settling_s = _SETTLED_AFTER * time_constant_s
-    ignored = missing.copy()
+    unsettled = np.zeros_like(missing)
     for start, stop in unknown:
-        ignored[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
+        unsettled[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
     which = "hole" if len(unknown) == 1 else f"{len(unknown)} holes"
     what = f"the {which} in which the command is unknown and the {settling_s:.3g} s until it has settled are left out"
-    return replace(even, ignored=ignored if even.ignored is None else ignored | even.ignored), [f"{said}; {what}"]
+    return even.without(unsettled), [f"{said}; {what}"]
 
 
 def _long_gaps(e: Experiment) -> list[tuple[float, float]]:
     """When they begin, and how long they are."""
     steps = np.diff(e.time_s)
-    return [(float(e.time_s[k]), float(steps[k])) for k in np.flatnonzero(steps > _GAP * np.median(steps))]
+    return [(float(e.time_s[k]), float(steps[k])) for k in np.flatnonzero(steps > _GAP * e.interval_s)]
 
 
 def _counted(gaps: list[tuple[float, float]]) -> str:
@@ -71,32 +73,30 @@ def _counted(gaps: list[tuple[float, float]]) -> str:
 
 def _places(e: Experiment) -> NDArray[np.intp] | None:
     """Where the samples lie on an even grid, in its intervals from the first; None where they lie on none."""
-    if e.grid_s is None or e.read_s is not None:
+    if e.read_s is not None:
         return None
-    steps = np.diff(e.time_s)
-    at = np.concatenate(([0], np.cumsum(np.rint(steps / np.median(steps)).astype(np.intp))))
+    at = np.concatenate(([0], np.cumsum(np.rint(np.diff(e.time_s) / e.interval_s).astype(np.intp))))
     if np.diff(at).min() < 1 or at[-1] > _MOST_TIMES_LONGER * len(at):
         return None
-    from_grid = e.time_s - e.time_s[0] - at * (e.time_s[-1] - e.time_s[0]) / at[-1]
-    return at if np.abs(from_grid).max() <= _OFF_GRID * np.median(steps) else None
+    from_grid = e.time_s - e.time_s[0] - at * e.duration_s / at[-1]
+    return at if np.abs(from_grid).max() <= _OFF_GRID * e.interval_s else None
 
 
-def _even(e: Experiment, at: NDArray[np.intp], missing: NDArray[np.bool_]) -> Experiment:
+def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: NDArray[np.bool_]) -> Experiment:
+    """The experiment on an even grid, straight through every hole; `grid_s`: on which its command was held."""
     count = np.arange(len(missing))
     time_s = np.linspace(e.time_s[0], e.time_s[-1], len(missing))
-    # a command is held from its stamp on: just after it the grid has its value, whatever the rounding of the stamp
-    grid_s = e.time_s if e.grid_s is None else e.grid_s
+    # just after its stamp a command is on the grid, whatever the rounding of the stamp
     held = np.minimum(np.searchsorted(grid_s, e.time_s, side="right"), len(grid_s) - 1)
 
     def drawn(values: Array) -> Array:
         return np.interp(count, at, values)
 
     inputs = np.array([drawn(row[held]) for row in e.drive.inputs])
-    drive = replace(e.drive, inputs=inputs, interval_s=float(time_s[-1] - time_s[0]) / (len(time_s) - 1))
-    ignored = missing if e.ignored is None else missing | (drawn(e.ignored.astype(float)) > 0.0)
+    drive = replace(e.drive, inputs=inputs, interval_s=e.duration_s / (len(time_s) - 1))
     observed = {name: _as_noisy(drawn(values), values, missing) for name, values in e.observed.items()}
     output = _as_noisy(drawn(e.output), e.output, missing)
-    return replace(e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed, ignored=ignored)
+    return replace(e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed, ignored=missing)
 
 
 def _as_noisy(drawn: Array, recorded: Array, missing: NDArray[np.bool_]) -> Array:

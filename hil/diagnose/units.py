@@ -34,7 +34,7 @@ _FACTOR_TOLERANCE = 0.08
 # Those of time: minutes, milliseconds, and lost decimals. Stamps are exact where the unit is all that is wrong.
 _TIME_FACTORS = (1000.0, 100.0, 60.0, 10.0, 0.1, 1 / 60.0, 0.01, 0.001)
 _TIME_TOLERANCE = 0.01
-_GOOD_FIT = 80.0
+GOOD_FIT = 80.0
 _POOR_FIT = 50.0
 _MUCH_LESS, _HALF = 0.2, 0.5
 _LESS_THAN_OWN, _SAME_FIT = 10.0, 0.1
@@ -54,7 +54,7 @@ def expected(model: Model, e: Experiment) -> Array:
 def good_fit(model: Model) -> float:
     """From which fit on the channels are what they say; less where the model never fitted well, run freely."""
     own = [] if model.definition.observer else list((model.origin.get("fit_percent") or {}).values())
-    return min(_GOOD_FIT, float(np.median(own)) - _LESS_THAN_OWN) if own else _GOOD_FIT
+    return min(GOOD_FIT, float(np.median(own)) - _LESS_THAN_OWN) if own else GOOD_FIT
 
 
 def refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
@@ -72,7 +72,7 @@ def refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
     for slope, fit in ((moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0)):
         beyond_effects = also_moves and not led_back and not _TOO_SMALL < slope < _TOO_LARGE
         factor = _unit_factor(slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
-        if factor and fit > _GOOD_FIT:
+        if factor and fit > GOOD_FIT:
             raise FileError(
                 f"{e.name}: channel '{e.output_heading}' is {slope:.3g} times what the model expects; "
                 f"a factor near {factor:.4g} looks like a wrong unit"
@@ -127,7 +127,7 @@ def fit_but_for_gain(model: Model, e: Experiment) -> float:
         return fit
     (gain, of_moves), (of_level, _) = _moves(simulated, e.output), _times(simulated, e.output)
     likely = all(1.0 / _CHANGED_GAIN < times < _CHANGED_GAIN for times in (gain, of_level))
-    return max(fit, of_moves) if likely and of_moves > _GOOD_FIT else fit
+    return max(fit, of_moves) if likely and of_moves > GOOD_FIT else fit
 
 
 def _enough(model: Model, before: float, factor: float) -> float:
@@ -140,7 +140,7 @@ def _enough(model: Model, before: float, factor: float) -> float:
         return max(halved, good_fit(model))
     if factor > _TOO_LARGE:
         return halved
-    return _GOOD_FIT if before < _POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
+    return GOOD_FIT if before < _POOR_FIT else 100.0 - _MUCH_LESS * (100.0 - before)
 
 
 def _times(simulated: Array, measured: Array) -> tuple[float, float]:
@@ -186,7 +186,7 @@ def refuse_wrong_time(model: Model, experiments: Sequence[Experiment]) -> None:
             raise FileError(
                 f"{e.name}: its samples are {factor:.4g} times as far apart as where the model was identified, and "
                 f"the model fits only with the time divided by {factor:.4g}; it looks like a wrong unit of time. If "
-                f"it is right, identify the model on a recording of this interval too"
+                "it is right, identify the model on a recording of this interval too"
             )
 
 

@@ -119,6 +119,10 @@ class Experiment:
         command: Array = self.at_stamps(self.drive.inputs)[0]
         return command
 
+    def without(self, samples: NDArray[np.bool_]) -> Experiment:
+        """The same with more samples ignored, shape (n,)."""
+        return replace(self, ignored=samples if self.ignored is None else self.ignored | samples)
+
     def reading_at(self, read_at: float) -> Experiment:
         """The same with another reading instant, unless the instants are known one by one."""
         return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))

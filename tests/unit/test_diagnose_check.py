@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter1d
@@ -16,25 +13,7 @@ from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording
-from tests.concealed import PLANT, bound, noise, nominal, records
-
-
-def changed(change: Callable[[Recording], None]) -> list[Recording]:
-    made = records(seed=20)
-    for each in made:
-        change(each)
-    return made
-
-
-def cut(made: list[Recording], samples: int) -> list[Recording]:
-    return [
-        replace(
-            each,
-            time_s=each.time_s[:samples],
-            channels={name: replace(c, values=c.values[:samples]) for name, c in each.channels.items()},
-        )
-        for each in made
-    ]
+from tests.concealed import PLANT, bound, changed, noise, nominal, records, with_rows
 
 
 def test_swapped_columns_are_refused() -> None:
@@ -63,7 +42,7 @@ def test_swapped_columns_are_refused_where_the_model_never_fitted_well(gain: flo
 
 def test_a_recording_shorter_than_a_time_constant_is_refused() -> None:
     with pytest.raises(FileError, match="at least one time constant"):
-        check(nominal(), bound(nominal(), cut(records(seed=21), 20)))
+        check(nominal(), bound(nominal(), [with_rows(each, slice(20)) for each in records(seed=21)]))
 
 
 def test_a_constant_command_is_refused() -> None:
@@ -99,14 +78,7 @@ def test_a_slow_channel_is_clipped_where_noise_lets_it_go_for_a_moment_too() -> 
 
 
 def test_a_gap_in_the_samples_is_said() -> None:
-    made = [
-        replace(
-            each,
-            time_s=np.delete(each.time_s, slice(800, 1200)),
-            channels={n: replace(c, values=np.delete(c.values, slice(800, 1200))) for n, c in each.channels.items()},
-        )
-        for each in records(seed=22)
-    ]
+    made = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in records(seed=22)]
     checked = check(nominal(), bound(nominal(), made))
     assert any("gap in the samples, the longest 1.6 s" in text for text in checked.warnings)
 

@@ -14,15 +14,10 @@ from hil.identify.experiment import Experiment, experiment
 from hil.identify.noise import white_floor
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
-from hil.record.recording import Array, Recording, recording
-from tests.concealed import NOISE, RATE_HZ, bound, nominal, records
+from hil.record.recording import Array, recording
+from tests.concealed import NOISE, RATE_HZ, bound, nominal, records, with_rows
 
 SECOND = round(RATE_HZ)
-
-
-def with_rows(each: Recording, kept: Array) -> Recording:
-    channels = {name: replace(c, values=c.values[kept]) for name, c in each.channels.items()}
-    return replace(each, time_s=each.time_s[kept], channels=channels)
 
 
 def residuals(e: Experiment) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,17 +16,10 @@ from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Recording, recording
-from tests.concealed import DURATION_S, NOISE, PLANT, RATE_HZ, bound, noise, nominal, records
+from tests.concealed import DURATION_S, NOISE, PLANT, RATE_HZ, bound, changed, noise, nominal, records, with_rows
 
 STICKING = ActiveEffect("friction", "force", {"coulomb": 2.5, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
 SLUGGISH = ActiveEffect("coil_lag", "command", {"lag": 0.1, "second": 0.0, "direct": 0.0, "saturating": 0.0})
-
-
-def changed(change: Callable[[Recording], None]) -> list[Recording]:
-    made = records(seed=20)
-    for each in made:
-        change(each)
-    return made
 
 
 @pytest.mark.parametrize("factor", [10.0, 0.1, 60.0, 1.0 / 60.0])
@@ -134,11 +127,7 @@ def test_a_time_in_a_wrong_unit_is_refused(effects: Sequence[ActiveEffect], fact
 
 @pytest.mark.parametrize("effects", [(), (STICKING,), (SLUGGISH,)], ids=["healthy", "sticking", "sluggish"])
 def test_a_recording_at_a_tenth_of_the_rate_is_none(effects: Sequence[ActiveEffect]) -> None:
-    made = [
-        replace(each, time_s=each.time_s[::10], channels={n: replace(c, values=c.values[::10])
-                                                          for n, c in each.channels.items()})
-        for each in records(effects, seed=28)
-    ]  # fmt: skip
+    made = [with_rows(each, slice(None, None, 10)) for each in records(effects, seed=28)]
     check(nominal(), bound(nominal(), made))
 
 

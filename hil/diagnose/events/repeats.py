@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +44,7 @@ def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, 
         for start, stop in repeated:
             stale[start + 1 : stop] = True
             spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
-        kept.append(without(e, stale))
+        kept.append(e.without(stale))
     return tuple(kept), tuple(spells)
 
 
@@ -64,7 +63,7 @@ def held_outputs(problem: Problem, around: Fitted) -> Events | None:
             residuals[part][start + 1 : stop + memory] = 1.0  # as noise would be; nothing was measured there
             stale[start + 1 : stop + memory] = True
             spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
-        rest.append(without(e, stale))
+        rest.append(e.without(stale))
     if len(spells) < LEAST_SPELLS:
         return None
     return stale_outputs(spells, problem, residuals, tuple(rest))
@@ -80,11 +79,6 @@ def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array, r
         f"{values['lasting'][0]:.2g} s{'' if len(spells) == 1 else ' on average'}.",
         "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
     )  # fmt: skip
-
-
-def without(e: Experiment, samples: Mask) -> Experiment:
-    """An experiment with more samples ignored."""
-    return replace(e, ignored=samples if e.ignored is None else e.ignored | samples)
 
 
 def _is_long(e: Experiment, start: int, stop: int) -> bool:
