@@ -100,14 +100,12 @@ def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: NDArra
 
 
 def _as_noisy(drawn: Array, recorded: Array, missing: NDArray[np.bool_]) -> Array:
-    """What is drawn through holes, in the steps of the channel and, through short ones, with its noise.
+    """What is drawn through holes, with the noise and in the steps of the channel.
 
-    Nothing is ever fitted to it; but a channel that is smooth in its holes would look less noisy, or finer, than it is.
+    Nothing is ever fitted to it; but a channel that is smooth in its holes would look less noisy, or finer, than it is,
+    or as if it repeated its samples.
     """
     noise = white_floor(recorded) * np.random.default_rng(len(drawn)).standard_normal(len(drawn))
-    for start, stop in runs(missing):
-        if stop - start >= _GAP:
-            noise[start:stop] = 0.0
     step = resolution(recorded)
     noisy = drawn + noise
     stepped = np.rint(noisy / step) * step if step > 0.0 else noisy

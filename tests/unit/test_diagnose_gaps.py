@@ -9,6 +9,7 @@ import pytest
 
 from hil.diagnose.check import check
 from hil.diagnose.diagnose import diagnose
+from hil.diagnose.events.repeats import without_stale
 from hil.diagnose.gaps import filled
 from hil.identify.experiment import Experiment, experiment
 from hil.identify.noise import white_floor
@@ -48,6 +49,14 @@ def test_a_healthy_unit_fits_with_a_fifth_of_its_samples_missing_anywhere() -> N
         assert e.grid_s is None and e.ignored is not None and e.ignored.mean() > 0.19
         assert np.std(residuals(e)) < 1.05 * NOISE
         assert white_floor(e.output) > 0.85 * NOISE  # what is drawn looks nearly as noisy as the rest
+
+
+def test_what_is_drawn_through_a_gap_is_not_taken_for_samples_that_repeat() -> None:
+    made = [with_rows(each, np.delete(np.arange(len(each)), slice(700, 950))) for each in records(seed=46)]
+    for each in made:
+        flow = each.channels["flow"].values
+        flow[:] = np.rint(flow / 0.02) * 0.02
+    assert without_stale(check(nominal(), bound(nominal(), made)).experiments)[1] == ()
 
 
 def test_a_command_that_jumps_in_a_hole_is_unknown_and_one_that_moves_on_is_not() -> None:
