@@ -21,7 +21,8 @@ from hil.physics.simulate import sub_steps
 # The χ² that chance may give back to the best of all terms, with a margin; `python -m tests.proof.alarms` counts what
 # gets through.
 ALARM_GAIN = 60.0
-# So many causes may be named together; more of them describe, but anything can be described with enough of them.
+# So many causes may be named together; more of them describe, but anything can be described with enough of them. For
+# one more see `_Judge.may_be_three`.
 NAMEABLE = 2
 # A second cause must explain most of what the first one leaves.
 SECOND_SHARE = 0.7
@@ -72,11 +73,13 @@ class Causes:
         m: what explanations are measured by.
         terms: everything that is looked for.
         second: pairs that were fitted roughly on the way, for what cannot be told from the chosen one.
+        several: what was found with more causes than may be named together, for whether one of them stands out.
     """
 
     m: Measures
     terms: tuple[Term, ...]
     second: list[Fitted] = field(default_factory=list)
+    several: list[Fitted] = field(default_factory=list)
 
     def alone(self) -> Alone:
         """Look at every term alone: around the nominal model, as the baseline has bent to a misfit that is not its."""
@@ -239,20 +242,21 @@ class Causes:
         steps = sum(e.drive.inputs.shape[1] * sub_steps(plant, e.drive.interval_s) for e in experiments)
         return bool(steps <= _SHORT)
 
-    def deeper(self, best: Fitted, place: Around) -> Fitted:
-        """The best description with several causes, each of which takes a good share of what the others leave.
+    def deeper(self, best: Fitted, place: Around) -> list[Fitted]:
+        """Descriptions with ever more causes, each of which takes a good share of what the others leave.
 
         Nothing is linearised: where the nominal model is far off, a cause shows only after all else has moved.
         """
-        level = self._few([best, *self._grown(place, len(self.terms))])
+        found, level = [best], self._few([best, *self._grown(place, len(self.terms))])
         for _ in range(_MOST_CAUSES):
-            best = min([best, *level[:1]], key=self.m.cost)
-            if self.m.is_full(best):
+            found += level[:1]
+            if self.m.is_full(min(found, key=self.m.cost)):
                 break
             level = self._few([f for parent in level for f in self._children(parent)])
+            self.several.extend(f for f in level if len(f.terms) > NAMEABLE)
             if not level:
                 break
-        return best
+        return found
 
     def _children(self, parent: Fitted) -> list[Fitted]:
         grown = self._grown(around(self.m.problem, parent), _TRIED_NEXT)

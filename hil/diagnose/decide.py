@@ -87,6 +87,7 @@ class _Judge:
         self.baseline = roughly(problem, nothing(problem))
         self.m = Measures(problem, self.baseline)
         self.causes = Causes(self.m, all_terms(problem, self.baseline.residuals))
+        self.named_before: frozenset[str] = frozenset()
 
     def choose(self) -> Choice:
         alone = self.causes.alone()
@@ -111,7 +112,7 @@ class _Judge:
             best = self.most_telling([best, *self.followed()], polished)
             verdict = self.verdict(best, polished)
         if verdict in OPEN and not self.m.is_adequate(best) and events is None and self.causes.is_short():
-            best = self.most_telling([best, self.causes.deeper(best, alone.place)], polished)
+            best = self.of_several(best, alone, polished)
             verdict = self.verdict(best, polished)
         candidates = (*sorted(polished, key=self.m.cost), *singles)
         rivals = self.rivals(best, polished)
@@ -139,6 +140,15 @@ class _Judge:
             # the first one was found when the second was not known
             best = min([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], key=self.m.cost)
         return self.causes.needed(best) if len(best.terms) == NAMEABLE else best
+
+    def of_several(self, best: Fitted, alone: Alone, polished: Sequence[Fitted]) -> Fitted:
+        """The most telling of an explanation and descriptions with ever more causes."""
+        found = self.causes.deeper(best, alone.place)
+        best = self.most_telling(found, polished)
+        if self.verdict(best, polished) == "unexplained":
+            return best
+        self.named_before = frozenset(best.names)
+        return self.most_telling(found, polished)
 
     def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""
@@ -178,8 +188,20 @@ class _Judge:
 
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""
-        few = sum(term.kind == "effect" for term in f.terms) <= self.most
+        few = sum(term.kind == "effect" for term in f.terms) <= self.most or self.may_be_three(f)
         return few and is_present(f) and not self.is_something_else(f)
+
+    def may_be_three(self, f: Fitted) -> bool:
+        """Whether one cause more than usual may be named: they leave nothing, or little where the others were named
+        without it; and no others in their number come near.
+        """
+        beside_named = len(self.named_before) == NAMEABLE and self.named_before < set(f.names)
+        enough = self.m.is_full(f) or (beside_named and self.m.left(f) <= NEARLY_ALL)
+        if not enough or self.most < NAMEABLE or len(f.names) > NAMEABLE + 1 or is_strained(f):
+            return False
+        others = [s.chi2 for s in self.causes.several if len(s.terms) == len(f.terms) and set(s.names) != set(f.names)]
+        closest = excess(self.problem, min(others, default=self.baseline.chi2))
+        return closest > ALONE_BY * max(self.m.excess(f), SMALL_EXCESS)
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
         """Whether an explanation takes nearly all of the misfit, or most of it and no other name comes near it."""

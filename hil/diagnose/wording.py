@@ -53,7 +53,7 @@ def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> 
 
 def headline(verdict: Verdict, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left) -> str:
     """The verdict in one sentence."""
-    names = " and ".join(f"{f.title} ({f.stage})" if f.stage else f.title for f in found)
+    names = _listed([f"{f.title} ({f.stage})" if f.stage else f.title for f in found])
     if verdict == "consistent":
         return "The model agrees with the recordings within their noise."
     if verdict == "parameter_change":
@@ -90,3 +90,8 @@ def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
         for p in changed
         if not 1.0 / _BEYOND_WEAR < p.times < _BEYOND_WEAR
     )
+
+
+def _listed(names: Sequence[str]) -> str:
+    """`a`, `a and b`, `a, b and c`."""
+    return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)

@@ -49,6 +49,8 @@ def test_the_headline_says_what_stays_beside_the_noise() -> None:
         "The model leaves out drooping supply (supply) and lag of the sensor (sensor); with them 97.8 % of the misfit "
         "is explained, 4.3 l/min (rms) of it stay beside noise of 0.3 l/min."
     )
+    three = headline("explained", (droop, lag, droop), (), Left(0.001, 0.05, 0.3, "l/min", None, ()))
+    assert "drooping supply (supply), lag of the sensor (sensor) and drooping supply (supply)" in three
 
 
 @pytest.mark.parametrize(("after", "said"), [(10.0, True), (0.1, True), (2.0, False), (0.4, False)])
