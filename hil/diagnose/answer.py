@@ -284,7 +284,7 @@ class Answer:
         """Of every recording, from the simulations that the report draws."""
         found = {}
         for e, strip in zip(self.problem.experiments, drawn, strict=True):
-            keep = np.ones(len(e.output), dtype=np.bool_) if e.ignored is None else ~e.ignored
+            keep = e.told
             found[e.name] = Fit(
                 round(fit_percent(e.output[keep], strip.nominal[keep]), 3),
                 round(fit_percent(e.output[keep], strip.corrected[keep]), 3),

@@ -8,16 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.diagnose.gaps import filled
-from hil.diagnose.runs import runs
 from hil.diagnose.units import GOOD_FIT, expected, fit_but_for_gain, good_fit, refuse_wrong_time, refuse_wrong_unit
 from hil.errors import FileError
 from hil.identify.experiment import DEAD, Experiment, require_excitation
+from hil.identify.gaps import filled
 from hil.identify.grey_box import fit_percent
 from hil.identify.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
+from hil.identify.time_constant import time_constant_s
 from hil.physics.model import Model
-from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array
+from hil.signals.runs import runs
 
 # Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
 _HOPELESS, _FITS_BETTER = 35.0, 20.0
@@ -92,22 +92,6 @@ def _refuse_short(model: Model, e: Experiment) -> float:
             f"{e.name}: {e.duration_s:.3g} s long; at least one time constant of the plant is needed, {needed_s:.3g} s"
         )
     return needed_s
-
-
-def time_constant_s(model: Model, e: Experiment) -> float:
-    """Time after which a small step of the command has gone 63 % of its way; 0 for plants that do not settle."""
-    plant = model.definition
-    step_s, count = e.interval_s, 4000
-    rest = e.drive.inputs[:, :1]
-    inputs = np.repeat(rest, count, axis=1)
-    inputs[0, 1:] += (
-        0.05 * plant.inputs[0].full_scale * (-1.0 if rest[0, 0] > 0.5 * plant.inputs[0].full_scale else 1.0)
-    )
-    answer = simulate(plant, model.values, Drive(inputs, e.drive.first_output, step_s), model.active_effects)[0]
-    change = np.abs(answer - answer[0])
-    if change[-1] <= 0.0 or abs(change[-1] - change[3 * count // 4]) > 0.01 * change[-1]:
-        return 0.0
-    return float(np.argmax(change >= 0.632 * change[-1])) * step_s
 
 
 def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:

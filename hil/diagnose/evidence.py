@@ -68,7 +68,7 @@ def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
     """Fit % of the output over the samples kept back, every recording's mean taken off by itself."""
     errors, spreads = 0.0, 0.0
     for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
-        kept = held_out[part] if e.ignored is None else held_out[part] & ~e.ignored
+        kept = held_out[part] & e.told
         if not kept.any():
             continue
         # whitening keeps the size of white noise; for coloured noise the fit is in whitened terms on both sides

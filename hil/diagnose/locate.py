@@ -10,11 +10,11 @@ from scipy.signal import welch
 from scipy.stats import chi2, false_discovery_control
 
 from hil.diagnose.problem import Problem
-from hil.diagnose.runs import runs
 from hil.diagnose.search.fitted import pool
 from hil.identify.experiment import Experiment
 from hil.physics.simulate import ActiveEffect, simulate
 from hil.record.recording import Array
+from hil.signals.runs import runs
 
 _BLOCK_S = 0.5
 _FALSE_DISCOVERIES = 0.01

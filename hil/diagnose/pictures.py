@@ -7,10 +7,10 @@ from scipy.signal import find_peaks
 
 from hil.diagnose.diagnosis import Spectrum, Strip
 from hil.diagnose.problem import Problem
-from hil.diagnose.runs import runs
 from hil.diagnose.search.fitted import Fitted, output_of
 from hil.identify.experiment import Experiment
 from hil.record.recording import Array
+from hil.signals.runs import runs
 
 _STRETCH = 10
 _LINE = 0.05

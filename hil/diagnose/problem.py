@@ -103,7 +103,10 @@ class Problem:
     @cached_property
     def size(self) -> int:
         """Number of residuals that count."""
-        ignored = sum(int(e.ignored.sum()) for e in self.experiments if e.ignored is not None)
+        ignored = 0
+        for e, noise in zip(self.experiments, self.observed_noise, strict=True):
+            ignored += 0 if e.ignored is None else int(e.ignored.sum())
+            ignored += 0 if e.lost is None else int(e.lost.sum()) * len(noise)
         return len(self.nominal_residuals) - ignored
 
     @cached_property
@@ -151,8 +154,7 @@ class Problem:
                 following=self.following,
             )  # fmt: skip
             error = with_free_start(whiten(rows[0] - e.output, self.noises[i], self.intervals_s[i]), starts[i])
-            output = error if e.ignored is None else np.where(e.ignored, 0.0, error)
-            return [output, *e.observed_errors(self.plant, rows, self.observed_noise[i])]
+            return [e.telling(error), *e.observed_errors(self.plant, rows, self.observed_noise[i])]
 
         return side_by_side(errors_of, len(driven))
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from hil.identify.experiment import Experiment
+from hil.identify.gaps import bridged
 from hil.identify.grey_box import fit_ceiling, fit_percent
 from hil.identify.noise import white_floor
 from hil.physics.model import Model
@@ -37,6 +38,7 @@ class Comparison:
         lag_s: by how much the model is late (positive) or early, at the best correlation of their slopes.
         worst: where the error is largest, in time.
         by_level: rms error over the lower, middle and upper third of the model's output.
+        notes: what of the recording says nothing and is left out, in words.
     """
 
     name: str
@@ -49,6 +51,7 @@ class Comparison:
     lag_s: float
     worst: tuple[Interval, ...]
     by_level: tuple[float, float, float]
+    notes: tuple[str, ...]
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
@@ -58,32 +61,36 @@ class Comparison:
         """As lines for a terminal."""
         worst = ", ".join(f"{i.start_s:.4g}…{i.stop_s:.4g} s ({i.rms:.3g})" for i in self.worst)
         low, middle, high = self.by_level
+        notes = "".join(f"\n  note: {note}" for note in self.notes)
         return (
             f"{self.name}\n"
             f"  fit {self.fit:.2f} % (the noise allows {self.ceiling:.2f} %), "
             f"rms error {self.rms_error:.4g} {self.unit}, noise {self.noise_std:.3g} {self.unit}\n"
             f"  mean error {self.mean_error:+.3g} {self.unit}, model late by {1e3 * self.lag_s:+.1f} ms\n"
             f"  largest errors at {worst}\n"
-            f"  rms by level: low {low:.3g}, middle {middle:.3g}, high {high:.3g} {self.unit}"
+            f"  rms by level: low {low:.3g}, middle {middle:.3g}, high {high:.3g} {self.unit}{notes}"
         )
 
 
 def compare(model: Model, experiment: Experiment) -> Comparison:
-    """Simulate a model on a recording's input and measure the difference."""
-    simulated = experiment.respond(model.definition, model.values, model.active_effects)[0]
-    error = simulated - experiment.output
-    noise = white_floor(experiment.output)
+    """Simulate a model on a recording's input and measure the difference, where the recording says something."""
+    (e,), notes = bridged(model, [experiment])
+    response = e.respond(model.definition, model.values, model.active_effects)[0]
+    time_s, measured, simulated = e.time_s[e.told], e.output[e.told], response[e.told]
+    error = simulated - measured
+    noise = white_floor(e.output)
     return Comparison(
-        experiment.name,
-        experiment.output_heading.rpartition("[")[2].rstrip("]"),
-        fit_percent(experiment.output, simulated),
-        fit_ceiling(experiment.output, noise),
+        e.name,
+        e.output_heading.rpartition("[")[2].rstrip("]"),
+        fit_percent(measured, simulated),
+        fit_ceiling(measured, noise),
         _rms(error),
         noise,
         float(error.mean()),
-        _lag(experiment.time_s, experiment.output, simulated),
-        _worst(experiment.time_s, error),
+        _lag(time_s, measured, simulated),
+        _worst(time_s, error),
         _by_level(simulated, error),
+        notes,
     )
 
 

@@ -33,7 +33,8 @@ class Experiment:
         grid_s: the grid's stamps when the recording's are uneven, else None.
         output: the measured output, shape (n,), in the plant's unit.
         observed: measured inner signals, by name, where the recording has them.
-        ignored: samples of the output that say nothing (clipped, held), shape (n,), or None.
+        ignored: samples of the output that say nothing (clipped, held, lost), shape (n,), or None.
+        lost: those of them where no channel says anything (see `hil.identify.gaps`), shape (n,), or None.
         reading_known: whether the recording (or a model) declared when in a sample the output is read.
         read_s: where the recording knows when every single sample was read: those instants for the output and the
             plant's inner signals, shape (1 + observed, n), else None. They lie on the time of `grid_s` then, and
@@ -50,6 +51,7 @@ class Experiment:
     observed: Mapping[str, Array]
     reading_known: bool = False
     ignored: NDArray[np.bool_] | None = None
+    lost: NDArray[np.bool_] | None = None
     read_s: Array | None = None
 
     def respond(
@@ -74,12 +76,24 @@ class Experiment:
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
 
     def observed_errors(self, plant: Plant, rows: Array, noise: Mapping[str, float]) -> list[Array]:
-        """Simulated minus recorded inner signals, in units of the noise of those that have one; `rows` of `respond`."""
+        """Simulated minus recorded inner signals, in units of the noise of those that have one; `rows` of `respond`.
+
+        0 where they are lost.
+        """
         return [
-            (row - self.observed[signal.name]) / noise[signal.name]
+            _but_for(self.lost, (row - self.observed[signal.name]) / noise[signal.name])
             for signal, row in zip(plant.observed, rows[1:], strict=True)
             if signal.name in noise
         ]
+
+    @property
+    def told(self) -> NDArray[np.bool_]:
+        """Which samples of the output say something, shape (n,)."""
+        return np.ones(len(self.output), dtype=np.bool_) if self.ignored is None else ~self.ignored
+
+    def telling(self, errors: Array) -> Array:
+        """Errors of the output, 0 where it says nothing, shape (n,)."""
+        return _but_for(self.ignored, errors)
 
     @property
     def duration_s(self) -> float:
@@ -120,12 +134,24 @@ class Experiment:
         return command
 
     def without(self, samples: NDArray[np.bool_]) -> Experiment:
-        """The same with more samples ignored, shape (n,)."""
-        return replace(self, ignored=samples if self.ignored is None else self.ignored | samples)
+        """The same with more samples of the output ignored, shape (n,)."""
+        return replace(self, ignored=_either(self.ignored, samples))
+
+    def without_all(self, samples: NDArray[np.bool_]) -> Experiment:
+        """The same with more samples of every channel ignored, shape (n,)."""
+        return replace(self.without(samples), lost=_either(self.lost, samples))
 
     def reading_at(self, read_at: float) -> Experiment:
         """The same with another reading instant, unless the instants are known one by one."""
         return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))
+
+
+def _but_for(samples: NDArray[np.bool_] | None, errors: Array) -> Array:
+    return errors if samples is None else np.where(samples, 0.0, errors)
+
+
+def _either(known: NDArray[np.bool_] | None, more: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return more if known is None else known | more
 
 
 def experiment(

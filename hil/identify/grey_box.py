@@ -7,11 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.errors import SettingError
 from hil.identify.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identify.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
 from hil.identify.first_reading import start_slope, with_free_start
+from hil.identify.gaps import bridged
 from hil.identify.lines import common_line, line_at
 from hil.identify.noise import channel_floor, channel_floors, measured_noise, resolution
 from hil.identify.structure import choose_structure
@@ -25,6 +27,8 @@ _RESTARTS = (0.4, 2.5)
 _WELL_ABOVE_FLOOR = 1.5
 _MOST_OVER_FLOOR = 2.0
 _TELLING_CHI2 = 25.0
+# Units are taken for slower than the start says where so many times more samples are then left out.
+_LATE_SETTLING = 1.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,13 +96,28 @@ def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequen
 def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str]) -> GreyBoxFit:
     require_excitation(experiments)
     still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
-    experiments = [e for e in experiments if not e.stands_still]
+    alive = [e for e in experiments if not e.stands_still]
+    even, said = bridged(model, alive)
+    found = _fitted(model, even, also_free, (*still, *said))
+    again, said = bridged(found.model, alive)
+    if _count_lost(again) > _LATE_SETTLING * _count_lost(even):  # the start settles too soon to be left in
+        found = _fitted(model, again, also_free, (*still, *said))
+    return found
+
+
+def _count_lost(experiments: Sequence[Experiment]) -> int:
+    return sum(int(e.lost.sum()) for e in experiments if e.lost is not None)
+
+
+def _fitted(
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], said: tuple[str, ...]
+) -> GreyBoxFit:
     weights = [1.0 / max(channel_floor(e.output), _resolution(e.output)) for e in experiments]
     model, note = _with_structure(model, experiments, weights)
     plant = model.definition
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     found, used = _best_reading(model, plant, names, experiments, weights)
-    return _result(model, plant, found, used, (*still, *note))
+    return _result(model, plant, found, used, (*said, *note))
 
 
 def _with_structure(
@@ -207,7 +226,7 @@ def _fit_from(
             e = experiments[i]
             rows = e.respond(plant, parameters, active)
             output = with_free_start((rows[0] - e.output) * weights[i], starts[i])
-            return [output, *e.observed_errors(plant, rows, inner[i])]
+            return [e.telling(output), *e.observed_errors(plant, rows, inner[i])]
 
         return side_by_side(errors_of, len(experiments))
 
@@ -230,6 +249,14 @@ def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
     return replace(noise, hum_hz=hum_hz, hum=float(np.median([amplitude for _, amplitude in found])))
 
 
+def _as_if_told(errors: Array, told: NDArray[np.bool_]) -> Array:
+    """Errors with white noise of their own size where the output says nothing: zeros would make it look less noisy."""
+    if told.all():
+        return errors
+    noise = np.random.default_rng(len(errors)).standard_normal(len(errors))
+    return np.where(told, errors, float(np.std(errors[told])) * noise)
+
+
 def _covariance(found: Estimate) -> Covariance:
     """The covariance for the model file; what no sample can tell is as uncertain as its bounds are wide."""
     widths = np.array([u.high - u.low for u in found.unknowns])
@@ -249,10 +276,11 @@ def _result(
     fits, errors = {}, []
     for e in experiments:
         simulated = e.respond(plant, values, model.active_effects)[0]
-        fits[e.name] = fit_percent(e.output, simulated)
+        fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
         floor = channel_floor(e.output)
         slope = start_slope(e, plant, values, model.active_effects, floor)
-        errors.append(floor * with_free_start((e.output - simulated) / floor, slope))
+        error = floor * with_free_start((e.output - simulated) / floor, slope)
+        errors.append(_as_if_told(error, e.told))
     made = Model(
         model.plant, parameters, model.effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,

@@ -170,7 +170,7 @@ class _Search:
 
         def errors_of(i: int) -> list[Array]:
             e = self.experiments[i]
-            return [(e.respond(self.plant, parameters)[0] - e.output) * self.weights[i]]
+            return [e.telling((e.respond(self.plant, parameters)[0] - e.output) * self.weights[i])]
 
         return side_by_side(errors_of, len(self.experiments))
 

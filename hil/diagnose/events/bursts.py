@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from hil.diagnose.problem import Problem
-from hil.diagnose.runs import runs
 from hil.diagnose.search.fitted import Fitted
 from hil.record.recording import Array
+from hil.signals.runs import runs
 
 BLOCK_S = 0.1  # so long is a block that is far beyond the noise, or not
 _BURST = 4.0  # times the noise variance

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from hil.diagnose.events.bursts import Burst, bursts_of
 from hil.diagnose.events.event import LEAST_SPELLS, Events, Spell, how_often
 from hil.diagnose.problem import Problem
-from hil.diagnose.runs import runs
 from hil.diagnose.search.fitted import Fitted, output_of
 from hil.identify.experiment import Experiment
 from hil.identify.noise import NOISE_OVER_RESOLUTION, white_floor
 from hil.record.recording import Array
+from hil.signals.runs import runs
 
 Mask = NDArray[np.bool_]
 

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.diagnose.runs import runs
 from hil.identify.experiment import Experiment
 from hil.identify.noise import resolution, white_floor
+from hil.identify.time_constant import time_constant_s
+from hil.physics.model import Model
 from hil.record.recording import Array
+from hil.signals.runs import runs
 
 # A hole of fewer intervals is bridged: the command hardly moves in it.
 _GAP = 5.0
@@ -22,14 +25,24 @@ _SETTLED_AFTER = 5.0
 _STEEPER, _LEAST_JUMP = 3.0, 1e-3
 
 
-def filled(e: Experiment, time_constant_s: float, forgets: bool) -> tuple[Experiment, list[str]]:
+def bridged(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], tuple[str, ...]]:
+    """Every recording as `filled` makes it for a unit that settles as the model does, and what was done."""
+    if all(e.grid_s is None for e in experiments):
+        return list(experiments), ()
+    constant_s = max(time_constant_s(model, e) for e in experiments)
+    made = [filled(e, constant_s, model.definition.observer is None) for e in experiments]
+    return [e for e, _ in made], tuple(words for _, said in made for words in said)
+
+
+def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment, list[str]]:
     """A recording with even stamps but for samples that are missing, made even; and what was done, in words.
 
     The command is drawn straight through a hole, unless it is long or the command has jumped in it. What a unit did
     then is unknown, so that its output says nothing until the unit has settled. One that never forgets (it
     integrates) has only the longest stretch without such a hole left.
 
-    Stamps that are uneven otherwise are left as they are: the command is held between them.
+    Stamps that are uneven otherwise are left as they are: the command is held between them. `constant_s`: the time
+    constant of the unit, five of which it is given to settle.
     """
     if e.grid_s is None:
         return e, []
@@ -50,13 +63,13 @@ def filled(e: Experiment, time_constant_s: float, forgets: bool) -> tuple[Experi
     if not forgets:
         kept = _cut(even, missing, unknown)
         return kept, [f"{said}; only {kept.duration_s:.4g} s from {kept.time_s[0]:.4g} s are used"]
-    settling_s = _SETTLED_AFTER * time_constant_s
+    settling_s = _SETTLED_AFTER * constant_s
     unsettled = np.zeros_like(missing)
     for start, stop in unknown:
         unsettled[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
     which = "hole" if len(unknown) == 1 else f"{len(unknown)} holes"
     what = f"the {which} in which the command is unknown and the {settling_s:.3g} s until it has settled are left out"
-    return even.without(unsettled), [f"{said}; {what}"]
+    return even.without_all(unsettled), [f"{said}; {what}"]
 
 
 def _long_gaps(e: Experiment) -> list[tuple[float, float]]:
@@ -96,7 +109,8 @@ def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: NDArra
     drive = replace(e.drive, inputs=inputs, interval_s=e.duration_s / (len(time_s) - 1))
     observed = {name: _as_noisy(drawn(values), values, missing) for name, values in e.observed.items()}
     output = _as_noisy(drawn(e.output), e.output, missing)
-    return replace(e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed, ignored=missing)
+    even = replace(e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed)
+    return even.without_all(missing)
 
 
 def _as_noisy(drawn: Array, recorded: Array, missing: NDArray[np.bool_]) -> Array:
@@ -137,6 +151,7 @@ def _cut(even: Experiment, missing: NDArray[np.bool_], unknown: list[tuple[int, 
         even.drive, inputs=np.ascontiguousarray(even.drive.inputs[:, part]), first_output=float(even.output[start])
     )
     return replace(
-        even, time_s=even.time_s[part], drive=drive, output=even.output[part], ignored=missing[part],
+        even, time_s=even.time_s[part], drive=drive, output=even.output[part],
         observed={name: values[part] for name, values in even.observed.items()},
+        ignored=missing[part], lost=missing[part],
     )  # fmt: skip

@@ -10,13 +10,17 @@ import pytest
 from hil.diagnose.check import check
 from hil.diagnose.diagnose import diagnose
 from hil.diagnose.events.repeats import without_stale
-from hil.diagnose.gaps import filled
+from hil.diagnose.problem import pose
+from hil.identify.compare import compare
 from hil.identify.experiment import Experiment, experiment
+from hil.identify.gaps import filled
+from hil.identify.grey_box import fit_plant
 from hil.identify.noise import white_floor
 from hil.physics.compose import plant
+from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, recording
-from tests.concealed import NOISE, RATE_HZ, bound, nominal, records, with_rows
+from tests.concealed import NOISE, PLANT, RATE_HZ, bound, nominal, records, with_rows
 
 SECOND = round(RATE_HZ)
 
@@ -87,6 +91,39 @@ def test_stamps_on_no_grid_are_left_as_they_are() -> None:
     shifts = np.random.default_rng(44).uniform(-0.3, 0.3, len(each)) / RATE_HZ
     (e,) = bound(nominal(), [replace(each, time_s=each.time_s + shifts)])
     assert filled(e, 0.1, forgets=True) == (e, [])
+
+
+def test_an_inner_signal_says_nothing_in_a_gap_either() -> None:
+    made = records(seed=47, with_spool=True)
+    gapped = [with_rows(each, np.delete(np.arange(len(each)), slice(800, 1200))) for each in made]
+    problem = pose(nominal(), check(nominal(), bound(nominal(), gapped)).experiments)
+    r = problem.nominal_residuals
+    assert problem.size == np.count_nonzero(r)
+    assert float(r @ r) < 1.1 * problem.size
+
+
+@pytest.mark.parametrize("kept", ["all but a second", "four of five"])
+def test_missing_samples_do_not_bend_what_is_identified(kept: str) -> None:
+    rng, start = np.random.default_rng(48), typical_model(PLANT)
+    made = []
+    for each in records(seed=48):
+        one = rng.random(len(each)) > 0.2 if kept == "four of five" else np.ones(len(each), dtype=np.bool_)
+        one[900:1150] &= kept == "four of five"
+        one[[0, -1]] = True
+        made.append(with_rows(each, np.flatnonzero(one)))
+    whole, found = (fit_plant(start, bound(start, each)) for each in (records(seed=48), made))
+    for name, value in found.model.parameters.items():
+        assert abs(value.value - whole.model.parameters[name].value) <= 3.0 * (value.std or 0.0), name
+    assert found.model.noise is not None and abs(found.model.noise.std / NOISE - 1.0) < 0.05
+    assert sum("missing" in note or "gap" in note for note in found.notes) == 3
+
+
+def test_a_comparison_is_made_where_the_recording_says_something() -> None:
+    whole = records(seed=49)[0]
+    gapped = with_rows(whole, np.delete(np.arange(len(whole)), slice(900, 1150)))
+    beside, alone = (compare(nominal(), *bound(nominal(), [each])) for each in (gapped, whole))
+    assert abs(beside.fit - alone.fit) < 0.1
+    assert len(beside.notes) == 1 and alone.notes == ()
 
 
 def test_what_is_drawn_through_a_gap_is_not_shown_as_recorded() -> None:
