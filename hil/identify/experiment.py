@@ -18,7 +18,7 @@ _GRID_PER_UNEVEN_SAMPLE = 8
 DEAD = "a dead sensor, no supply or a wrong column"
 # A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
 _FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
-_FEWEST_SAMPLES = 20
+FEWEST_SAMPLES = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -302,8 +302,8 @@ def sample_intervals_s(experiments: Sequence[Experiment]) -> list[float]:
 def require_excitation(experiments: Sequence[Experiment]) -> None:
     """Raise `FileError` when a recording is too short to tell anything, or no output or its input moves."""
     for e in experiments:
-        if len(e.output) < _FEWEST_SAMPLES:
-            raise FileError(f"{e.name}: {len(e.output)} samples; at least {_FEWEST_SAMPLES} are needed to identify")
+        if len(e.output) < FEWEST_SAMPLES:
+            raise FileError(f"{e.name}: {len(e.output)} samples; at least {FEWEST_SAMPLES} are needed to identify")
     telling = [e for e in experiments if not e.stands_still] or experiments
     if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in telling):
         names = ", ".join(e.name for e in telling)

@@ -9,7 +9,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.identify.experiment import Experiment
+from hil.errors import FileError
+from hil.identify.experiment import FEWEST_SAMPLES, Experiment
 from hil.identify.noise import resolution, white_floor
 from hil.identify.time_constant import time_constant_s
 from hil.physics.model import Model
@@ -43,6 +44,9 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
 
     Stamps that are uneven otherwise are left as they are: the command is held between them. `constant_s`: the time
     constant of the unit, five of which it is given to settle.
+
+    Raises:
+        FileError: next to nothing is left.
     """
     if e.grid_s is None:
         return e, []
@@ -61,7 +65,7 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
     if not unknown:
         return even, [f"{said}; the command is drawn straight through"]
     if not forgets:
-        kept = _cut(even, missing, unknown)
+        kept = _enough(_cut(even, missing, unknown), said)
         return kept, [f"{said}; only {kept.duration_s:.4g} s from {kept.time_s[0]:.4g} s are used"]
     settling_s = _SETTLED_AFTER * constant_s
     unsettled = np.zeros_like(missing)
@@ -69,7 +73,14 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
         unsettled[start : stop + int(np.ceil(settling_s / even.drive.interval_s))] = True
     which = "hole" if len(unknown) == 1 else f"{len(unknown)} holes"
     what = f"the {which} in which the command is unknown and the {settling_s:.3g} s until it has settled are left out"
-    return even.without_all(unsettled), [f"{said}; {what}"]
+    return _enough(even.without_all(unsettled), f"{said}; {what}"), [f"{said}; {what}"]
+
+
+def _enough(kept: Experiment, said: str) -> Experiment:
+    left = int(kept.told.sum())
+    if left < FEWEST_SAMPLES:
+        raise FileError(f"{said}: {left} samples are left; at least {FEWEST_SAMPLES} are needed")
+    return kept
 
 
 def _long_gaps(e: Experiment) -> list[tuple[float, float]]:

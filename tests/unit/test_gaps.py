@@ -11,6 +11,7 @@ from hil.diagnose.check import check
 from hil.diagnose.diagnose import diagnose
 from hil.diagnose.events.repeats import without_stale
 from hil.diagnose.problem import pose
+from hil.errors import FileError
 from hil.identify.compare import compare
 from hil.identify.experiment import Experiment, experiment
 from hil.identify.gaps import filled
@@ -84,6 +85,15 @@ def test_what_integrates_keeps_the_longest_stretch() -> None:
     assert kept.time_s[0] == pytest.approx(time_s[600]) and len(kept.output) == len(time_s) - 600
     assert kept.drive.first_output == position[600]
     assert "are used" in said[0]
+
+
+def test_a_recording_that_never_settles_between_its_holes_is_refused() -> None:
+    steps = records(seed=43)[0]
+    holed = with_rows(steps, np.flatnonzero((np.arange(len(steps)) + 115) % SECOND < 125))
+    (e,) = bound(nominal(), [holed])
+    assert filled(e, 0.05, forgets=True)[0].told.any()
+    with pytest.raises(FileError, match=r"steps: 16 gaps.*: 10 samples are left; at least 20 are needed"):
+        filled(e, 10.0, forgets=True)
 
 
 def test_stamps_on_no_grid_are_left_as_they_are() -> None:
