@@ -23,6 +23,8 @@ _CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 PART_TOLERANCE, ALONE_BY = 0.25, 1.5
 # … or when it leaves so little that another name for it would have to look much the same.
 NEARLY_ALL = 0.12
+# A third cause is alone where every other one takes less than this share of what it takes.
+_OTHER_THIRD = 0.5
 # Nearly as good is what leaves so many times as much; more where what is left is within the tolerance of laws.
 _NEARLY_AS_GOOD, _AS_GOOD_WITHIN_LAWS = 1.1, 2.0
 # Events are placed freely; they replace a law that can be named only where they leave no more than this share of what
@@ -87,7 +89,7 @@ class _Judge:
         self.baseline = roughly(problem, nothing(problem))
         self.m = Measures(problem, self.baseline)
         self.causes = Causes(self.m, all_terms(problem, self.baseline.residuals))
-        self.named_before: frozenset[str] = frozenset()
+        self.named_before: Fitted | None = None
 
     def choose(self) -> Choice:
         alone = self.causes.alone()
@@ -147,7 +149,7 @@ class _Judge:
         best = self.most_telling(found, polished)
         if self.verdict(best, polished) == "unexplained":
             return best
-        self.named_before = frozenset(best.names)
+        self.named_before = best
         return self.most_telling(found, polished)
 
     def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
@@ -192,16 +194,20 @@ class _Judge:
         return few and is_present(f) and not self.is_something_else(f)
 
     def may_be_three(self, f: Fitted) -> bool:
-        """Whether one cause more than usual may be named: they leave nothing, or little where the others were named
-        without it; and no others in their number come near.
+        """Whether one cause more than usual may be named: they leave nothing and no others come near, or little beside
+        two that were named without it and no other third takes much of what these leave.
         """
-        beside_named = len(self.named_before) == NAMEABLE and self.named_before < set(f.names)
-        enough = self.m.is_full(f) or (beside_named and self.m.left(f) <= NEARLY_ALL)
-        if not enough or self.most < NAMEABLE or len(f.names) > NAMEABLE + 1 or is_strained(f):
+        if self.most < NAMEABLE or len(f.names) > NAMEABLE + 1 or is_strained(f):
             return False
         others = [s.chi2 for s in self.causes.several if len(s.terms) == len(f.terms) and set(s.names) != set(f.names)]
-        closest = excess(self.problem, min(others, default=self.baseline.chi2))
-        return closest > ALONE_BY * max(self.m.excess(f), SMALL_EXCESS)
+        closest = min(others, default=self.baseline.chi2)
+        if self.m.is_full(f):
+            return excess(self.problem, closest) > ALONE_BY * max(self.m.excess(f), SMALL_EXCESS)
+        two = self.named_before
+        beside = two is not None and len(two.names) == NAMEABLE and set(two.names) < set(f.names)
+        if two is None or not beside or self.m.left(f) > NEARLY_ALL:
+            return False
+        return two.chi2 - closest < _OTHER_THIRD * (two.chi2 - f.chi2)
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
         """Whether an explanation takes nearly all of the misfit, or most of it and no other name comes near it."""

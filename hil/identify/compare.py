@@ -10,7 +10,7 @@ import numpy as np
 from hil.identify.experiment import Experiment
 from hil.identify.gaps import bridged
 from hil.identify.grey_box import fit_ceiling, fit_percent
-from hil.identify.noise import white_floor
+from hil.identify.noise import channel_floor
 from hil.physics.model import Model
 from hil.record.recording import Array
 
@@ -78,7 +78,7 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
     response = e.respond(model.definition, model.values, model.active_effects)[0]
     time_s, measured, simulated = e.time_s[e.told], e.output[e.told], response[e.told]
     error = simulated - measured
-    noise = white_floor(e.output)
+    noise = channel_floor(e.output)
     return Comparison(
         e.name,
         e.output_heading.rpartition("[")[2].rstrip("]"),
