@@ -27,7 +27,7 @@ from hil.diagnose.events.recognise import TOLERANCE_OF_EVENTS
 from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
 from hil.diagnose.happened import Happened
 from hil.diagnose.locate import StageShare, Where, locate, stages
-from hil.diagnose.measures import excess, share_left, tolerated
+from hil.diagnose.measures import LAW_TOLERANCE, excess, share_left
 from hil.diagnose.next_test import Span, next_test
 from hil.diagnose.pictures import spectra, strips
 from hil.diagnose.search.around import around
@@ -233,7 +233,7 @@ class Answer:
         """The probability that no explanation of the library is the true one."""
         if self.verdict == "unexplained":
             return _NOTHING_KNOWN
-        return _something_else(self.choice.left, tolerated(excess(self.problem, self.choice.baseline.chi2)))
+        return _something_else(self.choice.left, LAW_TOLERANCE)
 
     def _event_probability(self, events: Events) -> float:
         """Of events that were read off the recordings themselves, next to certain; else from what they leave."""

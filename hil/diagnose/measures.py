@@ -38,11 +38,6 @@ def share_left(problem: Problem, chi2: float, beyond: float) -> float:
     return excess(problem, chi2) / max(beyond, SMALL_EXCESS)
 
 
-def tolerated(beyond: float) -> float:
-    """The share that an adequate explanation may leave of a misfit, given as variance beyond the noise."""
-    return max(LAW_TOLERANCE, SMALL_EXCESS / max(beyond, SMALL_EXCESS))
-
-
 @dataclass(frozen=True)
 class Measures:
     """Measures of explanations of one problem.
