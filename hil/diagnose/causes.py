@@ -73,13 +73,11 @@ class Causes:
         m: what explanations are measured by.
         terms: everything that is looked for.
         second: pairs that were fitted roughly on the way, for what cannot be told from the chosen one.
-        several: what was found with more causes than may be named together, for whether one of them stands out.
     """
 
     m: Measures
     terms: tuple[Term, ...]
     second: list[Fitted] = field(default_factory=list)
-    several: list[Fitted] = field(default_factory=list)
 
     def alone(self) -> Alone:
         """Look at every term alone: around the nominal model, as the baseline has bent to a misfit that is not its."""
@@ -242,21 +240,21 @@ class Causes:
         steps = sum(e.drive.inputs.shape[1] * sub_steps(plant, e.drive.interval_s) for e in experiments)
         return bool(steps <= _SHORT)
 
-    def deeper(self, best: Fitted, place: Around) -> list[Fitted]:
-        """Descriptions with ever more causes, each of which takes a good share of what the others leave.
+    def deeper(self, best: Fitted, place: Around) -> list[list[Fitted]]:
+        """Descriptions with one cause more from level to level, each of which takes a good share of what the others
+        leave; the best few of each level, the best first.
 
         Nothing is linearised: where the nominal model is far off, a cause shows only after all else has moved.
         """
-        found, level = [best], self._few([best, *self._grown(place, len(self.terms))])
-        for _ in range(_MOST_CAUSES):
-            found += level[:1]
-            if self.m.is_full(min(found, key=self.m.cost)):
+        levels: list[list[Fitted]] = []
+        level = self._few([best, *self._grown(place, len(self.terms))])
+        while level:
+            levels.append(level)
+            most_economical = min((first for first, *_ in levels), key=self.m.cost)
+            if len(levels) == _MOST_CAUSES or self.m.is_full(most_economical):
                 break
             level = self._few([f for parent in level for f in self._children(parent)])
-            self.several.extend(f for f in level if len(f.terms) > NAMEABLE)
-            if not level:
-                break
-        return found
+        return levels
 
     def _children(self, parent: Fitted) -> list[Fitted]:
         grown = self._grown(around(self.m.problem, parent), _TRIED_NEXT)

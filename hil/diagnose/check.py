@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hil.diagnose.units import GOOD_FIT, expected, fit_but_for_gain, good_fit, refuse_wrong_time, refuse_wrong_unit
 from hil.errors import FileError
 from hil.identify.experiment import DEAD, Experiment, require_excitation
-from hil.identify.gaps import filled
+from hil.identify.gaps import bridged
 from hil.identify.grey_box import fit_percent
 from hil.identify.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
 from hil.identify.time_constant import time_constant_s
@@ -52,14 +52,15 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     require_excitation(experiments)
     refuse_wrong_time(model, experiments)
     alive, warnings = _without_dead(model, experiments)
-    constant_s = max((_refuse_short(model, e) for e in alive), default=0.0)
-    kept = []
     for e in alive:
+        _refuse_short(model, e)
         likely = expected(model, e)
         _refuse_swapped(model, e, likely)
         refuse_wrong_unit(model, e, likely)
-        e, said = filled(e, constant_s, forgets=model.definition.observer is None)
-        warnings += said
+    even, bridges = bridged(model, alive)
+    warnings += bridges
+    kept = []
+    for e in even:
         e, said = _without_clipped(e)
         warnings += said
         simulated = e.respond(model.definition, model.values, model.active_effects)[0]
@@ -84,14 +85,12 @@ def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list
     return kept, said
 
 
-def _refuse_short(model: Model, e: Experiment) -> float:
-    """The time constant of the plant that the recording has to have."""
+def _refuse_short(model: Model, e: Experiment) -> None:
     needed_s = time_constant_s(model, e)
     if e.duration_s < needed_s:
         raise FileError(
             f"{e.name}: {e.duration_s:.3g} s long; at least one time constant of the plant is needed, {needed_s:.3g} s"
         )
-    return needed_s
 
 
 def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
@@ -113,10 +112,11 @@ def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
 
 def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
     """Samples at one extreme value, in runs, are a channel at the end of its range, not the valve."""
-    if white_floor(e.output) <= 0.0:
+    floor = white_floor(e.output)
+    if floor <= 0.0:
         return e, []
     # a coarse channel is at its extreme again and again, and nothing in between is wrong
-    fine = white_floor(e.output) >= NOISE_OVER_RESOLUTION * resolution(e.output)
+    fine = floor >= NOISE_OVER_RESOLUTION * resolution(e.output)
     few_below = _FEW_BELOW if fine else 0
     clipped = np.zeros(len(e.output), dtype=np.bool_)
     for extreme in (float(e.output.max()), float(e.output.min())):
@@ -214,5 +214,4 @@ def _shifted(e: Experiment, lag: int) -> Experiment:
         lost[-lag:] = True
     else:
         lost[:-lag] = True
-    ignored = lost if e.ignored is None else np.roll(e.ignored, -lag) | lost
-    return replace(e, output=moved, ignored=ignored)
+    return replace(e, output=moved, ignored=np.roll(~e.told, -lag) | lost)

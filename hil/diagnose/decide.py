@@ -89,7 +89,6 @@ class _Judge:
         self.baseline = roughly(problem, nothing(problem))
         self.m = Measures(problem, self.baseline)
         self.causes = Causes(self.m, all_terms(problem, self.baseline.residuals))
-        self.named_before: Fitted | None = None
 
     def choose(self) -> Choice:
         alone = self.causes.alone()
@@ -114,8 +113,7 @@ class _Judge:
             best = self.most_telling([best, *self.followed()], polished)
             verdict = self.verdict(best, polished)
         if verdict in OPEN and not self.m.is_adequate(best) and events is None and self.causes.is_short():
-            best = self.of_several(best, alone, polished)
-            verdict = self.verdict(best, polished)
+            best, verdict = self.of_several(best, alone, polished)
         candidates = (*sorted(polished, key=self.m.cost), *singles)
         rivals = self.rivals(best, polished)
         best = with_known_start(self.problem, best)
@@ -143,14 +141,19 @@ class _Judge:
             best = min([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], key=self.m.cost)
         return self.causes.needed(best) if len(best.terms) == NAMEABLE else best
 
-    def of_several(self, best: Fitted, alone: Alone, polished: Sequence[Fitted]) -> Fitted:
-        """The most telling of an explanation and descriptions with ever more causes."""
-        found = self.causes.deeper(best, alone.place)
-        best = self.most_telling(found, polished)
-        if self.verdict(best, polished) == "unexplained":
-            return best
-        self.named_before = best
-        return self.most_telling(found, polished)
+    def of_several(self, best: Fitted, alone: Alone, polished: Sequence[Fitted]) -> tuple[Fitted, Verdict]:
+        """The most telling of an explanation and descriptions with ever more causes, and the verdict on it."""
+        levels = self.causes.deeper(best, alone.place)
+        firsts = [best, *(first for first, *_ in levels)]
+        best = self.most_telling(firsts, polished)
+        verdict = self.verdict(best, polished)
+        alike = [f for level in levels for f in level]
+        named: list[tuple[Fitted, Verdict]] = [
+            (f, "explained" if self.m.is_adequate(f) else "partly_explained")
+            for f in firsts
+            if self.is_third_named(f, best if verdict != "unexplained" else None, alike)
+        ]
+        return min([(best, verdict), *named], key=lambda each: (_OPENNESS.get(each[1], 0), self.m.cost(each[0])))
 
     def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""
@@ -190,24 +193,26 @@ class _Judge:
 
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""
-        few = sum(term.kind == "effect" for term in f.terms) <= self.most or self.may_be_three(f)
+        few = sum(term.kind == "effect" for term in f.terms) <= self.most
         return few and is_present(f) and not self.is_something_else(f)
 
-    def may_be_three(self, f: Fitted) -> bool:
-        """Whether one cause more than usual may be named: they leave nothing and no others come near, or little beside
-        two that were named without it and no other third takes much of what these leave.
+    def is_third_named(self, f: Fitted, two: Fitted | None, alike: Sequence[Fitted]) -> bool:
+        """Whether three causes are named: they leave nothing and no others come near, or little beside two that were
+        named without the third, of what these leave no other third takes much.
+
+        `two`: what was named, if anything. `alike`: what else was found.
         """
-        if self.most < NAMEABLE or len(f.names) > NAMEABLE + 1 or is_strained(f):
+        beyond_doubt = is_present(f) and not self.is_something_else(f) and not is_strained(f)
+        if self.most < NAMEABLE or len(f.names) != NAMEABLE + 1 or not beyond_doubt:
             return False
-        others = [s.chi2 for s in self.causes.several if len(s.terms) == len(f.terms) and set(s.names) != set(f.names)]
+        others = [o.chi2 for o in alike if len(o.terms) == len(f.terms) and set(o.names) != set(f.names)]
         closest = min(others, default=self.baseline.chi2)
         if self.m.is_full(f):
             return excess(self.problem, closest) > ALONE_BY * max(self.m.excess(f), SMALL_EXCESS)
-        two = self.named_before
-        beside = two is not None and len(two.names) == NAMEABLE and set(two.names) < set(f.names)
-        if two is None or not beside or self.m.left(f) > NEARLY_ALL:
+        if two is None or len(two.names) != NAMEABLE or not set(two.names) < set(f.names):
             return False
-        return two.chi2 - closest < _OTHER_THIRD * (two.chi2 - f.chi2)
+        alone = two.chi2 - closest < _OTHER_THIRD * (two.chi2 - f.chi2)
+        return alone and self.m.left(f) <= NEARLY_ALL
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
         """Whether an explanation takes nearly all of the misfit, or most of it and no other name comes near it."""

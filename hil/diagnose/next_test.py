@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -245,9 +245,7 @@ def _planned(problem: Problem, test: MenuTest, span: Span) -> Experiment:
     inputs = np.vstack([wave, *(np.full(len(wave), float(np.median(row))) for row in like.drive.inputs[1:])])
     drive = Drive(inputs, float(like.output[0]), interval_s, like.drive.read_at)
     time_s: Array = interval_s * np.arange(len(wave), dtype=np.float64)
-    return replace(
-        like, time_s=time_s, drive=drive, grid_s=None, output=np.zeros(len(wave)), observed={}, ignored=None
-    )  # fmt: skip
+    return Experiment(like.name, like.input, like.output_heading, time_s, drive, None, np.zeros(len(wave)), {})
 
 
 def _bench_s(problem: Problem, test: MenuTest) -> float:

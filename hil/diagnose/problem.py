@@ -103,11 +103,11 @@ class Problem:
     @cached_property
     def size(self) -> int:
         """Number of residuals that count."""
-        ignored = 0
-        for e, noise in zip(self.experiments, self.observed_noise, strict=True):
-            ignored += 0 if e.ignored is None else int(e.ignored.sum())
-            ignored += 0 if e.lost is None else int(e.lost.sum()) * len(noise)
-        return len(self.nominal_residuals) - ignored
+        silent = sum(
+            int(np.count_nonzero(~e.told)) + e.count_lost * len(noise)
+            for e, noise in zip(self.experiments, self.observed_noise, strict=True)
+        )
+        return len(self.nominal_residuals) - silent
 
     @cached_property
     def intervals_s(self) -> tuple[float, ...]:

@@ -91,6 +91,11 @@ class Experiment:
         """Which samples of the output say something, shape (n,)."""
         return np.ones(len(self.output), dtype=np.bool_) if self.ignored is None else ~self.ignored
 
+    @property
+    def count_lost(self) -> int:
+        """How many samples no channel says anything at."""
+        return 0 if self.lost is None else int(self.lost.sum())
+
     def telling(self, errors: Array) -> Array:
         """Errors of the output, 0 where it says nothing, shape (n,)."""
         return _but_for(self.ignored, errors)

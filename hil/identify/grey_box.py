@@ -100,13 +100,10 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Seque
     even, said = bridged(model, alive)
     found = _fitted(model, even, also_free, (*still, *said))
     again, said = bridged(found.model, alive)
-    if _count_lost(again) > _LATE_SETTLING * _count_lost(even):  # the start settles too soon to be left in
+    lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
+    if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
         found = _fitted(model, again, also_free, (*still, *said))
     return found
-
-
-def _count_lost(experiments: Sequence[Experiment]) -> int:
-    return sum(int(e.lost.sum()) for e in experiments if e.lost is not None)
 
 
 def _fitted(

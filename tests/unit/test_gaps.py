@@ -28,9 +28,8 @@ SECOND = round(RATE_HZ)
 
 def residuals(e: Experiment) -> Array:
     model = nominal()
-    error = e.output - e.respond(model.definition, model.values)[0]
-    told: Array = error if e.ignored is None else error[~e.ignored]
-    return told
+    error: Array = e.output - e.respond(model.definition, model.values)[0]
+    return error[e.told]
 
 
 def test_a_healthy_unit_fits_beside_a_long_gap() -> None:
