@@ -16,9 +16,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from _concealed import Answer, Case
 
+from hil.cores import spread
 from hil.diagnose.problem import Problem, pose
 from hil.diagnose.search.terms import Term, all_terms
-from hil.identify.estimate import Unknown, estimate, workers
+from hil.identify.estimate import Unknown, estimate
 from hil.identify.experiment import Experiment
 from hil.identify.grey_box import unknown
 from hil.physics.model import Noise
@@ -122,7 +123,7 @@ def best_start(
         term.apply(start, {}, added)
         return problem.residuals(base, added)
 
-    found: list[Array] = list(workers().map(moved, term.starts))
+    found: list[Array] = spread(moved, term.starts)
     left = np.nan_to_num([f @ f - np.sum((basis.T @ f) ** 2) for f in found], nan=np.inf)
     k = int(np.argmin(left))
     return term.starts[k], float(left[k])

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hil.cores import spread
 from hil.diagnose.search.around import Around, adapted_residuals
-from hil.diagnose.search.fitted import pool
 from hil.diagnose.search.terms import Term
 from hil.record.recording import Array
 
@@ -39,7 +39,7 @@ def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
     found: dict[str, Limit] = {}
     asked = [term for term in terms if term.kind == "effect"]
     without = adapted_residuals(place, None)
-    for term, limit in zip(asked, pool().map(lambda term: _limit(place, term, without), asked), strict=True):
+    for term, limit in zip(asked, spread(lambda term: _limit(place, term, without), asked), strict=True):
         known = found.get(term.told)
         if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
             found[term.told] = limit

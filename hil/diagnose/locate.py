@@ -9,8 +9,8 @@ import numpy as np
 from scipy.signal import welch
 from scipy.stats import chi2, false_discovery_control
 
+from hil.cores import spread
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import pool
 from hil.identify.experiment import Experiment
 from hil.physics.simulate import ActiveEffect, simulate
 from hil.record.recording import Array
@@ -185,7 +185,7 @@ def stages(
     The disturbance is any function of the value at the hook and its direction of motion, in straight pieces.
     Best first.
     """
-    found = pool().map(lambda k: _stage(problem, parameters, effects, left, k), range(len(problem.plant.hooks)))
+    found = spread(lambda k: _stage(problem, parameters, effects, left, k), range(len(problem.plant.hooks)))
     return tuple(sorted(found, key=lambda s: -s.share))
 
 

@@ -14,6 +14,7 @@ from functools import cache
 
 import numpy as np
 
+from hil.cores import spread
 from hil.errors import InputError
 from hil.identify.classification import (
     Accuracy,
@@ -24,7 +25,6 @@ from hil.identify.classification import (
     leave_one_out,
     leave_one_out_thresholds,
 )
-from hil.identify.estimate import workers
 from hil.identify.pressure_curve import Sweep, pressure_curve
 from hil.identify.step_response import step_figures
 from hil.physics.model import Model
@@ -132,14 +132,13 @@ def reference_classes() -> GaussianClasses:
 def simulated_tests(
     count: int, seed: int, instruments: Instruments | None = None
 ) -> tuple[tuple[ValveTest, ...], Labels]:
-    """A population, every valve tested with noise; simulations run in threads."""
+    """A population, every valve tested with noise; simulations run side by side."""
     valves, labels = population(count, seed)
     seeds = np.random.SeedSequence(seed).spawn(count)
     given = instruments or Instruments()
     reference = reference_steps()
-    tests = workers().map(lambda pair: tested(pair[0], np.random.default_rng(pair[1]), given, reference),
-                          zip(valves, seeds, strict=True))  # fmt: skip
-    return tuple(tests), labels
+    pairs = zip(valves, seeds, strict=True)
+    return tuple(spread(lambda pair: tested(pair[0], np.random.default_rng(pair[1]), given, reference), pairs)), labels
 
 
 def compared(tests: Sequence[ValveTest], labels: Labels) -> Comparison:

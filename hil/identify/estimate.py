@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Collection, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 
 import numpy as np
 
+from hil.cores import spread
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -93,22 +92,9 @@ class Estimate:
         return float(self.values[[u.name for u in self.unknowns].index(name)])
 
 
-@cache
-def workers() -> ThreadPoolExecutor:
-    """Threads for simulations; the compiled kernels release the interpreter's lock."""
-    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="simulate")
-
-
-@cache
-def _simulators() -> ThreadPoolExecutor:
-    """Threads for what waits for nothing: whoever holds one of the `workers` may wait for them."""
-    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="recording")
-
-
 def side_by_side(errors_of: Callable[[int], Sequence[Array]], recordings: int) -> Array:
     """The errors of every recording, by its number, one after another; simulated side by side."""
-    each = _simulators().map(errors_of, range(recordings)) if recordings > 1 else map(errors_of, range(recordings))
-    return np.concatenate([error for errors in each for error in errors])
+    return np.concatenate([error for errors in spread(errors_of, range(recordings)) for error in errors])
 
 
 def estimate(
@@ -205,8 +191,7 @@ def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, sc
         slope: Array = (residuals(moved) - base) / step
         return slope
 
-    columns: list[Array] = list(workers().map(column, range(len(values))))
-    return np.column_stack(columns)
+    return np.column_stack(spread(column, range(len(values))))
 
 
 def _covariance(jac: Array, residuals: Array, scale: Array) -> Array:

@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.identify.estimate import Estimate, Unknown, estimate, workers
+from hil.cores import spread
+from hil.identify.estimate import Estimate, Unknown, estimate
 from hil.identify.sine_test import SineTest
 from hil.identify.transfer_function import fit_percent
 from hil.physics.compose import effect
@@ -64,7 +65,7 @@ def fit_responses(
     found = estimate(residuals, [_unknown(model, name) for name in free], tolerance=1e-6)
     stds = dict(zip(free, found.std.tolist(), strict=True))
     best = _moved(model, dict(zip(free, found.values.tolist(), strict=True)), stds)
-    responses = tuple(workers().map(lambda test: _simulated(best, test), tests))
+    responses = tuple(spread(lambda test: _simulated(best, test), tests))
     fits = tuple(fit_percent(want, got) for want, got in zip(wanted, responses, strict=True))
     return ResponseFit(best, found, fits, responses)
 

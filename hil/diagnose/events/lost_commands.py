@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.cores import spread
 from hil.diagnose.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
 from hil.diagnose.events.event import LEAST_SPELLS, Events, Spell, how_often
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted, pool, residuals_of
+from hil.diagnose.search.fitted import Fitted, residuals_of
 from hil.identify.experiment import Experiment
 from hil.record.recording import Array
 
@@ -107,7 +108,7 @@ def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds | Non
         nonlocal best
         mixed = [_mixed(chosen, trial, parity) for trial in trials]
         before = [list(own) for own in chosen]
-        for trial, tried in zip(mixed, pool().map(costs, mixed), strict=True):
+        for trial, tried in zip(mixed, spread(costs, mixed), strict=True):
             for k, own in enumerate(tried):
                 for i in range(parity, len(own), 2):
                     if own[i] < best[k][i] - 2.0 * np.log(problem.size):

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache
 
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.terms import Term
@@ -78,12 +75,6 @@ class Fitted:
             for u, value in zip(term.unknowns, values, strict=True)
             if u.at_bound(value)
         )
-
-
-@cache
-def pool() -> ThreadPoolExecutor:
-    """Threads for simulations that do not wait for each other."""
-    return ThreadPoolExecutor(os.cpu_count() or 1, thread_name_prefix="search")
 
 
 def nothing(problem: Problem) -> Fitted:

@@ -9,9 +9,10 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.cores import spread
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.around import prior_root
-from hil.diagnose.search.fitted import Fitted, evaluated, pool, simulated, starting
+from hil.diagnose.search.fitted import Fitted, evaluated, simulated, starting
 from hil.identify.estimate import Unknown, estimate
 from hil.record.recording import Array
 
@@ -144,6 +145,6 @@ def _lowest_valley(problem: Problem, f: Fitted, k: int) -> Fitted:
         r = simulated(problem, f.parameters, f.terms, values)
         return float(r @ r)
 
-    nearest = [values for _, values in sorted(zip(pool().map(chi2, tried), tried, strict=True))[:_VALLEYS]]
+    nearest = [values for _, values in sorted(zip(spread(chi2, tried), tried, strict=True))[:_VALLEYS]]
     best = min((roughly(problem, replace(f, values=values)) for values in nearest), key=lambda other: other.chi2)
     return min(f, polish(problem, best), key=lambda other: other.chi2) if best.chi2 < f.chi2 else f

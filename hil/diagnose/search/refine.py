@@ -8,8 +8,9 @@ from functools import partial
 
 import numpy as np
 
+from hil.cores import spread
 from hil.diagnose.search.around import Around, adapt, adapted_residuals, with_term
-from hil.diagnose.search.fitted import Fitted, pool, starting
+from hil.diagnose.search.fitted import Fitted, starting
 from hil.diagnose.search.screen import Screened
 from hil.diagnose.search.terms import Term
 from hil.identify.estimate import estimate
@@ -113,7 +114,7 @@ def _refine_many(
     def one(job: tuple[Screened, tuple[float, ...]]) -> Fitted:
         return refine(place, job[0].term, job[1], evaluations=evaluations, coarse=coarse)
 
-    return list(pool().map(one, jobs))
+    return spread(one, jobs)
 
 
 def _moved(

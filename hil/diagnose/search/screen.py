@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.cores import spread
 from hil.diagnose.search.around import Around, adapted_residuals
-from hil.diagnose.search.fitted import pool
 from hil.diagnose.search.terms import Term
 from hil.record.recording import Array
 
@@ -65,7 +65,7 @@ class _Tried:
 
 def _try(place: Around, jobs: Sequence[tuple[Term, tuple[float, ...]]], remember: bool) -> list[_Tried]:
     """Terms at starts, in one batch."""
-    return list(pool().map(lambda job: _tried(place, job[0], job[1], remember), jobs))
+    return spread(lambda job: _tried(place, job[0], job[1], remember), jobs)
 
 
 def _tried(place: Around, term: Term, start: tuple[float, ...], remember: bool) -> _Tried:

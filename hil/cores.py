@@ -1,0 +1,84 @@
+"""Spread independent work over this machine's cores, at any depth, with no more threads at work than cores."""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections import deque
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import cache
+from typing import TypeVar
+
+_CORES = os.cpu_count() or 1
+# One of them is the caller's.
+_idle = threading.Semaphore(_CORES - 1)
+
+_Item = TypeVar("_Item")
+_Found = TypeVar("_Found")
+
+
+def spread(function: Callable[[_Item], _Found], items: Iterable[_Item]) -> list[_Found]:
+    """`[function(item) for item in items]`, each by the caller or by a core that is idle when its turn comes.
+
+    Worth it for what releases the interpreter's lock, as compiled kernels do. `function` may spread work of its own:
+    where no core is idle, that costs no more than a loop. Once one of them raises, no other is begun.
+    """
+    pending = deque(enumerate(items))
+    found: dict[int, _Found] = {}
+    helpers: list[Future[None]] = []
+
+    def take_one() -> None:
+        try:
+            k, item = pending.popleft()
+        except IndexError:  # another thread took the last one
+            return
+        try:
+            found[k] = function(item)
+        except BaseException:
+            pending.clear()
+            raise
+
+    def help_out() -> None:
+        try:
+            while pending:
+                take_one()
+        finally:
+            _idle.release()
+
+    try:
+        while pending:
+            helpers += _recruited(help_out, most=len(pending) - 1)
+            take_one()
+    finally:
+        begun = _over(helpers)
+    for helper in begun:
+        helper.result()
+    return [found[k] for k in range(len(found))]
+
+
+def _recruited(help_out: Callable[[], None], most: int) -> list[Future[None]]:
+    """As many helpers as cores are idle."""
+    recruited: list[Future[None]] = []
+    while len(recruited) < most and _idle.acquire(blocking=False):
+        recruited.append(_threads().submit(help_out))
+    return recruited
+
+
+def _over(helpers: Sequence[Future[None]]) -> list[Future[None]]:
+    """Those that have done something, once they are done. Who has not begun is not needed any more."""
+    begun = [helper for helper in helpers if not helper.cancel()]
+    for _ in range(len(helpers) - len(begun)):
+        _idle.release()
+    if not all(helper.done() for helper in begun):
+        _idle.release()  # the core that waits
+        try:
+            wait(begun)
+        finally:
+            _idle.acquire()
+    return begun
+
+
+@cache
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(_CORES, thread_name_prefix="core")

@@ -1,0 +1,87 @@
+"""Work that is spread over cores is done once, in order, at any depth."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from hil import cores
+from hil.cores import spread
+
+
+@pytest.fixture
+def three_cores(monkeypatch: pytest.MonkeyPatch) -> threading.Semaphore:
+    idle = threading.Semaphore(2)
+    monkeypatch.setattr(cores, "_idle", idle)
+    return idle
+
+
+def permits(idle: threading.Semaphore) -> int:
+    """How many cores are idle."""
+    count = 0
+    while idle.acquire(blocking=False):
+        count += 1
+    return count
+
+
+def test_results_come_in_the_order_of_what_was_given(three_cores: threading.Semaphore) -> None:
+    def late_first(k: int) -> int:
+        time.sleep(0.002 * (10 - k))
+        return k * k
+
+    assert spread(late_first, range(10)) == [k * k for k in range(10)]
+    assert spread(late_first, []) == []
+    assert permits(three_cores) == 2
+
+
+def test_idle_cores_help_and_no_more_than_there_are(three_cores: threading.Semaphore) -> None:
+    at_work, most, lock = 0, 0, threading.Lock()
+
+    def watched(k: int) -> int:
+        nonlocal at_work, most
+        with lock:
+            at_work += 1
+            most = max(most, at_work)
+        time.sleep(0.01)
+        with lock:
+            at_work -= 1
+        return k
+
+    def nested(k: int) -> int:
+        return sum(spread(watched, range(k, k + 4)))
+
+    assert spread(nested, range(5)) == [4 * k + 6 for k in range(5)]
+    assert most == 3
+    assert permits(three_cores) == 2
+
+
+def test_without_an_idle_core_the_caller_does_it_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cores, "_idle", threading.Semaphore(0))
+    assert set(spread(lambda _: threading.get_ident(), range(6))) == {threading.get_ident()}
+
+
+def test_depth_beyond_the_number_of_threads_ends(three_cores: threading.Semaphore) -> None:
+    def deep(depth: int) -> int:
+        return sum(spread(deep, [depth - 1] * 3)) if depth else 1
+
+    assert deep(7) == 3**7
+    assert permits(three_cores) == 2
+
+
+@pytest.mark.parametrize("failing", [0, 7])
+def test_the_first_failure_ends_it_and_is_raised(three_cores: threading.Semaphore, failing: int) -> None:
+    begun = []
+
+    def fails(k: int) -> int:
+        begun.append(k)
+        time.sleep(0.002)
+        if k == failing:
+            raise ValueError(f"number {k}")
+        return k
+
+    with pytest.raises(ValueError, match=f"number {failing}"):
+        spread(fails, range(60))
+    assert len(begun) < 60
+    assert permits(three_cores) == 2
