@@ -270,7 +270,10 @@ class Answer:
         return tuple(sorted(rows, key=lambda c: -c.evidence))
 
     def _not_separable(self) -> tuple[tuple[str, ...], ...]:
-        return self.choice.rivals if self.verdict != "unexplained" and self.by_law else ()
+        if self.verdict == "unexplained" or not self.by_law:
+            return ()
+        told = {name for e in self.events for name in e.told}
+        return tuple(names for names in self.choice.rivals if names[0] not in told)
 
     # -- fits --------------------------------------------------------------------------------------------
 

@@ -8,13 +8,13 @@ from dataclasses import dataclass
 
 from hil.diagnose.answer import Answer
 from hil.diagnose.check import check
-from hil.diagnose.decide import OPEN, decide, healthy
+from hil.diagnose.decide import OPEN, decide
 from hil.diagnose.diagnosis import Diagnosis
-from hil.diagnose.events.coarse import all_rounding, coarse, coarse_step
+from hil.diagnose.events.coarse import coarse_step
 from hil.diagnose.events.event import Spell
 from hil.diagnose.events.repeats import stale_outputs, without_stale
 from hil.diagnose.happened import Happened, happened, posed_again
-from hil.diagnose.measures import excess
+from hil.diagnose.levels import read_coarsely
 from hil.diagnose.next_test import Span
 from hil.diagnose.problem import pose
 from hil.diagnose.solver import settled
@@ -24,9 +24,6 @@ from hil.physics.model import Model
 from hil.signals.products import one_blas_thread
 
 Progress = Callable[[float, str], None]
-
-# Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
-_COARSE_EXCESS = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +73,7 @@ def _diagnose(model: Model, experiments: Sequence[Experiment], progress: Progres
     found = happened(problem, choice)
     progress(0.6, "judging on data kept back")
     if (step := coarse_step(problem, kept)) is not None:
-        found = _read_coarsely(found, *step)
+        found = read_coarsely(found, *step)
     if stale:
         found = _with_stale(found, stale)
     answer = Answer(found, tuple(warnings), span)
@@ -84,16 +81,6 @@ def _diagnose(model: Model, experiments: Sequence[Experiment], progress: Progres
     diagnosis = answer.diagnosis(time.perf_counter() - started)
     progress(1.0, "done")
     return Diagnosed(diagnosis, answer.corrected)
-
-
-def _read_coarsely(found: Happened, step: float, std: float) -> Happened:
-    """An output that comes in coarse steps, beside what else was found, or as all there is."""
-    problem, unit = found.problem, found.choice.baseline
-    rounded = all_rounding(problem, unit, step)
-    if rounded is not None or excess(problem, unit.chi2) < _COARSE_EXCESS:
-        found = found.instead(healthy(found.choice))
-    left = found.residuals if rounded is None else rounded.residuals
-    return found.also(coarse(problem, step, std, found.choice.chosen, left))
 
 
 def _with_stale(found: Happened, stale: Sequence[Spell]) -> Happened:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,9 +11,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from hil.diagnose.events.coarse import all_rounding, lattice
+from hil.diagnose.levels import Levels
 from hil.diagnose.measures import excess
-from hil.diagnose.problem import pose
-from hil.diagnose.search.fitted import nothing
+from hil.diagnose.problem import Problem, pose
+from hil.diagnose.search.fitted import Fitted, evaluated, nothing
+from hil.diagnose.search.polish import polish
+from hil.diagnose.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 
@@ -39,6 +43,14 @@ def test_two_levels_give_no_line() -> None:
 STEP = 4.0
 
 
+def read_in_steps(effects: tuple[ActiveEffect, ...], to_whole: Callable[[np.ndarray], np.ndarray]) -> Problem:
+    made = records(effects, seed=12)
+    for each in made:
+        flow = each.channels["flow"].values
+        flow[:] = STEP * to_whole(flow / STEP)
+    return pose(nominal(), bound(nominal(), made))
+
+
 @pytest.mark.parametrize(
     ("effects", "to_whole", "is_all"),
     [
@@ -51,11 +63,39 @@ STEP = 4.0
 def test_a_healthy_unit_read_coarsely_leaves_nothing_but_rounding(
     effects: tuple[ActiveEffect, ...], to_whole: Callable[[np.ndarray], np.ndarray], is_all: bool
 ) -> None:
-    made = records(effects, seed=12)
-    for each in made:
-        flow = each.channels["flow"].values
-        flow[:] = STEP * to_whole(flow / STEP)
-    problem = pose(nominal(), bound(nominal(), made))
+    problem = read_in_steps(effects, to_whole)
     left = all_rounding(problem, nothing(problem), STEP)
     assert (left is not None) == is_all
     assert left is None or excess(problem, left.chi2) == 0.0
+
+
+RINGING = ActiveEffect("resonance", "sensor", {"share": 0.25, "period": 0.19, "damping": 0.06})
+
+
+def with_a_law(problem: Problem, name: str) -> Fitted:
+    """The lowest fit of a term from any of its starts."""
+    start = nothing(problem)
+    terms = [t for t in all_terms(problem, start.residuals) if t.name == name]
+    tried = [replace(start, terms=(t,), values=(values,)) for t in terms for values in t.starts]
+    return polish(problem, min((evaluated(problem, f) for f in tried), key=lambda f: f.chi2))
+
+
+@pytest.mark.parametrize("effects", [(RINGING,), ()], ids=["rings too", "is healthy"])
+@pytest.mark.parametrize("name", ["resonance", "deadband", "hysteresis"])
+def test_only_a_law_that_is_there_passes_from_level_to_level_when_the_recordings_do(
+    effects: tuple[ActiveEffect, ...], name: str
+) -> None:
+    problem = read_in_steps(effects, np.round)
+    levels, start = Levels(problem, STEP), nothing(problem)
+    law = with_a_law(problem, name)
+    assert law.chi2 < start.chi2
+    if effects and name == "resonance":
+        assert levels.misread(law) < 0.25 * levels.misread(start)
+    else:
+        assert levels.misread(law) > levels.misread(start)
+
+
+def test_noise_misreads_as_many_samples_as_it_is_said_to() -> None:
+    problem = read_in_steps((), np.round)
+    levels = Levels(problem, STEP)
+    assert abs(levels.misread(nothing(problem))) < 0.2 * levels.by_noise

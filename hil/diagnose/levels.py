@@ -1,0 +1,111 @@
+"""An output in coarse steps: when it passes from level to level tells a law from what rounding leaves."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import norm
+
+from hil.diagnose.decide import OPEN, Choice, healthy
+from hil.diagnose.events.coarse import all_rounding, coarse
+from hil.diagnose.happened import Happened
+from hil.diagnose.measures import LAW_TOLERANCE, excess, is_itself, is_present, is_strained
+from hil.diagnose.problem import Problem
+from hil.diagnose.search.fitted import Fitted, output_of
+
+# Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
+_COARSE_EXCESS = 0.1
+# Where a law is there, so many samples beyond those that noise misreads are misread without it, and this share with it.
+_LEAST_MISREAD, _MOST_MISREAD = 60.0, 0.5
+# One that misreads this share more, and so many samples more, is a worse one.
+_WORSE = 0.25
+_QUANTILES = 1000
+
+
+def read_coarsely(found: Happened, step: float, std: float) -> Happened:
+    """An output that comes in coarse steps, beside what else was found, or as all there is.
+
+    `step`: of the output, with its standard uncertainty.
+    """
+    problem, unit = found.problem, found.choice.baseline
+    told = _told_by_levels(found, step)
+    if told is not None:
+        law = told.choice.chosen
+        beside = None if told.events else all_rounding(problem, law, step)
+        return told.also(coarse(problem, step, std, law, told.residuals if beside is None else beside.residuals))
+    rounded = all_rounding(problem, unit, step)
+    if rounded is not None or excess(problem, unit.chi2) < _COARSE_EXCESS:
+        found = found.instead(healthy(found.choice))
+    left = found.residuals if rounded is None else rounded.residuals
+    return found.also(coarse(problem, step, std, found.choice.chosen, left))
+
+
+def _told_by_levels(found: Happened, step: float) -> Happened | None:
+    """What was found, where its law passes from level to level when the recordings do; with another law that explains
+    them as well, where that does so better. None where no law does much better than none.
+
+    A law that imitates what rounding leaves moves those moments away; least squares do not see that.
+    """
+    choice, levels = found.choice, Levels(found.problem, step)
+    if not choice.chosen.terms:
+        return None
+    alike = [choice.chosen, *(f for f in choice.candidates if not found.events and _is_alike(f, choice))]
+    misread = [levels.misread(f) for f in alike]
+    known = [k for k, f in enumerate(alike) if f is choice.chosen or _is_beyond_doubt(f)]
+    least, best = min((misread[k], k) for k in known)
+    without = levels.misread(choice.baseline)
+    if not (without > _LEAST_MISREAD and least < _MOST_MISREAD * without):
+        return None
+    most = least + _WORSE * max(least, 0.0) + _LEAST_MISREAD
+    worse = {f.names for f, count in zip(alike, misread, strict=True) if count > most}
+    told = replace(choice, candidates=tuple(f for f in choice.candidates if f.names not in worse))
+    if choice.chosen.names in worse:
+        told = replace(told, chosen=alike[best])
+    if len(told.chosen.names) == 1:
+        (first,) = told.chosen.names
+        others = {f.names for f in alike} - worse - {(first,)}
+        told = replace(told, rivals=tuple((first, other) for (other,) in sorted(others)))
+    if choice.verdict in OPEN and told.chosen.names and least <= LAW_TOLERANCE * without:
+        told = replace(told, verdict="explained", left=max(least, 0.0) / without)
+    return replace(found, choice=told)
+
+
+def _is_alike(f: Fitted, choice: Choice) -> bool:
+    """Whether an explanation is another name for what was chosen."""
+    others = {other for first, other in choice.rivals if choice.chosen.names == (first,)}
+    return f.estimate is not None and len(f.names) == 1 and f.names[0] in others
+
+
+def _is_beyond_doubt(f: Fitted) -> bool:
+    return is_present(f) and not is_strained(f) and all(is_itself(f, term) for term in f.terms)
+
+
+@dataclass(frozen=True)
+class Levels:
+    """The levels of an output that comes in steps of a size."""
+
+    problem: Problem
+    step: float
+
+    def misread(self, f: Fitted) -> float:
+        """How many samples an explanation reads at another level than they were recorded, beyond those that noise
+        misreads; counted by the square of the steps between.
+        """
+        total = 0.0
+        for e in self.problem.experiments:
+            place = np.angle(np.mean(np.exp(2j * np.pi * e.output / self.step))) / (2.0 * np.pi)
+            off = np.rint(e.output / self.step - place) - np.rint(output_of(self.problem, f, e) / self.step - place)
+            total += float(np.sum(off[e.told] ** 2))
+        return total - self.by_noise
+
+    @cached_property
+    def by_noise(self) -> float:
+        """How many of them noise alone misreads, wherever between two levels the output is."""
+        known = self.problem.model.noise
+        assert known is not None  # noqa: S101 - without it there is no coarse step
+        away = np.abs(norm.ppf((np.arange(_QUANTILES) + 0.5) / _QUANTILES)) * known.std / self.step
+        whole = np.floor(away)
+        squared = whole**2 + (away - whole) * (2.0 * whole + 1.0)
+        return float(np.mean(squared)) * sum(int(e.told.sum()) for e in self.problem.experiments)
