@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.stats import norm
 
+from hil.diagnose.causes import NAMEABLE
 from hil.diagnose.decide import OPEN, Choice, healthy
 from hil.diagnose.events.coarse import all_rounding, coarse
 from hil.diagnose.happened import Happened
@@ -51,31 +53,35 @@ def _told_by_levels(found: Happened, step: float) -> Happened | None:
     choice, levels = found.choice, Levels(found.problem, step)
     if not choice.chosen.terms:
         return None
-    alike = [choice.chosen, *(f for f in choice.candidates if not found.events and _is_alike(f, choice))]
-    misread = [levels.misread(f) for f in alike]
-    known = [k for k, f in enumerate(alike) if f is choice.chosen or _is_beyond_doubt(f)]
-    least, best = min((misread[k], k) for k in known)
+    others = [f for f in choice.candidates if not found.events and _is_alike(f, choice)]
+    counted = [(levels.misread(f), f) for f in (choice.chosen, *others)]
+    least, best = min((c for c in counted if c[1] is choice.chosen or _is_beyond_doubt(c[1])), key=lambda c: c[0])
     without = levels.misread(choice.baseline)
     if not (without > _LEAST_MISREAD and least < _MOST_MISREAD * without):
         return None
     most = least + _WORSE * max(least, 0.0) + _LEAST_MISREAD
-    worse = {f.names for f, count in zip(alike, misread, strict=True) if count > most}
-    told = replace(choice, candidates=tuple(f for f in choice.candidates if f.names not in worse))
-    if choice.chosen.names in worse:
-        told = replace(told, chosen=alike[best])
-    if len(told.chosen.names) == 1:
-        (first,) = told.chosen.names
-        others = {f.names for f in alike} - worse - {(first,)}
-        told = replace(told, rivals=tuple((first, other) for (other,) in sorted(others)))
-    if choice.verdict in OPEN and told.chosen.names and least <= LAW_TOLERANCE * without:
+    told = _but_for(choice, {f.names for count, f in counted if count > most}, best)
+    nameable = 0 < len(told.chosen.names) <= NAMEABLE and _is_beyond_doubt(told.chosen)
+    if told.verdict in OPEN and nameable and least <= LAW_TOLERANCE * without:
         told = replace(told, verdict="explained", left=max(least, 0.0) / without)
     return replace(found, choice=told)
 
 
+def _but_for(choice: Choice, worse: Set[tuple[str, ...]], best: Fitted) -> Choice:
+    """An answer without worse explanations; the best one instead, where what was chosen is among them."""
+    rivals = [pair for pair in choice.rivals if pair[1:] not in worse]
+    if choice.chosen.names in worse:
+        (first,) = best.names
+        rivals = [(first, other) for _, other in rivals if other != first]
+        choice = replace(choice, chosen=best)
+    candidates = tuple(f for f in choice.candidates if f.names not in worse)
+    return replace(choice, rivals=tuple(rivals), candidates=candidates)
+
+
 def _is_alike(f: Fitted, choice: Choice) -> bool:
     """Whether an explanation is another name for what was chosen."""
-    others = {other for first, other in choice.rivals if choice.chosen.names == (first,)}
-    return f.estimate is not None and len(f.names) == 1 and f.names[0] in others
+    others = {(other,) for first, other in choice.rivals if choice.chosen.names == (first,)}
+    return f.estimate is not None and f.names in others
 
 
 def _is_beyond_doubt(f: Fitted) -> bool:
