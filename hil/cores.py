@@ -51,7 +51,7 @@ def spread(function: Callable[[_Item], _Found], items: Iterable[_Item]) -> list[
             helpers += _recruited(help_out, most=len(pending) - 1)
             take_one()
     finally:
-        begun = _over(helpers)
+        begun = _finished(helpers)
     for helper in begun:
         helper.result()
     return [found[k] for k in range(len(found))]
@@ -65,8 +65,8 @@ def _recruited(help_out: Callable[[], None], most: int) -> list[Future[None]]:
     return recruited
 
 
-def _over(helpers: Sequence[Future[None]]) -> list[Future[None]]:
-    """Those that have done something, once they are done. Who has not begun is not needed any more."""
+def _finished(helpers: Sequence[Future[None]]) -> list[Future[None]]:
+    """Those that began, once they are done; who has not begun is not needed any more."""
     begun = [helper for helper in helpers if not helper.cancel()]
     for _ in range(len(helpers) - len(begun)):
         _idle.release()

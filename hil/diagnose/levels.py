@@ -11,7 +11,7 @@ from scipy.stats import norm
 
 from hil.diagnose.causes import NAMEABLE
 from hil.diagnose.decide import OPEN, Choice, healthy
-from hil.diagnose.events.coarse import all_rounding, coarse
+from hil.diagnose.events.coarse import all_rounding, coarse, cuts_off
 from hil.diagnose.happened import Happened
 from hil.diagnose.measures import LAW_TOLERANCE, excess, is_itself, is_present, is_strained
 from hil.diagnose.problem import Problem
@@ -34,9 +34,9 @@ def read_coarsely(found: Happened, step: float, std: float) -> Happened:
     problem, unit = found.problem, found.choice.baseline
     told = _told_by_levels(found, step)
     if told is not None:
-        law = told.choice.chosen
-        beside = None if told.events else all_rounding(problem, law, step)
-        return told.also(coarse(problem, step, std, law, told.residuals if beside is None else beside.residuals))
+        law, is_open = told.choice.chosen, told.choice.verdict in OPEN
+        rounded = None if told.events or is_open else all_rounding(problem, law, step)
+        return told.also(coarse(problem, step, std, law, told.residuals if rounded is None else rounded.residuals))
     rounded = all_rounding(problem, unit, step)
     if rounded is not None or excess(problem, unit.chi2) < _COARSE_EXCESS:
         found = found.instead(healthy(found.choice))
@@ -60,17 +60,21 @@ def _told_by_levels(found: Happened, step: float) -> Happened | None:
     if not (without > _LEAST_MISREAD and least < _MOST_MISREAD * without):
         return None
     most = least + _WORSE * max(least, 0.0) + _LEAST_MISREAD
+    as_good = [f for count, f in counted if count <= most]
+    best = choice.chosen if as_good[0] is choice.chosen else best
+    best = next((f for f in as_good if cuts_off(f, step)), best)
     told = _but_for(choice, {f.names for count, f in counted if count > most}, best)
-    nameable = 0 < len(told.chosen.names) <= NAMEABLE and _is_beyond_doubt(told.chosen)
-    if told.verdict in OPEN and nameable and least <= LAW_TOLERANCE * without:
+    nameable = 0 < len(best.names) <= NAMEABLE and _is_beyond_doubt(best)
+    all_of_it = cuts_off(best, step) and all_rounding(found.problem, best, step) is not None
+    if told.verdict in OPEN and nameable and (all_of_it or least <= LAW_TOLERANCE * without):
         told = replace(told, verdict="explained", left=max(least, 0.0) / without)
     return replace(found, choice=told)
 
 
 def _but_for(choice: Choice, worse: Set[tuple[str, ...]], best: Fitted) -> Choice:
-    """An answer without worse explanations; the best one instead, where what was chosen is among them."""
+    """An answer with the best explanation, and without worse ones."""
     rivals = [pair for pair in choice.rivals if pair[1:] not in worse]
-    if choice.chosen.names in worse:
+    if best is not choice.chosen:
         (first,) = best.names
         rivals = [(first, other) for _, other in rivals if other != first]
         choice = replace(choice, chosen=best)
@@ -80,7 +84,8 @@ def _but_for(choice: Choice, worse: Set[tuple[str, ...]], best: Fitted) -> Choic
 
 def _is_alike(f: Fitted, choice: Choice) -> bool:
     """Whether an explanation is another name for what was chosen."""
-    others = {(other,) for first, other in choice.rivals if choice.chosen.names == (first,)}
+    chosen = choice.chosen.names or ("parameter_change",)
+    others = {(other,) for first, other in choice.rivals if chosen == (first,)}
     return f.estimate is not None and f.names in others
 
 

@@ -316,6 +316,8 @@ def test_a_converter_that_cuts_off_is_coarse_and_its_sensor_has_no_offset() -> N
     of = converted(np.floor)
     assert names(of) == ["quantisation"]
     assert "too little" in of.diagnosis.effects[0].sentence
+    assert of.diagnosis.verdict == "explained"
+    assert of.diagnosis.not_separable == ()
 
 
 def test_what_comes_with_every_jump_of_the_command_was_not_lost() -> None:

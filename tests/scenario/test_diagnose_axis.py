@@ -10,6 +10,7 @@ import pytest
 from hil.diagnose.causes import Causes
 from hil.diagnose.check import check
 from hil.diagnose.decide import Choice, decide
+from hil.diagnose.diagnose import diagnose
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.measures import Measures, excess
 from hil.diagnose.problem import Problem, pose
@@ -134,3 +135,19 @@ def test_a_tone_that_enters_as_a_force_is_told_beside_its_start() -> None:
 
 def test_a_healthy_one_is_consistent() -> None:
     assert answer().verdict == "consistent"
+
+
+RINGING = ActiveEffect("resonance", "sensor", {"share": 0.45, "period": 0.07, "damping": 0.08})
+LATE = ActiveEffect("dead_time", "sensor", {"delay": 0.006})
+
+
+@pytest.mark.parametrize(
+    "effects", [(RINGING,), (LATE,), ()], ids=lambda e: " and ".join(x.name for x in e) or "healthy"
+)
+def test_a_law_that_a_coarse_channel_hides_is_told_by_its_levels(effects: tuple[ActiveEffect, ...]) -> None:
+    step_m = 0.001
+    fine = replace(MODEL, origin={"resolution": 1e-7})
+    made = [moved(kind, *effects) for kind in range(3)]
+    of = diagnose(fine, [replace(e, output=step_m * np.rint(e.output / step_m)) for e in made]).diagnosis
+    assert [found.name for found in of.effects] == ["quantisation", *(effect.name for effect in effects)]
+    assert of.verdict == "explained"

@@ -68,8 +68,7 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals:
     A converter that cuts off what is below its level reads half a step too little: no offset of the sensor.
     """
     last, unit = problem.plant.hooks[-1], problem.plant.output.unit
-    offset = sum(v[0] for term, v in zip(chosen.terms, chosen.values, strict=True) if term.name == "sensor_offset")
-    cut = abs(abs(offset) - 0.5 * step) < _HALF_A_STEP * step
+    offset, cut = _offset(chosen), cuts_off(chosen, step)
     how = (
         f", and reads {abs(offset):.3g} {unit} too {'little' if offset < 0.0 else 'much'}: it does not round"
         if cut
@@ -81,6 +80,15 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals:
         "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
         shows_as="sensor_offset" if cut else "",
     )  # fmt: skip
+
+
+def cuts_off(f: Fitted, step: float) -> bool:
+    """Whether the offset of an explanation is that of a converter that cuts off instead of rounding."""
+    return abs(abs(_offset(f)) - 0.5 * step) < _HALF_A_STEP * step
+
+
+def _offset(f: Fitted) -> float:
+    return sum(v[0] for term, v in zip(f.terms, f.values, strict=True) if term.name == "sensor_offset")
 
 
 def lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]:
