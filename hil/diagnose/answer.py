@@ -149,10 +149,14 @@ class Answer:
 
     def _findings(self) -> tuple[Finding, ...]:
         laws = self._law_findings()
-        foreseen = {law.name for law in laws}
-        events = [e for e in self.events if e.name not in foreseen or not e.gives_way]
+        events = self._told_events()
         told = {name for e in events for name in e.told}
         return (*(self._event_finding(e) for e in events), *(law for law in laws if law.name not in told))
+
+    def _told_events(self) -> list[Events]:
+        """All but those that a law of their name is told instead of."""
+        laws = self.choice.chosen.names if self.by_law and self.verdict != "unexplained" else ()
+        return [e for e in self.events if e.name not in laws or not e.gives_way]
 
     def _law_findings(self) -> list[Finding]:
         """The greatest change first."""
@@ -272,7 +276,7 @@ class Answer:
     def _not_separable(self) -> tuple[tuple[str, ...], ...]:
         if self.verdict == "unexplained" or not self.by_law:
             return ()
-        told = {name for e in self.events for name in e.told}
+        told = {name for e in self._told_events() for name in e.told}
         return tuple(names for names in self.choice.rivals if names[0] not in told)
 
     # -- fits --------------------------------------------------------------------------------------------

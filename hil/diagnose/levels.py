@@ -16,6 +16,7 @@ from hil.diagnose.happened import Happened
 from hil.diagnose.measures import LAW_TOLERANCE, excess, is_itself, is_present, is_strained
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted, output_of
+from hil.record.recording import Array
 
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
@@ -31,22 +32,24 @@ def read_coarsely(found: Happened, step: float, std: float) -> Happened:
 
     `step`: of the output, with its standard uncertainty.
     """
-    problem, unit = found.problem, found.choice.baseline
+    problem = found.problem
     told = _told_by_levels(found, step)
+    law = found.choice.baseline if told is None else told[0].chosen
+    rounded = all_rounding(problem, law, step)
     if told is not None:
-        law, is_open = told.choice.chosen, told.choice.verdict in OPEN
-        rounded = None if told.events or is_open else all_rounding(problem, law, step)
-        return told.also(coarse(problem, step, std, law, told.residuals if rounded is None else rounded.residuals))
-    rounded = all_rounding(problem, unit, step)
-    if rounded is not None or excess(problem, unit.chi2) < _COARSE_EXCESS:
+        found = replace(found, choice=_explained(*told, cuts_off(law, step) and rounded is not None))
+        if found.events or found.choice.verdict in OPEN:
+            rounded = None
+    elif rounded is not None or excess(problem, law.chi2) < _COARSE_EXCESS:
         found = found.instead(healthy(found.choice))
     left = found.residuals if rounded is None else rounded.residuals
     return found.also(coarse(problem, step, std, found.choice.chosen, left))
 
 
-def _told_by_levels(found: Happened, step: float) -> Happened | None:
-    """What was found, where its law passes from level to level when the recordings do; with another law that explains
-    them as well, where that does so better. None where no law does much better than none.
+def _told_by_levels(found: Happened, step: float) -> tuple[Choice, float] | None:
+    """The answer, where its law passes from level to level when the recordings do, with another law that explains them
+    as well, where that does so better; and the share of misread samples that it leaves. None where no law does much
+    better than none.
 
     A law that imitates what rounding leaves moves those moments away; least squares do not see that.
     """
@@ -63,12 +66,16 @@ def _told_by_levels(found: Happened, step: float) -> Happened | None:
     as_good = [f for count, f in counted if count <= most]
     best = choice.chosen if as_good[0] is choice.chosen else best
     best = next((f for f in as_good if cuts_off(f, step)), best)
-    told = _but_for(choice, {f.names for count, f in counted if count > most}, best)
-    nameable = 0 < len(best.names) <= NAMEABLE and _is_beyond_doubt(best)
-    all_of_it = cuts_off(best, step) and all_rounding(found.problem, best, step) is not None
-    if told.verdict in OPEN and nameable and (all_of_it or least <= LAW_TOLERANCE * without):
-        told = replace(told, verdict="explained", left=max(least, 0.0) / without)
-    return replace(found, choice=told)
+    worse = {f.names for count, f in counted if count > most}
+    return _but_for(choice, worse, best), max(least, 0.0) / without
+
+
+def _explained(told: Choice, left: float, all_of_it: bool) -> Choice:
+    """An answer that leaves this share of misread samples, or nothing but rounding; explained where it can be named."""
+    few = 0 < len(told.chosen.names) <= NAMEABLE
+    if told.verdict in OPEN and few and _is_beyond_doubt(told.chosen) and (all_of_it or left <= LAW_TOLERANCE):
+        return replace(told, verdict="explained", left=left)
+    return told
 
 
 def _but_for(choice: Choice, worse: Set[tuple[str, ...]], best: Fitted) -> Choice:
@@ -105,11 +112,19 @@ class Levels:
         misreads; counted by the square of the steps between.
         """
         total = 0.0
-        for e in self.problem.experiments:
-            place = np.angle(np.mean(np.exp(2j * np.pi * e.output / self.step))) / (2.0 * np.pi)
-            off = np.rint(e.output / self.step - place) - np.rint(output_of(self.problem, f, e) / self.step - place)
+        for e, (place, recorded) in zip(self.problem.experiments, self.recorded, strict=True):
+            off = recorded - np.rint(output_of(self.problem, f, e) / self.step - place)
             total += float(np.sum(off[e.told] ** 2))
         return total - self.by_noise
+
+    @cached_property
+    def recorded(self) -> list[tuple[float, Array]]:
+        """Of every experiment where its levels lie, in steps, and the number of each sample's level, shape (n,)."""
+        found = []
+        for e in self.problem.experiments:
+            place = float(np.angle(np.mean(np.exp(2j * np.pi * e.output / self.step)))) / (2.0 * np.pi)
+            found.append((place, np.rint(e.output / self.step - place)))
+        return found
 
     @cached_property
     def by_noise(self) -> float:

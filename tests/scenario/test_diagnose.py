@@ -332,6 +332,13 @@ def test_what_comes_with_every_jump_of_the_command_was_not_lost() -> None:
         assert (events is not None) == lost
 
 
+def test_the_same_data_give_the_same_answer_bit_for_bit() -> None:
+    effect = ActiveEffect("backlash", "opening", {"half_width": 1.5})
+    first, second = found(effect, seed=13), found(effect, seed=13)
+    assert first.corrected == second.corrected
+    assert {**first.diagnosis.as_dict(), "seconds": 0} == {**second.diagnosis.as_dict(), "seconds": 0}
+
+
 def test_the_duration_of_recordings_is_as_the_tests_believe() -> None:
     assert len(records(seed=1)[0]) == round(DURATION_S * RATE_HZ)
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -12,10 +14,12 @@ from hil.cores import spread
 
 
 @pytest.fixture
-def three_cores(monkeypatch: pytest.MonkeyPatch) -> threading.Semaphore:
+def three_cores(monkeypatch: pytest.MonkeyPatch) -> Iterator[threading.Semaphore]:
     idle = threading.Semaphore(2)
     monkeypatch.setattr(cores, "_idle", idle)
-    return idle
+    with ThreadPoolExecutor(3) as threads:
+        monkeypatch.setattr(cores, "_threads", lambda: threads)
+        yield idle
 
 
 def permits(idle: threading.Semaphore) -> int:
