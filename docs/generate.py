@@ -120,6 +120,13 @@ def plant_section(found: Plant, summary: str) -> Iterator[str]:
     for hook in found.hooks:
         here = ", ".join(f"[{e.name}](effects.md#{e.name})" for e in effects() if hook.name in e.hooks)
         yield f"| `{hook.name}` | {hook.stage} | {hook.unit} | {here or '–'} |"
+    yield from slowness(found)
+
+
+def slowness(found: Plant) -> Iterator[str]:
+    """How much slower than a valve a plant is, where it is."""
+    for times in sorted({hook.slower for hook in found.hooks} - {1.0}):
+        yield from ("", f"Times of effects are {number(times)} times those of the library here, rates as much smaller.")
 
 
 def parameter_row(parameter: Parameter) -> str:
@@ -134,8 +141,8 @@ EFFECTS = """\
 The library that a diagnosis screens. One definition (`hil/physics/effects/NAME.py`) makes the simulation, the fit, the
 wording of the verdict and this page. Sizes marked FS are shares of the full scale at the place where the effect sits
 ([plants](plants.md) lists the places; *of travel*: of the part that moves there); in a model file they stand in the
-unit of that place. At its *null* an effect does nothing; parameters without one are shapes, which may have any value
-while the effect is null."""
+unit of that place. Times and rates are those of valves; a slower plant says by how much they differ. At its *null* an
+effect does nothing; parameters without one are shapes, which may have any value while the effect is null."""
 
 
 def effects_page() -> Iterator[str]:

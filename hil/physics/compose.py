@@ -63,6 +63,11 @@ class Site:
         given = (*_GIVEN, self.hook.extra)
         return tuple(name for name in _argument_names(self.effect.transform) if name not in given)
 
+    @property
+    def by_clock(self) -> bool:
+        """Whether what the effect does depends on the time since the start of a recording."""
+        return "time_s" in _argument_names(self.effect.transform)
+
 
 @dataclass(frozen=True)
 class Kernel:

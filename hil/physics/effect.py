@@ -18,7 +18,7 @@ nothing else; the composer passes by name:
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, TypeVar, cast
 
 from numba import njit
@@ -43,6 +43,8 @@ def hold_first(value: float, state: Any) -> float:
 @dataclass(frozen=True, slots=True)
 class EffectParameter:
     """A parameter of an effect. Where `unit` contains `{value}`, size and bounds are shares of full scale.
+
+    Times, and what is counted per second, are as in a valve; a slower plant says at its hooks how much slower it is.
 
     `{motion}` stands for the unit of travel at a force hook; it is that of the value unless the hook says otherwise.
 
@@ -73,10 +75,22 @@ class EffectParameter:
         return Parameter(self.name, unit, self.typical * scale, self.low * scale, self.high * scale, self.meaning)
 
     def scale_at(self, hook: Hook) -> float:
-        """What a share of one is at a hook; 1 for parameters that are no shares."""
+        """What a share of one is at a hook; for parameters that are no shares, what one is there."""
+        time = self._time_at(hook)
         if "{motion}" in self.unit:
-            return hook.motion_scale or hook.full_scale
-        return hook.full_scale if "{value}" in self.unit else 1.0
+            return (hook.motion_scale or hook.full_scale) * time
+        return hook.full_scale * time if "{value}" in self.unit else time
+
+    def start_scale_at(self, hook: Hook) -> float:
+        """What a start of one is at a hook: it counts the value as it is, and travel as if it were the value."""
+        if "{motion}" in self.unit:
+            return self.scale_at(hook) / hook.full_scale
+        return self._time_at(hook)
+
+    def _time_at(self, hook: Hook) -> float:
+        if self.unit == "s":
+            return hook.slower
+        return 1.0 / hook.slower if self.unit == "Hz" or self.unit.endswith("/s") else 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +111,17 @@ class Seen:
     tones: tuple[tuple[float, float, float], ...]
     duration_s: float
     interval_s: float
+
+    def as_in_a_valve(self, slower: float) -> Seen:
+        """The same in the time of a valve that is so many times faster."""
+        typical, quick, quickest = (speed * slower for speed in self.speeds)
+        return replace(
+            self,
+            speeds=(typical, quick, quickest),
+            tones=tuple((frequency * slower, amplitude, phase) for frequency, amplitude, phase in self.tones),
+            duration_s=self.duration_s / slower,
+            interval_s=self.interval_s / slower,
+        )
 
     @property
     def size(self) -> float:
@@ -167,6 +192,7 @@ class Effect:
         return nulls
 
     def starts_at(self, hook: Hook, seen: Seen) -> list[dict[str, float]]:
-        """Starts in the units of a hook: `starts` counts travel in the unit of the value."""
-        shares = {p.name: p.scale_at(hook) / hook.full_scale for p in self.parameters if "{motion}" in p.unit}
-        return [{name: value * shares.get(name, 1.0) for name, value in start.items()} for start in self.starts(seen)]
+        """Starts in the units of a hook: `starts` counts travel in the unit of the value, and time as in a valve."""
+        scales = {p.name: p.start_scale_at(hook) for p in self.parameters}
+        found = self.starts(seen.as_in_a_valve(hook.slower))
+        return [{name: value * scales[name] for name, value in start.items()} for start in found]

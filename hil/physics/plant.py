@@ -67,6 +67,7 @@ class Hook:
             force, each takes its share of the free velocity, and the hook returns their sum.
         motion_unit, motion_scale: of the travel of the part that a force acts on, where it is not counted in the
             unit of the force.
+        slower: how many times slower than in a valve everything is there; effects scale times and rates by it.
     """
 
     name: str
@@ -76,6 +77,7 @@ class Hook:
     extra: str = ""
     motion_unit: str = ""
     motion_scale: float = 0.0
+    slower: float = 1.0
 
     @property
     def is_force(self) -> bool:

@@ -50,6 +50,18 @@ def test_the_arm_rings_on_its_oil_and_turbulent_losses_brake_only_fast_motion():
     assert np.isclose(braked[-1], 3.0 * 0.5**2, rtol=0.02)  # what steady motion costs
 
 
+def test_a_crane_that_is_recorded_in_motion_goes_on_moving():
+    crane = plant("hydraulic-actuator")
+    values = crane.typical | {"lowering_ratio": 1.5}
+    for opening, speed in ((-0.4, 0.4), (0.4, -1.5 * 0.4), (0.0, 0.0)):
+        steady = values["load"] + values["drag"] * speed
+        pressure = simulate(crane, values, Drive(np.full((1, 300), opening), steady, 0.1))[0]
+        assert np.allclose(pressure, steady, atol=1e-9)
+    limit = ActiveEffect("saturation", "opening", {"limit": 0.3, "knee": 0.001, "slope": 0.0})
+    limited = simulate(crane, values, Drive(np.full((1, 300), -0.4), 0.3 * values["drag"], 0.1), [limit])[0]
+    assert np.allclose(limited, 0.3 * values["drag"], atol=1e-3)
+
+
 def test_drag_that_differs_between_directions_makes_one_of_them_faster():
     axis = plant("linear-axis")
     values = axis.typical | {"mass": 10.0, "viscous": 200.0}

@@ -8,6 +8,9 @@ from typing import Any
 
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 
+# Tanks take minutes for what a valve does in a second.
+_SLOWER = 30.0
+
 
 def equations(voltage: Any, x: Any, c: Any, hook: Any) -> Any:
     """One sub-step by the midpoint rule; levels are in volts of the level sensor.
@@ -70,10 +73,10 @@ PLANT = Plant(
         ),
     ),
     hooks=(
-        Hook("opening", "pump", "V", 8.0),
-        Hook("upper", "upper tank", "V", 10.0, extra="spill"),
-        Hook("lower", "lower tank", "V", 10.0, extra="spill"),
-        Hook("sensor", "sensor", "V", 10.0),
+        Hook("opening", "pump", "V", 8.0, slower=_SLOWER),
+        Hook("upper", "upper tank", "V", 10.0, extra="spill", slower=_SLOWER),
+        Hook("lower", "lower tank", "V", 10.0, extra="spill", slower=_SLOWER),
+        Hook("sensor", "sensor", "V", 10.0, slower=_SLOWER),
     ),
     states={"upper": 1, "lower": 1, "spill": 2},
     lines_s={},

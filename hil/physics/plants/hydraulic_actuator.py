@@ -8,12 +8,16 @@ from typing import Any
 
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 
+# Its second is a sample, of which an arm that swings once a second takes some twenty.
+_SLOWER = 20.0
+
 
 def equations(opening: Any, x: Any, c: Any, hook: Any) -> Any:
     """One sub-step: valve opening → flow → oil spring → arm. A positive reading lets the arm down.
 
     Flow is counted in openings. Oil is compressed by what flows in and is not yet taken by the arm; the arm is a
-    mass with drag and a load.
+    mass with drag and a load. A recording that begins with an open valve begins in motion: the arm then takes what
+    flows in.
     """
     opening = hook.opening(c.null - opening)
     flow = opening
@@ -21,6 +25,7 @@ def equations(opening: Any, x: Any, c: Any, hook: Any) -> Any:
         flow = c.lowering * opening
     flow = hook.edge(flow, x.oil)
     x.oil += c.squeeze * (flow - x.speed)
+    x.speed += c.settling * (flow - x.speed)
     free_speed = c.keep * (x.speed + c.push * (x.oil - c.load))
     opposing = hook.force(free_speed, c.mobility)
     free_speed = free_speed - c.mobility * opposing
@@ -31,11 +36,12 @@ def equations(opening: Any, x: Any, c: Any, hook: Any) -> Any:
 
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
-    """Coefficients of one sub-step; before the first sample the arm rests and holds the first pressure."""
+    """Coefficients of one sub-step; before the first sample the arm moves steadily, at the first pressure."""
     step = 0.0 if math.isinf(step_s) else step_s
     push = p["oil_frequency"] ** 2 / p["oil_stiffness"] * step
     keep = 1.0 / (1.0 + push * p["drag"])
     return {
+        "settling": float(math.isinf(step_s)),
         "null": p["null"],
         "lowering": p["lowering_ratio"],
         "squeeze": p["oil_stiffness"] * step,
@@ -74,11 +80,11 @@ PLANT = Plant(
         Parameter("load", "1", 0.0, -3.0, 3.0, "pressure that holds the arm", hook="force"),
     ),
     hooks=(
-        Hook("opening", "orifice", "1", 1.0),
-        Hook("edge", "orifice", "1", 1.0, extra="load_pressure"),
-        Hook("force", "arm", "1", 3.0, extra="mobility"),
-        Hook("line", "lines", "1", 3.0, extra="mobility"),
-        Hook("sensor", "sensor", "1", 3.0),
+        Hook("opening", "orifice", "1", 1.0, slower=_SLOWER),
+        Hook("edge", "orifice", "1", 1.0, extra="load_pressure", slower=_SLOWER),
+        Hook("force", "arm", "1", 3.0, extra="mobility", slower=_SLOWER),
+        Hook("line", "lines", "1", 3.0, extra="mobility", slower=_SLOWER),
+        Hook("sensor", "sensor", "1", 3.0, slower=_SLOWER),
     ),
     states={"oil": 1, "speed": 1},
     lines_s={},
