@@ -24,7 +24,16 @@ from hil.diagnose.diagnosis import (
 )
 from hil.diagnose.events.event import Events
 from hil.diagnose.events.recognise import TOLERANCE_OF_EVENTS
-from hil.diagnose.evidence import Judged, ceiling, held_out_fit, judge, probabilities, training_half
+from hil.diagnose.evidence import (
+    Judged,
+    ceiling,
+    cross_validated_fit,
+    fit_of_all,
+    held_out_fit,
+    judge,
+    probabilities,
+    training_half,
+)
 from hil.diagnose.happened import Happened
 from hil.diagnose.locate import StageShare, Where, locate, stages
 from hil.diagnose.measures import LAW_TOLERANCE, excess, share_left
@@ -48,9 +57,9 @@ _MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
 _JUDGED = 4
 # What is less probable than this, and than that nothing known is the cause, is not named.
 _DOUBTED = 0.2
-# Where nothing can be named, the closest description, refitted on half of the data, must close this share of the gap on
-# the other half, which the nominal model may have been identified on.
-_DESCRIBES = 0.05
+# Where nothing can be named, the closest description must close this share of the gap on data that it was not fitted
+# to, and that the nominal model may have been identified on.
+_DESCRIBES, _DESCRIPTIONS_TRIED = 0.05, 4
 _MOST_STEPS_LISTED = 12
 
 
@@ -67,26 +76,38 @@ class Answer:
         beside = not found.replaces_laws and found.choice.verdict != "unexplained"
         self.by_law = not found.events or beside
         self.named = found.choice.chosen if self.verdict != "unexplained" and self.by_law else found.choice.baseline
-        self.used = self._used()
+        self.used, self.held_out = self._used()
 
     def _is_doubted(self) -> bool:
         """Whether what was chosen is improbable, as others are as good or data kept back speak against it."""
         names = self.choice.chosen.names
         return bool(names) and self._probability(names[0]) < min(_DOUBTED, self._none_of_these())
 
-    def _used(self) -> Fitted:
-        """What the corrected model holds: what was named, or the closest description where nothing can be named.
+    def _used(self) -> tuple[Fitted, Fit]:
+        """What the corrected model holds: what was named, or the closest description where nothing can be named; with
+        the fits on data kept back.
 
         A description that fails on data kept back would only mislead where nobody has looked yet.
         """
-        if self.verdict == "unexplained" and self.choice.chosen.terms and self._describes():
-            return self.choice.chosen
-        return self.named if self.named.terms else self.choice.nominal
+        if self.verdict == "unexplained" and self.choice.chosen.terms:
+            for f in (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]:
+                fits = self._description_fits(f)
+                if fits.corrected - fits.nominal >= _DESCRIBES * (fits.ceiling - fits.nominal):
+                    return f, fits
+        used = self.named if self.named.terms else self.choice.nominal
+        return used, self._held_out(used)
 
-    def _describes(self) -> bool:
-        """Whether the closest description closes a good part of the gap on data kept back."""
+    def _description_fits(self, f: Fitted) -> Fit:
+        """Fits over everything, of the description always without the samples that it was fitted to."""
+        noise = np.ones(len(f.residuals))
+        nominal, most = (fit_of_all(self.problem, r) for r in (self.choice.nominal.residuals, noise))
+        return Fit(round(nominal, 3), round(cross_validated_fit(self.problem, f), 3), round(most, 3))
+
+    def _held_out(self, used: Fitted) -> Fit:
         nominal = self._fit_held_out(self.choice.nominal)
-        return self.judged[0].fit_held_out - nominal >= _DESCRIBES * (ceiling(self.problem) - nominal)
+        best = next((j.fit_held_out for j in self.judged if j.fitted is used), None)
+        corrected = self._fit_held_out(used) if best is None else best
+        return Fit(round(nominal, 3), round(corrected, 3), round(ceiling(self.problem), 3))
 
     def _fit_held_out(self, f: Fitted) -> float:
         """Of an explanation as it is, on the data that are kept back."""
@@ -132,7 +153,7 @@ class Answer:
             not_separable=rivals,
             next_test=self._next_test(rivals, [limit.effect for limit in unseen if not limit.visible]),
             candidates=self._candidates(),
-            held_out=self._held_out(),
+            held_out=self.held_out,
             recordings=self._fits(drawn),
             mismatch=locate(problem, problem.outputs_of(nominal.residuals)) if mismatch else None,
             stage_shares=self._stage_shares(nominal) if mismatch else (),
@@ -281,12 +302,6 @@ class Answer:
 
     # -- fits --------------------------------------------------------------------------------------------
 
-    def _held_out(self) -> Fit:
-        nominal = self._fit_held_out(self.choice.nominal)
-        best = next((j.fit_held_out for j in self.judged if j.fitted is self.used), None)
-        corrected = self._fit_held_out(self.used) if best is None else best
-        return Fit(round(nominal, 3), round(corrected, 3), round(ceiling(self.problem), 3))
-
     def _fits(self, drawn: Sequence[Strip]) -> dict[str, Fit]:
         """Of every recording, from the simulations that the report draws."""
         found = {}
@@ -326,12 +341,13 @@ class Answer:
         bounds = f.on_bound() if self.by_law else ()
         said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
         if self.verdict == "unexplained" and f.terms:
-            described = ", ".join(term.label for term in f.terms)
             left = quantity_text(100 * self.choice.left, None, "%")
             holds = "holds it as a description" if self.used is f else "is the nominal one"
+            if self.used is not f and self.used.terms:
+                holds = f"holds {_labels(self.used)}, which does better on data kept back"
             said.append(
-                f"the closest description ({described}) leaves {left} of the misfit and is not named as the cause; the "
-                f"corrected model {holds}"
+                f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause; "
+                f"the corrected model {holds}"
             )
         return (*self.warnings, *said, *unlikely(changed))
 
@@ -340,6 +356,10 @@ def _verdict(found: Happened) -> Verdict:
     if not found.events:
         return found.choice.verdict
     return "partly_explained" if found.choice.verdict in OPEN and not found.replaces_laws else "explained"
+
+
+def _labels(f: Fitted) -> str:
+    return ", ".join(term.label for term in f.terms)
 
 
 def _something_else(left: float, tolerance: float) -> float:

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
 
+from hil.cores import spread
 from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.measures import SMALL_EXCESS, Measures, is_present
 from hil.diagnose.search.around import Around, around
@@ -40,7 +42,7 @@ _MAY_TURN_OUT_BEST, _FITTED_TO_THE_END = 2.0, 4
 # Beside an adequate first cause another one that leaves so many times as much is no first cause.
 _FAR_BEHIND = 5.0
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
-_SHORT, _STEP_SHARE, _BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 6, 3
+_SHORT, _STEP_SHARE, _BEAM, _NARROW_BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 2, 6, 3
 # A rough fit may still be so much above its least χ².
 _SURELY = 0.95
 
@@ -240,21 +242,33 @@ class Causes:
         steps = sum(e.drive.inputs.shape[1] * sub_steps(plant, e.drive.interval_s) for e in experiments)
         return bool(steps <= _SHORT)
 
-    def deeper(self, best: Fitted, place: Around) -> list[list[Fitted]]:
+    def deeper(self, best: Fitted, place: Around) -> list[Fitted]:
         """Descriptions with one cause more from level to level, each of which takes a good share of what the others
-        leave; the best few of each level, the best first.
+        leave; the best few of each level.
 
-        Nothing is linearised: where the nominal model is far off, a cause shows only after all else has moved.
+        Nothing is linearised: where the nominal model is far off, a cause shows only after all else has moved. The
+        nominal model may even have bent so far to what it lacks that no cause has a way on from there: the same search
+        starts once more where such plants usually are. What runs by the clock describes one recording and no other.
         """
-        levels: list[list[Fitted]] = []
-        level = self._few([best, *self._grown(place, len(self.terms))])
-        while level:
-            levels.append(level)
-            most_economical = min((first for first, *_ in levels), key=self.m.cost)
-            if len(levels) == _MOST_CAUSES or self.m.is_full(most_economical):
+        found = self._levels([best, *self._grown(place, len(self.terms))])
+        usual = evaluated(self.m.problem, replace(place.accepted, parameters=self._usual()))
+        if usual.parameters != place.accepted.parameters:
+            found += self._levels(self._grown(around(self.m.problem, usual), len(self.terms)), _NARROW_BEAM)
+        return found
+
+    def _usual(self) -> dict[str, float]:
+        """The nominal values, those of parameters that may move being the typical ones of the plant."""
+        return self.m.problem.model.values | {p.name: p.typical for p in self.m.problem.base}
+
+    def _levels(self, first: Sequence[Fitted], beam: int = _BEAM) -> list[Fitted]:
+        level = self._few(first, beam)
+        found = list(level)
+        for _ in range(1, _MOST_CAUSES):
+            if not level or self.m.is_full(min(found, key=self.m.cost)):
                 break
-            level = self._few([f for parent in level for f in self._children(parent)])
-        return levels
+            level = self._few([f for parent in level for f in self._children(parent)], beam)
+            found += level
+        return found
 
     def _children(self, parent: Fitted) -> list[Fitted]:
         grown = self._grown(around(self.m.problem, parent), _TRIED_NEXT)
@@ -262,16 +276,17 @@ class Causes:
 
     def _grown(self, place: Around, most: int) -> list[Fitted]:
         parent = place.accepted
-        screened = screen(place, [term for term in self.others(parent) if term.kind == "effect"])
+        others = [term for term in self.others(parent) if term.kind == "effect" and not term.by_clock]
+        screened = screen(place, others)
         starts = [
             Fitted((*parent.terms, s.term), (*parent.values, s.starts[0]), parent.parameters, s.chi2, parent.residuals)
             for s in screened[:most]
         ]
-        return [polish(self.m.problem, start) for start in starts]
+        return spread(partial(polish, self.m.problem, from_here=True), starts)
 
-    def _few(self, found: Sequence[Fitted]) -> list[Fitted]:
+    def _few(self, found: Sequence[Fitted], beam: int) -> list[Fitted]:
         """The best few that are not the same terms."""
         distinct: dict[frozenset[tuple[str, str]], Fitted] = {}
         for f in sorted(found, key=lambda f: f.chi2):
             distinct.setdefault(frozenset((t.name, t.hook) for t in f.terms), f)
-        return list(distinct.values())[:_BEAM]
+        return list(distinct.values())[:beam]

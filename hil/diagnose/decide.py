@@ -51,6 +51,7 @@ class Choice:
         left: the share of the misfit that the chosen explanation leaves.
         events: what happened at moments that no law foresees, if that explains what the library does not.
         part: such events that take a good part of the misfit and leave the rest open.
+        descriptions: what else comes near where nothing can be named, the closest first.
     """
 
     verdict: Verdict
@@ -63,6 +64,7 @@ class Choice:
     left: float
     events: Events | None = None
     part: Events | None = None
+    descriptions: tuple[Fitted, ...] = ()
 
 
 def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -> Choice:
@@ -79,6 +81,11 @@ def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -
 def healthy(choice: Choice) -> Choice:
     """The same search with nothing named."""
     return replace(choice, verdict="consistent", chosen=choice.baseline, rivals=(), left=1.0, events=None)
+
+
+def _levels(found: Sequence[Fitted]) -> list[list[Fitted]]:
+    """Descriptions by their number of causes."""
+    return [[f for f in found if len(f.terms) == size] for size in sorted({len(f.terms) for f in found})]
 
 
 class _Judge:
@@ -112,14 +119,16 @@ class _Judge:
         if not self.m.is_full(best) and events is None:
             best = self.most_telling([best, *self.followed()], polished)
             verdict = self.verdict(best, polished)
+        descriptions: list[Fitted] = []
         if verdict in OPEN and not self.m.is_adequate(best) and events is None and self.causes.is_short():
-            best, verdict = self.of_several(best, alone, polished)
+            descriptions = self.causes.deeper(best, alone.place)
+            best, verdict = self.of_several(best, descriptions, polished)
         candidates = (*sorted(polished, key=self.m.cost), *singles)
         rivals = self.rivals(best, polished)
         best = with_known_start(self.problem, best)
         return Choice(
             verdict, best, self.baseline, nominal, candidates,
-            rivals, self.causes.terms, self.m.left(best), events, part,
+            rivals, self.causes.terms, self.m.left(best), events, part, self.others(best, descriptions),
         )  # fmt: skip
 
     def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted], alone: Alone) -> Fitted:
@@ -141,19 +150,24 @@ class _Judge:
             best = min([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], key=self.m.cost)
         return self.causes.needed(best) if len(best.terms) == NAMEABLE else best
 
-    def of_several(self, best: Fitted, alone: Alone, polished: Sequence[Fitted]) -> tuple[Fitted, Verdict]:
+    def of_several(self, best: Fitted, found: Sequence[Fitted], polished: Sequence[Fitted]) -> tuple[Fitted, Verdict]:
         """The most telling of an explanation and descriptions with ever more causes, and the verdict on it."""
-        levels = self.causes.deeper(best, alone.place)
-        firsts = [best, *(first for first, *_ in levels)]
+        firsts = [best, *(min(level, key=lambda f: f.chi2) for level in _levels(found))]
         best = self.most_telling(firsts, polished)
         verdict = self.verdict(best, polished)
-        alike = [f for level in levels for f in level]
         named: list[tuple[Fitted, Verdict]] = [
             (f, "explained" if self.m.is_adequate(f) else "partly_explained")
             for f in firsts
-            if self.is_third_named(f, best if verdict != "unexplained" else None, alike)
+            if self.is_third_named(f, best if verdict != "unexplained" else None, found)
         ]
         return min([(best, verdict), *named], key=lambda each: (_OPENNESS.get(each[1], 0), self.m.cost(each[0])))
+
+    def others(self, best: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, ...]:
+        """Descriptions of other names than the best, those of each name once, the most economical first."""
+        distinct = {frozenset(best.names): best}
+        for f in sorted(found, key=self.m.cost):
+            distinct.setdefault(frozenset(f.names), f)
+        return tuple(f for f in distinct.values() if f is not best)
 
     def events(self, nominal: Fitted) -> tuple[Events | None, Events | None]:
         """Events beside the unit as it was, or with its parameters moved: they bend to what no parameter has done."""

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.cores import spread
 from hil.diagnose.measures import is_strained
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted
@@ -20,6 +21,9 @@ Mask = NDArray[np.bool_]
 # slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
 # excitation.
 _STRETCH_S, _STRETCH_SAMPLES = 4.0, 100
+# So many times another part of the stretches is kept back where an explanation has to stand for all that may come: what
+# half of a short recording leaves open says little of what the whole does.
+_FOLDS = 4
 # What leaves several times more than the best is refitted less well: only its rank is asked for.
 _REFIT_EVALUATIONS, _FEW_EVALUATIONS, _FAR_BEHIND = 8, 3, 2.0
 _WORTH = 4.0
@@ -45,9 +49,28 @@ class Judged:
 
 def training_half(problem: Problem) -> Mask:
     """Which residuals are fitted; the others are for judging. Shape (n,), True and False."""
-    labels = problem.block_labels(max(_STRETCH_S, _STRETCH_SAMPLES * max(problem.intervals_s)))
-    half: Mask = labels % 2 == 0
+    half: Mask = _stretches(problem) % 2 == 0
     return half
+
+
+def _stretches(problem: Problem) -> Array:
+    return problem.block_labels(max(_STRETCH_S, _STRETCH_SAMPLES * max(problem.intervals_s)))
+
+
+def cross_validated_fit(problem: Problem, fitted: Fitted) -> float:
+    """Fit % over all samples, each simulated by an explanation refitted without the stretches around it."""
+    fold = _stretches(problem) % _FOLDS
+
+    def kept_back(k: int) -> Array:
+        refitted = fit(problem, fitted, keep=fold != k, evaluations=_REFIT_EVALUATIONS)
+        return np.where(fold == k, refitted.residuals, 0.0)
+
+    return fit_of_all(problem, np.sum(spread(kept_back, list(np.unique(fold))), axis=0))
+
+
+def fit_of_all(problem: Problem, residuals: Array) -> float:
+    """Fit % of the output over all samples, every recording's mean taken off by itself."""
+    return held_out_fit(problem, residuals, np.ones(len(residuals), dtype=np.bool_))
 
 
 def judge(problem: Problem, fitted: Fitted, least: float) -> Judged:

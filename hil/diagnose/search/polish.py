@@ -23,13 +23,13 @@ _FAR_BEYOND = 3.0
 _VALLEYS = 2
 
 
-def polish(problem: Problem, fitted: Fitted) -> Fitted:
-    """Fit terms and base parameters together to the end, nothing linearised.
+def polish(problem: Problem, fitted: Fitted, *, from_here: bool = False) -> Fitted:
+    """Fit terms and base parameters together to the end, nothing linearised; `from_here` as in `fit`.
 
     A rugged term that pulled base parameters far off is fitted once more from their nominal values: it may have ended
     in a valley from which only they had a way on.
     """
-    found = fit(problem, fitted)
+    found = fit(problem, fitted, from_here=from_here)
     bent = set(problem.moved(found.parameters)) - {term.name for term in found.terms if term.kind == "parameter"}
     if not (bent and any(term.rugged for term in found.terms)):
         return found
@@ -46,6 +46,7 @@ def fit(
     keep: NDArray[np.bool_] | None = None,
     evaluations: int = 40,
     tolerance: float = 1e-5,
+    from_here: bool = False,
 ) -> Fitted:
     """Fit terms and base parameters together from one start, nothing linearised.
 
@@ -56,6 +57,7 @@ def fit(
         keep: which residuals count, shape (n,); the others are for judging.
         evaluations: at most.
         tolerance: relative fall of χ² at which to stop.
+        from_here: start with base parameters as they are, even where their nominal values would be a better start.
     """
     taken = {term.name for term in fitted.terms if term.kind == "parameter"}
     free = [k for k, p in enumerate(problem.base) if p.name not in taken]
@@ -83,7 +85,7 @@ def fit(
 
     found = estimate(
         residuals,
-        _better_start(residuals, unknowns, nominal),
+        unknowns if from_here else _better_start(residuals, unknowns, nominal),
         sketch=partial(residuals, factor=problem.coarse_factor),
         max_evaluations=evaluations,
         tolerance=tolerance,

@@ -35,6 +35,7 @@ class Term:
         null: value of the first unknown at which an effect does nothing.
         telling: unknowns without whose shape the effect would be another one, and at which end of their range.
         rugged: whether a fit ends in one of many valleys.
+        by_clock: whether it runs by the clock, whatever the command does.
     """
 
     kind: Literal["parameter", "effect"]
@@ -49,6 +50,7 @@ class Term:
     null: float = 0.0
     telling: tuple[tuple[str, str], ...] = ()
     rugged: bool = False
+    by_clock: bool = False
 
     @property
     def scales(self) -> bool:
@@ -130,7 +132,7 @@ def _effect_term(site: Site, seen: Seen) -> Term:
     return Term(
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
         change=site.effect.known_as, null=null, rugged=site.effect.rugged,
-        telling=tuple((p.name, p.telling) for p in site.effect.parameters if p.telling),
+        telling=tuple((p.name, p.telling) for p in site.effect.parameters if p.telling), by_clock=site.by_clock,
     )  # fmt: skip
 
 
