@@ -20,7 +20,7 @@ _BEYOND_WEAR = 5.0
 
 def quantity_text(value: float, std: float | None, unit: str) -> str:
     """`2.41 ± 0.12 %`: the 95 % interval, as many digits as it supports; a pure number has no unit."""
-    shown = "" if unit == "1" else f" {unit}"
+    shown = _unit_text(unit)
     if std is None or not math.isfinite(std) or std <= 0.0:
         return f"{value:.3g}{shown}"
     expanded = 1.96 * std
@@ -28,6 +28,10 @@ def quantity_text(value: float, std: float | None, unit: str) -> str:
         return f"{value:.2g} ± {expanded:.2g}{shown}"
     digits = max(0, 1 - math.floor(math.log10(expanded)))
     return f"{value:.{digits}f} ± {expanded:.{digits}f}{shown}"
+
+
+def _unit_text(unit: str) -> str:
+    return "" if unit == "1" else f" {unit}"
 
 
 def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> str:
@@ -64,8 +68,8 @@ def headline(verdict: Verdict, found: Sequence[Finding], changed: Sequence[Chang
     if verdict == "partly_explained":
         return f"The model leaves out {names}, and something more: {100 * left.share:.3g} % of the misfit stays."
     return (
-        f"The model and the recordings differ by {left.rms:.2g} {left.unit} (rms) beyond the noise, and nothing in the "
-        "library explains it."
+        f"The model and the recordings differ by {left.rms:.2g}{_unit_text(left.unit)} (rms) beyond the noise, "
+        "and nothing in the library explains it."
     )
 
 
@@ -73,7 +77,8 @@ def _how_far(left: Left) -> str:
     if left.rms <= _HIDDEN_IN_NOISE * left.noise_std:
         return "the recordings are explained down to what noise allows"
     explained = f"{100.0 * (1.0 - left.share):.4g} % of the misfit is explained"
-    return f"{explained}, {left.rms:.2g} {left.unit} (rms) of it stay beside noise of {left.noise_std:.2g} {left.unit}"
+    unit = _unit_text(left.unit)
+    return f"{explained}, {left.rms:.2g}{unit} (rms) of it stay beside noise of {left.noise_std:.2g}{unit}"
 
 
 def _changes(changed: Sequence[ChangedParameter]) -> str:

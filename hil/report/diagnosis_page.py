@@ -84,8 +84,9 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path) -> None:
 
 
 def _is_corrected(d: Diagnosis) -> bool:
-    """Whether the corrected model says anything else than the nominal one."""
-    return bool(d.effects or d.changed_parameters)
+    """Whether the corrected model says anything else than the nominal one: by a name, or a description without one."""
+    fits_differ = any(abs(fit.corrected - fit.nominal) > 0.0 for fit in d.recordings.values())
+    return bool(d.effects or d.changed_parameters) or (d.verdict == "unexplained" and fits_differ)
 
 
 def _details(d: Diagnosis) -> list[str]:

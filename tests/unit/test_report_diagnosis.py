@@ -137,6 +137,14 @@ def test_unexplained_hands_over_what_is_left_without_a_name(tmp_path: Path) -> N
     assert "sensor (sensor)" not in page.text
 
 
+def test_a_description_without_a_name_is_shown_before_and_after(tmp_path: Path) -> None:
+    described = undrawn(verdict="unexplained", effects=())
+    text = page_of(described, tmp_path).text
+    assert "the corrected one 98.65 %" in text and "Before and after" in text
+    kept = undrawn(verdict="unexplained", effects=(), recordings={"data/sweep.csv": Fit(70.0, 70.0, 99.0)})
+    assert "corrected one" not in page_of(kept, tmp_path).text
+
+
 def test_changed_parameter_at_its_bound_is_a_warning(tmp_path: Path) -> None:
     changed = ChangedParameter("gain", 1.5, 1.80123, 0.0151, "l/min", "flow at full opening", at_bound=True)
     page = page_of(undrawn(verdict="parameter_change", effects=(), changed_parameters=(changed,)), tmp_path)
