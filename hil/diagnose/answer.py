@@ -101,13 +101,13 @@ class Answer:
         """Fits over everything, of the description always without the samples that it was fitted to."""
         noise = np.ones(len(f.residuals))
         nominal, most = (fit_of_all(self.problem, r) for r in (self.choice.nominal.residuals, noise))
-        return Fit(round(nominal, 3), round(cross_validated_fit(self.problem, f), 3), round(most, 3))
+        return _rounded(nominal, cross_validated_fit(self.problem, f), most)
 
     def _held_out(self, used: Fitted) -> Fit:
         nominal = self._fit_held_out(self.choice.nominal)
         best = next((j.fit_held_out for j in self.judged if j.fitted is used), None)
         corrected = self._fit_held_out(used) if best is None else best
-        return Fit(round(nominal, 3), round(corrected, 3), round(ceiling(self.problem), 3))
+        return _rounded(nominal, corrected, ceiling(self.problem))
 
     def _fit_held_out(self, f: Fitted) -> float:
         """Of an explanation as it is, on the data that are kept back."""
@@ -307,10 +307,10 @@ class Answer:
         found = {}
         for e, strip in zip(self.problem.experiments, drawn, strict=True):
             keep = e.told
-            found[e.name] = Fit(
-                round(fit_percent(e.output[keep], strip.nominal[keep]), 3),
-                round(fit_percent(e.output[keep], strip.corrected[keep]), 3),
-                round(fit_ceiling(e.output[keep], strip.noise_std), 3),
+            found[e.name] = _rounded(
+                fit_percent(e.output[keep], strip.nominal[keep]),
+                fit_percent(e.output[keep], strip.corrected[keep]),
+                fit_ceiling(e.output[keep], strip.noise_std),
             )
         return found
 
@@ -356,6 +356,10 @@ def _verdict(found: Happened) -> Verdict:
     if not found.events:
         return found.choice.verdict
     return "partly_explained" if found.choice.verdict in OPEN and not found.replaces_laws else "explained"
+
+
+def _rounded(nominal: float, corrected: float, most: float) -> Fit:
+    return Fit(round(nominal, 3), round(corrected, 3), round(most, 3))
 
 
 def _labels(f: Fitted) -> str:

@@ -251,14 +251,11 @@ class Causes:
         starts once more where such plants usually are. What runs by the clock describes one recording and no other.
         """
         found = self._levels([best, *self._grown(place, len(self.terms))])
-        usual = evaluated(self.m.problem, replace(place.accepted, parameters=self._usual()))
-        if usual.parameters != place.accepted.parameters:
-            found += self._levels(self._grown(around(self.m.problem, usual), len(self.terms)), _NARROW_BEAM)
+        usual = place.accepted.parameters | {p.name: p.typical for p in self.m.problem.base}
+        if usual != place.accepted.parameters:
+            there = evaluated(self.m.problem, replace(place.accepted, parameters=usual))
+            found += self._levels(self._grown(around(self.m.problem, there), len(self.terms)), _NARROW_BEAM)
         return found
-
-    def _usual(self) -> dict[str, float]:
-        """The nominal values, those of parameters that may move being the typical ones of the plant."""
-        return self.m.problem.model.values | {p.name: p.typical for p in self.m.problem.base}
 
     def _levels(self, first: Sequence[Fitted], beam: int = _BEAM) -> list[Fitted]:
         level = self._few(first, beam)

@@ -83,11 +83,6 @@ def healthy(choice: Choice) -> Choice:
     return replace(choice, verdict="consistent", chosen=choice.baseline, rivals=(), left=1.0, events=None)
 
 
-def _levels(found: Sequence[Fitted]) -> list[list[Fitted]]:
-    """Descriptions by their number of causes."""
-    return [[f for f in found if len(f.terms) == size] for size in sorted({len(f.terms) for f in found})]
-
-
 class _Judge:
     """One decision; holds what several questions share."""
 
@@ -152,7 +147,10 @@ class _Judge:
 
     def of_several(self, best: Fitted, found: Sequence[Fitted], polished: Sequence[Fitted]) -> tuple[Fitted, Verdict]:
         """The most telling of an explanation and descriptions with ever more causes, and the verdict on it."""
-        firsts = [best, *(min(level, key=lambda f: f.chi2) for level in _levels(found))]
+        closest: dict[int, Fitted] = {}
+        for f in sorted(found, key=lambda f: f.chi2):
+            closest.setdefault(len(f.terms), f)
+        firsts = [best, *(closest[size] for size in sorted(closest))]
         best = self.most_telling(firsts, polished)
         verdict = self.verdict(best, polished)
         named: list[tuple[Fitted, Verdict]] = [
