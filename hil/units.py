@@ -27,14 +27,16 @@ _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute",
 def _registry() -> pint.UnitRegistry[Any]:
     import pint
 
-    return pint.UnitRegistry(cache_folder=":auto:")
+    # Not from its cache on disk: that is written in place, and half a file there would make every unit unknown.
+    return pint.UnitRegistry()
 
 
 @cache
 def _unit(text: str) -> pint.Unit:
+    registry = _registry()
     try:
         spelt = re.sub(r"(?<=[A-Za-z])([23])(?=$|[/*· ])", r"^\1", text.strip())  # m3/h is m^3/h, mmH2O is not
-        return _registry().parse_units(_SPELLINGS.get(spelt, spelt))
+        return registry.parse_units(_SPELLINGS.get(spelt, spelt))
     except Exception as error:  # pint raises several unrelated types for bad text
         raise UnitError(f"unknown unit '{text}'; examples: %, V, mA, l/min, bar, psi, mm, N, s, Hz, °C, 1") from error
 

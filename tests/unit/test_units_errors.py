@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import inspect
+import os
 import re
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
+import pint
 import pytest
 
 from hil import errors
@@ -79,3 +84,16 @@ def test_an_unknown_name_lists_what_there_is() -> None:
     assert str(error) == "no plant named 'valve'; known: a, b"
     assert str(UnknownNameError("plant", "valve", [])) == "no plant named 'valve'; known: none"
     assert "did you mean 'brevini'" in str(UnknownNameError("plant", "brevinni", ["brevini"]))
+
+
+def test_half_a_file_in_the_cache_of_the_units_library_makes_no_unit_unknown(tmp_path: Path) -> None:
+    # Its files are written in place: whoever begins meanwhile, or after a power cut, finds half of one.
+    pint.UnitRegistry(cache_folder=tmp_path / "pint")
+    written = list((tmp_path / "pint").glob("*.pickle"))
+    assert written
+    for file in written:
+        file.write_bytes(file.read_bytes()[:100])
+    ask = [sys.executable, "-c", "from hil.units import check_unit; check_unit('degC')"]
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path)}
+    asked = subprocess.run(ask, env=environment, capture_output=True, text=True, check=False)
+    assert asked.returncode == 0, asked.stderr
