@@ -57,8 +57,8 @@ _MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
 _JUDGED = 4
 # What is less probable than this, and than that nothing known is the cause, is not named.
 _DOUBTED = 0.2
-# Where nothing can be named, the closest description must close this share of the gap on data that it was not fitted
-# to, and that the nominal model may have been identified on.
+# Where nothing can be named, so many of the closest descriptions are asked for what they were not fitted to; the best
+# one must close this share of the gap there, though the nominal model may have been identified on it.
 _DESCRIBES, _DESCRIPTIONS_TRIED = 0.05, 4
 _MOST_STEPS_LISTED = 12
 
@@ -84,16 +84,16 @@ class Answer:
         return bool(names) and self._probability(names[0]) < min(_DOUBTED, self._none_of_these())
 
     def _used(self) -> tuple[Fitted, Fit]:
-        """What the corrected model holds: what was named, or the closest description where nothing can be named; with
-        the fits on data kept back.
+        """What the corrected model holds: what was named, or, where nothing can be named, the one of the closest
+        descriptions that predicts best; with the fits on data kept back.
 
         A description that fails on data kept back would only mislead where nobody has looked yet.
         """
         if self.verdict == "unexplained" and self.choice.chosen.terms:
-            for f in (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]:
-                fits = self._description_fits(f)
-                if fits.corrected - fits.nominal >= _DESCRIBES * (fits.ceiling - fits.nominal):
-                    return f, fits
+            described = (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]
+            f, fits = max(((f, self._description_fits(f)) for f in described), key=lambda each: each[1].corrected)
+            if fits.corrected - fits.nominal >= _DESCRIBES * (fits.ceiling - fits.nominal):
+                return f, fits
         used = self.named if self.named.terms else self.choice.nominal
         return used, self._held_out(used)
 

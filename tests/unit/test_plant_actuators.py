@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import pytest
 
 from hil.physics.compose import plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
@@ -48,6 +49,20 @@ def test_the_arm_rings_on_its_oil_and_turbulent_losses_brake_only_fast_motion():
     loss = ActiveEffect("turbulent_loss", "line", {"loss": 3.0})
     braked = simulate(crane, values, Drive(opening, 0.0, 0.1), [loss])[0]
     assert np.isclose(braked[-1], 3.0 * 0.5**2, rtol=0.02)  # what steady motion costs
+
+
+@pytest.mark.parametrize("lost", [(), (ActiveEffect("turbulent_loss", "line", {"loss": 3.0}),)])
+def test_half_the_step_leaves_the_crane_a_quarter_of_the_error(lost):
+    crane = plant("hydraulic-actuator")
+    opening = 0.8 * np.sin(np.cumsum(np.full(200, 0.1)))[None, :]
+
+    def pressure(factor):
+        return simulate(crane, crane.typical, Drive(opening, 0.0, 1.0), lost, factor=factor)[0]
+
+    exact = pressure(64.0)
+    coarse, fine = (float(np.std(pressure(factor) - exact)) for factor in (0.5, 1.0))
+    assert 3.5 < coarse / fine < 4.5
+    assert fine < 1e-4 * float(np.std(exact))
 
 
 def test_a_crane_that_is_recorded_in_motion_goes_on_moving():

@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 from hil.physics.effect import Effect, EffectParameter, Seen, compiled
 
 
 @compiled
-def transform(value: float, mobility: float, loss: float) -> float:
-    """The force of one sub-step; implicit, so that it can stop the part but never turn it round."""
-    gain = mobility * loss
-    if gain <= 1e-12:
-        return loss * value * abs(value)
-    speed = 2.0 * abs(value) / (1.0 + math.sqrt(1.0 + 4.0 * gain * abs(value)))
-    return math.copysign(loss * speed * speed, value)
+def transform(value: float, mobility: float, state: Any, loss: float) -> float:
+    """The force of one sub-step at the mean of the speeds before and after it, found implicitly. State: last speed."""
+    mean = 0.5 * (state[0] + value)
+    gain = 0.5 * mobility * loss
+    speed = 2.0 * abs(mean) / (1.0 + math.sqrt(1.0 + 4.0 * gain * abs(mean)))
+    force = math.copysign(loss * speed * speed, mean)
+    state[0] = value - mobility * force
+    return force
+
+
+@compiled
+def settle(value: float, state: Any, loss: float) -> float:
+    """Steady motion."""
+    state[0] = value
+    return loss * value * abs(value)
 
 
 def starts(_seen: Seen) -> list[dict[str, float]]:
@@ -28,6 +37,8 @@ EFFECT = Effect(
     hooks=("line",),
     parameters=(EffectParameter("loss", "1", 0.0, 0.5, 0.0, 200.0, "pressure lost at full speed"),),
     transform=transform,
+    settle=settle,
+    memory=lambda _parameters, _step_s: 1,
     starts=starts,
     equation="Δp = R·v·|v|",
     signature="much damping in fast motion, hardly any in slow motion: ringing goes on at standstill",
