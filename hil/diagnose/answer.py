@@ -90,18 +90,22 @@ class Answer:
         A description that fails on data kept back would only mislead where nobody has looked yet.
         """
         if self.verdict == "unexplained" and self.choice.chosen.terms:
-            described = (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]
-            f, fits = max(((f, self._description_fits(f)) for f in described), key=lambda each: each[1].corrected)
+            f, fits = self._best_described()
             if fits.corrected - fits.nominal >= _DESCRIBES * (fits.ceiling - fits.nominal):
                 return f, fits
         used = self.named if self.named.terms else self.choice.nominal
         return used, self._held_out(used)
 
-    def _description_fits(self, f: Fitted) -> Fit:
-        """Fits over everything, of the description always without the samples that it was fitted to."""
-        noise = np.ones(len(f.residuals))
+    def _best_described(self) -> tuple[Fitted, Fit]:
+        """Of the closest descriptions the one that predicts best, with fits over everything, its own always without the
+        samples that it was fitted to.
+        """
+        closest = (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]
+        predicted = [cross_validated_fit(self.problem, f) for f in closest]
+        best = int(np.argmax(predicted))
+        noise = np.ones(len(closest[best].residuals))
         nominal, most = (fit_of_all(self.problem, r) for r in (self.choice.nominal.residuals, noise))
-        return _rounded(nominal, cross_validated_fit(self.problem, f), most)
+        return closest[best], _rounded(nominal, predicted[best], most)
 
     def _held_out(self, used: Fitted) -> Fit:
         nominal = self._fit_held_out(self.choice.nominal)

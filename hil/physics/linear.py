@@ -7,6 +7,9 @@ from typing import Any
 
 from hil.physics.effect import compiled
 
+# Below it series are nearer than quotients that cancel.
+_SMALL = 1e-5
+
 
 def first_order(time_constant_s: float, step_s: float) -> tuple[float, float, float]:
     """(a, g0, g1) with y₁ = a·y₀ + g0·u₀ + g1·u₁, exact for an input that runs straight from u₀ to u₁."""
@@ -23,6 +26,23 @@ def held_first_order(time_constant_s: float, step_s: float) -> float:
     if math.isinf(step_s) or time_constant_s <= 1e-9:
         return 0.0
     return math.exp(-step_s / time_constant_s)
+
+
+def braked_mass(mass: float, drag: float, step_s: float) -> tuple[float, float, float, float]:
+    """Step of m·ẍ + d·ẋ = F, exact for a force held over the step: (keep, mobility, travel, compliance).
+
+    v₁ = keep·v + mobility·F and x₁ = x + travel·v + compliance·F; over a step of infinity it is at rest, all are 0.
+    """
+    if math.isinf(step_s):
+        return 0.0, 0.0, 0.0, 0.0
+    rate = drag / mass
+    lost = rate * step_s
+    keep = math.exp(-lost)
+    if lost < _SMALL:
+        travel = (1.0 - lost / 2.0) * step_s
+        return keep, travel / mass, travel, (0.5 - lost / 6.0) * step_s**2 / mass
+    faded = -math.expm1(-lost)
+    return keep, faded / (rate * mass), faded / rate, (step_s - faded / rate) / (rate * mass)
 
 
 def second_order(frequency_rad_s: float, damping: float, step_s: float) -> tuple[float, ...]:

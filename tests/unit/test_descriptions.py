@@ -23,16 +23,13 @@ from hil.diagnose.diagnosis import Fit
 def test_the_description_that_predicts_best_is_kept(
     predicted: tuple[float, ...], used: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    described = [SimpleNamespace(terms=("a term",), predicted=each) for each in predicted]
-    nominal = SimpleNamespace(terms=())
-
-    def fits(_self: Answer, f: Any) -> Fit:
-        return Fit(62.0 if f is nominal else 61.0, getattr(f, "predicted", 62.0), 99.0)
-
-    monkeypatch.setattr(Answer, "_description_fits", fits)
-    monkeypatch.setattr(Answer, "_held_out", fits)
+    described = [SimpleNamespace(terms=("a term",), residuals=[], predicted=each) for each in predicted]
+    nominal = SimpleNamespace(terms=(), residuals="those of the nominal model")
+    monkeypatch.setattr("hil.diagnose.answer.cross_validated_fit", lambda _problem, f: f.predicted)
+    monkeypatch.setattr("hil.diagnose.answer.fit_of_all", lambda _problem, r: 61.0 if r is nominal.residuals else 99.0)
+    monkeypatch.setattr(Answer, "_held_out", lambda _self, _used: Fit(62.0, 62.0, 99.0))
     answer: Any = object.__new__(Answer)
-    answer.verdict = "unexplained"
+    answer.problem, answer.verdict = None, "unexplained"
     answer.choice = SimpleNamespace(chosen=described[0], descriptions=tuple(described[1:]), nominal=nominal)
     answer.named = nominal
     kept, held_out = answer._used()

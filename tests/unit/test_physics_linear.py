@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lsim
 
 from hil.physics.compose import plant
-from hil.physics.linear import delay_steps, delayed, first_order, held_first_order, second_order
+from hil.physics.linear import braked_mass, delay_steps, delayed, first_order, held_first_order, second_order
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import from_parameters
 
@@ -39,6 +39,21 @@ def test_first_order_of_a_held_input(lag_s: float) -> None:
     assert np.allclose(y, exact, atol=1e-10)
 
 
+@pytest.mark.parametrize("drag", [0.0, 1e-9, 0.002, 30.0, 3000.0])
+def test_a_braked_mass_under_a_held_force(drag: float) -> None:
+    mass = 2.0
+    keep, mobility, travel, compliance = braked_mass(mass, drag, STEP_S)
+    place = speed = 0.0
+    found = np.zeros((len(TIME_S), 2))
+    for k in range(1, len(TIME_S)):
+        force = INPUT[k - 1]
+        place, speed = place + travel * speed + compliance * force, keep * speed + mobility * force
+        found[k] = place, speed
+    a, b = np.array([[0.0, 1.0], [0.0, -drag / mass]]), np.array([[0.0], [1.0 / mass]])
+    exact = lsim((a, b, np.eye(2), np.zeros((2, 1))), INPUT, TIME_S, interp=False)[1]
+    assert np.allclose(found, exact, rtol=1e-8, atol=1e-12)
+
+
 @pytest.mark.parametrize("damping", [0.05, 0.7, 1.0 - 1e-14, 1.0, 1.0 + 1e-6, 3.0])
 @pytest.mark.parametrize("frequency_rad_s", [1.0, 33.0, 300.0])
 def test_second_order_between_straight_inputs(frequency_rad_s: float, damping: float) -> None:
@@ -59,6 +74,7 @@ def test_second_order_between_straight_inputs(frequency_rad_s: float, damping: f
 def test_a_step_of_infinity_is_the_steady_state() -> None:
     assert first_order(0.3, math.inf) == (0.0, 0.0, 1.0)
     assert held_first_order(0.3, math.inf) == 0.0
+    assert braked_mass(2.0, 30.0, math.inf) == (0.0, 0.0, 0.0, 0.0)
     xx, xv, x0, x1, *speeds = second_order(33.0, 0.5, math.inf)
     assert (xx, xv, x0 + x1) == (0.0, 0.0, 1.0)
     assert speeds == [0.0] * 4

@@ -20,10 +20,10 @@ def transform(value: float, mobility: float, state: Any, loss: float) -> float:
 
 
 @compiled
-def settle(value: float, state: Any, loss: float) -> float:
-    """Steady motion."""
+def settle(value: float, mobility: float, state: Any, loss: float) -> float:
+    """As fast before as after."""
     state[0] = value
-    return loss * value * abs(value)
+    return transform(value, mobility, state, loss)
 
 
 def starts(_seen: Seen) -> list[dict[str, float]]:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from hil.physics.linear import braked_mass
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 
 # Its second is a sample, of which an arm that swings once a second takes some twenty.
@@ -42,16 +43,14 @@ def equations(opening: Any, x: Any, c: Any, hook: Any) -> Any:
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step; before the first sample the arm moves steadily, at the first pressure."""
     step = 0.0 if math.isinf(step_s) else step_s
-    push = p["oil_frequency"] ** 2 / p["oil_stiffness"] * step
-    drag = p["drag"]
-    decay = -math.expm1(-push * drag)
+    keep, mobility, _, _ = braked_mass(p["oil_stiffness"] / p["oil_frequency"] ** 2, p["drag"], step)
     return {
         "settling": float(math.isinf(step_s)),
         "null": p["null"],
         "lowering": p["lowering_ratio"],
         "half_squeeze": 0.5 * p["oil_stiffness"] * step,
-        "keep": 1.0 - decay,
-        "mobility": decay / drag if drag > 0.0 else push,
+        "keep": keep,
+        "mobility": mobility,
         "load": p["load"],
     }
 

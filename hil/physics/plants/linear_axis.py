@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hil.physics.linear import delay_steps, delayed
+from hil.physics.linear import braked_mass, delay_steps, delayed
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 from hil.physics.stop import speed_after
 
@@ -37,17 +37,14 @@ def equations(force: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step; at rest before the first sample."""
-    held = {"dead_steps": delay_steps(p["dead_time"], step_s), "viscous": p["viscous"]}
-    if math.isinf(step_s):
-        return held | {"keep": 0.0, "mobility": 0.0, "travel": 0.0, "compliance": 0.0}
-    rate = max(p["viscous"], 1e-9) / p["mass"]
-    keep = math.exp(-rate * step_s)
-    faded = -math.expm1(-rate * step_s)
-    return held | {
+    keep, mobility, travel, compliance = braked_mass(p["mass"], p["viscous"], step_s)
+    return {
+        "dead_steps": delay_steps(p["dead_time"], step_s),
+        "viscous": p["viscous"],
         "keep": keep,
-        "mobility": faded / (rate * p["mass"]),
-        "travel": faded / rate,
-        "compliance": (step_s - faded / rate) / (rate * p["mass"]),
+        "mobility": mobility,
+        "travel": travel,
+        "compliance": compliance,
     }
 
 

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from hil.physics.linear import braked_mass
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 
 
@@ -35,24 +36,20 @@ def equations(reference: Any, x: Any, c: Any, hook: Any) -> Any:
 
 def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
     """Coefficients of one sub-step; at rest before the first sample."""
-    loop = {
+    keep, mobility, travel, compliance = braked_mass(p["mass"], p["viscous"], step_s)
+    settled = math.isinf(step_s)
+    return {
         "speed_gain": p["speed_gain"],
         "position_gain": p["position_gain"],
         "limit": p["voltage_limit"],
         "motor": p["motor_gain"],
         "viscous": p["viscous"],
-    }
-    if math.isinf(step_s):
-        return loop | {"step": 0.0, "period": 0.0, "keep": 0.0, "mobility": 0.0, "travel": 0.0, "compliance": 0.0}
-    rate = max(p["viscous"], 1e-9) / p["mass"]
-    faded = -math.expm1(-rate * step_s)
-    return loop | {
-        "step": step_s,
-        "period": p["controller_period"],
-        "keep": 1.0 - faded,
-        "mobility": faded / (rate * p["mass"]),
-        "travel": faded / rate,
-        "compliance": (step_s - faded / rate) / (rate * p["mass"]),
+        "step": 0.0 if settled else step_s,
+        "period": 0.0 if settled else p["controller_period"],
+        "keep": keep,
+        "mobility": mobility,
+        "travel": travel,
+        "compliance": compliance,
     }
 
 
