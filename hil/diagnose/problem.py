@@ -122,7 +122,8 @@ class Problem:
         model, found = self.model, []
         for e, noise, interval_s in zip(self.experiments, self.noises, self.intervals_s, strict=True):
             slope = start_slope(e, self.plant, model.values, model.active_effects, noise.std, self.factor)
-            found.append(None if slope is None else whiten(noise.std / self.beyond * slope, noise, interval_s))
+            whitened = None if slope is None else whiten(noise.std / self.beyond * slope, noise, interval_s)
+            found.append(None if whitened is None else e.telling(whitened))
         return tuple(found)
 
     @cached_property
@@ -153,8 +154,9 @@ class Problem:
                 factor=factor or self.factor, inject=(inject[0], inject[1][i]) if inject else None,
                 following=self.following,
             )  # fmt: skip
-            error = with_free_start(whiten(rows[0] - e.output, self.noises[i], self.intervals_s[i]), starts[i])
-            return [e.telling(error), *e.observed_errors(self.plant, rows, self.observed_noise[i])]
+            error = whiten(e.across_silence(rows[0] - e.output), self.noises[i], self.intervals_s[i])
+            output = with_free_start(e.telling(error), starts[i])
+            return [output, *e.observed_errors(self.plant, rows, self.observed_noise[i])]
 
         return side_by_side(errors_of, len(driven))
 

@@ -100,6 +100,18 @@ class Experiment:
         """Errors of the output, 0 where it says nothing, shape (n,)."""
         return _but_for(self.ignored, errors)
 
+    def across_silence(self, errors: Array) -> Array:
+        """Errors of the output, straight from one telling sample to the next where it says nothing, shape (n,).
+
+        For filters with a memory: what was recorded there is no measurement, and would be felt after it.
+        """
+        if self.ignored is None or self.ignored.all():
+            return errors
+        silent, telling = np.flatnonzero(self.ignored), np.flatnonzero(~self.ignored)
+        crossed = errors.copy()
+        crossed[silent] = np.interp(silent, telling, errors[telling])
+        return crossed
+
     @property
     def duration_s(self) -> float:
         """From the first stamp to the last."""

@@ -33,7 +33,7 @@ def start_slope(
 ) -> Array | None:
     """What a start that is wrong by its uncertainty does to the output, in units of the noise, shape (n,).
 
-    None where the plant does not start from its reading, or soon forgets where it stood.
+    0 where the output says nothing. None where the plant does not start from its reading, or soon forgets it.
     """
     step = _START_SIGMAS * noise_std
     inputs = tuple(e.drive.inputs[:, 0].tolist())
@@ -42,7 +42,7 @@ def start_slope(
         return None
     moved = replace(e, drive=replace(e.drive, first_output=first + step))
     plain, changed = (each.respond(plant, parameters, effects, factor=factor)[0] for each in (e, moved))
-    slope: Array = (changed - plain) / noise_std
+    slope = e.telling((changed - plain) / noise_std)
     return slope if float(slope @ slope) > _FELT**2 else None
 
 

@@ -222,8 +222,8 @@ def _fit_from(
         def errors_of(i: int) -> list[Array]:
             e = experiments[i]
             rows = e.respond(plant, parameters, active)
-            output = with_free_start((rows[0] - e.output) * weights[i], starts[i])
-            return [e.telling(output), *e.observed_errors(plant, rows, inner[i])]
+            output = with_free_start(e.telling((rows[0] - e.output) * weights[i]), starts[i])
+            return [output, *e.observed_errors(plant, rows, inner[i])]
 
         return side_by_side(errors_of, len(experiments))
 
@@ -276,7 +276,7 @@ def _result(
         fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
         floor = channel_floor(e.output)
         slope = start_slope(e, plant, values, model.active_effects, floor)
-        error = floor * with_free_start((e.output - simulated) / floor, slope)
+        error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
         errors.append(_as_if_told(error, e.told))
     made = Model(
         model.plant, parameters, model.effects, experiments[0].input, experiments[0].output_heading,

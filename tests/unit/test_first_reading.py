@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from hil.diagnose.decide import decide
@@ -11,7 +13,7 @@ from hil.identify.first_reading import start_slope, with_free_start
 from hil.identify.grey_box import fit_plant
 from hil.identify.lines import common_line, line_at
 from hil.physics.compose import plant
-from hil.physics.model import Model, typical_model
+from hil.physics.model import Model, Noise, typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording
 
@@ -52,6 +54,15 @@ def test_a_free_start_takes_an_offset_and_nothing_else() -> None:
     offset = with_free_start(np.full(len(slope), 5.0), slope)
     power = float(slope @ slope)
     assert np.isclose(offset @ offset, 25.0 * len(slope) / (1.0 + power))  # the marginal likelihood, exactly
+
+
+def test_samples_that_say_nothing_do_not_say_where_a_plant_started() -> None:
+    e = axis(1)
+    held = e.without(np.arange(len(e.output)) % 500 > 350)
+    other = replace(held, output=np.where(held.told, held.output, held.output + 0.1))
+    model = replace(typical_model("linear-axis"), noise=Noise(NOISE_M))
+    left = [pose(model, [each]).nominal_residuals for each in (held, other)]
+    assert np.allclose(left[0], left[1], rtol=1e-6)
 
 
 def started(force: np.ndarray, position: np.ndarray) -> float:

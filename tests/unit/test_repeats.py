@@ -101,3 +101,16 @@ def test_a_channel_without_noise_repeats_by_itself_and_may_jump() -> None:
     e = replace(problem.experiments[1], output=still)
     alone = replace(problem, experiments=(problem.experiments[0], e, problem.experiments[2]))
     assert held_outputs(alone, nothing(alone)) is None
+
+
+def test_what_stands_in_samples_that_say_nothing_is_felt_nowhere() -> None:
+    """Noise with a memory is whitened by a filter, which must not carry a stale reading on to the samples after it."""
+    healthy = nominal()
+    known = healthy.noise
+    assert known is not None
+    colour = tuple(0.05 * 0.97**k for k in range(60))
+    model = replace(healthy, noise=replace(known, colour=colour, interval_s=1.0 / RATE_HZ))
+    problem = pose(model, [e.without(np.arange(len(e.output)) // 40 % 7 == 3) for e in bound(model, records(seed=25))])
+    assert problem.noises[0].colour == colour
+    other = tuple(replace(e, output=np.where(e.told, e.output, 1e3)) for e in problem.experiments)
+    assert np.array_equal(replace(problem, experiments=other).nominal_residuals, problem.nominal_residuals)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from hil.diagnose.events.bursts import Burst, bursts_of
 from hil.diagnose.events.event import LEAST_SPELLS, Events, Spell, how_often
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted, output_of
+from hil.diagnose.search.fitted import Fitted, output_of, residuals_of
 from hil.identify.experiment import Experiment
 from hil.identify.noise import NOISE_OVER_RESOLUTION, white_floor
 from hil.record.recording import Array
@@ -54,18 +54,19 @@ def held_outputs(problem: Problem, around: Fitted) -> Events | None:
 
     Where noise is hardly above the resolution `without_stale` needs longer runs than a short loss makes.
     """
-    residuals, rest, spells = around.residuals.copy(), [], []
-    for k, (e, part) in enumerate(zip(problem.experiments, problem.output_slices(), strict=True)):
-        memory = len(problem.noises[k].colour)
+    rest, spells = [], []
+    for k, e in enumerate(problem.experiments):
         stale = np.zeros(len(e.output), dtype=np.bool_)
         in_bursts = _repeats_in_bursts(e.output, bursts_of(problem, around.residuals, k))
         for start, stop in in_bursts or _caught_up(problem, around, e):
-            residuals[part][start + 1 : stop + memory] = 1.0  # as noise would be; nothing was measured there
-            stale[start + 1 : stop + memory] = True
+            stale[start + 1 : stop] = True
             spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
         rest.append(e.without(stale))
     if len(spells) < LEAST_SPELLS:
         return None
+    residuals = residuals_of(problem, around, experiments=rest)
+    for before, now, output in zip(problem.experiments, rest, problem.outputs_of(residuals), strict=True):
+        output[before.told & ~now.told] = 1.0  # as noise would be; nothing was measured there
     return stale_outputs(spells, problem, residuals, tuple(rest))
 
 
