@@ -7,24 +7,26 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import norm
 
+from hil.cores import spread
 from hil.diagnose.causes import NAMEABLE
 from hil.diagnose.decide import OPEN, Choice, healthy
+from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events.coarse import all_rounding, coarse, cuts_off
 from hil.diagnose.happened import Happened
-from hil.diagnose.measures import LAW_TOLERANCE, excess, is_itself, is_present, is_strained
+from hil.diagnose.measures import LAW_TOLERANCE, SMALL_EXCESS, excess, is_itself, is_present, is_strained
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted, output_of
-from hil.record.recording import Array
+from hil.diagnose.search.fitted import Fitted
+from hil.diagnose.search.polish import fit
 
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
-# Where a law is there, so many samples beyond those that noise misreads are misread without it, and this share with it.
-_LEAST_MISREAD, _MOST_MISREAD = 60.0, 0.5
-# One that misreads this share more, and so many samples more, is a worse one.
-_WORSE = 0.25
-_QUANTILES = 1000
+# Without a law the levels are further off than noise makes them by this share of that, and with it by this share less.
+_LEAST_OFF, _MOST_OFF = 0.5, 0.5
+# As good as the best is what is off by this share more, and by this share of what noise makes.
+_WORSE, _SAME = 0.25, 0.3
+# Fits that only need comparing.
+_EVALUATIONS, _TOLERANCE = 20, 1e-3
 
 
 def read_coarsely(found: Happened, step: float, std: float) -> Happened:
@@ -48,30 +50,32 @@ def read_coarsely(found: Happened, step: float, std: float) -> Happened:
 
 def _told_by_levels(found: Happened, step: float) -> tuple[Choice, float] | None:
     """The answer, where its law passes from level to level when the recordings do, with another law that explains them
-    as well, where that does so better; and the share of misread samples that it leaves. None where no law does much
-    better than none.
+    better or as well with less, where there is one; and the share of what is off that it leaves. None where no law does
+    much better than none.
 
-    A law that imitates what rounding leaves moves those moments away; least squares do not see that.
+    Least squares hardly see those moments: a law that imitates what rounding leaves moves them away.
     """
     choice, levels = found.choice, Levels(found.problem, step)
     if not choice.chosen.terms:
         return None
-    others = [f for f in choice.candidates if not found.events and _is_alike(f, choice)]
-    counted = [(levels.misread(f), f) for f in (choice.chosen, *others)]
-    least, best = min((c for c in counted if c[1] is choice.chosen or _is_beyond_doubt(c[1])), key=lambda c: c[0])
-    without = levels.misread(choice.baseline)
-    if not (without > _LEAST_MISREAD and least < _MOST_MISREAD * without):
+    without = levels.off(choice.baseline)
+    if without <= _LEAST_OFF * levels.by_noise:
         return None
-    most = least + _WORSE * max(least, 0.0) + _LEAST_MISREAD
-    as_good = [f for count, f in counted if count <= most]
-    best = choice.chosen if as_good[0] is choice.chosen else best
-    best = next((f for f in as_good if cuts_off(f, step)), best)
-    worse = {f.names for count, f in counted if count > most}
+    others = [] if found.events else [f for f in choice.candidates if f.estimate is not None]
+    tried = [choice.chosen, *(f for f in others if f.names != choice.chosen.names)]
+    counted = list(zip(spread(levels.off, tried), tried, strict=True))
+    least = min(off for off, f in counted if f is choice.chosen or _is_beyond_doubt(f))
+    if least >= _MOST_OFF * without:
+        return None
+    most = least + _WORSE * max(least, 0.0) + _SAME * levels.by_noise
+    as_good = [(off, f) for off, f in counted if off <= most and (f is choice.chosen or _is_beyond_doubt(f))]
+    _, best = min(as_good, key=lambda c: (not cuts_off(c[1], step), is_strained(c[1]), len(c[1].terms), c[0]))
+    worse = {f.names for off, f in counted if off > most}
     return _but_for(choice, worse, best), max(least, 0.0) / without
 
 
 def _explained(told: Choice, left: float, all_of_it: bool) -> Choice:
-    """An answer that leaves this share of misread samples, or nothing but rounding; explained where it can be named."""
+    """An answer that leaves this share of what is off, or nothing but rounding; explained where it can be named."""
     few = 0 < len(told.chosen.names) <= NAMEABLE
     if told.verdict in OPEN and few and _is_beyond_doubt(told.chosen) and (all_of_it or left <= LAW_TOLERANCE):
         return replace(told, verdict="explained", left=left)
@@ -82,56 +86,66 @@ def _but_for(choice: Choice, worse: Set[tuple[str, ...]], best: Fitted) -> Choic
     """An answer with the best explanation, and without worse ones."""
     rivals = [pair for pair in choice.rivals if pair[1:] not in worse]
     if best is not choice.chosen:
-        (first,) = best.names
-        rivals = [(first, other) for _, other in rivals if other != first]
-        choice = replace(choice, chosen=best)
+        first, instead = _first_name(best), _first_name(choice.chosen)
+        others = [other for _, other in rivals] + ([] if choice.chosen.names in worse else [instead])
+        rivals = sorted({(first, other) for other in others if other != first})
+        closed: Verdict = "explained" if best.names else "parameter_change"
+        choice = replace(choice, chosen=best, verdict=choice.verdict if choice.verdict in OPEN else closed)
     candidates = tuple(f for f in choice.candidates if f.names not in worse)
     return replace(choice, rivals=tuple(rivals), candidates=candidates)
 
 
-def _is_alike(f: Fitted, choice: Choice) -> bool:
-    """Whether an explanation is another name for what was chosen."""
-    chosen = choice.chosen.names or ("parameter_change",)
-    others = {(other,) for first, other in choice.rivals if chosen == (first,)}
-    return f.estimate is not None and f.names in others
+def _first_name(f: Fitted) -> str:
+    return f.names[0] if f.names else "parameter_change"
 
 
 def _is_beyond_doubt(f: Fitted) -> bool:
-    return is_present(f) and not is_strained(f) and all(is_itself(f, term) for term in f.terms)
+    return is_present(f) and all(is_itself(f, term) for term in f.terms)
 
 
 @dataclass(frozen=True)
 class Levels:
-    """The levels of an output that comes in steps of a size."""
+    """The levels of an output that comes in steps of a size.
+
+    A sample says that the output lay within half a step of its level, to within noise. How far outside an explanation
+    puts it, in noise deviations, squared and summed, is nearly −2 ln of the likelihood that it has.
+    """
 
     problem: Problem
     step: float
 
-    def misread(self, f: Fitted) -> float:
-        """How many samples an explanation reads at another level than they were recorded, beyond those that noise
-        misreads; counted by the square of the steps between.
-        """
-        total = 0.0
-        for e, (place, recorded) in zip(self.problem.experiments, self.recorded, strict=True):
-            off = recorded - np.rint(output_of(self.problem, f, e) / self.step - place)
-            total += float(np.sum(off[e.told] ** 2))
-        return total - self.by_noise
-
     @cached_property
-    def recorded(self) -> list[tuple[float, Array]]:
-        """Of every experiment where its levels lie, in steps, and the number of each sample's level, shape (n,)."""
-        found = []
-        for e in self.problem.experiments:
-            place = float(np.angle(np.mean(np.exp(2j * np.pi * e.output / self.step)))) / (2.0 * np.pi)
-            found.append((place, np.rint(e.output / self.step - place)))
-        return found
+    def read(self) -> Problem:
+        """The question, with what is read in steps counted so."""
+        return replace(self.problem, step=self.step)
+
+    def off(self, f: Fitted) -> float:
+        """By how much an explanation, fitted to the levels, is further from them than noise makes the truth; what its
+        base parameters had to move for it included.
+        """
+        fitted = fit(self.read, f, evaluations=_EVALUATIONS, tolerance=_TOLERANCE, from_here=True)
+        return fitted.chi2 - self._expected
 
     @cached_property
     def by_noise(self) -> float:
-        """How many of them noise alone misreads, wherever between two levels the output is."""
+        """By how much noise makes the truth be off, and what does not matter in inner signals."""
+        return self._by_noise_of_output + SMALL_EXCESS * self._inner
+
+    @cached_property
+    def _expected(self) -> float:
+        return self._by_noise_of_output + self._inner
+
+    @cached_property
+    def _inner(self) -> int:
+        """Number of samples of inner signals, which are not read in steps."""
+        return self.problem.size - sum(int(e.told.sum()) for e in self.problem.experiments)
+
+    @cached_property
+    def _by_noise_of_output(self) -> float:
+        """Of a sample at a distance d from the end of its level, where all distances are as likely, noise of variance
+        σ² makes d² with the probability Φ(−d/σ): 2/q·∫d²Φ(−d/σ)dd = ⅔·√(2/π)·σ³/q.
+        """
         known = self.problem.model.noise
         assert known is not None  # noqa: S101 - without it there is no coarse step
-        away = np.abs(norm.ppf((np.arange(_QUANTILES) + 0.5) / _QUANTILES)) * known.std / self.step
-        whole = np.floor(away)
-        squared = whole**2 + (away - whole) * (2.0 * whole + 1.0)
-        return float(np.mean(squared)) * sum(int(e.told.sum()) for e in self.problem.experiments)
+        told = sum(int(e.told.sum()) for e in self.problem.experiments)
+        return told * 2.0 / 3.0 * float(np.sqrt(2.0 / np.pi)) * known.std / self.step

@@ -43,6 +43,8 @@ class Problem:
         following: whether the plant's observer leads every simulation back to its recording.
         beyond: by how much what laws leave is greater than noise (rms); a start is then known so much better than
             anything that they say.
+        step: in which the output is read, where only when it passes from step to step is to count: errors are what
+            rounding cannot have done, over the noise that the model was identified with. 0 otherwise.
     """
 
     model: Model
@@ -52,6 +54,7 @@ class Problem:
     factor: float = 1.0
     following: bool = False
     beyond: float = 1.0
+    step: float = 0.0
 
     @property
     def plant(self) -> Plant:
@@ -154,11 +157,19 @@ class Problem:
                 factor=factor or self.factor, inject=(inject[0], inject[1][i]) if inject else None,
                 following=self.following,
             )  # fmt: skip
-            error = whiten(e.across_silence(rows[0] - e.output), self.noises[i], self.intervals_s[i])
-            output = with_free_start(e.telling(error), starts[i])
+            output = with_free_start(e.telling(self._weighted(i, e, rows[0] - e.output)), starts[i])
             return [output, *e.observed_errors(self.plant, rows, self.observed_noise[i])]
 
         return side_by_side(errors_of, len(driven))
+
+    def _weighted(self, i: int, e: Experiment, error: Array) -> Array:
+        """Errors of the output of experiment i over what noise makes of them, or rounding and noise, shape (n,)."""
+        noise = self.noises[i]
+        if self.step <= 0.0:
+            return whiten(e.across_silence(error), noise, self.intervals_s[i])
+        known, half = self.model.noise or noise, 0.5 * self.step
+        beyond: Array = (error - np.clip(error, -half, half)) / known.std
+        return beyond
 
     def channel_slices(self) -> list[list[slice]]:
         """Where each experiment's output and then its recorded inner signals stand in the residuals."""
