@@ -257,7 +257,7 @@ class _Judge:
         """Other names that the data cannot tell from the chosen ones, or from a change of parameters."""
         if not best.terms:
             return ()
-        first = best.names[0] if best.names else "parameter_change"
+        first = best.first_name
         found = {(first, f.names[0]) for f in polished if f.names and self._is_rival(f, best)}
         if len(best.names) == NAMEABLE:
             same = [f for f in self.causes.second if len(f.names) == NAMEABLE and f.names[0] == first]

@@ -64,11 +64,12 @@ def _told_by_levels(found: Happened, step: float) -> tuple[Choice, float] | None
     others = [] if found.events else [f for f in choice.candidates if f.estimate is not None]
     tried = [choice.chosen, *(f for f in others if f.names != choice.chosen.names)]
     counted = list(zip(spread(levels.off, tried), tried, strict=True))
-    least = min(off for off, f in counted if f is choice.chosen or _is_beyond_doubt(f))
+    sound = [(off, f) for off, f in counted if f is choice.chosen or _is_beyond_doubt(f)]
+    least = min(off for off, _ in sound)
     if least >= _MOST_OFF * without:
         return None
     most = least + _WORSE * max(least, 0.0) + _SAME * levels.by_noise
-    as_good = [(off, f) for off, f in counted if off <= most and (f is choice.chosen or _is_beyond_doubt(f))]
+    as_good = [(off, f) for off, f in sound if off <= most]
     _, best = min(as_good, key=lambda c: (not cuts_off(c[1], step), is_strained(c[1]), len(c[1].terms), c[0]))
     worse = {f.names for off, f in counted if off > most}
     return _but_for(choice, worse, best), max(least, 0.0) / without
@@ -86,17 +87,13 @@ def _but_for(choice: Choice, worse: Set[tuple[str, ...]], best: Fitted) -> Choic
     """An answer with the best explanation, and without worse ones."""
     rivals = [pair for pair in choice.rivals if pair[1:] not in worse]
     if best is not choice.chosen:
-        first, instead = _first_name(best), _first_name(choice.chosen)
-        others = [other for _, other in rivals] + ([] if choice.chosen.names in worse else [instead])
-        rivals = sorted({(first, other) for other in others if other != first})
+        instead = set() if choice.chosen.names in worse else {choice.chosen.first_name}
+        others = {other for _, other in rivals} | instead
+        rivals = [(best.first_name, other) for other in sorted(others - {best.first_name})]
         closed: Verdict = "explained" if best.names else "parameter_change"
         choice = replace(choice, chosen=best, verdict=choice.verdict if choice.verdict in OPEN else closed)
     candidates = tuple(f for f in choice.candidates if f.names not in worse)
     return replace(choice, rivals=tuple(rivals), candidates=candidates)
-
-
-def _first_name(f: Fitted) -> str:
-    return f.names[0] if f.names else "parameter_change"
 
 
 def _is_beyond_doubt(f: Fitted) -> bool:
@@ -126,26 +123,30 @@ class Levels:
         fitted = fit(self.read, f, evaluations=_EVALUATIONS, tolerance=_TOLERANCE, from_here=True)
         return fitted.chi2 - self._expected
 
-    @cached_property
+    @property
     def by_noise(self) -> float:
         """By how much noise makes the truth be off, and what does not matter in inner signals."""
         return self._by_noise_of_output + SMALL_EXCESS * self._inner
 
-    @cached_property
+    @property
     def _expected(self) -> float:
         return self._by_noise_of_output + self._inner
 
     @cached_property
+    def _told(self) -> int:
+        """Number of samples of the output that say something."""
+        return sum(int(e.told.sum()) for e in self.problem.experiments)
+
+    @property
     def _inner(self) -> int:
         """Number of samples of inner signals, which are not read in steps."""
-        return self.problem.size - sum(int(e.told.sum()) for e in self.problem.experiments)
+        return self.problem.size - self._told
 
-    @cached_property
+    @property
     def _by_noise_of_output(self) -> float:
         """Of a sample at a distance d from the end of its level, where all distances are as likely, noise of variance
         σ² makes d² with the probability Φ(−d/σ): 2/q·∫d²Φ(−d/σ)dd = ⅔·√(2/π)·σ³/q.
         """
         known = self.problem.model.noise
         assert known is not None  # noqa: S101 - without it there is no coarse step
-        told = sum(int(e.told.sum()) for e in self.problem.experiments)
-        return told * 2.0 / 3.0 * float(np.sqrt(2.0 / np.pi)) * known.std / self.step
+        return self._told * 2.0 / 3.0 * float(np.sqrt(2.0 / np.pi)) * known.std / self.step

@@ -125,8 +125,7 @@ class Problem:
         model, found = self.model, []
         for e, noise, interval_s in zip(self.experiments, self.noises, self.intervals_s, strict=True):
             slope = start_slope(e, self.plant, model.values, model.active_effects, noise.std, self.factor)
-            whitened = None if slope is None else whiten(noise.std / self.beyond * slope, noise, interval_s)
-            found.append(None if whitened is None else e.telling(whitened))
+            found.append(None if slope is None else white(e, noise.std / self.beyond * slope, noise, interval_s))
         return tuple(found)
 
     @cached_property
@@ -157,7 +156,7 @@ class Problem:
                 factor=factor or self.factor, inject=(inject[0], inject[1][i]) if inject else None,
                 following=self.following,
             )  # fmt: skip
-            output = with_free_start(e.telling(self._weighted(i, e, rows[0] - e.output)), starts[i])
+            output = with_free_start(self._weighted(i, e, rows[0] - e.output), starts[i])
             return [output, *e.observed_errors(self.plant, rows, self.observed_noise[i])]
 
         return side_by_side(errors_of, len(driven))
@@ -166,10 +165,8 @@ class Problem:
         """Errors of the output of experiment i over what noise makes of them, or rounding and noise, shape (n,)."""
         noise = self.noises[i]
         if self.step <= 0.0:
-            return whiten(e.across_silence(error), noise, self.intervals_s[i])
-        known, half = self.model.noise or noise, 0.5 * self.step
-        beyond: Array = (error - np.clip(error, -half, half)) / known.std
-        return beyond
+            return white(e, error, noise, self.intervals_s[i])
+        return e.telling(beyond_rounding(error, self.step) / (self.model.noise or noise).std)
 
     def channel_slices(self) -> list[list[slice]]:
         """Where each experiment's output and then its recorded inner signals stand in the residuals."""
@@ -208,6 +205,17 @@ class Problem:
             labels += [own] * (1 + len(inner))
             first = int(own[-1]) + 1
         return np.concatenate(labels)
+
+
+def white(e: Experiment, error: Array, noise: Noise, interval_s: float) -> Array:
+    """Errors of an experiment's output, whitened as this noise; 0 where it says nothing, which is felt nowhere else."""
+    return e.telling(whiten(e.across_silence(error), noise, interval_s))
+
+
+def beyond_rounding(error: Array, step: float) -> Array:
+    """What of errors rounding to a step cannot have done, shape (n,)."""
+    left: Array = error - np.clip(error, -0.5 * step, 0.5 * step)
+    return left
 
 
 def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:

@@ -43,11 +43,13 @@ def test_two_levels_give_no_line() -> None:
 STEP = 4.0
 
 
-def read_in_steps(effects: tuple[ActiveEffect, ...], to_whole: Callable[[np.ndarray], np.ndarray]) -> Problem:
+def read_in_steps(
+    effects: tuple[ActiveEffect, ...], to_whole: Callable[[np.ndarray], np.ndarray], step: float = STEP
+) -> Problem:
     made = records(effects, seed=12)
     for each in made:
         flow = each.channels["flow"].values
-        flow[:] = STEP * to_whole(flow / STEP)
+        flow[:] = step * to_whole(flow / step)
     return pose(nominal(), bound(nominal(), made))
 
 
@@ -100,7 +102,12 @@ def test_only_a_law_that_is_there_passes_from_level_to_level_when_the_recordings
 
 @pytest.mark.parametrize("effects", [(RINGING,), ()], ids=["rings too", "is healthy"])
 def test_noise_puts_the_truth_as_far_off_the_levels_as_it_is_said_to(effects: tuple[ActiveEffect, ...]) -> None:
-    problem = read_in_steps(effects, np.round)
-    levels = Levels(problem, STEP)
-    truth = with_a_law(problem, "resonance") if effects else nothing(problem)
-    assert abs(levels.off(truth)) < 0.3 * levels.by_noise  # what counts as the same
+    """On average over steps: in a single one the output may rest near the end of a level, or far from it."""
+    off = []
+    for step in (3.0, 3.3, 3.7, 4.0, 4.4, 5.0, 6.0):
+        problem = read_in_steps(effects, np.round, step)
+        levels = Levels(problem, step)
+        truth = with_a_law(problem, "resonance") if effects else nothing(problem)
+        off.append(levels.off(truth) / levels.by_noise)
+    assert abs(np.mean(off)) < 0.2
+    assert np.max(np.abs(off)) < 0.5  # what a law must take away at least

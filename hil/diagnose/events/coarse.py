@@ -9,7 +9,7 @@ import numpy as np
 from scipy.stats import linregress
 
 from hil.diagnose.events.event import Events
-from hil.diagnose.problem import Problem
+from hil.diagnose.problem import Problem, beyond_rounding
 from hil.diagnose.search.fitted import Fitted, output_of
 from hil.identify.experiment import Experiment
 from hil.identify.noise import resolution
@@ -53,8 +53,8 @@ def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
     residuals, off = unit.residuals.copy(), []
     for e, part, noise in zip(problem.experiments, problem.output_slices(), problem.noises, strict=True):
         by = e.output - output_of(problem, unit, e)
-        residuals[part] = (by - np.clip(by, -0.5 * step, 0.5 * step)) / noise.std
-        off.append(by)
+        residuals[part] = e.telling(beyond_rounding(by, step) / noise.std)
+        off.append(by[e.told])
     every = np.concatenate(off)
     near = np.abs(every) <= _NO_FURTHER * step + _NOISE_SIGMAS * known.std
     if not (np.mean(near) > _NEARLY_ALL and abs(np.median(every)) < _CENTRED * step):
