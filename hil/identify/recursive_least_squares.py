@@ -234,7 +234,10 @@ def _run(
         if poles:
             past_y[0] = now_y
         if len(path):
-            path[t] = theta
+            for i in range(
+                len(theta)
+            ):  # by numbers: a check of shapes, with the text it fails with, compiles for seconds
+                path[t, i] = theta[i]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
