@@ -157,8 +157,8 @@ def estimate(
 
 def _secant(slopes: Array, step: Array, scale: Array, missed: Array) -> Array:
     """The slopes that would have foretold a step, in scales, that missed by so much (Broyden, Math. Comp. 19, 1965)."""
-    corrected: Array = slopes + np.outer(missed / float(step @ step), step / scale)
-    return corrected
+    corrected: Array = slopes.T + np.outer(step / scale, missed / float(step @ step))
+    return corrected.T
 
 
 def _damped_step(
@@ -180,7 +180,10 @@ def _damped_step(
 
 
 def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, scale: Array, base: Array) -> Array:
-    """Forward differences in all unknowns at once (in threads), stepping away from a near bound."""
+    """Forward differences in all unknowns at once (in threads), stepping away from a near bound; shape (n, k).
+
+    Every column lies in one piece: products with long, narrow arrays are as quick as memory then.
+    """
 
     def column(k: int) -> Array:
         step = _RELATIVE_STEP * scale[k]
@@ -191,7 +194,7 @@ def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, sc
         slope: Array = (residuals(moved) - base) / step
         return slope
 
-    return np.column_stack(spread(column, range(len(values))))
+    return np.array(spread(column, range(len(values)))).T
 
 
 def _covariance(jac: Array, residuals: Array, scale: Array) -> Array:

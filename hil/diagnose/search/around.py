@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,6 +14,20 @@ from hil.diagnose.search.terms import Term
 from hil.record.recording import Array
 
 _FROZEN = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class _Adaptation:
+    """How everything that may adapt does so, linearly.
+
+    Attributes:
+        prior: what moving costs, rows (base, columns) of a root of the prior's precision; `cost`: of where it is now.
+        moves: of unit slopes of the misfit, shape (columns, columns).
+    """
+
+    prior: Array
+    cost: Array
+    moves: Array
 
 
 @dataclass(frozen=True)
@@ -31,6 +45,11 @@ class Around:
         return product
 
     @cached_property
+    def adaptations(self) -> dict[frozenset[str], _Adaptation]:
+        """Those worked out so far, by the names that do not adapt."""
+        return {}
+
+    @cached_property
     def residuals_without(self) -> Array:
         """With no term more, after all that may adapt has adapted linearly."""
         return adapted_residuals(self, None)
@@ -46,11 +65,12 @@ def around(problem: Problem, accepted: Fitted) -> Around:
     effects = [*problem.model.active_effects, *accepted.effects]
     base = problem.base_jacobian(accepted.parameters, effects, accepted.residuals)
     own = [_term_slopes(problem, accepted, k) for k in range(len(accepted.terms))]
-    return Around(problem, accepted, np.hstack([base, *own]))
+    return Around(problem, accepted, np.vstack([base.T, *own]).T)
 
 
 def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
-    columns = []
+    """Shape (unknowns of the term, n)."""
+    rows = []
     for i, unknown in enumerate(accepted.terms[k].unknowns):
         step = 1e-3 * unknown.scale
         values = [list(v) for v in accepted.values]
@@ -58,8 +78,8 @@ def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
             step = -step
         values[k][i] += step
         moved = simulated(problem, accepted.parameters, accepted.terms, values)
-        columns.append((moved - accepted.residuals) / step)
-    return np.column_stack(columns)
+        rows.append((moved - accepted.residuals) / step)
+    return np.array(rows)
 
 
 def with_term(place: Around, term: Term, values: Sequence[float], coarse: bool = False) -> Array:
@@ -81,32 +101,31 @@ def adapted_residuals(place: Around, added: tuple[Term, Sequence[float]] | None,
 
 def adapt(place: Around, r: Array, term: Term | None) -> tuple[Array, Array]:
     """Residuals after everything but `term` has adapted linearly, with the cost of it appended; the moves."""
-    prior, away = _prior(place, term)
-    cost = prior @ away
-    information = place.gram + prior.T @ prior
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-    pull = scale * (place.slopes.T @ r + prior.T @ cost)
-    moves = -scale * np.linalg.lstsq(information * np.outer(scale, scale), pull, rcond=1e-12)[0]
-    return np.concatenate([r + place.slopes @ moves, cost + prior @ moves]), moves
+    named = {t.name for t in place.accepted.terms if t.kind == "parameter"} | ({term.name} if term else set())
+    taken = frozenset(named.intersection(p.name for p in place.problem.base))
+    known = place.adaptations.get(taken)
+    if known is None:
+        known = place.adaptations[taken] = _adaptation(place, taken)
+    moves = known.moves @ (place.slopes.T @ r + known.prior.T @ known.cost)
+    return np.concatenate([r + place.slopes @ moves, known.cost + known.prior @ moves]), moves
 
 
-def _prior(place: Around, term: Term | None) -> tuple[Array, Array]:
-    """What moving costs: rows (base, columns) of a root of the prior's precision, and how far away we are already.
-
-    Base parameters that are terms do not adapt; an effect stands for the base parameter of its name.
-    """
+def _adaptation(place: Around, taken: Collection[str]) -> _Adaptation:
+    """Base parameters that are terms do not adapt; an effect stands for the base parameter of its name."""
     problem, accepted = place.problem, place.accepted
-    taken = {t.name for t in accepted.terms if t.kind == "parameter"} | ({term.name} if term else set())
     free = [k for k, p in enumerate(problem.base) if p.name not in taken]
-    rows = np.zeros((len(problem.base), place.slopes.shape[1]))
-    rows[np.ix_(free, free)] = prior_root(problem, free)
+    prior = np.zeros((len(problem.base), place.slopes.shape[1]))
+    prior[np.ix_(free, free)] = prior_root(problem, free)
     away = np.zeros(place.slopes.shape[1])
     for k, p in enumerate(problem.base):
         if p.name in taken:
-            rows[k, k] = _FROZEN / problem.prior_std[k]
+            prior[k, k] = _FROZEN / problem.prior_std[k]
         else:
             away[k] = accepted.parameters[p.name] - problem.model.values[p.name]
-    return rows, away
+    information = place.gram + prior.T @ prior
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scales = np.outer(scale, scale)
+    return _Adaptation(prior, prior @ away, -scales * np.linalg.pinv(information * scales, rcond=1e-12, hermitian=True))
 
 
 def prior_root(problem: Problem, free: Sequence[int]) -> Array:
