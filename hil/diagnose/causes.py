@@ -18,7 +18,6 @@ from hil.diagnose.search.polish import fit, polish, roughly
 from hil.diagnose.search.refine import LEAN, refine_all
 from hil.diagnose.search.screen import Screened, screen
 from hil.diagnose.search.terms import Term, all_terms
-from hil.physics.simulate import sub_steps
 
 # The χ² that chance may give back to the best of all terms, with a margin; `python -m tests.proof.alarms` counts what
 # gets through.
@@ -42,7 +41,7 @@ _MAY_TURN_OUT_BEST, _FITTED_TO_THE_END = 2.0, 4
 # Beside an adequate first cause another one that leaves so many times as much is no first cause.
 _FAR_BEHIND = 5.0
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
-_SHORT, _STEP_SHARE, _BEAM, _NARROW_BEAM, _TRIED_NEXT, _MOST_CAUSES = 40_000, 0.2, 4, 2, 6, 3
+_STEP_SHARE, _BEAM, _NARROW_BEAM, _TRIED_NEXT, _MOST_CAUSES = 0.2, 4, 2, 6, 3
 # A rough fit may still be so much above its least χ².
 _SURELY = 0.95
 
@@ -235,12 +234,6 @@ class Causes:
         """The terms that an explanation does not have yet, with starts from what it leaves."""
         taken = {(term.name, term.hook) for term in f.terms}
         return [term for term in all_terms(self.m.problem, f.residuals) if (term.name, term.hook) not in taken]
-
-    def is_short(self) -> bool:
-        """Whether fits are so quick that hundreds of them are affordable."""
-        plant, experiments = self.m.problem.plant, self.m.problem.experiments
-        steps = sum(e.drive.inputs.shape[1] * sub_steps(plant, e.drive.interval_s) for e in experiments)
-        return bool(steps <= _SHORT)
 
     def deeper(self, best: Fitted, place: Around) -> list[Fitted]:
         """Descriptions with one cause more from level to level, each of which takes a good share of what the others

@@ -14,7 +14,7 @@ from hil.diagnose.evidence import indistinguishable
 from hil.diagnose.measures import SMALL_EXCESS, Measures, excess, is_itself, is_present, is_strained
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted, nothing
-from hil.diagnose.search.polish import from_other_shapes, polish, roughly, with_known_start
+from hil.diagnose.search.polish import finished, from_other_shapes, polish, roughly
 from hil.diagnose.search.terms import Term, all_terms
 
 _CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
@@ -115,12 +115,12 @@ class _Judge:
             best = self.most_telling([best, *self.followed()], polished)
             verdict = self.verdict(best, polished)
         descriptions: list[Fitted] = []
-        if verdict in OPEN and not self.m.is_adequate(best) and events is None and self.causes.is_short():
+        if verdict in OPEN and not self.m.is_adequate(best) and events is None and self.problem.is_short:
             descriptions = self.causes.deeper(best, alone.place)
             best, verdict = self.of_several(best, descriptions, polished)
         candidates = (*sorted(polished, key=self.m.cost), *singles)
         rivals = self.rivals(best, polished)
-        best = with_known_start(self.problem, best)
+        best = finished(self.problem, best)
         return Choice(
             verdict, best, self.baseline, nominal, candidates,
             rivals, self.causes.terms, self.m.left(best), events, part, self.others(best, descriptions),

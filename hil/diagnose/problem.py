@@ -15,7 +15,7 @@ from hil.identify.lines import line_at
 from hil.identify.noise import channel_floors, white_floor, whiten
 from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Plant
-from hil.physics.simulate import ActiveEffect
+from hil.physics.simulate import ActiveEffect, sub_steps
 from hil.record.recording import Array
 
 # A unit that was identified once drifts a little without anything being wrong with it: this share of each
@@ -27,6 +27,8 @@ _SAME_NOISE = 1.25
 _MOVED_SIGMAS = 3.0
 # A first look takes sub-steps this much coarser.
 _COARSE = 0.5
+# Sub-steps of all recordings together, at the plant's own.
+_SHORT = 40_000
 # A hum is known up to this multiple of what it was.
 _SAME_HUM = 1.5
 
@@ -111,6 +113,12 @@ class Problem:
             for e, noise in zip(self.experiments, self.observed_noise, strict=True)
         )
         return len(self.nominal_residuals) - silent
+
+    @cached_property
+    def is_short(self) -> bool:
+        """Whether fits are so quick that hundreds of them are affordable."""
+        steps = sum(e.drive.inputs.shape[1] * sub_steps(self.plant, e.drive.interval_s) for e in self.experiments)
+        return bool(steps <= _SHORT)
 
     @cached_property
     def intervals_s(self) -> tuple[float, ...]:

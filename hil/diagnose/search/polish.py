@@ -98,6 +98,18 @@ def fit(
     return Fitted(fitted.terms, tuple(own), parameters, found.chi2, r, found)
 
 
+def finished(problem: Problem, f: Fitted) -> Fitted:
+    """The same explanation as exact as it can be told.
+
+    Friction is less exact than the rest: it is fitted at sub-steps no coarser than the plant asks for. Its residuals
+    are those at these steps.
+    """
+    if problem.factor < 1.0 and any(term.rugged for term in f.terms):
+        problem = replace(problem, factor=1.0)
+        f = fit(problem, f, from_here=True)
+    return with_known_start(problem, f)
+
+
 def with_known_start(problem: Problem, f: Fitted) -> Fitted:
     """The same explanation where laws leave much more than noise: fitted with starts known so much better than laws.
 
