@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.cores import spread
 from hil.diagnose.evidence import indistinguishable
-from hil.diagnose.measures import SMALL_EXCESS, Measures, is_present
+from hil.diagnose.measures import SMALL_EXCESS, Measures, are_themselves, is_present
 from hil.diagnose.search.around import Around, around
 from hil.diagnose.search.fitted import Fitted, evaluated, nothing
 from hil.diagnose.search.joint import joint
@@ -23,10 +23,12 @@ from hil.diagnose.search.terms import Term, all_terms
 # gets through.
 ALARM_GAIN = 60.0
 # So many causes may be named together; more of them describe, but anything can be described with enough of them. For
-# one more see `_Judge.may_be_three`.
+# one more see `_Judge.is_third_named`.
 NAMEABLE = 2
-# A second cause must explain most of what the first one leaves.
-SECOND_SHARE = 0.7
+# A second cause must explain most of what the first one leaves. Where the first one is not the library's law to the
+# letter, what that leaves stays with any second cause: then this share suffices if both together explain what they
+# should, and less is no cause beside the greater of the two.
+SECOND_SHARE, SECOND_BESIDE_A_LAW = 0.7, 0.4
 # So many single explanations are fitted to their end; more, where one of them explains what it should, of those that
 # leave no more than so many times what the best left while all else adapted linearly: lags come in any order then.
 _POLISHED, _MOST_POLISHED, _MAY_BE_AS_GOOD = 2, 5, 4.0
@@ -128,8 +130,9 @@ class Causes:
         return [f for f in found if is_present(f)]
 
     def seeds(self, best: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
-        """First causes worth a second one: where one of them is adequate, those that are not far behind it."""
-        far = _FAR_BEHIND * self.m.excess(best) if self.m.is_adequate(best) else np.inf
+        """First causes worth a second one: where an explanation is adequate, those that are not far behind it."""
+        good = self.m.is_adequate(best) and are_themselves(best)
+        far = _FAR_BEHIND * self.m.excess(best) if good else np.inf
         return [f for f in polished if self.m.excess(f) <= far]
 
     def couples(self, alone: Alone, best: Fitted) -> list[Fitted]:
@@ -182,7 +185,7 @@ class Causes:
         """A second cause beside each of the best first ones, where it explains most of what they leave."""
         found: list[Fitted] = []
         for seed in seeds[:_PAIR_SEEDS]:
-            if any(self.m.is_full(both) for both in found):
+            if any(self.m.is_full(both) and are_themselves(both) for both in found):
                 break
             place = around(self.m.problem, seed)
             screened = screen(place, self.others(seed))
@@ -201,7 +204,7 @@ class Causes:
         """The greater of two causes alone where that is enough: it may have found its valley only beside the other."""
         greater = min((self.without_the_other(both, k) for k in range(len(both.terms))), key=lambda f: f.chi2)
         alone = roughly(self.m.problem, greater)
-        if not self.m.is_adequate(alone):
+        if not self.m.is_adequate(alone) and self.m.gain(alone, both.chi2) >= SECOND_BESIDE_A_LAW:
             return both
         alone = polish(self.m.problem, alone)
         return both if self._is_pair(both, alone) else alone
@@ -227,7 +230,9 @@ class Causes:
 
     def _is_pair(self, both: Fitted, seed: Fitted) -> bool:
         """Whether a second cause explains most of what a first one leaves, and both are there."""
-        better = self.m.gain(seed, both.chi2) >= SECOND_SHARE and seed.chi2 - both.chi2 > ALARM_GAIN
+        closes = self.m.is_adequate(both) and not self.m.is_adequate(seed)
+        share = SECOND_BESIDE_A_LAW if closes else SECOND_SHARE
+        better = self.m.gain(seed, both.chi2) >= share and seed.chi2 - both.chi2 > ALARM_GAIN
         return better and is_present(both)
 
     def others(self, f: Fitted) -> list[Term]:

@@ -11,7 +11,7 @@ from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events.event import Events
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.evidence import indistinguishable
-from hil.diagnose.measures import SMALL_EXCESS, Measures, excess, is_itself, is_present, is_strained
+from hil.diagnose.measures import SMALL_EXCESS, Measures, are_themselves, excess, is_present, is_strained
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted, nothing
 from hil.diagnose.search.polish import finished, from_other_shapes, polish, roughly
@@ -137,13 +137,17 @@ class _Judge:
 
     def of_two(self, best: Fitted, polished: Sequence[Fitted], alone: Alone) -> Fitted:
         """The most economical explanation of two causes, or the best of one where that is more economical."""
-        best = min([best, *self.causes.couples(alone, best)], key=self.m.cost)
-        if not (self.m.is_full(best) or (len(best.terms) == NAMEABLE and self.m.is_adequate(best))):
-            best = min([best, *self.causes.pairs(self.causes.seeds(best, polished))], key=self.m.cost)
-        if not self.m.is_full(best) and len(best.terms) == NAMEABLE:
+        best = self.most_telling([best, *self.causes.couples(alone, best)], polished)
+        if not (self.is_all(best) or (len(best.terms) == NAMEABLE and self.verdict(best, polished) == "explained")):
+            best = self.most_telling([best, *self.causes.pairs(self.causes.seeds(best, polished))], polished)
+        if not self.is_all(best) and len(best.terms) == NAMEABLE:
             # the first one was found when the second was not known
-            best = min([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], key=self.m.cost)
+            best = self.most_telling([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], polished)
         return self.causes.needed(best) if len(best.terms) == NAMEABLE else best
+
+    def is_all(self, f: Fitted) -> bool:
+        """Whether an explanation leaves nothing to look for, and is what its names say."""
+        return self.m.is_full(f) and are_themselves(f)
 
     def of_several(self, best: Fitted, found: Sequence[Fitted], polished: Sequence[Fitted]) -> tuple[Fitted, Verdict]:
         """The most telling of an explanation and descriptions with ever more causes, and the verdict on it."""
@@ -206,7 +210,7 @@ class _Judge:
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""
         few = sum(term.kind == "effect" for term in f.terms) <= self.most
-        return few and is_present(f) and not self.is_something_else(f)
+        return few and is_present(f) and are_themselves(f)
 
     def is_third_named(self, f: Fitted, two: Fitted | None, alike: Sequence[Fitted]) -> bool:
         """Whether three causes are named: they leave nothing and no others come near, or little beside two that were
@@ -214,7 +218,7 @@ class _Judge:
 
         `two`: what was named, if anything. `alike`: what else was found.
         """
-        beyond_doubt = is_present(f) and not self.is_something_else(f) and not is_strained(f)
+        beyond_doubt = is_present(f) and are_themselves(f) and not is_strained(f)
         if self.most < NAMEABLE or len(f.names) != NAMEABLE + 1 or not beyond_doubt:
             return False
         others = [o.chi2 for o in alike if len(o.terms) == len(f.terms) and set(o.names) != set(f.names)]
@@ -240,7 +244,7 @@ class _Judge:
     def least_strained(self, best: Fitted, polished: Sequence[Fitted]) -> Fitted:
         """Instead of an explanation that is not what its name says, or is strained to its end, one nearly as good."""
         if self.m.is_adequate(best):
-            wrong, most = self.is_something_else, _AS_GOOD_WITHIN_LAWS * self.m.left(best)
+            wrong, most = _is_something_else, _AS_GOOD_WITHIN_LAWS * self.m.left(best)
             others = [f for f in polished if self.m.is_adequate(f)]
         else:
             wrong, most = is_strained, min(NEARLY_ALL, _NEARLY_AS_GOOD * self.m.left(best))
@@ -248,10 +252,6 @@ class _Judge:
         if not wrong(best):
             return best
         return min((f for f in others if self.m.left(f) <= most and not wrong(f)), key=self.m.cost, default=best)
-
-    def is_something_else(self, f: Fitted) -> bool:
-        """Whether a shape that tells an effect from others is that of another one."""
-        return not all(is_itself(f, term) for term in f.terms)
 
     def rivals(self, best: Fitted, polished: Sequence[Fitted]) -> tuple[tuple[str, str], ...]:
         """Other names that the data cannot tell from the chosen ones, or from a change of parameters."""
@@ -267,3 +267,7 @@ class _Judge:
     def _is_rival(self, f: Fitted, best: Fitted) -> bool:
         """Whether an explanation brings another name and is as good."""
         return not set(f.names) <= set(best.names) and f.chi2 - best.chi2 < indistinguishable(best.chi2)
+
+
+def _is_something_else(f: Fitted) -> bool:
+    return not are_themselves(f)

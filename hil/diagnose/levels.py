@@ -14,7 +14,7 @@ from hil.diagnose.decide import OPEN, Choice, healthy
 from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events.coarse import all_rounding, coarse, cuts_off
 from hil.diagnose.happened import Happened
-from hil.diagnose.measures import LAW_TOLERANCE, SMALL_EXCESS, excess, is_itself, is_present, is_strained
+from hil.diagnose.measures import LAW_TOLERANCE, SMALL_EXCESS, are_themselves, excess, is_present, is_strained
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted
 from hil.diagnose.search.polish import fit
@@ -97,7 +97,7 @@ def _but_for(choice: Choice, worse: Set[tuple[str, ...]], best: Fitted) -> Choic
 
 
 def _is_beyond_doubt(f: Fitted) -> bool:
-    return is_present(f) and all(is_itself(f, term) for term in f.terms)
+    return is_present(f) and are_themselves(f)
 
 
 @dataclass(frozen=True)

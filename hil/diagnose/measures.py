@@ -116,6 +116,11 @@ def is_itself(f: Fitted, term: Term) -> bool:
     )
 
 
+def are_themselves(f: Fitted) -> bool:
+    """Whether every effect has the shape that tells it from others."""
+    return all(is_itself(f, term) for term in f.terms)
+
+
 def _room(u: Unknown, value: float, telling: str) -> float:
     """How far a shape is from where it would be that of another effect."""
     return u.high - value if telling == "upper end" else min(value - u.low, u.high - value)

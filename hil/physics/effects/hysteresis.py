@@ -51,7 +51,9 @@ EFFECT = Effect(
     parameters=(
         EffectParameter("width", "{value}", 0.0, 0.015, 0.0, 0.2, "half width of the major loop"),
         EffectParameter("reach", "{value}", None, 0.06, 0.002, 1.0, "travel after a reversal until the loop is full"),
-        EffectParameter("least", "1", None, 0.1, 0.0, 0.9, "smallest radius of a play, as share of it"),
+        EffectParameter(
+            "least", "1", None, 0.1, 0.0, 0.8, "smallest radius of a play, as share of it", telling="upper end"
+        ),
         EffectParameter("closing", "1", None, 1.0, 0.0, 5.0, "full scale over where the loop is half as wide"),
     ),
     transform=transform,
