@@ -13,6 +13,14 @@ from typing import TypeVar
 _CORES = os.cpu_count() or 1
 # One of them is the caller's.
 _idle = threading.Semaphore(_CORES - 1)
+# Set from Ctrl-C until the work that it broke off has ended on every core.
+_broken_off = threading.Event()
+_here = threading.local()
+
+
+class _BrokenOffError(BaseException):
+    """Ctrl-C on another core."""
+
 
 _Item = TypeVar("_Item")
 _Found = TypeVar("_Found")
@@ -22,13 +30,16 @@ def spread(function: Callable[[_Item], _Found], items: Iterable[_Item]) -> list[
     """`[function(item) for item in items]`, each by the caller or by a core that is idle when its turn comes.
 
     Worth it for what releases the interpreter's lock, as compiled kernels do. `function` may spread work of its own:
-    where no core is idle, that costs no more than a loop. Once one of them raises, no other is begun.
+    where no core is idle, that costs no more than a loop. Once one of them raises, no other is begun; Ctrl-C also ends
+    what other cores are at, as soon as that spreads work of its own.
     """
     pending = deque(enumerate(items))
     found: dict[int, _Found] = {}
     helpers: list[Future[None]] = []
 
     def take_one() -> None:
+        if _broken_off.is_set():
+            raise _BrokenOffError
         try:
             k, item = pending.popleft()
         except IndexError:  # another thread took the last one
@@ -46,12 +57,19 @@ def spread(function: Callable[[_Item], _Found], items: Iterable[_Item]) -> list[
         finally:
             _idle.release()
 
+    _here.depth = getattr(_here, "depth", 0) + 1
     try:
         while pending:
             helpers += _recruited(help_out, most=len(pending) - 1)
             take_one()
+    except KeyboardInterrupt:
+        _broken_off.set()
+        raise
     finally:
         begun = _finished(helpers)
+        _here.depth -= 1
+        if not _here.depth and threading.current_thread() is threading.main_thread():  # nobody else hears Ctrl-C
+            _broken_off.clear()
     for helper in begun:
         helper.result()
     return [found[k] for k in range(len(found))]

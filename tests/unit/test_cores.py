@@ -89,3 +89,27 @@ def test_the_first_failure_ends_it_and_is_raised(three_cores: threading.Semaphor
         spread(fails, range(60))
     assert len(begun) < 60
     assert permits(three_cores) == 2
+
+
+def test_ctrl_c_ends_what_other_cores_are_at(three_cores: threading.Semaphore) -> None:
+    done, begun = 0, threading.Event()
+
+    def step(_k: int) -> None:
+        nonlocal done
+        done += 1
+        begun.set()
+        time.sleep(0.001)
+
+    def work(_k: int) -> None:
+        if threading.current_thread() is threading.main_thread():
+            begun.wait()
+            raise KeyboardInterrupt
+        spread(step, range(3000))
+
+    with pytest.raises(KeyboardInterrupt):
+        spread(work, range(3))
+    assert done < 3000
+    assert permits(three_cores) == 2
+    for _ in range(2):
+        three_cores.release()
+    assert spread(lambda k: k, range(9)) == list(range(9))
