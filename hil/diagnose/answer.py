@@ -42,7 +42,7 @@ from hil.diagnose.pictures import spectra, strips
 from hil.diagnose.search.around import around
 from hil.diagnose.search.fitted import Fitted, residuals_of
 from hil.diagnose.search.terms import Term
-from hil.diagnose.wording import headline, quantity_text, sentence, unlikely
+from hil.diagnose.wording import drifted, headline, quantity_text, sentence, unlikely
 from hil.identify.grey_box import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
@@ -93,7 +93,7 @@ class Answer:
             f, fits = self._best_described()
             if fits.corrected - fits.nominal >= _DESCRIBES * (fits.ceiling - fits.nominal):
                 return f, fits
-        used = self.named if self.named.terms else self.choice.nominal
+        used = self.named if self.named.terms or self.choice.has_drifted else self.choice.nominal
         return used, self._held_out(used)
 
     def _best_described(self) -> tuple[Fitted, Fit]:
@@ -353,6 +353,8 @@ class Answer:
                 f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause; "
                 f"the corrected model {holds}"
             )
+        if self.choice.has_drifted and not self.events:
+            said.append(drifted(self.problem, self.choice.baseline.parameters))
         return (*self.warnings, *said, *unlikely(changed))
 
 

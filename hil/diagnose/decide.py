@@ -43,7 +43,7 @@ class Choice:
     Attributes:
         verdict: the answer.
         chosen: terms and values, fitted together; no terms when nothing is to be named.
-        baseline: the nominal model, base parameters moved within their prior.
+        baseline: the nominal model, base parameters moved within their prior; as it is where they have changed.
         nominal: the nominal model as it is.
         candidates: single explanations that were fitted: those with nothing linearised, then the others; best first.
         rivals: effect names that explain the data as well as the first chosen one.
@@ -65,6 +65,11 @@ class Choice:
     events: Events | None = None
     part: Events | None = None
     descriptions: tuple[Fitted, ...] = ()
+
+    @property
+    def has_drifted(self) -> bool:
+        """Whether the unit is consistent with the nominal model only with base parameters moved within their prior."""
+        return self.verdict == "consistent" and self.nominal.chi2 - self.baseline.chi2 >= ALARM_GAIN
 
 
 def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -> Choice:
@@ -88,7 +93,7 @@ class _Judge:
 
     def __init__(self, problem: Problem, laws_only: bool, most: int) -> None:
         self.problem, self.laws_only, self.most = problem, laws_only, most
-        self.baseline = roughly(problem, nothing(problem))
+        self.baseline = _baseline(problem)
         self.m = Measures(problem, self.baseline)
         self.causes = Causes(self.m, all_terms(problem, self.baseline.residuals))
 
@@ -267,6 +272,16 @@ class _Judge:
     def _is_rival(self, f: Fitted, best: Fitted) -> bool:
         """Whether an explanation brings another name and is as good."""
         return not set(f.names) <= set(best.names) and f.chi2 - best.chi2 < indistinguishable(best.chi2)
+
+
+def _baseline(problem: Problem) -> Fitted:
+    """The nominal model with base parameters moved as far as they may wander; as it is where it fits only with one that
+    has moved farther.
+    """
+    nominal = nothing(problem)
+    moved = roughly(problem, nominal)
+    fits = excess(problem, moved.chi2) < _CONSISTENT_EXCESS and nominal.chi2 - moved.chi2 >= ALARM_GAIN
+    return nominal if fits and problem.moved(moved.parameters) else moved
 
 
 def _is_something_else(f: Fitted) -> bool:

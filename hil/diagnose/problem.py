@@ -19,7 +19,7 @@ from hil.physics.simulate import ActiveEffect, sub_steps
 from hil.record.recording import Array
 
 # A unit that was identified once drifts a little without anything being wrong with it: this share of each
-# parameter's size, beside its standard uncertainty, is not news.
+# parameter's size, or what its plant says, beside its standard uncertainty, is not news.
 _DRIFT_SHARE = 0.005
 # A channel's own floor stands in for the model's noise when they differ by more than this factor.
 _SAME_NOISE = 1.25
@@ -72,7 +72,8 @@ class Problem:
     def prior_covariance(self) -> Array:
         """How far the base parameters may wander together without being called changed, shape (k, k)."""
         names = [p.name for p in self.base]
-        drift = [_DRIFT_SHARE * max(abs(self.model.values[p.name]), p.scale) for p in self.base]
+        usual = [_DRIFT_SHARE * max(abs(self.model.values[p.name]), p.scale) for p in self.base]
+        drift = [share if p.drift is None else p.drift for p, share in zip(self.base, usual, strict=True)]
         covariance = np.diag(np.square(drift))
         known = self.model.covariance
         if known is None:

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 
 from hil.diagnose.diagnosis import ChangedParameter, Finding, Left, Quantity, Verdict
+from hil.diagnose.problem import Problem
 from hil.diagnose.search.terms import Term
 from hil.physics.effect import Effect
 
@@ -16,6 +17,8 @@ _NOT_REACHED = "none that was reached"
 _HIDDEN_IN_NOISE = 0.25
 # No wear makes a parameter so many times what it was; a heading or a time in a wrong unit does.
 _BEYOND_WEAR = 5.0
+# Of parameters that drifted those are told that did so at least by this share of what the farthest did.
+_AS_FAR = 0.5
 
 
 def quantity_text(value: float, std: float | None, unit: str) -> str:
@@ -26,8 +29,21 @@ def quantity_text(value: float, std: float | None, unit: str) -> str:
     expanded = 1.96 * std
     if expanded >= abs(value):
         return f"{value:.2g} ± {expanded:.2g}{shown}"
-    digits = max(0, 1 - math.floor(math.log10(expanded)))
+    digits = _digits(expanded)
     return f"{value:.{digits}f} ± {expanded:.{digits}f}{shown}"
+
+
+def _digits(expanded: float) -> int:
+    """Decimal places that an interval supports."""
+    return max(0, 1 - math.floor(math.log10(expanded)))
+
+
+def _change_text(before: float, after: float, std: float | None, unit: str) -> str:
+    """`2.41 ± 0.12 % instead of 2.20 %`: what it was is told as exactly as what it is."""
+    now = quantity_text(after, std, unit)
+    if std is None or not 0.0 < 1.96 * std < min(abs(after), math.inf):
+        return f"{now} instead of {quantity_text(before, None, unit)}"
+    return f"{now} instead of {before:.{_digits(1.96 * std)}f}{_unit_text(unit)}"
 
 
 def _unit_text(unit: str) -> str:
@@ -37,10 +53,9 @@ def _unit_text(unit: str) -> str:
 def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> str:
     """The effect's sentence with its values; for a changed base parameter, what it was and what it is."""
     if term.kind == "parameter":
-        before = quantity_text(term.nominal, None, term.unknowns[0].unit)
         now = quantities[term.name]
         title = effect.title[0].upper() + effect.title[1:]
-        return f"{title}: {now.meaning} is {quantity_text(now.value, now.std, now.unit)} instead of {before}."
+        return f"{title}: {now.meaning} is {_change_text(term.nominal, now.value, now.std, now.unit)}."
 
     def text(match: re.Match[str]) -> str:
         q = quantities.get(match.group(1))
@@ -82,10 +97,7 @@ def _how_far(left: Left) -> str:
 
 
 def _changes(changed: Sequence[ChangedParameter]) -> str:
-    return ", ".join(
-        f"{c.meaning} is {quantity_text(c.after, c.std, c.unit)} instead of {quantity_text(c.before, None, c.unit)}"
-        for c in changed
-    )
+    return ", ".join(f"{c.meaning} is {_change_text(c.before, c.after, c.std, c.unit)}" for c in changed)
 
 
 def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
@@ -94,6 +106,22 @@ def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
         f"{p.name} is {p.times:.3g} times what it was: if that cannot be, look at the units of the channels and of time"
         for p in changed
         if not 1.0 / _BEYOND_WEAR < p.times < _BEYOND_WEAR
+    )
+
+
+def drifted(problem: Problem, parameters: Mapping[str, float]) -> str:
+    """What has moved, no farther than a unit may drift, where the model fits only with it; the farthest of it."""
+    nominal = problem.model.values
+    far = {
+        p: abs(parameters[p.name] - nominal[p.name]) / std
+        for p, std in zip(problem.base, problem.prior_std, strict=True)
+    }
+    told = [p for p in problem.base if far[p] >= _AS_FAR * max(far.values())]
+    moves = _listed(
+        [f"{p.name} is {parameters[p.name]:.5g}{_unit_text(p.unit)} instead of {nominal[p.name]:.5g}" for p in told]
+    )
+    return (
+        f"it agrees with parameters that have moved no farther than units drift ({moves}); the corrected model has them"
     )
 
 

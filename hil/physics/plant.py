@@ -21,7 +21,8 @@ class Parameter:
     Where the plant takes any channel, `unit` may contain `{input}` and `{output}` (see `Plant.units`).
     `fixed` parameters are held at their value unless freed by name. `growth` names the effect that a larger
     value is known as (more dead time than the healthy unit had *is* `dead_time`), `change` what any other value
-    is known as. `hook` names the hook nearest to where the parameter acts.
+    is known as. `hook` names the hook nearest to where the parameter acts. `drift` is how far it may move without
+    having changed, where the usual share of its size would be too much: of a place on a steep curve.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Parameter:
     growth: str = ""
     change: str = ""
     hook: str = ""
+    drift: float | None = None
 
     @property
     def scale(self) -> float:

@@ -94,7 +94,7 @@ PLANT = Plant(
             "rotor_frequency", "rad/s", 48.0, 3.0, 500.0, "natural frequency of rotor on spring", hook="position"
         ),
         Parameter("rotor_damping", "1", 0.5, 0.05, 5.0, "damping ratio of the rotor", hook="position"),
-        Parameter("curve_centre", "A", 1.58, 0.2, 4.0, "current at half pressure", hook="opening"),
+        Parameter("curve_centre", "A", 1.58, 0.2, 4.0, "current at half pressure", hook="opening", drift=0.002),
         Parameter("curve_width", "A", 0.1, 0.005, 1.0, "width of the orifice's transition", hook="opening"),
         Parameter("pressure_span", "psi", 207.0, 10.0, 400.0, "pressure between closed and open", hook="flow"),
         Parameter(

@@ -1,0 +1,44 @@
+"""Base parameters may drift a little: what is told of it, and from where on the unit has changed."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.diagnose.diagnose import diagnose
+from hil.diagnose.problem import pose
+from hil.physics.model import typical_model
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import recording
+from tests.concealed import bound, nominal, records
+
+
+@pytest.mark.parametrize(("share", "verdict"), [(1.004, "consistent"), (1.025, "parameter_change")])
+def test_the_corrected_model_has_what_drifted_and_far_is_a_change(share: float, verdict: str) -> None:
+    """That all fits with one parameter moved is no reason to call the model consistent with it where it was."""
+    model = nominal()
+    flow = model.values["full_flow"]
+    of = diagnose(model, bound(model, records(parameters={"full_flow": share * flow}, seed=5)))
+    told = of.diagnosis
+    assert told.verdict == verdict
+    assert told.effects == ()
+    assert of.corrected.values["full_flow"] == pytest.approx(share * flow, rel=1e-3)
+    assert all(fit.corrected > fit.ceiling - 0.1 for fit in told.recordings.values())
+    said = any("no farther than units drift" in text and "full_flow is" in text for text in told.warnings)
+    assert said is (verdict == "consistent")
+    assert [c.name for c in told.changed_parameters] == ([] if said else ["full_flow"])
+
+
+def test_a_place_on_a_steep_curve_may_drift_less_than_its_size_says() -> None:
+    model = typical_model("cummins-efc")
+    time_s = np.arange(0.0, 8.0, 0.004)
+    current = 1.6 + 0.4 * np.sin(time_s)
+    drive = Drive(current[None, :], 0.0, 0.004)
+    pressure = simulate(model.definition, model.values, drive)[0] + np.random.default_rng(1).normal(0.0, 0.5, 2000)
+    made = recording("sweep", time_s, {"current [A]": current, "pressure [psi]": pressure})
+    problem = pose(model, bound(model, [made]))
+    allowed = dict(zip([p.name for p in problem.base], problem.prior_std, strict=True))
+    assert allowed["curve_centre"] == pytest.approx(0.002)
+    assert allowed["curve_width"] == pytest.approx(0.005 * model.values["curve_width"])
+    near = {**model.values, "curve_centre": model.values["curve_centre"] + allowed["curve_centre"]}
+    assert 0.3 < np.sqrt(np.mean((problem.residuals(near, ()) - problem.nominal_residuals) ** 2)) < 3.0
