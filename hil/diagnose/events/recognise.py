@@ -8,12 +8,13 @@ from hil.diagnose.events.event import Events
 from hil.diagnose.events.lost_commands import comes_every_time, held_commands
 from hil.diagnose.events.repeats import held_outputs
 from hil.diagnose.events.tone import tone
-from hil.diagnose.measures import share_left
+from hil.diagnose.measures import SMALL_EXCESS, excess, share_left
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted
 
-# Events may leave so much: a tone has more harmonics, a held command a start between two samples.
-TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
+# Events may leave so much: a tone has more harmonics, a held command a start between two samples; of what is of no
+# practical size this share.
+TOLERANCE_OF_EVENTS, _OF_A_SMALL_MISFIT = {"periodic_disturbance": 0.1, "dropout": 0.15}, 0.25
 # The share of the misfit that events must take before the rest is looked at again without them.
 _WORTH_A_SECOND_LOOK = 0.3
 
@@ -37,7 +38,8 @@ def recognised(
             if found is None:
                 continue
             left = share_left(problem, found.chi2, beyond)
-            if left <= TOLERANCE_OF_EVENTS[found.name]:
+            small = excess(problem, found.chi2) <= SMALL_EXCESS
+            if left <= (_OF_A_SMALL_MISFIT if small else TOLERANCE_OF_EVENTS[found.name]):
                 return found, None
             if left <= 1.0 - _WORTH_A_SECOND_LOOK and (part is None or found.chi2 < part.chi2):
                 part = found
