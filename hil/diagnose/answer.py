@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.diagnose.corrected import beyond_noise, corrected, standard_uncertainties
 from hil.diagnose.coverage import limits
-from hil.diagnose.decide import OPEN
+from hil.diagnose.decide import OPEN, has_drifted
 from hil.diagnose.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -78,6 +78,12 @@ class Answer:
         self.named = found.choice.chosen if self.verdict != "unexplained" and self.by_law else found.choice.baseline
         self.used, self.held_out = self._used()
 
+    @property
+    def has_drifted(self) -> bool:
+        """Whether the verdict is `consistent` because base parameters may wander."""
+        consistent = self.verdict == "consistent"
+        return consistent and has_drifted(self.problem, self.choice.nominal, self.choice.baseline)
+
     def _is_doubted(self) -> bool:
         """Whether what was chosen is improbable, as others are as good or data kept back speak against it."""
         names = self.choice.chosen.names
@@ -93,7 +99,7 @@ class Answer:
             f, fits = self._best_described()
             if fits.corrected - fits.nominal >= _DESCRIBES * (fits.ceiling - fits.nominal):
                 return f, fits
-        used = self.named if self.named.terms or self.choice.has_drifted else self.choice.nominal
+        used = self.named if self.named.terms or self.has_drifted else self.choice.nominal
         return used, self._held_out(used)
 
     def _best_described(self) -> tuple[Fitted, Fit]:
@@ -353,7 +359,7 @@ class Answer:
                 f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause; "
                 f"the corrected model {holds}"
             )
-        if self.choice.has_drifted and not self.events:
+        if self.has_drifted and not self.events:
             said.append(drifted(self.problem, self.choice.baseline.parameters))
         return (*self.warnings, *said, *unlikely(changed))
 

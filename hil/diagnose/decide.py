@@ -11,13 +11,20 @@ from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events.event import Events
 from hil.diagnose.events.recognise import recognised
 from hil.diagnose.evidence import indistinguishable
-from hil.diagnose.measures import SMALL_EXCESS, Measures, are_themselves, excess, is_present, is_strained
+from hil.diagnose.measures import (
+    CONSISTENT_EXCESS,
+    SMALL_EXCESS,
+    Measures,
+    are_themselves,
+    excess,
+    is_present,
+    is_strained,
+)
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted, nothing
 from hil.diagnose.search.polish import finished, from_other_shapes, polish, roughly
 from hil.diagnose.search.terms import Term, all_terms
 
-_CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 # An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
 # more than this share, and every other one leaves so many times more, …
 PART_TOLERANCE, ALONE_BY = 0.25, 1.5
@@ -66,11 +73,6 @@ class Choice:
     part: Events | None = None
     descriptions: tuple[Fitted, ...] = ()
 
-    @property
-    def has_drifted(self) -> bool:
-        """Whether the unit is consistent with the nominal model only with base parameters moved within their prior."""
-        return self.verdict == "consistent" and self.nominal.chi2 - self.baseline.chi2 >= ALARM_GAIN
-
 
 def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -> Choice:
     """Search for the most economical explanation that the data support.
@@ -108,7 +110,7 @@ class _Judge:
         if self.baseline.chi2 - min(alone.least, *(f.chi2 for f in known)) < ALARM_GAIN:
             return self.nothing_found(nominal, singles)
         best = self.best_law(known, polished, alone)
-        if not best.terms and self.m.excess(self.baseline) < _CONSISTENT_EXCESS:
+        if not best.terms and self.m.excess(self.baseline) < CONSISTENT_EXCESS:
             return self.nothing_found(nominal, singles)
         best = self.most_telling([best, *polished], polished)
         verdict = self.verdict(best, polished)
@@ -203,7 +205,7 @@ class _Judge:
 
     def nothing_found(self, nominal: Fitted, singles: tuple[Fitted, ...]) -> Choice:
         """No term is worth its price."""
-        verdict: Verdict = "consistent" if self.m.excess(self.baseline) < _CONSISTENT_EXCESS else "unexplained"
+        verdict: Verdict = "consistent" if self.m.excess(self.baseline) < CONSISTENT_EXCESS else "unexplained"
         return Choice(verdict, self.baseline, self.baseline, nominal, singles, (), self.causes.terms, 1.0)
 
     def verdict(self, f: Fitted, polished: Sequence[Fitted]) -> Verdict:
@@ -280,8 +282,13 @@ def _baseline(problem: Problem) -> Fitted:
     """
     nominal = nothing(problem)
     moved = roughly(problem, nominal)
-    fits = excess(problem, moved.chi2) < _CONSISTENT_EXCESS and nominal.chi2 - moved.chi2 >= ALARM_GAIN
-    return nominal if fits and problem.moved(moved.parameters) else moved
+    return nominal if has_drifted(problem, nominal, moved) and problem.moved(moved.parameters) else moved
+
+
+def has_drifted(problem: Problem, nominal: Fitted, moved: Fitted) -> bool:
+    """Whether the nominal model is consistent with the recordings only with base parameters moved."""
+    off = excess(problem, nominal.chi2) >= CONSISTENT_EXCESS and nominal.chi2 - moved.chi2 >= ALARM_GAIN
+    return off and excess(problem, moved.chi2) < CONSISTENT_EXCESS
 
 
 def _is_something_else(f: Fitted) -> bool:

@@ -14,6 +14,8 @@ from hil.identify.estimate import Unknown
 
 # A misfit below this share of the noise variance is of no practical size.
 SMALL_EXCESS = 0.03
+# What is consistent leaves less than this.
+CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 # Laws of nature are not the laws of the library: an explanation may leave this share of the misfit, …
 LAW_TOLERANCE = 0.04
 # … and this share (rms) of the swing of the output, …
