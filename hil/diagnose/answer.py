@@ -61,6 +61,8 @@ _DOUBTED = 0.2
 # one must close this share of the gap there, though the nominal model may have been identified on it.
 _DESCRIBES, _DESCRIPTIONS_TRIED = 0.05, 4
 _MOST_STEPS_LISTED = 12
+# Of parameters that drifted those are told that show at least this share of what the one does that shows most.
+_SHOWS_MUCH = 0.5
 
 
 class Answer:
@@ -360,8 +362,18 @@ class Answer:
                 f"the corrected model {holds}"
             )
         if self.has_drifted and not self.events:
-            said.append(drifted(self.problem, self.choice.baseline.parameters))
+            said.append(self._drifted())
         return (*self.warnings, *said, *unlikely(changed))
+
+    def _drifted(self) -> str:
+        """A word on the base parameters that had to move, those whose move shows most."""
+        problem, model = self.problem, self.problem.model
+        after = self.choice.baseline.parameters
+        slopes = problem.base_jacobian(model.values, model.active_effects, problem.nominal_residuals)
+        moves = np.array([after[p.name] - model.values[p.name] for p in problem.base])
+        shown = np.abs(moves) * np.linalg.norm(slopes, axis=0)
+        told = [p for p, size in zip(problem.base, shown, strict=True) if size >= _SHOWS_MUCH * shown.max()]
+        return drifted(told, model.values, after)
 
 
 def _verdict(found: Happened) -> Verdict:

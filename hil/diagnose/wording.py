@@ -7,9 +7,9 @@ import re
 from collections.abc import Mapping, Sequence
 
 from hil.diagnose.diagnosis import ChangedParameter, Finding, Left, Quantity, Verdict
-from hil.diagnose.problem import Problem
 from hil.diagnose.search.terms import Term
 from hil.physics.effect import Effect
+from hil.physics.plant import Parameter
 
 _PLACE = re.compile(r"\{(\w+)(:%|:\?)?\}")
 _NOT_REACHED = "none that was reached"
@@ -17,8 +17,6 @@ _NOT_REACHED = "none that was reached"
 _HIDDEN_IN_NOISE = 0.25
 # No wear makes a parameter so many times what it was; a heading or a time in a wrong unit does.
 _BEYOND_WEAR = 5.0
-# Of parameters that drifted those are told that did so at least by this share of what the farthest did.
-_AS_FAR = 0.5
 
 
 def quantity_text(value: float, std: float | None, unit: str) -> str:
@@ -109,19 +107,12 @@ def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
     )
 
 
-def drifted(problem: Problem, parameters: Mapping[str, float]) -> str:
-    """What has moved, no farther than a unit may drift, where the model fits only with it; the farthest of it."""
-    nominal = problem.model.values
-    far = {
-        p: abs(parameters[p.name] - nominal[p.name]) / std
-        for p, std in zip(problem.base, problem.prior_std, strict=True)
-    }
-    told = [p for p in problem.base if far[p] >= _AS_FAR * max(far.values())]
-    moves = _listed(
-        [f"{p.name} is {parameters[p.name]:.5g}{_unit_text(p.unit)} instead of {nominal[p.name]:.5g}" for p in told]
-    )
+def drifted(told: Sequence[Parameter], before: Mapping[str, float], after: Mapping[str, float]) -> str:
+    """What has moved where the model fits only with it, no farther than it may wander."""
+    moves = [f"{p.name} is {after[p.name]:.5g}{_unit_text(p.unit)} instead of {before[p.name]:.5g}" for p in told]
     return (
-        f"it agrees with parameters that have moved no farther than units drift ({moves}); the corrected model has them"
+        f"it agrees only with parameters that have moved, within what was known of them and how units drift "
+        f"({_listed(moves)}); the corrected model has them"
     )
 
 
