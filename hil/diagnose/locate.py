@@ -185,27 +185,38 @@ def stages(
     The disturbance is any function of the value at the hook and its direction of motion, in straight pieces.
     Best first.
     """
-    found = spread(lambda k: _stage(problem, parameters, effects, left, k), range(len(problem.plant.hooks)))
+    base = problem.residuals(parameters, effects, factor=problem.coarse_factor)
+    traces = [_traces(problem, parameters, effects, e) for e in problem.experiments]
+    at = _Point(problem, parameters, effects, left, base)
+    found = spread(lambda k: _stage(at, k, [rows[k] for rows in traces]), range(len(problem.plant.hooks)))
     return tuple(sorted(found, key=lambda s: -s.share))
 
 
-def _stage(
-    problem: Problem, parameters: dict[str, float], effects: Sequence[ActiveEffect], left: Array, k: int
-) -> StageShare:
-    hook = problem.plant.hooks[k]
-    traces = [_trace(problem, parameters, effects, i, k) for i in range(len(problem.experiments))]
+@dataclass(frozen=True, slots=True)
+class _Point:
+    """A model, what it leaves (`left`), and its residuals with coarse sub-steps, from which slopes are taken."""
+
+    problem: Problem
+    parameters: dict[str, float]
+    effects: Sequence[ActiveEffect]
+    left: Array
+    base: Array
+
+
+def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
+    """`traces`: what passes the hook in every recording."""
+    hook, left = at.problem.plant.hooks[k], at.left
     values = np.concatenate(traces)
     knots = np.unique(np.quantile(values, np.linspace(0.0, 1.0, _KNOTS)))
     if len(knots) < 2:
         knots = np.array([values[0] - 1.0, values[0] + 1.0])
     size = 1e-3 * hook.full_scale
-    base = problem.residuals(parameters, effects)
     columns = []
     for rising in (True, False):
         for j in range(len(knots)):
             shapes = [_hat(trace, knots, j, rising) * size for trace in traces]
-            columns.append((_injected(problem, parameters, effects, hook.name, shapes) - base) / size)
-    slopes = np.column_stack(columns)
+            columns.append((_injected(at, hook.name, shapes) - at.base) / size)
+    slopes = np.array(columns).T
     used = np.linalg.norm(slopes, axis=0) > 1e-9
     solution = np.zeros(slopes.shape[1])
     solution[used] = np.linalg.lstsq(slopes[:, used], -left, rcond=1e-8)[0]
@@ -216,12 +227,11 @@ def _stage(
     return StageShare(hook.name, hook.stage, hook.unit, min(share, 1.0), knots, solution[:n], solution[n:])
 
 
-def _trace(problem: Problem, parameters: dict[str, float], effects: Sequence[ActiveEffect], i: int, k: int) -> Array:
-    drive = problem.experiments[i].drive
-    rows = np.zeros((len(problem.plant.hooks), drive.inputs.shape[1]))
-    simulate(problem.plant, parameters, drive, effects, trace=rows)
-    row: Array = rows[k]
-    return row
+def _traces(problem: Problem, parameters: dict[str, float], effects: Sequence[ActiveEffect], e: Experiment) -> Array:
+    """What passes every hook, shape (hooks, n)."""
+    rows = np.zeros((len(problem.plant.hooks), e.drive.inputs.shape[1]))
+    simulate(problem.plant, parameters, e.drive, effects, trace=rows)
+    return rows
 
 
 def _hat(values: Array, knots: Array, j: int, rising: bool) -> Array:
@@ -232,12 +242,6 @@ def _hat(values: Array, knots: Array, j: int, rising: bool) -> Array:
     return hat
 
 
-def _injected(
-    problem: Problem,
-    parameters: dict[str, float],
-    effects: Sequence[ActiveEffect],
-    hook: str,
-    shapes: Sequence[Array],
-) -> Array:
+def _injected(at: _Point, hook: str, shapes: Sequence[Array]) -> Array:
     """Whitened residuals with a disturbance added at a hook."""
-    return problem.residuals(parameters, effects, inject=(hook, shapes))
+    return at.problem.residuals(at.parameters, at.effects, factor=at.problem.coarse_factor, inject=(hook, shapes))
