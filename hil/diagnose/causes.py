@@ -185,7 +185,7 @@ class Causes:
         """A second cause beside each of the best first ones, where it explains most of what they leave."""
         found: list[Fitted] = []
         for seed in seeds[:_PAIR_SEEDS]:
-            if any(self.m.is_full(both) and are_themselves(both) for both in found):
+            if any(self.m.is_all(both) for both in found):
                 break
             place = around(self.m.problem, seed)
             screened = screen(place, self.others(seed))

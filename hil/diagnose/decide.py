@@ -145,16 +145,12 @@ class _Judge:
     def of_two(self, best: Fitted, polished: Sequence[Fitted], alone: Alone) -> Fitted:
         """The most economical explanation of two causes, or the best of one where that is more economical."""
         best = self.most_telling([best, *self.causes.couples(alone, best)], polished)
-        if not (self.is_all(best) or (len(best.terms) == NAMEABLE and self.verdict(best, polished) == "explained")):
+        if not (self.m.is_all(best) or (len(best.terms) == NAMEABLE and self.verdict(best, polished) == "explained")):
             best = self.most_telling([best, *self.causes.pairs(self.causes.seeds(best, polished))], polished)
-        if not self.is_all(best) and len(best.terms) == NAMEABLE:
+        if not self.m.is_all(best) and len(best.terms) == NAMEABLE:
             # the first one was found when the second was not known
             best = self.most_telling([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], polished)
         return self.causes.needed(best) if len(best.terms) == NAMEABLE else best
-
-    def is_all(self, f: Fitted) -> bool:
-        """Whether an explanation leaves nothing to look for, and is what its names say."""
-        return self.m.is_full(f) and are_themselves(f)
 
     def of_several(self, best: Fitted, found: Sequence[Fitted], polished: Sequence[Fitted]) -> tuple[Fitted, Verdict]:
         """The most telling of an explanation and descriptions with ever more causes, and the verdict on it."""

@@ -12,7 +12,7 @@ from scipy.stats import chi2, false_discovery_control
 from hil.cores import spread
 from hil.diagnose.problem import Problem
 from hil.identify.experiment import Experiment
-from hil.physics.simulate import ActiveEffect, simulate
+from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
@@ -186,7 +186,7 @@ def stages(
     Best first.
     """
     base = problem.residuals(parameters, effects, factor=problem.coarse_factor)
-    traces = [_traces(problem, parameters, effects, e) for e in problem.experiments]
+    traces = problem.traces(parameters, effects)
     at = _Point(problem, parameters, effects, left, base)
     found = spread(lambda k: _stage(at, k, [rows[k] for rows in traces]), range(len(problem.plant.hooks)))
     return tuple(sorted(found, key=lambda s: -s.share))
@@ -225,13 +225,6 @@ def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
     share = max(0.0, gained / max(float(left @ left) - len(left), float(np.sqrt(2 * len(left)))))
     n = len(knots)
     return StageShare(hook.name, hook.stage, hook.unit, min(share, 1.0), knots, solution[:n], solution[n:])
-
-
-def _traces(problem: Problem, parameters: dict[str, float], effects: Sequence[ActiveEffect], e: Experiment) -> Array:
-    """What passes every hook, shape (hooks, n)."""
-    rows = np.zeros((len(problem.plant.hooks), e.drive.inputs.shape[1]))
-    simulate(problem.plant, parameters, e.drive, effects, trace=rows)
-    return rows
 
 
 def _hat(values: Array, knots: Array, j: int, rising: bool) -> Array:

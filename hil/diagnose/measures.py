@@ -82,6 +82,10 @@ class Measures:
         beyond = max(self.excess(f), self._excess_of_output(f))  # inner signals with much noise would hide it
         return beyond <= FULL_EXCESS and self.left(f) <= FULL_TOLERANCE
 
+    def is_all(self, f: Fitted) -> bool:
+        """Whether an explanation leaves nothing to look for, and is what its names say."""
+        return self.is_full(f) and are_themselves(f)
+
     def _excess_of_output(self, f: Fitted) -> float:
         """Variance that an explanation leaves beyond the noise of the output alone, as a share of it."""
         outputs = np.concatenate(self.problem.outputs_of(f.residuals))

@@ -15,7 +15,7 @@ from hil.identify.lines import line_at
 from hil.identify.noise import channel_floors, white_floor, whiten
 from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Plant
-from hil.physics.simulate import ActiveEffect, sub_steps
+from hil.physics.simulate import ActiveEffect, simulate, sub_steps
 from hil.record.recording import Array
 
 # A unit that was identified once drifts a little without anything being wrong with it: this share of each
@@ -176,6 +176,16 @@ class Problem:
         if self.step <= 0.0:
             return white(e, error, noise, self.intervals_s[i])
         return e.telling(beyond_rounding(error, self.step) / (self.model.noise or noise).std)
+
+    def traces(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> list[Array]:
+        """What passes every hook in each experiment, on the grid of its drive, shape (hooks, n)."""
+        found = []
+        for e in self.experiments:
+            rows = np.zeros((len(self.plant.hooks), e.drive.inputs.shape[1]))
+            measured = e.to_follow if self.following else None
+            simulate(self.plant, parameters, e.drive, effects, trace=rows, measured=measured)
+            found.append(rows)
+        return found
 
     def channel_slices(self) -> list[list[slice]]:
         """Where each experiment's output and then its recorded inner signals stand in the residuals."""

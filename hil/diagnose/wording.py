@@ -39,7 +39,7 @@ def _digits(expanded: float) -> int:
 def _change_text(before: float, after: float, std: float | None, unit: str) -> str:
     """`2.41 ± 0.12 % instead of 2.20 %`: what it was is told as exactly as what it is."""
     now = quantity_text(after, std, unit)
-    if std is None or not 0.0 < 1.96 * std < min(abs(after), math.inf):
+    if std is None or not 0.0 < 1.96 * std < abs(after):
         return f"{now} instead of {quantity_text(before, None, unit)}"
     return f"{now} instead of {before:.{_digits(1.96 * std)}f}{_unit_text(unit)}"
 

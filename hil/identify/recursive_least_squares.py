@@ -234,9 +234,8 @@ def _run(
         if poles:
             past_y[0] = now_y
         if len(path):
-            for i in range(
-                len(theta)
-            ):  # by numbers: a check of shapes, with the text it fails with, compiles for seconds
+            # number by number: a row's check of shapes, with the text it fails with, compiles for seconds
+            for i in range(len(theta)):
                 path[t, i] = theta[i]
 
 

@@ -14,7 +14,7 @@ from hil.identify.lines import prominence
 from hil.physics.compose import Site, kernel
 from hil.physics.effect import Seen
 from hil.physics.plant import Parameter
-from hil.physics.simulate import ActiveEffect, simulate
+from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
 # Starts of a base parameter, as factors of its value.
@@ -144,15 +144,8 @@ def _size(parameter: Parameter, starts: Sequence[tuple[float, ...]], k: int) -> 
 
 def signals_seen(problem: Problem, left: Array) -> Mapping[str, Seen]:
     """What passes each hook of the plant in the nominal simulation of all experiments."""
-    hooks = [hook.name for hook in problem.plant.hooks]
-    traces = []
-    for e in problem.experiments:
-        trace = np.zeros((len(hooks), e.drive.inputs.shape[1]))
-        measured = e.to_follow if problem.following else None
-        simulate(
-            problem.plant, problem.model.values, e.drive, problem.model.active_effects, trace=trace, measured=measured
-        )
-        traces.append((trace, e.drive.interval_s))
+    traced = problem.traces(problem.model.values, problem.model.active_effects)
+    traces = [(rows, e.drive.interval_s) for rows, e in zip(traced, problem.experiments, strict=True)]
     tones = _tones(problem, left)
     duration_s = max(e.duration_s for e in problem.experiments)
     found: dict[str, Seen] = {}
