@@ -40,9 +40,9 @@ from hil.diagnose.measures import LAW_TOLERANCE, excess, share_left
 from hil.diagnose.next_test import Span, next_test
 from hil.diagnose.pictures import spectra, strips
 from hil.diagnose.search.around import around
-from hil.diagnose.search.fitted import Fitted, residuals_of
+from hil.diagnose.search.fitted import Fitted, change_without
 from hil.diagnose.search.terms import Term
-from hil.diagnose.wording import drifted, headline, quantity_text, sentence, unlikely
+from hil.diagnose.wording import drifted, headline, quantity_text, sentence, told_only_together, unlikely
 from hil.identify.grey_box import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
@@ -196,15 +196,9 @@ class Answer:
         if self.verdict == "unexplained" or not self.by_law:
             return []
         f = self.choice.chosen
-        changes = [self._without(f, k) for k in range(len(f.terms))]
+        changes = [change_without(self.problem, f, k) for k in range(len(f.terms))]
         order = sorted(range(len(f.terms)), key=lambda k: -float(changes[k] @ changes[k]))
         return [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
-
-    def _without(self, f: Fitted, k: int) -> Array:
-        """How residuals change when one term is taken away."""
-        others = f.only([i for i in range(len(f.terms)) if i != k])
-        difference: Array = residuals_of(self.problem, others) - f.residuals
-        return difference
 
     def _finding(self, f: Fitted, k: int, change: Array) -> Finding | None:
         """One term as a finding; `change`: what residuals would be without it, less what they are."""
@@ -363,6 +357,7 @@ class Answer:
             )
         if self.has_drifted and not self.events:
             said.append(self._drifted())
+        said += [told_only_together(c.name, o) for c in changed if (o := self.problem.told_only_with(c.name))]
         return (*self.warnings, *said, *unlikely(changed))
 
     def _drifted(self) -> str:

@@ -6,6 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
+import numpy as np
+
 from hil.diagnose.causes import ALARM_GAIN, NAMEABLE, Alone, Causes
 from hil.diagnose.diagnosis import Verdict
 from hil.diagnose.events.event import Events
@@ -21,7 +23,7 @@ from hil.diagnose.measures import (
     is_strained,
 )
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.fitted import Fitted, nothing
+from hil.diagnose.search.fitted import Fitted, change_without, nothing
 from hil.diagnose.search.polish import finished, from_other_shapes, polish, roughly
 from hil.diagnose.search.terms import Term, all_terms
 
@@ -39,6 +41,8 @@ _NEARLY_AS_GOOD, _AS_GOOD_WITHIN_LAWS = 1.1, 2.0
 _EVENTS_MUST_LEAVE = 0.5
 # Beyond this share of the noise variance a rugged term may have ended in the wrong valley.
 _ONLY_NOISE = 0.01
+# Base parameters that changed are told as the effects that they grow into unless another one shows so much more.
+_CHIEF_CHANGE = 3.0
 OPEN = ("unexplained", "partly_explained")
 _OPENNESS = {"partly_explained": 1, "unexplained": 2}
 
@@ -128,6 +132,8 @@ class _Judge:
         candidates = (*sorted(polished, key=self.m.cost), *singles)
         rivals = self.rivals(best, polished)
         best = finished(self.problem, best)
+        if verdict == "explained" and self.is_changed_unit(best):
+            best, verdict = best.as_change, "parameter_change"
         return Choice(
             verdict, best, self.baseline, nominal, candidates,
             rivals, self.causes.terms, self.m.left(best), events, part, self.others(best, descriptions),
@@ -209,6 +215,17 @@ class _Judge:
             return "explained" if f.names else "parameter_change" if f.terms else "unexplained"
         named = bool(f.names) and self.is_nameable(f) and self.is_most_of_it(f, polished)
         return "partly_explained" if named else "unexplained"
+
+    def is_changed_unit(self, f: Fitted) -> bool:
+        """Whether all that an explanation brings are base parameters, and one that no effect is named after shows much
+        more than those that have grown into an effect.
+        """
+        if any(term.kind == "effect" for term in f.terms):
+            return False
+        shown = [float(np.linalg.norm(change_without(self.problem, f, k))) for k in range(len(f.terms))]
+        is_named = [bool(term.effect_name(values)) for term, values in zip(f.terms, f.values, strict=True)]
+        named, plain = ([size for size, n in zip(shown, is_named, strict=True) if n is want] for want in (True, False))
+        return max(plain, default=0.0) > _CHIEF_CHANGE * max(named, default=0.0)
 
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""

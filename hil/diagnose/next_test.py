@@ -16,6 +16,7 @@ import numpy as np
 from hil.diagnose.decide import OPEN, Choice
 from hil.diagnose.diagnosis import NextTest, Verdict
 from hil.diagnose.problem import Problem
+from hil.diagnose.search.around import prior_root
 from hil.diagnose.search.fitted import Fitted, output_of
 from hil.diagnose.search.terms import Term
 from hil.identify.experiment import Experiment
@@ -224,15 +225,14 @@ def _apart(difference: Array, slopes: Array) -> float:
 
 
 def _base_slopes(problem: Problem, planned: Experiment, plain: Array) -> Array:
-    """Whitened slopes in the base parameters, with a row of the prior under each, shape (n + k, k)."""
+    """Whitened slopes in the base parameters, the prior's under them, shape (n + k, k)."""
     columns = []
     for p in problem.base:
         step = 1e-3 * p.scale * (-1.0 if problem.model.values[p.name] + 1e-3 * p.scale > p.high else 1.0)
         moved = {**problem.model.values, p.name: problem.model.values[p.name] + step}
         f = Fitted((), (), moved, 0.0, plain)
         columns.append((_simulated(problem, planned, f) - plain) / step)
-    stds = np.maximum(problem.prior_std, 1e-300)
-    return np.vstack([np.column_stack(columns), np.diag(1.0 / stds)])
+    return np.vstack([np.column_stack(columns), prior_root(problem, range(len(problem.base)))])
 
 
 def _simulated(problem: Problem, planned: Experiment, f: Fitted) -> Array:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.identify.estimate import jacobian, side_by_side
 from hil.identify.experiment import Experiment
@@ -25,6 +26,8 @@ _DRIFT_SHARE = 0.005
 _SAME_NOISE = 1.25
 # A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
 _MOVED_SIGMAS = 3.0
+# A parameter has a part in a direction that leads along it by more than this share of what it does along any.
+_HAS_A_PART = 0.03
 # A first look takes sub-steps this much coarser.
 _COARSE = 0.5
 # Sub-steps of all recordings together, at the plant's own.
@@ -71,20 +74,57 @@ class Problem:
     @cached_property
     def prior_covariance(self) -> Array:
         """How far the base parameters may wander together without being called changed, shape (k, k)."""
-        names = [p.name for p in self.base]
         usual = [_DRIFT_SHARE * max(abs(self.model.values[p.name]), p.scale) for p in self.base]
         drift = [share if p.drift is None else p.drift for p, share in zip(self.base, usual, strict=True)]
-        covariance = np.diag(np.square(drift))
-        known = self.model.covariance
+        covariance: Array = self._known + np.diag(np.square(drift))
+        return covariance
+
+    @cached_property
+    def _known(self) -> Array:
+        """How well the base parameters were known when the model was identified, shape (k, k)."""
+        names, known = [p.name for p in self.base], self.model.covariance
         if known is None:
             stds = [self.model.parameters[name].std or 0.0 for name in names]
-            alone: Array = covariance + np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
-            return alone
-        at = [known.names.index(name) if name in known.names else None for name in names]
-        for i, row in enumerate(at):
-            for j, column in enumerate(at):
-                if row is not None and column is not None:
-                    covariance[i, j] += known.matrix[row][column]
+            return np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
+        at = [k for k, name in enumerate(names) if name in known.names]
+        told = [known.names.index(names[k]) for k in at]
+        covariance = np.zeros((len(names), len(names)))
+        covariance[np.ix_(at, at)] = np.array(known.matrix)[np.ix_(told, told)]
+        return covariance
+
+    @cached_property
+    def _untold(self) -> Array:
+        """Directions in which the recordings that the model was identified from do not tell the base parameters to
+        within their own size, as far as they may wander there; shape (m, k).
+        """
+        size = np.array([p.scale for p in self.base])
+        variances, directions = np.linalg.eigh(self._known / np.outer(size, size))
+        far = variances > 1.0
+        reaches: Array = np.sqrt(variances[far])[:, None] * directions[:, far].T * size
+        return reaches
+
+    @cached_property
+    def _has_part(self) -> NDArray[np.bool_]:
+        """Which base parameters have a part in each direction that is untold, shape (m, k)."""
+        parts = np.abs(self._untold) / np.array([p.scale for p in self.base])
+        return np.asarray(parts > _HAS_A_PART * parts.max(axis=1, keepdims=True, initial=0.0))
+
+    def told_only_with(self, name: str) -> list[str]:
+        """Other base parameters that have a part in an untold direction beside this one."""
+        names = [p.name for p in self.base]
+        shared = np.any(self._has_part[self._has_part[:, names.index(name)]], axis=0)
+        return [other for other, is_shared in zip(names, shared, strict=True) if is_shared and other != name]
+
+    def prior_of(self, free: Sequence[int]) -> Array:
+        """How far some base parameters may wander together while the others are given, shape (free, free).
+
+        Of parameters that were told only together, one that is given tells the others: they stand where they were put
+        when the model was identified, as only what all of them are together can be seen to change.
+        """
+        is_given = np.ones(len(self.base), dtype=bool)
+        is_given[list(free)] = False
+        given = self._untold[np.any(self._has_part & is_given, axis=1)]
+        covariance: Array = (self.prior_covariance - given.T @ given)[np.ix_(free, free)]
         return covariance
 
     @cached_property
@@ -93,13 +133,18 @@ class Problem:
         return np.sqrt(np.diag(self.prior_covariance))
 
     def moved(self, parameters: Mapping[str, float]) -> list[str]:
-        """The base parameters that are further from their nominal values than they may wander."""
-        nominal = self.model.values
-        return [
-            p.name
-            for p, std in zip(self.base, self.prior_std, strict=True)
-            if abs(parameters[p.name] - nominal[p.name]) > _MOVED_SIGMAS * std
-        ]
+        """The base parameters that are further from their nominal values than they may wander.
+
+        Of those that were told only together all that have moved, if they have done so together.
+        """
+        away = np.array([parameters[p.name] - self.model.values[p.name] for p in self.base])
+        far = np.abs(away) > _MOVED_SIGMAS * self.prior_std
+        rest = np.flatnonzero(~far)
+        together = away[rest] @ np.linalg.solve(self.prior_of(rest.tolist()), away[rest])
+        if len(self._untold) and together > len(rest) * _MOVED_SIGMAS**2:
+            given = self.prior_covariance - self._untold.T @ self._untold
+            far |= np.any(self._has_part, axis=0) & (np.abs(away) > _MOVED_SIGMAS * np.sqrt(np.diag(given)))
+        return [p.name for p, moved in zip(self.base, far, strict=True) if moved]
 
     @property
     def coarse_factor(self) -> float:

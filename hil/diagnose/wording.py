@@ -107,6 +107,14 @@ def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
     )
 
 
+def told_only_together(name: str, others: Sequence[str]) -> str:
+    """A word on a parameter that has changed, and was never told by itself."""
+    return (
+        f"the recordings that the model was identified from tell {name} only together with {_listed(others)}: "
+        "which of them has changed is open, what they are together has, by this much"
+    )
+
+
 def drifted(told: Sequence[Parameter], before: Mapping[str, float], after: Mapping[str, float]) -> str:
     """What has moved where the model fits only with it, no farther than it may wander."""
     moves = [f"{p.name} is {after[p.name]:.5g}{_unit_text(p.unit)} instead of {before[p.name]:.5g}" for p in told]

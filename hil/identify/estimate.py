@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.record.recording import Array
@@ -17,6 +18,8 @@ _FIRST_DAMPING = 1e-3
 _STILL = 1e-9
 # Slopes are carried on by secants while a step brings at least this share of what they promised.
 _AS_PROMISED = 0.5
+# A value has a part in a direction, of unit length in scales, that leads along it by more than this.
+_HAS_A_PART = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +36,24 @@ class Unknown:
     def at_bound(self, value: float) -> bool:
         """Whether a value lies on a bound, as near as a fit comes to one."""
         return min(value - self.low, self.high - value) <= 1e-3 * self.scale
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What data tell of k values together.
+
+    Attributes:
+        covariance: in all directions but those that no sample tells, shape (k, k).
+        untold: those directions, orthonormal in the values' scales, shape (m, k).
+    """
+
+    covariance: Array
+    untold: Array
+
+    @property
+    def is_untold(self) -> NDArray[np.bool_]:
+        """Which values have a part in a direction that no sample tells, shape (k,)."""
+        return np.asarray(np.linalg.norm(self.untold, axis=0) > _HAS_A_PART)
 
 
 @dataclass(frozen=True)
@@ -60,9 +81,15 @@ class Estimate:
         return self.slopes_at_values()
 
     @cached_property
+    def told(self) -> Told:
+        """What the data tell of the values together."""
+        return _told(self.jacobian, self.residuals, np.array([u.scale for u in self.unknowns]))
+
+    @property
     def covariance(self) -> Array:
-        """Shape (k, k), scaled by the residual's variance and its colour."""
-        return _covariance(self.jacobian, self.residuals, np.array([u.scale for u in self.unknowns]))
+        """Shape (k, k), scaled by the residual's variance and its colour; infinite variances of what is not told."""
+        infinite: Array = np.diag(np.where(self.told.is_untold, np.inf, 0.0))
+        return self.told.covariance + infinite
 
     @property
     def chi2(self) -> float:
@@ -83,9 +110,8 @@ class Estimate:
         """Standard uncertainty of value k if those that are held were known."""
         free = [i for i in range(len(self.unknowns)) if i not in held]
         scale = np.array([self.unknowns[i].scale for i in free])
-        covariance = _covariance(self.jacobian[:, free], self.residuals, scale)
-        at = free.index(k)
-        return float(np.sqrt(covariance[at, at]))
+        told, at = _told(self.jacobian[:, free], self.residuals, scale), free.index(k)
+        return float("inf") if told.is_untold[at] else float(np.sqrt(told.covariance[at, at]))
 
     def value(self, name: str) -> float:
         """An estimated value by name."""
@@ -197,7 +223,7 @@ def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, sc
     return np.array(spread(column, range(len(values)))).T
 
 
-def _covariance(jac: Array, residuals: Array, scale: Array) -> Array:
+def _told(jac: Array, residuals: Array, scale: Array) -> Told:
     """Inverse information, times residual variance and the loss of independent samples by colour."""
     scaled = jac * scale
     information = scaled.T @ scaled
@@ -206,8 +232,4 @@ def _covariance(jac: Array, residuals: Array, scale: Array) -> Array:
     inverse = vectors @ np.diag(np.where(blind, 0.0, 1.0 / np.where(blind, 1.0, values))) @ vectors.T
     dof = max(len(residuals) - len(scale), 1)
     covariance = inverse * (residuals @ residuals) / dof * colour_factor(residuals)
-    if blind.any():  # what no sample can tell has no finite uncertainty
-        seen = np.sqrt((vectors[:, blind] ** 2).sum(axis=1)) > 1e-3
-        covariance[seen, seen] = np.inf
-    result: Array = covariance * np.outer(scale, scale)
-    return result
+    return Told(covariance * np.outer(scale, scale), vectors[:, blind].T)

@@ -44,7 +44,8 @@ class GreyBoxFit:
         """A table of parameters with their uncertainty, fits and notes, for a terminal."""
         rows = [f"{self.model.plant}"]
         for name, found in self.model.parameters.items():
-            error = "held" if found.std is None else f"± {1.96 * found.std:.2g}"
+            known = found.std is not None and np.isfinite(found.std)
+            error = "held" if found.std is None else f"± {1.96 * found.std:.2g}" if known else "not told"
             rows.append(f"  {name:18} {found.value:12.6g} {error:12} {found.unit}")
         rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
@@ -255,12 +256,14 @@ def _as_if_told(errors: Array, told: NDArray[np.bool_]) -> Array:
 
 
 def _covariance(found: Estimate) -> Covariance:
-    """The covariance for the model file; what no sample can tell is as uncertain as its bounds are wide."""
-    widths = np.array([u.high - u.low for u in found.unknowns])
-    finite = np.where(np.isfinite(found.covariance), found.covariance, 0.0)
-    blind = ~np.isfinite(np.diag(found.covariance))
-    finite[blind, blind] = widths[blind] ** 2
-    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in finite.tolist()))
+    """The covariance for the model file; a direction that no sample tells is as uncertain as bounds let it be."""
+    matrix = found.told.covariance.copy()
+    scale = np.array([u.scale for u in found.unknowns])
+    widths = np.array([u.high - u.low for u in found.unknowns]) / scale
+    for direction in found.told.untold:
+        reach = scale * direction * np.min(widths / np.maximum(np.abs(direction), 1e-300))
+        matrix += np.outer(reach, reach)
+    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in matrix.tolist()))
 
 
 def _result(
@@ -289,5 +292,7 @@ def _result(
             "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
         },
     )  # fmt: skip
-    notes = tuple(f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound)
+    notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound]
+    if untold := [u.name for u, is_untold in zip(found.unknowns, found.told.is_untold, strict=True) if is_untold]:
+        notes.append(f"these recordings do not tell {', '.join(untold)}, or only what they are together")
     return GreyBoxFit(made, found, fits, (*said, *notes))

@@ -129,7 +129,6 @@ def _adaptation(place: Around, taken: Collection[str]) -> _Adaptation:
 
 
 def prior_root(problem: Problem, free: Sequence[int]) -> Array:
-    """R with Rᵀ·R the precision of these base parameters under the prior."""
-    covariance = problem.prior_covariance[np.ix_(free, free)]
-    root: Array = np.linalg.inv(np.linalg.cholesky(covariance))
+    """R with Rᵀ·R the precision of these base parameters under the prior, the others given."""
+    root: Array = np.linalg.inv(np.linalg.cholesky(problem.prior_of(free)))
     return root

@@ -62,6 +62,12 @@ class Fitted:
         terms, values = tuple(self.terms[k] for k in keep), tuple(self.values[k] for k in keep)
         return replace(self, terms=terms, values=values, parameters=self.parameters | back, estimate=None)
 
+    @property
+    def as_change(self) -> Fitted:
+        """The same with base parameters told as what they are, and not as the effects that they grow into."""
+        plain = (replace(t, growth="", change="") if t.kind == "parameter" else t for t in self.terms)
+        return replace(self, terms=tuple(plain))
+
     def estimate_index(self, term: Term) -> int:
         """Where the first unknown of a term stands in the estimate."""
         assert self.estimate is not None  # noqa: S101
@@ -111,6 +117,13 @@ def residuals_of(
 ) -> Array:
     """Whitened residuals of an explanation as it stands, shape (n,); the rest as in `Problem.residuals`."""
     return simulated(problem, f.parameters, f.terms, f.values, factor, experiments)
+
+
+def change_without(problem: Problem, f: Fitted, k: int) -> Array:
+    """How residuals change when one term is taken away, shape (n,)."""
+    others = f.only([i for i in range(len(f.terms)) if i != k])
+    difference: Array = residuals_of(problem, others) - f.residuals
+    return difference
 
 
 def simulated(

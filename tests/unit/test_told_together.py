@@ -1,0 +1,83 @@
+"""Parameters that recordings tell only together: what is known of them, and what of it can be seen to change."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hil.diagnose.diagnose import diagnose
+from hil.diagnose.problem import pose
+from hil.identify.estimate import Unknown, estimate
+from hil.identify.experiment import Experiment
+from hil.identify.grey_box import GreyBoxFit, fit_plant
+from hil.physics.model import typical_model
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import Array, recording
+from tests.concealed import bound
+
+TYPICAL = typical_model("hydraforce-sp08-47c")
+
+
+def test_directions_that_no_sample_tells_are_told_from_those_that_samples_do() -> None:
+    unknowns = [Unknown(name, "1", 1.0, 0.0, 5.0, 1.0) for name in "abc"]
+    noise = np.random.default_rng(1).normal(size=500)
+
+    def residuals(values: Array) -> Array:
+        a, b, c = values
+        left: Array = 20.0 * (a + b - 2.0) + 30.0 * np.linspace(-1.0, 1.0, 500) * (c - 1.0) + noise
+        return left
+
+    found = estimate(residuals, unknowns)
+    assert np.isinf(found.std[:2]).all()
+    assert found.std[2] == pytest.approx(1.0 / 30.0 / np.sqrt(500 / 3.0), rel=0.2)
+    assert np.abs(found.told.untold) == pytest.approx(np.array([[1.0, 1.0, 0.0]]) / np.sqrt(2.0), abs=1e-3)
+    both = np.array([1.0, 1.0, 0.0])
+    assert np.sqrt(both @ found.told.covariance @ both) == pytest.approx(1.0 / 20.0 / np.sqrt(500), rel=0.2)
+
+
+def small_moves(seed: int, changed: Mapping[str, float]) -> Experiment:
+    """A position loop whose valve never opens fully: its gain and the cylinder's speed act as one."""
+    values = {**TYPICAL.values, **{name: share * TYPICAL.values[name] for name, share in changed.items()}}
+    time_s = np.arange(0.0, 20.0, 0.005)
+    request = 40.0 + 8.0 * np.sin(1.1 * time_s) + 6.0 * np.sign(np.sin(0.9 * time_s))
+    drive = Drive(request[None, :], float(request[0]), 0.005)
+    position = simulate(TYPICAL.definition, values, drive)[0] + np.random.default_rng(seed).normal(0.0, 0.05, 4000)
+    (made,) = bound(TYPICAL, [recording(f"moves-{seed}", time_s, {"request [mm]": request, "position [mm]": position})])
+    return made
+
+
+@cache
+def identified() -> GreyBoxFit:
+    return fit_plant(TYPICAL, [small_moves(1, {}), small_moves(2, {})])
+
+
+def test_the_model_knows_what_they_are_together() -> None:
+    assert any("loop_gain, speed_extend, or only what they are together" in note for note in identified().notes)
+    assert "not told" in identified().summary()
+    problem = pose(identified().model, [small_moves(3, {})])
+    assert problem.told_only_with("loop_gain") == ["speed_extend"]
+    assert problem.told_only_with("speed_ratio") == []
+    names, values = [p.name for p in problem.base], problem.model.values
+    gain, speed = names.index("loop_gain"), names.index("speed_extend")
+    product = np.zeros(len(names))  # slope of the logarithm of loop gain times speed
+    product[[gain, speed]] = 1.0 / values["loop_gain"], 1.0 / values["speed_extend"]
+    assert np.sqrt(product @ problem.prior_covariance @ product) < 0.02
+    assert problem.prior_std[gain] > values["loop_gain"]
+    given = problem.prior_of([k for k in range(len(names)) if k != gain])
+    assert np.sqrt(given[speed - 1, speed - 1]) < 0.02 * values["speed_extend"]
+
+
+@pytest.mark.parametrize("changed", [{"loop_gain": 0.8}, {"speed_extend": 0.85, "spool_frequency": 0.7}, {}])
+def test_a_unit_that_changed_in_what_they_are_together_has_changed(changed: dict[str, float]) -> None:
+    told = diagnose(identified().model, [small_moves(5, changed), small_moves(6, changed)]).diagnosis
+    assert told.verdict == ("parameter_change" if changed else "consistent")
+    assert told.effects == ()
+    ratios = {c.name: c.after / c.before for c in told.changed_parameters}
+    product = ratios.pop("loop_gain", 1.0) * ratios.pop("speed_extend", 1.0)
+    assert product == pytest.approx(changed.get("loop_gain", 1.0) * changed.get("speed_extend", 1.0), rel=0.02)
+    assert set(ratios) == set(changed) - {"loop_gain", "speed_extend"}
+    assert any("which of them has changed is open" in text for text in told.warnings) is bool(changed)
+    assert all(fit.corrected > fit.ceiling - 0.1 for fit in told.recordings.values())
