@@ -140,9 +140,9 @@ class Causes:
         found = joint(alone.place, alone.screened, alone.fitted, _COUPLES)
         if not found or self._left(found[0]) > (1.0 - _HOPE) * self._left(alone.fitted[0]):
             return []
-        rough = [self._compared(f) for f in self._within(found, _FAR_WORSE)]
+        rough = self._further([self._compared(f) for f in self._within(found, _FAR_WORSE)])
         self.second.extend(rough)
-        closest = self._within(sorted(rough, key=lambda f: f.chi2), _MAY_TURN_OUT_BEST)[:_FITTED_TO_THE_END]
+        closest = self._within(sorted(rough, key=self.m.cost), _MAY_TURN_OUT_BEST)[:_FITTED_TO_THE_END]
         both = self._to_the_end(closest)
         return [both] if self._is_pair(both, best) else []
 
@@ -177,9 +177,15 @@ class Causes:
         """A pair fitted so far that it can be compared with others."""
         return fit(self.m.problem, both, evaluations=_COUPLE_EVALUATIONS, tolerance=_COUPLE_TOLERANCE)
 
+    def _further(self, rough: Sequence[Fitted]) -> list[Fitted]:
+        """Those that were still falling and may turn out best are carried on; a delay beside a lag falls slowly."""
+        near = self._within(sorted(rough, key=self.m.cost), _FAR_WORSE)
+        falling = [f for f in near if f.estimate is not None and not f.estimate.converged]
+        return [self._compared(f) if f in falling else f for f in rough]
+
     def _left(self, f: Fitted) -> float:
-        """Variance beyond the noise that something leaves, as far as it matters."""
-        return max(self.m.excess(f), SMALL_EXCESS)
+        """Variance beyond the noise that something leaves or costs, as far as it matters."""
+        return max(self.m.burden(f), SMALL_EXCESS)
 
     def pairs(self, seeds: Sequence[Fitted]) -> list[Fitted]:
         """A second cause beside each of the best first ones, where it explains most of what they leave."""

@@ -277,11 +277,12 @@ class _Judge:
         """Other names that the data cannot tell from the chosen ones, or from a change of parameters."""
         if not best.terms:
             return ()
-        first = best.first_name
+        first, named = best.first_name, set(best.names)
         found = {(first, f.names[0]) for f in polished if f.names and self._is_rival(f, best)}
-        if len(best.names) == NAMEABLE:
-            same = [f for f in self.causes.second if len(f.names) == NAMEABLE and f.names[0] == first]
-            found |= {(best.names[1], f.names[1]) for f in same if self._is_rival(f, best)}
+        for f in self.causes.second if len(best.names) == NAMEABLE else ():
+            ours, theirs = named - set(f.names), set(f.names) - named
+            if len(f.names) == NAMEABLE and len(ours) == len(theirs) == 1 and self._is_rival(f, best):
+                found.add((ours.pop(), theirs.pop()))
         return tuple(sorted(found))
 
     def _is_rival(self, f: Fitted, best: Fitted) -> bool:

@@ -28,6 +28,9 @@ _INSIDE_SIGMAS = 2.0
 _NEW_PHYSICS = 10.0
 # An unknown costs so many times what it would if the laws of the library were those of nature (Schwarz: ln n).
 _PRICE = 2.0
+# No law is so exact that an unknown were worth this share of the misfit: beside an end stop that throws a carriage
+# far off, what another contact leaves is many times the noise.
+_EXACT = 1e-6
 
 
 def excess(problem: Problem, chi2: float) -> float:
@@ -69,7 +72,13 @@ class Measures:
     def cost(self, f: Fitted) -> float:
         """χ² and the price of unknowns; physics that the nominal model lacks costs more than what it has."""
         added = sum(term.kind == "effect" for term in f.terms)
-        return f.chi2 + f.unknowns * _PRICE * float(np.log(self.problem.size)) + added * _NEW_PHYSICS
+        size = self.problem.size
+        price = _PRICE * float(np.log(size)) + _EXACT * self.excess(self.baseline) * size
+        return f.chi2 + f.unknowns * price + added * _NEW_PHYSICS
+
+    def burden(self, f: Fitted) -> float:
+        """Variance that an explanation leaves beyond the noise, and what it costs, as a share of it."""
+        return excess(self.problem, self.cost(f))
 
     def gain(self, seed: Fitted, chi2: float) -> float:
         """The share of what an explanation leaves that another χ² would take away."""

@@ -61,6 +61,9 @@ class Stand:
     def cost(self, f: Fitted) -> float:
         return f.chi2 + f.unknowns
 
+    def burden(self, f: Fitted) -> float:
+        return self.cost(f) / COUNT - 1.0
+
     def is_adequate(self, f: Fitted) -> bool:
         return self.excess(f) < 0.03
 

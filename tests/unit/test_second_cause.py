@@ -9,10 +9,11 @@ import pytest
 
 from hil.diagnose import causes
 from hil.diagnose.causes import Causes
-from hil.diagnose.measures import are_themselves
+from hil.diagnose.decide import _Judge
+from hil.diagnose.measures import Measures, are_themselves
 from hil.diagnose.problem import Problem, pose
 from hil.diagnose.search.fitted import Fitted, nothing
-from hil.diagnose.search.terms import all_terms
+from hil.diagnose.search.terms import Term, all_terms
 from hil.identify.estimate import Estimate, Unknown
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
@@ -43,8 +44,8 @@ def explanation(*names: str, chi2: float) -> Fitted:
     return Fitted(tuple(_term(name, unknown) for name in names), values, {}, chi2, np.zeros(0))
 
 
-def _term(name: str, unknown: Unknown) -> causes.Term:
-    return causes.Term("effect", name, "flow", "load", (unknown,), ((1.0,),), null=np.inf)
+def _term(name: str, unknown: Unknown) -> Term:
+    return Term("effect", name, "flow", "load", (unknown,), ((1.0,),), null=np.inf)
 
 
 @pytest.mark.parametrize(
@@ -91,3 +92,55 @@ def test_a_loop_of_one_width_is_backlash_and_no_hysteresis(least: float, itself:
     f = replace(start, terms=(term,), values=(values,), estimate=estimate)
     assert 0.002 < estimate.std[2] < 0.01
     assert are_themselves(f) is itself
+
+
+@pytest.mark.parametrize(("misfit", "closer_wins"), [(1e3, True), (1e6, False)])
+def test_no_law_is_so_exact_that_shapes_are_worth_a_millionth_of_the_misfit(misfit: float, closer_wins: bool) -> None:
+    """Beside an end stop with another contact a coil with eddy currents bends closer to a dead time than one does."""
+    problem = pose(nominal(), bound(nominal(), records(seed=3)[:1]))
+    size = problem.size
+    plain = explanation("end_stop", "dead_time", chi2=2.0 * size)
+    shaped = explanation("end_stop", "coil_lag", "shape", "shape", chi2=1.1 * size)
+    m = Measures(problem, explanation(chi2=misfit * size))
+    assert (m.cost(shaped) < m.cost(plain)) is closer_wins
+    assert (m.burden(shaped) < m.burden(plain)) is closer_wins
+
+
+def test_pairs_that_still_fall_are_carried_on_before_they_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A dead time beside a lag falls slowly along its valley; what has settled, or is far off, is left."""
+    problem = pose(nominal(), bound(nominal(), records(seed=3)[:1]))
+    size = problem.size
+
+    def fitted(name: str, excess: float, converged: bool) -> Fitted:
+        f = explanation(name, "coil_lag", chi2=(1.0 + excess) * size)
+        estimate = Estimate((), np.zeros(0), np.zeros(0), converged, "", lambda: np.zeros((0, 0)))
+        return replace(f, estimate=estimate)
+
+    carried = []
+
+    def fit(_problem: Problem, f: Fitted, **_effort: float) -> Fitted:
+        carried.append(f.names[0])
+        return fitted(f.names[0], 0.1, True)
+
+    monkeypatch.setattr(causes, "fit", fit)
+    of = Causes(Measures(problem, explanation(chi2=1e3 * size)), ())
+    rough = [
+        fitted("resonance", 0.6, True),
+        fitted("dead_time", 2.0, False),
+        fitted("sensor_lag", 2.0, True),
+        fitted("backlash", 9.0, False),
+    ]
+    found = of._further(rough)
+    assert carried == ["dead_time"]
+    assert [round(of.m.excess(f), 3) for f in found] == [0.6, 0.1, 2.0, 9.0]
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_what_cannot_be_told_from_either_of_two_causes_is_said(first: int) -> None:
+    problem = pose(nominal(), bound(nominal(), records(seed=3)[:1]))
+    judge = _Judge(problem, laws_only=True, most=2)
+    names = ("end_stop", "dead_time")
+    best = explanation(*(names if first == 0 else names[::-1]), chi2=1e4)
+    as_good, worse = explanation("coil_lag", "end_stop", chi2=1e4), explanation("end_stop", "backlash", chi2=2e4)
+    judge.causes.second = [as_good, worse, explanation("friction", "backlash", chi2=1e4)]
+    assert judge.rivals(best, ()) == (("dead_time", "coil_lag"),)
