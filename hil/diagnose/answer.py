@@ -357,7 +357,11 @@ class Answer:
             )
         if self.has_drifted and not self.events:
             said.append(self._drifted())
-        said += [told_only_together(c.name, o) for c in changed if (o := self.problem.told_only_with(c.name))]
+        said += [
+            told_only_together(c, others, self.problem.was(c.name, f.parameters))
+            for c in changed
+            if (others := self.problem.told_only_with(c.name))
+        ]
         return (*self.warnings, *said, *unlikely(changed))
 
     def _drifted(self) -> str:

@@ -115,6 +115,16 @@ class Problem:
         shared = np.any(self._has_part[self._has_part[:, names.index(name)]], axis=0)
         return [other for other, is_shared in zip(names, shared, strict=True) if is_shared and other != name]
 
+    def was(self, name: str, parameters: Mapping[str, float]) -> float:
+        """What a base parameter was in the unit that the model was identified from, if those that were told only
+        together with it were what they are now.
+        """
+        names = [p.name for p in self.base]
+        own, others = names.index(name), [names.index(other) for other in self.told_only_with(name)]
+        moved = np.array([parameters[names[k]] - self.model.values[names[k]] for k in others])
+        of_others = self.prior_covariance[np.ix_(others, others)]
+        return float(self.model.values[name] + self.prior_covariance[own, others] @ np.linalg.solve(of_others, moved))
+
     def prior_of(self, free: Sequence[int]) -> Array:
         """How far some base parameters may wander together while the others are given, shape (free, free).
 

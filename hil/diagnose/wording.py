@@ -107,11 +107,12 @@ def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
     )
 
 
-def told_only_together(name: str, others: Sequence[str]) -> str:
-    """A word on a parameter that has changed, and was never told by itself."""
+def told_only_together(changed: ChangedParameter, others: Sequence[str], was: float) -> str:
+    """A word on a parameter that has changed and was never told by itself; `was`: what it was if it changed alone."""
+    before = f"{was:.4g}{_unit_text(changed.unit)}"
     return (
-        f"the recordings that the model was identified from tell {name} only together with {_listed(others)}: "
-        "which of them has changed is open, what they are together has, by this much"
+        f"the recordings that the model was identified from tell {changed.name} only together with {_listed(others)}: "
+        f"which of them has changed is open; if it is {changed.name} alone, it was {before}"
     )
 
 

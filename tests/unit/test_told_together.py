@@ -66,6 +66,8 @@ def test_the_model_knows_what_they_are_together() -> None:
     product[[gain, speed]] = 1.0 / values["loop_gain"], 1.0 / values["speed_extend"]
     assert np.sqrt(product @ problem.prior_covariance @ product) < 0.02
     assert problem.prior_std[gain] > values["loop_gain"]
+    slower = {**values, "speed_extend": 0.98 * values["speed_extend"]}
+    assert problem.was("loop_gain", slower) == pytest.approx(values["loop_gain"] / 0.98, rel=2e-3)
     given = problem.prior_of([k for k in range(len(names)) if k != gain])
     assert np.sqrt(given[speed - 1, speed - 1]) < 0.02 * values["speed_extend"]
 
