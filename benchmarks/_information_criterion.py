@@ -77,7 +77,7 @@ def answer(case: Case) -> Answer:
 def _said(case: Case, problem: Problem, best: Hypothesis, terms: Sequence[Term]) -> Answer:
     """The effects, then what the base parameters that changed with them are known as (more dead time *is* one)."""
     nominal = case.nominal.values
-    least = {p.name: _MOVED * std for p, std in zip(problem.base, problem.prior_std, strict=True)}
+    least = {p.name: _MOVED * std for p, std in zip(problem.base, problem.prior.std, strict=True)}
     moved = [t for t in terms if t.kind == "parameter" and best.base[t.name] != nominal[t.name]]
     far = [t for t in moved if abs(best.base[t.name] - nominal[t.name]) > least[t.name]]
     known = [t.effect_name([best.base[t.name]]) for t in far] if best.terms or len(moved) == 1 else []

@@ -358,9 +358,9 @@ class Answer:
         if self.has_drifted and not self.events:
             said.append(self._drifted())
         said += [
-            told_only_together(c, others, self.problem.was(c.name, f.parameters))
+            told_only_together(c, others, self.problem.prior.was(c.name, f.parameters))
             for c in changed
-            if (others := self.problem.told_only_with(c.name))
+            if (others := self.problem.prior.told_only_with(c.name))
         ]
         return (*self.warnings, *said, *unlikely(changed))
 

@@ -95,7 +95,7 @@ class Causes:
         """
         if polished and _SURELY * free.chi2 > min(self.m.cost(f) for f in polished):
             return []
-        names = self.m.problem.moved(free.parameters)
+        names = self.m.problem.prior.moved(free.parameters)
         fitted = polish(self.m.problem, self._parameter_terms(free, names))
         while len(names) > 1 and (spare := self._dispensable(fitted)):
             names = [name for name in names if name != spare]
@@ -179,9 +179,9 @@ class Causes:
 
     def _further(self, rough: Sequence[Fitted]) -> list[Fitted]:
         """Those that were still falling and may turn out best are carried on; a delay beside a lag falls slowly."""
-        near = self._within(sorted(rough, key=self.m.cost), _FAR_WORSE)
-        falling = [f for f in near if f.estimate is not None and not f.estimate.converged]
-        return [self._compared(f) if f in falling else f for f in rough]
+        most = _FAR_WORSE * min(self._left(f) for f in rough)
+        falls = [f.estimate is not None and not f.estimate.converged and self._left(f) <= most for f in rough]
+        return [self._compared(f) if is_falling else f for f, is_falling in zip(rough, falls, strict=True)]
 
     def _left(self, f: Fitted) -> float:
         """Variance beyond the noise that something leaves or costs, as far as it matters."""

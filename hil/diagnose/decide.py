@@ -296,7 +296,7 @@ def _baseline(problem: Problem) -> Fitted:
     """
     nominal = nothing(problem)
     moved = roughly(problem, nominal)
-    return nominal if has_drifted(problem, nominal, moved) and problem.moved(moved.parameters) else moved
+    return nominal if has_drifted(problem, nominal, moved) and problem.prior.moved(moved.parameters) else moved
 
 
 def has_drifted(problem: Problem, nominal: Fitted, moved: Fitted) -> bool:

@@ -16,7 +16,6 @@ import numpy as np
 from hil.diagnose.decide import OPEN, Choice
 from hil.diagnose.diagnosis import NextTest, Verdict
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.around import prior_root
 from hil.diagnose.search.fitted import Fitted, output_of
 from hil.diagnose.search.terms import Term
 from hil.identify.experiment import Experiment
@@ -232,7 +231,7 @@ def _base_slopes(problem: Problem, planned: Experiment, plain: Array) -> Array:
         moved = {**problem.model.values, p.name: problem.model.values[p.name] + step}
         f = Fitted((), (), moved, 0.0, plain)
         columns.append((_simulated(problem, planned, f) - plain) / step)
-    return np.vstack([np.column_stack(columns), prior_root(problem, range(len(problem.base)))])
+    return np.vstack([np.column_stack(columns), problem.prior.root(range(len(problem.base)))])
 
 
 def _simulated(problem: Problem, planned: Experiment, f: Fitted) -> Array:

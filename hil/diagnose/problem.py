@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hil.diagnose.prior import Prior
 from hil.identify.estimate import jacobian, side_by_side
 from hil.identify.experiment import Experiment
 from hil.identify.first_reading import start_slope, with_free_start
@@ -19,15 +19,8 @@ from hil.physics.plant import Parameter, Plant
 from hil.physics.simulate import ActiveEffect, simulate, sub_steps
 from hil.record.recording import Array
 
-# A unit that was identified once drifts a little without anything being wrong with it: this share of each
-# parameter's size, or what its plant says, beside its standard uncertainty, is not news.
-_DRIFT_SHARE = 0.005
 # A channel's own floor stands in for the model's noise when they differ by more than this factor.
 _SAME_NOISE = 1.25
-# A base parameter this many standard uncertainties (of its prior) from its nominal value may have changed.
-_MOVED_SIGMAS = 3.0
-# A parameter has a part in a direction that leads along it by more than this share of what it does along any.
-_HAS_A_PART = 0.03
 # A first look takes sub-steps this much coarser.
 _COARSE = 0.5
 # Sub-steps of all recordings together, at the plant's own.
@@ -72,89 +65,9 @@ class Problem:
         return tuple(p for p in self.plant.parameters if not p.fixed)
 
     @cached_property
-    def prior_covariance(self) -> Array:
-        """How far the base parameters may wander together without being called changed, shape (k, k)."""
-        usual = [_DRIFT_SHARE * max(abs(self.model.values[p.name]), p.scale) for p in self.base]
-        drift = [share if p.drift is None else p.drift for p, share in zip(self.base, usual, strict=True)]
-        covariance: Array = self._known + np.diag(np.square(drift))
-        return covariance
-
-    @cached_property
-    def _known(self) -> Array:
-        """How well the base parameters were known when the model was identified, shape (k, k)."""
-        names, known = [p.name for p in self.base], self.model.covariance
-        if known is None:
-            stds = [self.model.parameters[name].std or 0.0 for name in names]
-            return np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
-        at = [k for k, name in enumerate(names) if name in known.names]
-        told = [known.names.index(names[k]) for k in at]
-        covariance = np.zeros((len(names), len(names)))
-        covariance[np.ix_(at, at)] = np.array(known.matrix)[np.ix_(told, told)]
-        return covariance
-
-    @cached_property
-    def _untold(self) -> Array:
-        """Directions in which the recordings that the model was identified from do not tell the base parameters to
-        within their own size, as far as they may wander there; shape (m, k).
-        """
-        size = np.array([p.scale for p in self.base])
-        variances, directions = np.linalg.eigh(self._known / np.outer(size, size))
-        far = variances > 1.0
-        reaches: Array = np.sqrt(variances[far])[:, None] * directions[:, far].T * size
-        return reaches
-
-    @cached_property
-    def _has_part(self) -> NDArray[np.bool_]:
-        """Which base parameters have a part in each direction that is untold, shape (m, k)."""
-        parts = np.abs(self._untold) / np.array([p.scale for p in self.base])
-        return np.asarray(parts > _HAS_A_PART * parts.max(axis=1, keepdims=True, initial=0.0))
-
-    def told_only_with(self, name: str) -> list[str]:
-        """Other base parameters that have a part in an untold direction beside this one."""
-        names = [p.name for p in self.base]
-        shared = np.any(self._has_part[self._has_part[:, names.index(name)]], axis=0)
-        return [other for other, is_shared in zip(names, shared, strict=True) if is_shared and other != name]
-
-    def was(self, name: str, parameters: Mapping[str, float]) -> float:
-        """What a base parameter was in the unit that the model was identified from, if those that were told only
-        together with it were what they are now.
-        """
-        names = [p.name for p in self.base]
-        own, others = names.index(name), [names.index(other) for other in self.told_only_with(name)]
-        moved = np.array([parameters[names[k]] - self.model.values[names[k]] for k in others])
-        of_others = self.prior_covariance[np.ix_(others, others)]
-        return float(self.model.values[name] + self.prior_covariance[own, others] @ np.linalg.solve(of_others, moved))
-
-    def prior_of(self, free: Sequence[int]) -> Array:
-        """How far some base parameters may wander together while the others are given, shape (free, free).
-
-        Of parameters that were told only together, one that is given tells the others: they stand where they were put
-        when the model was identified, as only what all of them are together can be seen to change.
-        """
-        is_given = np.ones(len(self.base), dtype=bool)
-        is_given[list(free)] = False
-        given = self._untold[np.any(self._has_part & is_given, axis=1)]
-        covariance: Array = (self.prior_covariance - given.T @ given)[np.ix_(free, free)]
-        return covariance
-
-    @cached_property
-    def prior_std(self) -> Array:
-        """How far each base parameter may wander by itself."""
-        return np.sqrt(np.diag(self.prior_covariance))
-
-    def moved(self, parameters: Mapping[str, float]) -> list[str]:
-        """The base parameters that are further from their nominal values than they may wander.
-
-        Of those that were told only together all that have moved, if they have done so together.
-        """
-        away = np.array([parameters[p.name] - self.model.values[p.name] for p in self.base])
-        far = np.abs(away) > _MOVED_SIGMAS * self.prior_std
-        rest = np.flatnonzero(~far)
-        together = away[rest] @ np.linalg.solve(self.prior_of(rest.tolist()), away[rest])
-        if len(self._untold) and together > len(rest) * _MOVED_SIGMAS**2:
-            given = self.prior_covariance - self._untold.T @ self._untold
-            far |= np.any(self._has_part, axis=0) & (np.abs(away) > _MOVED_SIGMAS * np.sqrt(np.diag(given)))
-        return [p.name for p, moved in zip(self.base, far, strict=True) if moved]
+    def prior(self) -> Prior:
+        """How far the base parameters may wander without being called changed."""
+        return Prior(self.model, self.base)
 
     @property
     def coarse_factor(self) -> float:

@@ -37,7 +37,7 @@ def test_a_place_on_a_steep_curve_may_drift_less_than_its_size_says() -> None:
     pressure = simulate(model.definition, model.values, drive)[0] + np.random.default_rng(1).normal(0.0, 0.5, 2000)
     made = recording("sweep", time_s, {"current [A]": current, "pressure [psi]": pressure})
     problem = pose(model, bound(model, [made]))
-    allowed = dict(zip([p.name for p in problem.base], problem.prior_std, strict=True))
+    allowed = dict(zip([p.name for p in problem.base], problem.prior.std, strict=True))
     assert allowed["curve_centre"] == pytest.approx(0.002)
     assert allowed["curve_width"] == pytest.approx(0.005 * model.values["curve_width"])
     near = {**model.values, "curve_centre": model.values["curve_centre"] + allowed["curve_centre"]}

@@ -58,17 +58,18 @@ def test_the_model_knows_what_they_are_together() -> None:
     assert any("loop_gain, speed_extend, or only what they are together" in note for note in identified().notes)
     assert "not told" in identified().summary()
     problem = pose(identified().model, [small_moves(3, {})])
-    assert problem.told_only_with("loop_gain") == ["speed_extend"]
-    assert problem.told_only_with("speed_ratio") == []
+    prior = problem.prior
+    assert prior.told_only_with("loop_gain") == ["speed_extend"]
+    assert prior.told_only_with("speed_ratio") == []
     names, values = [p.name for p in problem.base], problem.model.values
     gain, speed = names.index("loop_gain"), names.index("speed_extend")
     product = np.zeros(len(names))  # slope of the logarithm of loop gain times speed
     product[[gain, speed]] = 1.0 / values["loop_gain"], 1.0 / values["speed_extend"]
-    assert np.sqrt(product @ problem.prior_covariance @ product) < 0.02
-    assert problem.prior_std[gain] > values["loop_gain"]
+    assert np.sqrt(product @ prior.covariance @ product) < 0.02
+    assert prior.std[gain] > values["loop_gain"]
     slower = {**values, "speed_extend": 0.98 * values["speed_extend"]}
-    assert problem.was("loop_gain", slower) == pytest.approx(values["loop_gain"] / 0.98, rel=2e-3)
-    given = problem.prior_of([k for k in range(len(names)) if k != gain])
+    assert prior.was("loop_gain", slower) == pytest.approx(values["loop_gain"] / 0.98, rel=2e-3)
+    given = prior.of([k for k in range(len(names)) if k != gain])
     assert np.sqrt(given[speed - 1, speed - 1]) < 0.02 * values["speed_extend"]
 
 

@@ -115,20 +115,14 @@ def _adaptation(place: Around, taken: Collection[str]) -> _Adaptation:
     problem, accepted = place.problem, place.accepted
     free = [k for k, p in enumerate(problem.base) if p.name not in taken]
     prior = np.zeros((len(problem.base), place.slopes.shape[1]))
-    prior[np.ix_(free, free)] = prior_root(problem, free)
+    prior[np.ix_(free, free)] = problem.prior.root(free)
     away = np.zeros(place.slopes.shape[1])
     for k, p in enumerate(problem.base):
         if p.name in taken:
-            prior[k, k] = _FROZEN / problem.prior_std[k]
+            prior[k, k] = _FROZEN / problem.prior.std[k]
         else:
             away[k] = accepted.parameters[p.name] - problem.model.values[p.name]
     information = place.gram + prior.T @ prior
     scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     scales = np.outer(scale, scale)
     return _Adaptation(prior, prior @ away, -scales * np.linalg.pinv(information * scales, rcond=1e-12, hermitian=True))
-
-
-def prior_root(problem: Problem, free: Sequence[int]) -> Array:
-    """R with Rᵀ·R the precision of these base parameters under the prior, the others given."""
-    root: Array = np.linalg.inv(np.linalg.cholesky(problem.prior_of(free)))
-    return root

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnose.problem import Problem
-from hil.diagnose.search.around import prior_root
 from hil.diagnose.search.fitted import Fitted, evaluated, simulated, starting
 from hil.identify.estimate import Unknown, estimate
 from hil.record.recording import Array
@@ -30,7 +29,7 @@ def polish(problem: Problem, fitted: Fitted, *, from_here: bool = False) -> Fitt
     in a valley from which only they had a way on.
     """
     found = fit(problem, fitted, from_here=from_here)
-    bent = set(problem.moved(found.parameters)) - {term.name for term in found.terms if term.kind == "parameter"}
+    bent = set(problem.prior.moved(found.parameters)) - {term.name for term in found.terms if term.kind == "parameter"}
     if not (bent and any(term.rugged for term in found.terms)):
         return found
     nominal = found.parameters | {p.name: problem.model.values[p.name] for p in problem.base}
@@ -62,7 +61,7 @@ def fit(
     taken = {term.name for term in fitted.terms if term.kind == "parameter"}
     free = [k for k, p in enumerate(problem.base) if p.name not in taken]
     base = [problem.base[k] for k in free]
-    root = prior_root(problem, free)
+    root = problem.prior.root(free)
     nominal = np.array([problem.model.values[p.name] for p in base])
     unknowns = [Unknown(p.name, p.unit, fitted.parameters[p.name], p.low, p.high, p.scale) for p in base]
     for term, values in zip(fitted.terms, fitted.values, strict=True):

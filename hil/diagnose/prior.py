@@ -1,0 +1,134 @@
+"""What is known of the base parameters before the recordings: how far they may be from where the model has them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.physics.model import Model
+from hil.physics.plant import Parameter
+from hil.record.recording import Array
+
+# A unit that was identified once drifts a little without anything being wrong with it: this share of each
+# parameter's size, or what its plant says, beside its standard uncertainty, is not news.
+_DRIFT_SHARE = 0.005
+# A base parameter this many standard uncertainties from its nominal value may have changed.
+_MOVED_SIGMAS = 3.0
+# A parameter has a part in a direction that leads along it by more than this share of what it does along any.
+_HAS_A_PART = 0.03
+
+
+@dataclass(frozen=True)
+class Prior:
+    """How far the base parameters of a model may wander without being called changed.
+
+    Attributes:
+        model: the nominal model, with what was known of its parameters when it was identified.
+        base: the parameters, those that its plant lets free; k of them.
+    """
+
+    model: Model
+    base: tuple[Parameter, ...]
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Shape (k, k)."""
+        usual = [_DRIFT_SHARE * max(abs(self.model.values[p.name]), p.scale) for p in self.base]
+        drift = [share if p.drift is None else p.drift for p, share in zip(self.base, usual, strict=True)]
+        made: Array = self._known + np.diag(np.square(drift))
+        return made
+
+    @cached_property
+    def std(self) -> Array:
+        """How far each may wander by itself, shape (k,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @cached_property
+    def _known(self) -> Array:
+        """How well they were known when the model was identified, shape (k, k)."""
+        known = self.model.covariance
+        if known is None:
+            stds = [self.model.parameters[name].std or 0.0 for name in self._names]
+            return np.diag(np.square(np.nan_to_num(stds, posinf=0.0)))
+        at = [k for k, name in enumerate(self._names) if name in known.names]
+        told = [known.names.index(self._names[k]) for k in at]
+        covariance = np.zeros((len(self.base), len(self.base)))
+        covariance[np.ix_(at, at)] = np.array(known.matrix)[np.ix_(told, told)]
+        return covariance
+
+    @cached_property
+    def _names(self) -> list[str]:
+        return [p.name for p in self.base]
+
+    @cached_property
+    def _sizes(self) -> Array:
+        return np.array([p.scale for p in self.base])
+
+    @cached_property
+    def _untold(self) -> Array:
+        """Directions in which the recordings that the model was identified from do not tell the parameters to within
+        their own size, as far as they may wander there; shape (m, k).
+        """
+        variances, directions = np.linalg.eigh(self._known / np.outer(self._sizes, self._sizes))
+        far = variances > 1.0
+        reaches: Array = np.sqrt(variances[far])[:, None] * directions[:, far].T * self._sizes
+        return reaches
+
+    @cached_property
+    def _has_part(self) -> NDArray[np.bool_]:
+        """Which parameters have a part in each direction that is untold, shape (m, k)."""
+        parts = np.abs(self._untold) / self._sizes
+        return np.asarray(parts > _HAS_A_PART * parts.max(axis=1, keepdims=True, initial=0.0))
+
+    def told_only_with(self, name: str) -> list[str]:
+        """The parameters that were told only together with this one."""
+        shared = np.any(self._has_part[self._has_part[:, self._names.index(name)]], axis=0)
+        return [other for other, is_shared in zip(self._names, shared, strict=True) if is_shared and other != name]
+
+    def was(self, name: str, parameters: Mapping[str, float]) -> float:
+        """What a parameter was in the unit that the model was identified from, if those that were told only together
+        with it were what they are now.
+        """
+        own, others = self._names.index(name), [self._names.index(other) for other in self.told_only_with(name)]
+        moves = self.covariance[own, others] @ np.linalg.solve(
+            self.covariance[np.ix_(others, others)], self._away(parameters)[others]
+        )
+        return float(self.model.values[name] + moves)
+
+    def of(self, free: Sequence[int]) -> Array:
+        """The covariance of some parameters, by their places, the others given; shape (free, free).
+
+        Of parameters that were told only together, one that is given tells the others: they stand where they were put
+        when the model was identified, as only what all of them are together can be seen to change.
+        """
+        is_given = np.ones(len(self.base), dtype=bool)
+        is_given[list(free)] = False
+        given = self._untold[np.any(self._has_part & is_given, axis=1)]
+        covariance: Array = (self.covariance - given.T @ given)[np.ix_(free, free)]
+        return covariance
+
+    def root(self, free: Sequence[int]) -> Array:
+        """R with Rᵀ·R the precision of these parameters, the others given; shape (free, free)."""
+        made: Array = np.linalg.inv(np.linalg.cholesky(self.of(free)))
+        return made
+
+    def moved(self, parameters: Mapping[str, float]) -> list[str]:
+        """The parameters that are further from their nominal values than they may wander.
+
+        Of those that were told only together all that have moved, if they have done so together.
+        """
+        away = self._away(parameters)
+        far = np.abs(away) > _MOVED_SIGMAS * self.std
+        rest = np.flatnonzero(~far)
+        together = away[rest] @ np.linalg.solve(self.of(rest.tolist()), away[rest])
+        if len(self._untold) and together > len(rest) * _MOVED_SIGMAS**2:
+            told = np.sqrt(np.diag(self.covariance - self._untold.T @ self._untold))
+            far |= np.any(self._has_part, axis=0) & (np.abs(away) > _MOVED_SIGMAS * told)
+        return [name for name, moved in zip(self._names, far, strict=True) if moved]
+
+    def _away(self, parameters: Mapping[str, float]) -> Array:
+        return np.array([parameters[name] - self.model.values[name] for name in self._names])
