@@ -29,6 +29,9 @@ NAMEABLE = 2
 # letter, what that leaves stays with any second cause: then this share suffices if both together explain what they
 # should, and less is no cause beside the greater of the two.
 SECOND_SHARE, SECOND_BESIDE_A_LAW = 0.7, 0.4
+# Where a first one leaves so little of a misfit, nature does not follow the library's law to the letter, and no more,
+# unless a second cause takes this share of it.
+_TO_THE_LETTER, _SECOND_BESIDE_NEARLY_ALL = 1e-3, 0.95
 # So many single explanations are fitted to their end; more, where one of them explains what it should, of those that
 # leave no more than so many times what the best left while all else adapted linearly: lags come in any order then.
 _POLISHED, _MOST_POLISHED, _MAY_BE_AS_GOOD = 2, 5, 4.0
@@ -238,6 +241,8 @@ class Causes:
         """Whether a second cause explains most of what a first one leaves, and both are there."""
         closes = self.m.is_adequate(both) and not self.m.is_adequate(seed)
         share = SECOND_BESIDE_A_LAW if closes else SECOND_SHARE
+        if self.m.left(seed) < _TO_THE_LETTER:
+            share = _SECOND_BESIDE_NEARLY_ALL
         better = self.m.gain(seed, both.chi2) >= share and seed.chi2 - both.chi2 > ALARM_GAIN
         return better and is_present(both)
 

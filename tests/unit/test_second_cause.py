@@ -28,8 +28,14 @@ class Stand:
 
     problem = None
 
+    def __init__(self, misfit: float = 1.0) -> None:
+        self.misfit = misfit
+
     def excess(self, chi2: float) -> float:
         return chi2 / COUNT - 1.0
+
+    def left(self, f: Fitted) -> float:
+        return self.excess(f.chi2) / self.misfit
 
     def gain(self, seed: Fitted, chi2: float) -> float:
         return (seed.chi2 - chi2) / (self.excess(seed.chi2) * COUNT)
@@ -61,6 +67,16 @@ def _term(name: str, unknown: Unknown) -> Term:
 def test_a_second_cause_explains_most_or_closes_what_a_law_leaves(first: float, both: float, expected: bool) -> None:
     of = Causes(Stand(), ())  # type: ignore[arg-type]
     assert of._is_pair(explanation("hysteresis", "sensor_lag", chi2=both), explanation("x", chi2=first)) is expected
+
+
+@pytest.mark.parametrize(
+    ("misfit", "both", "expected"), [(1e2, 11_500.0, True), (1e5, 11_500.0, False), (1e5, 10_200.0, True)]
+)
+def test_what_a_law_leaves_of_a_great_misfit_is_no_second_cause(misfit: float, both: float, expected: bool) -> None:
+    """A first cause leaves as much as the noise: a hundredth of the misfit, or the little by which laws are off."""
+    of = Causes(Stand(misfit), ())  # type: ignore[arg-type]
+    pair, alone = explanation("asymmetry", "sensor_drift", chi2=both), explanation("asymmetry", chi2=20_000.0)
+    assert of._is_pair(pair, alone) is expected
 
 
 @pytest.mark.parametrize(("alone", "kept"), [(20_000.0, True), (10_650.0, False), (LITTLE, False)])
