@@ -8,6 +8,7 @@ from hil.diagnose.causes import NAMEABLE
 from hil.diagnose.decide import OPEN, Choice, decide
 from hil.diagnose.events.event import Events
 from hil.diagnose.events.recognise import recognised
+from hil.diagnose.events.undisturbed import undisturbed
 from hil.diagnose.measures import LAW_TOLERANCE, SMALL_EXCESS, excess
 from hil.diagnose.problem import Problem, pose
 from hil.diagnose.search.fitted import Fitted, evaluated
@@ -107,7 +108,8 @@ def _first(problem: Problem, choice: Choice) -> Events | None:
     if left <= SMALL_EXCESS:
         return None
     is_open = choice.verdict in OPEN
-    beside = recognised(problem, (choice.chosen,), left, commands=is_open)
+    law = undisturbed(problem, choice.candidates) if is_open else None
+    beside = recognised(problem, (choice.chosen if law is None else law,), left, commands=is_open)
     found = (*beside, choice.part) if is_open else beside
     return min((e for e in found if e is not None), key=lambda e: e.chi2, default=None)
 

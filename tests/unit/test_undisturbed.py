@@ -1,0 +1,67 @@
+"""A law that is looked for beside commands that do not arrive is fitted to the times at which nothing happened."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hil.diagnose.diagnose import diagnose
+from hil.diagnose.events.undisturbed import quiet, undisturbed
+from hil.diagnose.problem import pose
+from hil.diagnose.search.fitted import Fitted, nothing
+from hil.diagnose.search.polish import fit
+from hil.diagnose.search.terms import all_terms
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Array
+from tests.concealed import bound, commands, nominal, records
+
+LOOP = ActiveEffect("hysteresis", "pilot", {"width": 4.0, "reach": 8.0, "least": 0.3, "closing": 1.0})
+
+
+def often_held() -> dict[str, Array]:
+    """The commands of records(seed=7) with a quarter of a second in every two in which the last one stays."""
+    made = {name: values.copy() for name, values in commands(np.random.default_rng(7)).items()}
+    generator = np.random.default_rng(3)
+    for values in made.values():
+        for start in np.arange(150, len(values) - 200, 500) + generator.integers(0, 200, len(values) // 500):
+            values[start : start + 60] = values[start - 1]
+    return made
+
+
+def test_the_quieter_part_of_the_time_is_the_same_in_every_channel() -> None:
+    problem = pose(nominal(), bound(nominal(), records(seed=3, with_spool=True)[:1]))
+    ((output, spool),) = problem.channel_slices()
+    residuals = np.ones(len(problem.nominal_residuals))
+    residuals[spool.start + 1000 : spool.start + 1500] = 9.0
+    residuals[output.start + 2000 : output.start + 2500] = 3.0
+    keep = quiet(problem, residuals)
+    assert np.array_equal(keep[output], keep[spool])
+    assert not keep[output][1000:1500].any()
+    assert not keep[output][2000:2500].any()
+    assert keep[output].mean() > 0.6
+
+
+def test_a_law_does_not_bend_to_what_happens_beside_it() -> None:
+    problem = pose(nominal(), bound(nominal(), records((LOOP,), seed=7, arriving=often_held())))
+    start = nothing(problem)
+    terms = all_terms(problem, start.residuals)
+
+    def fitted(name: str) -> Fitted:
+        term = next(t for t in terms if t.name == name and t.hook in ("pilot", "flow"))
+        return fit(problem, replace(start, terms=(term,), values=(term.starts[0],)))
+
+    loop, other = fitted("hysteresis"), fitted("saturation")
+    found = undisturbed(problem, [other, loop, start])
+    assert found is not None
+    assert found.names == ("hysteresis",)
+    assert abs(found.values[0][0] - 4.0) < 0.1
+    assert abs(loop.values[0][0] - 4.0) > 0.3
+    assert found.chi2 > loop.chi2
+    assert undisturbed(problem, [start]) is None
+
+
+def test_a_loop_and_commands_that_do_not_arrive_are_both_found() -> None:
+    of = diagnose(nominal(), bound(nominal(), records((LOOP,), seed=7, arriving=often_held())))
+    assert sorted(f.name for f in of.diagnosis.effects) == ["dropout", "hysteresis"]
+    assert of.diagnosis.verdict == "explained"
