@@ -139,14 +139,19 @@ class Causes:
         return [f for f in polished if self.m.excess(f) <= far]
 
     def couples(self, alone: Alone, best: Fitted) -> list[Fitted]:
-        """Two causes found at once, where they leave much less than the best single one does."""
+        """Two causes found at once, where they leave much less than the best single one does.
+
+        What leaves more than the best may only be in another valley of a rugged term that both have.
+        """
         found = joint(alone.place, alone.screened, alone.fitted, _COUPLES)
         if not found or self._left(found[0]) > (1.0 - _HOPE) * self._left(alone.fitted[0]):
             return []
         rough = self._further([self._compared(f) for f in self._within(found, _FAR_WORSE)])
         self.second.extend(rough)
-        closest = self._within(sorted(rough, key=self.m.cost), _MAY_TURN_OUT_BEST)[:_FITTED_TO_THE_END]
-        both = self._to_the_end(closest)
+        by_cost = sorted(rough, key=self.m.cost)
+        near = self._within(by_cost, _MAY_TURN_OUT_BEST)
+        hopeful = [*near, *(f for f in by_cost[len(near) :] if self._in_valley_of(by_cost[0], f) != f.values)]
+        both = self._to_the_end(hopeful[:_FITTED_TO_THE_END])
         return [both] if self._is_pair(both, best) else []
 
     def _to_the_end(self, pairs: Sequence[Fitted]) -> Fitted:
@@ -166,11 +171,15 @@ class Causes:
         """An explanation, or, where that is lower, the same fitted roughly from the valley of a rugged term that it has
         in common with another one.
         """
-        valleys = {(t.name, t.hook): v for t, v in zip(best.terms, best.values, strict=True) if t.rugged}
-        moved = tuple(valleys.get((t.name, t.hook), v) for t, v in zip(f.terms, f.values, strict=True))
+        moved = self._in_valley_of(best, f)
         if moved == f.values:
             return f
         return min(f, self._compared(replace(f, values=moved, parameters=best.parameters)), key=lambda f: f.chi2)
+
+    def _in_valley_of(self, best: Fitted, f: Fitted) -> tuple[tuple[float, ...], ...]:
+        """The values of an explanation with those of the rugged terms that it has in common with another one."""
+        valleys = {(t.name, t.hook): v for t, v in zip(best.terms, best.values, strict=True) if t.rugged}
+        return tuple(valleys.get((t.name, t.hook), v) for t, v in zip(f.terms, f.values, strict=True))
 
     def _within(self, best_first: Sequence[Fitted], times: float) -> list[Fitted]:
         """Those that leave no more than so many times what the best leaves."""

@@ -17,6 +17,8 @@ from hil.record.recording import Array
 
 # Events and a law beside them are looked for so often.
 _LOOKS = 2
+# What events leave, in units of the noise's variance, from which a law that explains most of it is told beside them.
+_TELLING_EXCESS = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ def posed_again(problem: Problem, experiments: tuple[Experiment, ...]) -> Proble
 
 
 def _beside_each_other(problem: Problem, choice: Choice) -> Happened | None:
-    """Events, and what explains the rest when they are taken out; None where that stays open.
+    """Events, and what explains the rest, or most of it, when they are taken out; None where that stays open.
 
     A law hides some of the events, and they distort the law: where it explains most of the rest, they are looked for
     beside it once more. Where the events alone explain too little, the law explains the rest if what both leave
@@ -91,8 +93,11 @@ def _beside_each_other(problem: Problem, choice: Choice) -> Happened | None:
             return Happened((replace(events, residuals=found.chosen.residuals),), rest, found)
         if (other := _of_another_kind(rest, found, events)) is not None:
             return Happened((replace(events, residuals=other.residuals), other), rest, replace(found, events=other))
-        if found.verdict == "unexplained" or looks == _LOOKS:
+        if found.verdict == "unexplained":
             return None
+        if looks == _LOOKS:
+            large = excess(rest, found.baseline.chi2) >= _TELLING_EXCESS
+            return Happened((replace(events, residuals=found.chosen.residuals),), rest, found) if large else None
         events = _beside_law(problem, evaluated(problem, found.chosen))
     return None
 

@@ -211,7 +211,8 @@ def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
     A hum that the model knows from the healthy unit is taken out of the recordings: it is no news.
     """
     experiments = [_without_hum(model, e) for e in experiments]
-    noises = tuple(_noise(model, own["output"]) for own in channel_floors([{"output": e.output} for e in experiments]))
+    floors = channel_floors([{"output": e.told_output} for e in experiments])
+    noises = tuple(_noise(model, own["output"]) for own in floors)
     return Problem(model, tuple(experiments), noises, channel_floors([e.observed for e in experiments]))
 
 

@@ -78,7 +78,7 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
     response = e.respond(model.definition, model.values, model.active_effects)[0]
     time_s, measured, simulated = e.time_s[e.told], e.output[e.told], response[e.told]
     error = simulated - measured
-    noise = channel_floor(e.output)
+    noise = channel_floor(measured)
     return Comparison(
         e.name,
         e.output_heading.rpartition("[")[2].rstrip("]"),

@@ -92,6 +92,12 @@ class Experiment:
         return np.ones(len(self.output), dtype=np.bool_) if self.ignored is None else ~self.ignored
 
     @property
+    def told_output(self) -> Array:
+        """The output where it says something, one sample after another."""
+        told: Array = self.output[self.told]
+        return told
+
+    @property
     def count_lost(self) -> int:
         """How many samples no channel says anything at."""
         return 0 if self.lost is None else int(self.lost.sum())

@@ -110,7 +110,7 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Seque
 def _fitted(
     model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], said: tuple[str, ...]
 ) -> GreyBoxFit:
-    weights = [1.0 / max(channel_floor(e.output), _resolution(e.output)) for e in experiments]
+    weights = [1.0 / max(channel_floor(e.told_output), _resolution(e.output)) for e in experiments]
     model, note = _with_structure(model, experiments, weights)
     plant = model.definition
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
@@ -236,7 +236,7 @@ def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
     inputs = [e.on_grid_input() for e in experiments]
     outputs = [e.output for e in experiments]
     interval_s = experiments[0].interval_s
-    floor = float(np.sqrt(np.mean([channel_floor(y) ** 2 for y in outputs])))
+    floor = float(np.sqrt(np.mean([channel_floor(e.told_output) ** 2 for e in experiments])))
     is_noise = float(np.sqrt(np.mean([np.mean(error**2) for error in errors]))) < _MOST_OVER_FLOOR * floor
     hum_hz = common_line(experiments, errors) if is_noise else None  # a misfit has lines that are no hum
     if hum_hz is None:
@@ -277,7 +277,7 @@ def _result(
     for e in experiments:
         simulated = e.respond(plant, values, model.active_effects)[0]
         fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
-        floor = channel_floor(e.output)
+        floor = channel_floor(e.told_output)
         slope = start_slope(e, plant, values, model.active_effects, floor)
         error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
         errors.append(_as_if_told(error, e.told))
