@@ -16,7 +16,7 @@ from hil.identify.compare import compare
 from hil.identify.experiment import Experiment, experiment
 from hil.identify.gaps import filled
 from hil.identify.grey_box import fit_plant
-from hil.identify.noise import white_floor
+from hil.identify.noise import channel_floor, white_floor
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate
@@ -141,3 +141,14 @@ def test_what_is_drawn_through_a_gap_is_not_shown_as_recorded() -> None:
     assert np.isnan(strip.measured[800:1200]).all()
     assert np.isfinite(strip.measured[:800]).all()
     assert (strip.off(strip.nominal)[800:1200] == 0.0).all()
+
+
+def test_noise_is_measured_where_samples_say_something() -> None:
+    (made,) = records(seed=8)[:1]
+    flow = made.channels["flow"].values
+    for start in range(200, len(flow) - 200, 400):
+        flow[start : start + 100] = flow[start]
+    kept, _ = without_stale(bound(nominal(), [made]))
+    assert channel_floor(kept[0].output) < 0.85 * NOISE
+    (noise,) = pose(replace(nominal(), noise=None), kept).noises
+    assert noise.std == pytest.approx(NOISE, rel=0.05)
