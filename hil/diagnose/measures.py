@@ -28,8 +28,8 @@ _INSIDE_SIGMAS = 2.0
 _NEW_PHYSICS = 10.0
 # An unknown costs so many times what it would if the laws of the library were those of nature (Schwarz: ln n).
 _PRICE = 2.0
-# No law is so exact that an unknown were worth this share of the misfit: beside an end stop that throws a carriage
-# far off, what another contact leaves is many times the noise.
+# No law is so exact that an unknown of it is worth this share of the misfit: beside an end stop that throws a carriage
+# far, what another contact leaves is many times the noise. The nominal model's own parameters are no such law.
 _EXACT = 1e-6
 
 
@@ -71,10 +71,10 @@ class Measures:
 
     def cost(self, f: Fitted) -> float:
         """χ² and the price of unknowns; physics that the nominal model lacks costs more than what it has."""
-        added = sum(term.kind == "effect" for term in f.terms)
+        added = [term for term in f.terms if term.kind == "effect"]
         size = self.problem.size
-        price = _PRICE * float(np.log(size)) + _EXACT * self.excess(self.baseline) * size
-        return f.chi2 + f.unknowns * price + added * _NEW_PHYSICS
+        shapes = sum(len(term.unknowns) for term in added) * _EXACT * self.excess(self.baseline) * size
+        return f.chi2 + f.unknowns * _PRICE * float(np.log(size)) + shapes + len(added) * _NEW_PHYSICS
 
     def burden(self, f: Fitted) -> float:
         """Variance that an explanation leaves beyond the noise, and what it costs, as a share of it."""

@@ -120,6 +120,8 @@ def test_no_law_is_so_exact_that_shapes_are_worth_a_millionth_of_the_misfit(misf
     m = Measures(problem, explanation(chi2=misfit * size))
     assert (m.cost(shaped) < m.cost(plain)) is closer_wins
     assert (m.burden(shaped) < m.burden(plain)) is closer_wins
+    masses = tuple(replace(term, kind="parameter") for term in shaped.terms)
+    assert m.cost(replace(shaped, terms=masses)) < m.cost(plain)  # parameters that changed are no law that is off
 
 
 def test_pairs_that_still_fall_are_carried_on_before_they_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
