@@ -6,7 +6,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnose.diagnose import diagnose
 from hil.diagnose.events.undisturbed import quiet, undisturbed
 from hil.diagnose.problem import pose
 from hil.diagnose.search.fitted import Fitted, nothing
@@ -59,9 +58,3 @@ def test_a_law_does_not_bend_to_what_happens_beside_it() -> None:
     assert abs(loop.values[0][0] - 4.0) > 0.3
     assert found.chi2 > loop.chi2
     assert undisturbed(problem, [start]) is None
-
-
-def test_a_loop_and_commands_that_do_not_arrive_are_both_found() -> None:
-    of = diagnose(nominal(), bound(nominal(), records((LOOP,), seed=7, arriving=often_held())))
-    assert sorted(f.name for f in of.diagnosis.effects) == ["dropout", "hysteresis"]
-    assert of.diagnosis.verdict == "explained"
