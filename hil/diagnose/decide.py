@@ -220,12 +220,13 @@ class _Judge:
         """Whether all that an explanation brings are base parameters, and one that no effect is named after shows much
         more than those that have grown into an effect.
         """
-        if any(term.kind == "effect" for term in f.terms):
+        if len(f.names) == len(f.terms) or any(term.kind == "effect" for term in f.terms):
             return False
-        shown = [float(np.linalg.norm(change_without(self.problem, f, k))) for k in range(len(f.terms))]
-        is_named = [bool(term.effect_name(values)) for term, values in zip(f.terms, f.values, strict=True)]
-        named, plain = ([size for size, n in zip(shown, is_named, strict=True) if n is want] for want in (True, False))
-        return max(plain, default=0.0) > _CHIEF_CHANGE * max(named, default=0.0)
+        named, plain = [0.0], [0.0]
+        for k, (term, values) in enumerate(zip(f.terms, f.values, strict=True)):
+            shown = float(np.linalg.norm(change_without(self.problem, f, k)))
+            (named if term.effect_name(values) else plain).append(shown)
+        return max(plain) > _CHIEF_CHANGE * max(named)
 
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""

@@ -44,11 +44,15 @@ class GreyBoxFit:
         """A table of parameters with their uncertainty, fits and notes, for a terminal."""
         rows = [f"{self.model.plant}"]
         for name, found in self.model.parameters.items():
-            known = found.std is not None and np.isfinite(found.std)
-            error = "held" if found.std is None else f"± {1.96 * found.std:.2g}" if known else "not told"
-            rows.append(f"  {name:18} {found.value:12.6g} {error:12} {found.unit}")
+            rows.append(f"  {name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit}")
         rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+
+def _interval(std: float | None) -> str:
+    if std is None:
+        return "held"
+    return f"± {1.96 * std:.2g}" if np.isfinite(std) else "not told"
 
 
 def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:

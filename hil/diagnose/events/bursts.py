@@ -8,6 +8,7 @@ import numpy as np
 
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted
+from hil.identify.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
@@ -26,10 +27,8 @@ def all_bursts(problem: Problem, around: Fitted) -> list[list[Burst]]:
 
 def bursts_of(problem: Problem, residuals: Array, k: int) -> list[Burst]:
     """(first, last) samples of stretches in which the misfit is far beyond the noise."""
-    part, e = residuals[problem.output_slices()[k]], problem.experiments[k]
-    size = max(2, round(BLOCK_S / e.drive.interval_s))
-    blocks = len(part) // size
-    power = np.mean(part[: blocks * size].reshape(blocks, size) ** 2, axis=1)
+    e = problem.experiments[k]
+    size, power = block_size(e), block_power(e, residuals[problem.output_slices()[k]])
     merged: list[Burst] = []
     for start, stop in runs(power > _BURST):
         if merged and start - merged[-1][1] <= 1:
@@ -37,6 +36,19 @@ def bursts_of(problem: Problem, residuals: Array, k: int) -> list[Burst]:
         else:
             merged.append((start, stop))
     return [(start * size, stop * size) for start, stop in merged]
+
+
+def block_size(e: Experiment) -> int:
+    """Samples of a recording in a block."""
+    return max(2, round(BLOCK_S / e.drive.interval_s))
+
+
+def block_power(e: Experiment, residuals: Array) -> Array:
+    """Mean square of one channel's residuals in each whole block, shape (blocks,)."""
+    size = block_size(e)
+    count = len(residuals) // size
+    power: Array = np.mean(residuals[: count * size].reshape(count, size) ** 2, axis=1)
+    return power
 
 
 def is_sparse(problem: Problem, residuals: Array, bursts: Sequence[Sequence[Burst]]) -> bool:

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.diagnose.events.bursts import BLOCK_S
+from hil.cores import spread
+from hil.diagnose.events.bursts import block_power, block_size
 from hil.diagnose.problem import Problem
 from hil.diagnose.search.fitted import Fitted
 from hil.diagnose.search.polish import fit
@@ -29,14 +32,14 @@ def undisturbed(problem: Problem, laws: Sequence[Fitted]) -> Fitted | None:
     for f in laws:
         if f.names:
             distinct.setdefault(f.names, f)
-    tried = [_refitted(problem, f) for f in list(distinct.values())[:_LAWS]]
+    tried = spread(partial(_refitted, problem), list(distinct.values())[:_LAWS])
     if not tried:
         return None
     best = min(tried, key=lambda f: _misfit_when_quiet(problem, f))
     for _ in range(_ROUNDS):
         best = _refitted(problem, best)
     r = best.residuals
-    return Fitted(best.terms, best.values, best.parameters, float(r @ r), r)
+    return replace(best, chi2=float(r @ r), estimate=None)  # of all samples
 
 
 def _refitted(problem: Problem, f: Fitted) -> Fitted:
@@ -52,15 +55,8 @@ def quiet(problem: Problem, residuals: Array) -> NDArray[np.bool_]:
     """Which residuals lie in the quieter blocks of their recording, shape (n,)."""
     keep = np.zeros(len(residuals), dtype=np.bool_)
     for e, channels in zip(problem.experiments, problem.channel_slices(), strict=True):
-        size = max(2, round(BLOCK_S / e.drive.interval_s))
-        count = len(e.output) // size
-        power = np.sum([_blocks(residuals[part] ** 2, count, size) for part in channels], axis=0)
-        is_quiet = np.repeat(power <= np.quantile(power, _UNDISTURBED), size)
+        power = np.sum([block_power(e, residuals[part]) for part in channels], axis=0)
+        is_quiet = np.repeat(power <= np.quantile(power, _UNDISTURBED), block_size(e))
         for part in channels:
             keep[part.start : part.start + len(is_quiet)] = is_quiet
     return keep
-
-
-def _blocks(values: Array, count: int, size: int) -> Array:
-    means: Array = values[: count * size].reshape(count, size).mean(axis=1)
-    return means
