@@ -5,24 +5,34 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from hil.record.measurement import Findings
+    from hil.record.measurement import Findings, Measured
 
 
 def findings_text(findings: Findings) -> str:
-    """Every measured value with its expanded uncertainty as in the report, limits and verdict; then the notes."""
+    """Every measured value with its expanded uncertainty as in the report, limits and verdict; then the notes.
+
+    Where the calibration has a part in the uncertainty, what is left without it stands behind.
+    """
     from hil.report.number import limits_text
     from hil.report.results import value_text
 
     rows = [
-        (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "")
+        (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
         for m in findings.measured
     ]
-    widths = [max((len(row[i]) for row in rows), default=0) for i in range(5)]
+    widths = [max((len(row[i]) for row in rows), default=0) for i in range(6)]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     notes = [f"note: {note}" for note in findings.notes]
     deviations = [f"deviation: {deviation}" for deviation in findings.deviations]
     verdict = [f"verdict: {findings.verdict}"] if findings.verdict else []
     return "\n".join([*table, *notes, *deviations, *verdict])
+
+
+def _beside(m: Measured) -> str:
+    from hil.report.results import repeatability_text
+
+    text = repeatability_text(m)
+    return f"(repeatability ± {text})" if text else ""
 
 
 def _plain(text: str) -> str:

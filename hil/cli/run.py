@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import typer
 
 if TYPE_CHECKING:
+    from hil.record.measurement import Measurement
     from hil.session.procedure import Procedure
     from hil.session.rehearsal import Rehearsal
 
@@ -78,5 +79,10 @@ def _rehearsed(rehearsal: Rehearsal) -> str:
 
 def _described(procedure: Procedure) -> str:
     settings = [f"  --set {setting.described()}" for setting in procedure.settings.values()]
-    measured = [f"  {m.name} [{m.unit}]: {m.meaning}" for m in procedure.measurements]
+    measured = [_defined(m) for m in procedure.measurements]
     return "\n".join([procedure.doc, "", "settings:", *settings, "", "measures:", *measured])
+
+
+def _defined(measurement: Measurement) -> str:
+    said = f"  {measurement.name} [{measurement.unit}]: {measurement.meaning}"
+    return f"{said}\n      {measurement.definition}" if measurement.definition else said

@@ -21,33 +21,49 @@ COVERAGE_FACTOR = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """A quantity that a procedure declares beside its code: what it means, and where it must lie."""
+    """A quantity that a procedure declares beside its code: what it means, and where it must lie.
+
+    `definition` says how it is read, so that somebody else could: the standard's term, the range, what is in it.
+    """
 
     name: str
     unit: str
     meaning: str
     low: float | None = None
     high: float | None = None
+    definition: str = ""
 
     def at(self, place: str = "", unit: str = "") -> Measurement:
         """The same quantity at one of several places (`+50 ± 5 %`), or in a unit that only the bench knows."""
         return replace(self, name=f"{self.name}, {place}" if place else self.name, unit=unit or self.unit)
 
-    def of(self, value: float | None, std: float | None = None, *, relation: Relation = "=") -> Measured:
+    def of(
+        self, value: float | None, std: float | None = None, *, relation: Relation = "=", calibration: float = 0.0
+    ) -> Measured:
         """What was found, judged by the declared limits.
 
         Args:
             value: in the declared unit; None when it could not be determined.
-            std: its standard uncertainty, 0 for a count, None when it is not known.
-            relation: `>` for a value that lies beyond what the test could reach ("−3 dB above 4.9 Hz").
+            std: its standard uncertainty as a repeat on this bench would show it, 0 for a count, None when it is not
+                known.
+            relation: `>` for a value that lies beyond what the test could reach ("−3 dB above 4.9 Hz"), `<` for one
+                that noise alone could make.
+            calibration: what the calibration of the instruments adds, as a standard uncertainty: the same in every
+                run on this bench.
         """
-        verdict = judge(value, std, self.low, self.high, relation)
-        return Measured(self.name, value, self.unit, std, self.low, self.high, verdict, relation, self.meaning)
+        whole = None if std is None else math.hypot(std, calibration)
+        verdict = judge(value, whole, self.low, self.high, relation)
+        return Measured(
+            self.name, value, self.unit, whole, self.low, self.high, verdict, relation, self.meaning, calibration
+        )
 
 
 @dataclass(frozen=True, slots=True)
 class Measured:
-    """A declared quantity with its value, standard uncertainty and verdict; None where there is no limit."""
+    """A declared quantity with its value, standard uncertainty and verdict; None where there is no limit.
+
+    `std` is the whole uncertainty; `calibration_std` the part of it that all runs on one bench share.
+    """
 
     name: str
     value: float | None
@@ -58,6 +74,14 @@ class Measured:
     verdict: Verdict | None = None
     relation: Relation = "="
     meaning: str = ""
+    calibration_std: float = 0.0
+
+    @property
+    def repeatability(self) -> float | None:
+        """Standard uncertainty without the calibration: how a repeat on the same bench would scatter."""
+        if self.std is None or not math.isfinite(self.std):
+            return self.std
+        return math.sqrt(max(self.std**2 - self.calibration_std**2, 0.0))
 
     @property
     def quantity(self) -> str:

@@ -37,6 +37,13 @@ def value_text(m: Measured, unit: str = "") -> str:
     return _sign(m) + with_uncertainty(m.value, _expanded(m), unit)
 
 
+def repeatability_text(m: Measured) -> str:
+    """The expanded uncertainty without the calibration's part; empty where the calibration has none."""
+    if m.value is None or m.repeatability is None or not m.calibration_std:
+        return ""
+    return rounded(m.value, COVERAGE_FACTOR * m.repeatability)[1]
+
+
 def _missed(m: Measured) -> str:
     place = f" at {_place(m)}" if _place(m) else ""
     limit = f"limit {limits_text(m.low, m.high)} {unit_text(m.unit)}".strip()
@@ -77,6 +84,7 @@ def _row(m: Measured, place: str) -> dict[str, Any]:
         "place": place,
         "value": "not determined" if m.value is None else _sign(m) + value,
         "uncertainty": uncertainty,
+        "repeatability": repeatability_text(m),
         "unit": unit_text(m.unit),
         "limits": limits_text(m.low, m.high),
         "verdict": m.verdict,

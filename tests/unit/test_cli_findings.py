@@ -32,3 +32,8 @@ def test_a_row_with_limits_and_verdict() -> None:
     assert text.splitlines() == [
         "bandwidth  > 20.00 ± 0.20  Hz  ≥ -5  pass", "note: a note", "deviation: no filter", "verdict: pass"
     ]  # fmt: skip
+
+
+def test_what_is_left_without_the_calibration_stands_beside() -> None:
+    text = findings_text(Findings((LAG.of(50.0, 0.03, calibration=0.4),)))
+    assert text == "lag  50.00 ± 0.80  s      (repeatability ± 0.060)"

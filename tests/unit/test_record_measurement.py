@@ -72,3 +72,11 @@ def test_findings_are_json_without_the_curves() -> None:
     assert written["measured"][0]["std"] is None
     assert written["notes"] == ["note"]
     assert "curves" not in written
+
+
+def test_the_verdict_uses_the_whole_uncertainty_and_repeatability_is_what_is_left_of_it() -> None:
+    found = Measurement("gain", "1", "", low=0.95).of(1.0, 0.003, calibration=0.04)
+    assert found.std == pytest.approx(np.hypot(0.003, 0.04))
+    assert found.repeatability == pytest.approx(0.003)
+    assert found.verdict == "cannot tell"
+    assert Measurement("gain", "1", "", low=0.95).of(1.0, 0.003).verdict == "pass"
