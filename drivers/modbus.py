@@ -19,7 +19,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Direction, Kind, Terminal, Wiring
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, LinkError
+from hil.errors import DeviceLostError, LinkError, SettingError
 
 Format = Literal["u16", "s16", "f32"]
 WordOrder = Literal["big", "little"]
@@ -80,22 +80,49 @@ class Model:
 
     Attributes:
         registers: by terminal.
-        watchdog: how its watchdog is armed over Modbus: registers and values, `{tenths}` being its time; empty
-            when it is set by other means, and the bench file then only says how it was set.
+        watchdog: how its watchdog is armed over Modbus: registers and what is written to them in this order, numbers
+            or `{tenths}`, `{seconds}`, `{ms}` (its time in that unit) and `{safe:TERMINAL}` (the count of the safe
+            value of the channel on that terminal; nothing is written where none is connected). Empty when it is set
+            by other means, and the bench file then only says how it was set.
+        expires_to: where the device puts its outputs when its watchdog expires, if it is always the same; it is
+            armed only where that is every channel's safe value.
         safe_status, clear_safe: first coil of the flags by output that say that the device has made it safe, and of
             those that end it.
     """
 
     registers: Mapping[str, Register]
     watchdog: Sequence[tuple[int, int | str]] = ()
+    expires_to: float | None = None
     safe_status: int | None = None
     clear_safe: int | None = None
     word_order: WordOrder = "big"
+
+    def __post_init__(self) -> None:
+        for address, value in self.watchdog:
+            if isinstance(value, str):
+                _check_placeholder(address, value, self.registers)
 
     @property
     def terminals(self) -> dict[str, Terminal]:
         """The register map as terminals."""
         return {name: Terminal(r.direction, r.kind, r.unit, r.low, r.high) for name, r in self.registers.items()}
+
+
+_PER_SECOND = {"{tenths}": 10.0, "{seconds}": 1.0, "{ms}": 1000.0}
+
+
+def _check_placeholder(address: int, text: str, registers: Mapping[str, Register]) -> None:
+    if text in _PER_SECOND or ((safe := _safe_of(text)) in registers and registers[safe].direction == "out"):
+        return
+    raise SettingError(
+        f"Model.watchdog: '{text}' for register {address:#06x}: a number, {', '.join(_PER_SECOND)} or "
+        f"{{safe:TERMINAL}} with the name of an output"
+    )
+
+
+def _safe_of(text: str) -> str:
+    """The terminal of `{safe:TERMINAL}`, else nothing."""
+    return text.removeprefix("{safe:").removesuffix("}") if text.startswith("{safe:") and text.endswith("}") else ""
 
 
 def _analogue(
@@ -125,7 +152,7 @@ MODELS: Mapping[str, Model] = {
                         slope=10.0 / 0x7FFF, read_back=0x0200),
             **_analogue(4, "ai", "in", "input", 0x0000, low=-10.0, high=10.0, format="s16", slope=10.0 / 0x7FFF),
         },
-        watchdog=((0x100A, 0), (0x1008, 0xAA55), (0x1000, "{tenths}"), (0x100A, 1)),
+        watchdog=((0x100A, 0), (0x1008, 0xAA55), (0x1000, "{tenths}"), (0x100A, 1)), expires_to=0.0,
     ),
     # Moxa ioLogik E1241: 4 AO of 12 bit, 0 … 10 V; its watchdog and safe values are set on its web page.
     "iologik-e1241": Model(
@@ -195,15 +222,39 @@ def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[st
         yield ("address",), f"'{settings.address}' is not host:port, such as 192.168.1.10:502"
     if settings.watchdog_s is not None and not any(r.direction == "out" for r in model.registers.values()):
         yield ("watchdog_s",), "this model has no outputs that a watchdog could make safe; take this away"
-    if settings.watchdog_s is not None and not 0.1 <= settings.watchdog_s <= 6553.5:
-        yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the device counts 0.1 … 6553.5 s"
+    per_second = next((_PER_SECOND[v] for _, v in model.watchdog if isinstance(v, str) and v in _PER_SECOND), 10.0)
+    if settings.watchdog_s is not None and not _counted(settings.watchdog_s * per_second, bool(model.watchdog)):
+        steps = f"{1.0 / per_second:g} … {0xFFFF / per_second:g} s in steps of {1.0 / per_second:g} s"
+        yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the device counts {steps}"
     if settings.longest_reply_s < settings.timeout_s:
         yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
+
+
+def _counted(count: float, told_to_the_device: bool) -> bool:
+    """Whether the device can count such a time; one that is set there by other means may be any."""
+    return not told_to_the_device or (abs(count - round(count)) < 1e-6 and 1 <= round(count) <= 0xFFFF)
 
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """The register map of the model, as terminals."""
     return MODELS[settings.model].terminals
+
+
+def check_level(model: Model, wiring: Wiring) -> None:
+    """Refuse a watchdog that would put an output elsewhere than at its safe value.
+
+    Raises:
+        SettingError: names the output, where it would go and where it is safe.
+    """
+    for name, channel in wiring.outputs.items():
+        register = model.registers[channel.terminal]
+        goes_to = channel.safe if model.expires_to is None else model.expires_to
+        if register.count_of(goes_to) != register.count_of(channel.safe):
+            raise SettingError(
+                f"watchdog_s: when it expires the device puts {channel.terminal} at {goes_to:g} {register.unit}, but "
+                f"'{name}' is safe at {channel.safe:g} {register.unit}; take watchdog_s away, or connect the valve so "
+                f"that {goes_to:g} {register.unit} is safe"
+            )
 
 
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
@@ -248,6 +299,8 @@ class ModbusLink:
     """
 
     def __init__(self, settings: LineSettings, wiring: Wiring, model: Model) -> None:
+        if settings.watchdog_s is not None:
+            check_level(model, wiring)
         self._watchdog = DeviceWatchdog(settings.watchdog_s)
         self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
         self._settings, self._model = settings, model
@@ -262,7 +315,7 @@ class ModbusLink:
         self._client = _client(settings)
         try:
             self._connect()
-            self._arm()
+            self._arm(self.watchdog_s, {c.terminal: c.safe for c in wiring.outputs.values()})
             self._leave_safe_mode({c.terminal: c.safe for c in wiring.outputs.values()})
         except BaseException:
             self.close()
@@ -308,12 +361,14 @@ class ModbusLink:
         if not self._client.connect():
             raise DeviceLostError(f"{self._settings.address}: cannot be reached")
 
-    def _arm(self) -> None:
-        if self.watchdog_s is None:
-            return
-        for address, value in self._model.watchdog:
-            tenths = max(1, round(10.0 * self.watchdog_s))
-            self._ask(6, address, values=[tenths if isinstance(value, str) else value])
+    def _arm(self, time_s: float | None, safe: Mapping[str, float]) -> None:
+        for address, value in self._model.watchdog if time_s is not None else ():
+            if isinstance(value, int):
+                self._ask(6, address, values=[value])
+            elif value in _PER_SECOND:
+                self._ask(6, address, values=[max(1, round(_PER_SECOND[value] * (time_s or 0.0)))])
+            elif (terminal := _safe_of(value)) in safe:
+                self._ask(6, address, values=[self._model.registers[terminal].count_of(safe[terminal])])
 
     def _leave_safe_mode(self, safe: Mapping[str, float]) -> None:
         """A device that made its outputs safe in an earlier run takes commands again, from the safe values on."""
@@ -444,7 +499,11 @@ _EXCEPTIONS = {
     2: " (no such register)",
     3: " (value not allowed)",
     4: " (device failure)",
+    5: " (accepted, but it takes long)",
     6: " (device busy)",
+    8: " (memory of the device is at fault)",
+    10: " (gateway: no path to the device; check its port and unit_id)",
+    11: " (gateway: the device behind it does not answer; check unit_id, wiring and baud rate there)",
 }
 
 

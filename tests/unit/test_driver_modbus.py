@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from drivers import modbus
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
-from hil.errors import DeviceLostError, HardwareError, LinkError
+from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from sim_devices import modbus as twin
 from sim_devices._field import Side
 from sim_devices._modbus_frames import RtuFrames, TcpFrames, answered, crc16
@@ -266,6 +266,73 @@ def test_without_a_watchdog_the_coupler_keeps_its_output() -> None:
         link.close()
         time.sleep(0.1)
         assert terminals.standing("ao0") == pytest.approx(5.0, abs=1e-3)
+
+
+SECONDS = {"ao0": modbus.Register("out", "voltage", "V", 0.0, 10.0, "holding", 120, "u16", slope=0.001)}
+
+
+class Bytes:
+    """A server that writes down what registers are told, by function 6, and stands for itself: it shares nothing."""
+
+    def __init__(self) -> None:
+        self.written: list[tuple[int, int]] = []
+        self._listener = socket.create_server(("127.0.0.1", 0))
+        self.address = f"127.0.0.1:{self._listener.getsockname()[1]}"
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with self._listener, self._listener.accept()[0] as client:
+            while request := client.recv(260):
+                if request[7] == 6:
+                    self.written.append(struct.unpack(">HH", request[8:12]))
+                client.sendall(request)
+
+
+@pytest.mark.parametrize(("unit", "count"), [("tenths", 20), ("seconds", 2), ("ms", 2000)])
+def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(unit: str, count: int) -> None:
+    model = modbus.Model(SECONDS, watchdog=((140, f"{{{unit}}}"), (141, "{safe:ao0}"), (142, 1)))
+    wiring = Wiring({"valve": OutputChannel("valve", "ao0", "voltage", "V", 0.0, 10.0, 5.0)}, {})
+    for connected, written in (
+        (wiring, [(140, count), (141, 5000), (142, 1)]),
+        (Wiring({}, {}), [(140, count), (142, 1)]),
+    ):
+        device = Bytes()
+        settings = modbus.LineSettings(address=device.address, watchdog_s=2.0)
+        assert list(modbus.line_faults(settings, model)) == []
+        modbus.ModbusLink(settings, connected, model).close()
+        assert device.written == written
+
+
+@pytest.mark.parametrize("text", ["{minutes}", "2", "{safe:ao1}", "{safe}", "{safe:}", ""])
+def test_watchdog_with_an_unknown_placeholder_is_no_model(text: str) -> None:
+    with pytest.raises(
+        SettingError, match=r"for register 0x008c: a number, \{tenths\}, \{seconds\}, \{ms\} or \{safe:"
+    ):
+        modbus.Model(SECONDS, watchdog=((140, text),))
+
+
+def test_watchdog_that_the_device_cannot_count_is_told() -> None:
+    model = modbus.Model(SECONDS, watchdog=((140, "{seconds}"),))
+    settings = modbus.LineSettings(address="127.0.0.1:502", watchdog_s=0.5)
+    assert [text for _, text in modbus.line_faults(settings, model)] == [
+        "0.5 s: the device counts 1 … 65535 s in steps of 1 s"
+    ]
+
+
+def test_watchdog_that_would_drive_the_valve_is_not_armed() -> None:
+    valve = OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0, 5.0)
+    wiring = Wiring({"command": valve}, {})
+    with (
+        pytest.raises(SettingError, match="puts ao0 at 0 V, but 'command' is safe at 5 V; take watchdog_s away"),
+        linked(wiring, watchdog_s=0.2),
+    ):
+        raise AssertionError("it was armed")
+    with linked(wiring) as (link, _, terminals):
+        link.drive({"ao0": 7.0})
+        link.drive({"ao0": 5.0})
+        link.close()
+        time.sleep(0.5)
+        assert terminals.standing("ao0") == pytest.approx(5.0, abs=0.001)
 
 
 def test_restart_of_the_device_is_noticed() -> None:
