@@ -12,8 +12,9 @@ import io
 import math
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 from unittest.mock import patch
 
 from hil.catalog import entries
@@ -36,7 +37,8 @@ def main() -> None:
 
 def pages() -> dict[str, str]:
     """The generated pages by file name."""
-    made = {"command-line.md": command_line(), "plants.md": plants_page(), "effects.md": effects_page()}
+    made = {"command-line.md": command_line(), "plants.md": plants_page(), "effects.md": effects_page(),
+            "results.md": results_page()}  # fmt: skip
     return {name: "\n".join(lines).rstrip() + "\n" for name, lines in made.items()}
 
 
@@ -188,6 +190,64 @@ def effect_parameter_row(parameter: EffectParameter) -> str:
     )
     cells: Sequence[str] = (f"`{parameter.name}`", unit, null, number(parameter.typical), bounds, meaning)
     return f"| {' | '.join(cells)} |"
+
+
+RESULTS = """\
+`hil results RUN` hands on what the evaluation of a run found. `--json FILE` writes one document, below; `--csv FILE`
+writes the values there and each curve beside it as STEM_NAME.csv; `--xlsx FILE` writes a spreadsheet with a sheet for
+the values, one for the transfer functions and one for each curve. FILE may be `-` for JSON and for the values as CSV.
+The run folder keeps the document as `results.json` from the day of the run; a run that has none is evaluated now.
+
+A number that does not exist is `null`. The unit of a pure number is `1`. Every `std` is a standard uncertainty (one σ);
+limits are judged with twice that. Magnitudes of a frequency response are given as `gain` in units of the response per
+unit of the command, as `raw magnitude` in dB of that, and as `magnitude` in dB over the gain at the reference
+frequency. A document of another schema version is refused.
+
+```python
+import json
+
+document = json.load(open("results.json"))
+for curve in document["curves"]:
+    columns = [f"{column['name']} [{column['unit']}]" for column in curve["columns"]]
+```"""
+
+
+def results_page() -> Iterator[str]:
+    """The page of the results: every field of their schema."""
+    from hil.results.results import schema
+
+    made = schema()
+    yield from ("# Results as data", "", NOTE, "", RESULTS)
+    yield from schema_section(str(made["$id"]), made)
+    for name, part in made["$defs"].items():
+        yield from schema_section(name, part)
+
+
+def schema_section(title: str, part: Mapping[str, Any]) -> Iterator[str]:
+    """One object of a schema: what it is, its fields and their types."""
+    yield from (
+        "",
+        f"## `{title}`",
+        "",
+        " ".join(part.get("description", "").split()),
+        "",
+        "| field | type |",
+        "|---|---|",
+    )
+    yield from (f"| `{name}` | {schema_type(field)} |" for name, field in part["properties"].items())
+
+
+def schema_type(field: Mapping[str, Any]) -> str:
+    """The type of a field in words."""
+    if "$ref" in field:
+        return f"`{field['$ref'].rsplit('/', 1)[-1]}`"
+    if "anyOf" in field:
+        return " or ".join(schema_type(one) for one in field["anyOf"])
+    if "enum" in field or "const" in field:
+        return " or ".join(f"`{value}`" for value in field.get("enum", [field.get("const")]))
+    if field.get("type") == "array":
+        return f"list of {schema_type(field['items'])}"
+    return str(field.get("format") or field.get("type"))
 
 
 def number(value: float) -> str:

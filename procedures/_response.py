@@ -165,6 +165,8 @@ def _model(fit: TransferFunctionFit, response: FrequencyResponse) -> dict[str, A
     reference_db = 20.0 * math.log10(abs(response.response[0]))
     return {
         "text": fit.summary(), "formula": formula(fit.model), "fit_percent": fit.fit_percent,
+        "numerator": fit.model.numerator, "denominator": fit.model.denominator, "unit": gain_unit(response),
+        "coefficients": fit.coefficient_names, "covariance": fit.coefficient_covariance,
         "dead_time_s": fit.model.dead_time_s,
         "dead_time_std_s": float(fit.coefficient_std[-1]) if fit.form.dead_time else None, "frequency_hz": frequency_hz,
         "magnitude_db": band.magnitude_db - reference_db, "magnitude_std_db": band.magnitude_std_db,

@@ -18,12 +18,12 @@ from hil.record.folder import read
 from hil.record.measurement import Limit
 from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
-from hil.report.run_page import write_run_report
 from hil.safety.interrupt import terminable
 from hil.session.limit import checked_limits, limits_of
-from hil.session.outcome import REPORT_FILE, Outcome, write_findings
+from hil.session.outcome import Outcome
 from hil.session.procedure import Procedure
 from hil.session.rehearsal import Rehearsal, rehearse
+from hil.session.results import write_outcome
 from hil.session.resume import broken_off, settings_of
 from hil.session.setting import parse_settings
 
@@ -116,9 +116,7 @@ def evaluate_run(procedure: Procedure, folder: Path) -> Outcome:
     """
     recording = read(folder)
     findings = procedure.evaluate(recording).judged(limits_of(recording.meta))
-    write_findings(findings, folder)
-    write_run_report(recording, findings, folder / REPORT_FILE)
-    return Outcome(folder, findings, folder / REPORT_FILE)
+    return write_outcome(recording, findings, folder)
 
 
 def _take_back(folder: Path) -> None:

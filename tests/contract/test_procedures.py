@@ -13,6 +13,8 @@ from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.catalog import entries
 from hil.record.folder import read
+from hil.results.collect import results_of
+from hil.results.results import Results
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
 
@@ -69,6 +71,16 @@ def test_what_is_found_was_declared_and_is_a_number(done):
         assert math.isfinite(measured.value), measured
         assert measured.std is None or math.isfinite(measured.std), measured
         assert measured.verdict is None
+
+
+def test_results_hold_every_value_and_curve_with_its_unit(done):
+    _, recording, findings = done
+    results = results_of(recording, findings)
+    assert Results.model_validate_json(results.as_json()) == results
+    assert [value.name for value in results.values] == [measured.name for measured in findings.measured]
+    assert results.curves
+    plain = {column.name for curve in results.curves for column in curve.columns if column.unit == "1"}
+    assert plain <= {"poles", "zeros"}, "a column without a unit"
 
 
 def test_curves_are_those_that_the_reference_describes(done):

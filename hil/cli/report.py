@@ -1,0 +1,27 @@
+"""`hil report`: the report of a run, made again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+
+def command(
+    run: Path = typer.Argument(..., metavar="RUN", help="Run folder."),
+    limits: list[str] = typer.Option(
+        [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; goes before the run's own."
+    ),
+    open_page: bool = typer.Option(False, "--open", help="Show the page in the browser."),
+) -> None:
+    """Evaluate a run once more and write its report again, also of a run that was stopped or tripped."""
+    from hil.cli.findings import findings_text
+    from hil.session.limit import split_limits
+    from hil.session.results import report_again
+
+    outcome = report_again(run, split_limits(limits))
+    typer.echo(findings_text(outcome.findings))
+    typer.echo(f"report: {outcome.report}")
+    if open_page:
+        typer.launch(str(outcome.report))
+    raise typer.Exit(outcome.exit_status)

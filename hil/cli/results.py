@@ -1,0 +1,59 @@
+"""`hil results`: everything that a run found, as data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.results.results import Results
+
+
+def command(
+    run: Path = typer.Argument(..., metavar="RUN", help="Run folder."),
+    csv: str = typer.Option("", "--csv", metavar="FILE", help="Write the values here, each curve as STEM_NAME.csv."),
+    json: str = typer.Option("", "--json", metavar="FILE", help="Write everything as JSON, schema hil.results/1."),
+    xlsx: str = typer.Option("", "--xlsx", metavar="FILE", help="Write everything as a spreadsheet."),
+) -> None:
+    """Every measured value, curve and transfer function of a run as data; FILE may be `-` for stdout."""
+    from hil.results.tables import values_csv, write_csv, write_xlsx
+    from hil.session.results import results_of_run
+
+    found = results_of_run(run)
+    if not (csv or json or xlsx):
+        typer.echo(_listed(found))
+    _handed_on(csv, found, values_csv, lambda path: write_csv(found, path))
+    _handed_on(json, found, lambda results: results.as_json(), lambda path: _write_json(found, path))
+    if xlsx == "-":
+        raise typer.BadParameter("a spreadsheet is no text; name a file", param_hint="--xlsx")
+    _handed_on(xlsx, found, lambda _results: "", lambda path: write_xlsx(found, path))
+
+
+def _handed_on(target: str, found: Results, text: Callable[[Results], str], write: Callable[[Path], object]) -> None:
+    """To stdout or into a file, if it was asked for."""
+    from hil.cli.places import check_file
+
+    if target == "-":
+        typer.echo(text(found), nl=False)
+    elif target:
+        check_file(Path(target))
+        write(Path(target))
+
+
+def _write_json(found: Results, path: Path) -> None:
+    path.write_text(found.as_json(), encoding="utf-8")
+
+
+def _listed(found: Results) -> str:
+    """The values as `hil run` prints them, then what else there is."""
+    from hil.cli.findings import findings_text
+    from hil.results.collect import findings_of
+
+    lines = [findings_text(findings_of(found))]
+    lines += [f"transfer function: {one.name} [{one.unit}]" for one in found.transfer_functions]
+    lines += [f"curve: {curve.name} ({len(curve.rows)} rows)" for curve in found.curves]
+    return "\n".join(lines)

@@ -1,0 +1,1 @@
+"""The results of a run as data: every value, every curve, every transfer function, for other tools."""

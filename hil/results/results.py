@@ -1,0 +1,158 @@
+"""What a run found, in the form in which it is handed on: `results.json`, schema `hil.results/1`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+
+from hil.errors import FileError, StorageError
+from hil.record.measurement import Relation, Verdict
+
+RESULTS_FILE = "results.json"
+SCHEMA: Literal["hil.results/1"] = "hil.results/1"
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
+
+
+class Value(_Strict):
+    """A measured quantity.
+
+    `std` is its standard uncertainty, null where none is known. With `relation` `<` or `>` the value is a bound: the
+    quantity lies below or above it. `value` is null where it could not be determined.
+    """
+
+    name: str
+    value: float | None
+    std: float | None
+    unit: str
+    low: float | None = None
+    high: float | None = None
+    verdict: Verdict | None = None
+    relation: Relation = "="
+    meaning: str = ""
+
+
+class ColumnOf(_Strict):
+    """A column of a curve. The unit of a pure number is `1`."""
+
+    name: str
+    unit: str
+
+
+class Curve(_Strict):
+    """A curve as a table: one row for each point. A cell is null where nothing was measured."""
+
+    name: str
+    columns: tuple[ColumnOf, ...]
+    rows: tuple[tuple[float | None, ...], ...]
+
+    def column(self, name: str) -> tuple[float | None, ...]:
+        """The values of one column.
+
+        Raises:
+            KeyError: there is no column of that name.
+        """
+        names = [column.name for column in self.columns]
+        if name not in names:
+            raise KeyError(f"curve '{self.name}' has no column '{name}'; it has: {', '.join(names)}")
+        return tuple(row[names.index(name)] for row in self.rows)
+
+
+class FittedFunction(_Strict):
+    """A fitted transfer function B(s)/A(s)·e^(−s·dead time), coefficients from the highest power down.
+
+    `covariance` is of `coefficients`: the numerator, the denominator without its leading 1, the dead time where it was
+    estimated. `unit` is that of the gain.
+    """
+
+    name: str
+    numerator: tuple[float, ...]
+    denominator: tuple[float, ...]
+    dead_time_s: float
+    unit: str
+    coefficients: tuple[str, ...]
+    covariance: tuple[tuple[float | None, ...], ...]
+    fit_percent: float | None = None
+
+    @property
+    def coefficient_values(self) -> tuple[float, ...]:
+        """In the order of `coefficients`."""
+        every = (*self.numerator, *self.denominator[1:], self.dead_time_s)
+        return every[: len(self.coefficients)]
+
+
+class Results(_Strict):
+    """Everything that a run found. `run` is the name of its folder."""
+
+    schema_: Literal["hil.results/1"] = Field(default=SCHEMA, alias="schema")
+    run: str
+    procedure: str
+    serial: str | None
+    operator: str | None = None
+    started_utc: AwareDatetime | None = None
+    verdict: Verdict | None
+    values: tuple[Value, ...]
+    curves: tuple[Curve, ...] = ()
+    transfer_functions: tuple[FittedFunction, ...] = ()
+    notes: tuple[str, ...] = ()
+    deviations: tuple[str, ...] = ()
+
+    def __getitem__(self, name: str) -> Value:
+        """A value by its full name (`bandwidth_3db, +50 ± 5 %`).
+
+        Raises:
+            KeyError: there is none; names those there are.
+        """
+        found = next((value for value in self.values if value.name == name), None)
+        if found is None:
+            raise KeyError(f"no value '{name}'; there are: {', '.join(value.name for value in self.values)}")
+        return found
+
+    def as_json(self) -> str:
+        """The document, indented, no NaN or infinity in it."""
+        return self.model_dump_json(indent=1, by_alias=True) + "\n"
+
+
+def write_results(results: Results, folder: Path) -> None:
+    """Write `results.json` into a run folder.
+
+    Raises:
+        StorageError: it cannot be written.
+    """
+    path = folder / RESULTS_FILE
+    try:
+        path.write_text(results.as_json(), encoding="utf-8")
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror}; the samples are kept") from error
+
+
+def read_results(path: Path) -> Results:
+    """Results from a file.
+
+    Raises:
+        FileError: it cannot be read, or is not what this program writes; names the field.
+    """
+    try:
+        content = json.loads(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise FileError(f"{path}: cannot be read as JSON: {error}") from None
+    version = content.get("schema") if isinstance(content, Mapping) else None
+    if version != SCHEMA:
+        raise FileError(f"{path}: field 'schema' is {version!r:.40}; this program reads '{SCHEMA}'")
+    try:
+        return Results.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = ".".join(str(part) for part in first["loc"])
+        raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}") from None
+
+
+def schema() -> dict[str, Any]:
+    """The JSON Schema of `results.json`."""
+    return {"$id": SCHEMA, **Results.model_json_schema(by_alias=True)}

@@ -1,0 +1,92 @@
+"""The results and the report of a run that is on disk already."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from types import MappingProxyType
+
+from hil.errors import FileError, InputError
+from hil.record.folder import read
+from hil.record.measurement import Findings, Limit
+from hil.record.recording import Recording
+from hil.report.run_page import write_run_report
+from hil.results.collect import results_of
+from hil.results.results import RESULTS_FILE, Results, read_results, write_results
+from hil.session.limit import checked_limits, limits_of
+from hil.session.outcome import REPORT_FILE, Outcome, write_findings
+from hil.session.procedure import Procedure, load_procedure
+
+
+def results_of_run(folder: Path) -> Results:
+    """What was found when the run was evaluated; an evaluation now, where nothing was kept.
+
+    Raises:
+        FileError: not a run folder, or its results cannot be read.
+        InputError: it was never evaluated, and cannot be now.
+    """
+    kept = folder / RESULTS_FILE
+    if kept.is_file():
+        return read_results(kept)
+    recording = read(folder)
+    procedure = procedure_of(recording)
+    return results_of(recording, procedure.evaluate(recording).judged(limits_of(recording.meta)))
+
+
+def report_again(folder: Path, limits: Mapping[str, Limit] = MappingProxyType({})) -> Outcome:
+    """Evaluate a run once more and write its findings, results and report.
+
+    A run that was broken off before anything could be evaluated gets a report that says so.
+
+    Args:
+        folder: the run.
+        limits: of measured quantities, by name; they go before those with which it was run.
+
+    Raises:
+        FileError: not a run folder.
+        SettingError: a limit of something that its procedure does not measure.
+        StorageError: a file cannot be written.
+    """
+    recording = read(folder)
+    procedure = procedure_of(recording)
+    judged_by = {**limits_of(recording.meta), **checked_limits(procedure.measurements, limits)}
+    return write_outcome(recording, evaluated(procedure, recording, judged_by), folder)
+
+
+def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, Limit]) -> Findings:
+    """The findings of a run, judged; of one that was not completed, what can be found in it.
+
+    Raises:
+        InputError: a run that was completed does not hold what its evaluation needs.
+    """
+    try:
+        return procedure.evaluate(recording).judged(limits)
+    except InputError as error:
+        if recording.meta.get("outcome") == "completed":
+            raise
+        return Findings(notes=(f"Nothing could be evaluated of this run: {error}.",)).judged(limits)
+
+
+def write_outcome(recording: Recording, findings: Findings, folder: Path) -> Outcome:
+    """Write findings, results and report into the run folder.
+
+    Raises:
+        StorageError: a file cannot be written.
+    """
+    write_findings(findings, folder)
+    write_results(results_of(recording, findings), folder)
+    write_run_report(recording, findings, folder / REPORT_FILE)
+    return Outcome(folder, findings, folder / REPORT_FILE)
+
+
+def procedure_of(recording: Recording) -> Procedure:
+    """The procedure that made a run.
+
+    Raises:
+        FileError: the recording does not name one.
+        UnknownNameError: it is not installed.
+    """
+    name = recording.meta.get("procedure")
+    if not name:
+        raise FileError(f"{recording.name}: names no procedure; a run folder of `hil run` was expected")
+    return load_procedure(str(name))
