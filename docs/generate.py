@@ -53,7 +53,7 @@ lines otherwise. An error is one line that names the file, field or value, what 
 | exit status | means |
 |---|---|
 | 0 | done; a verdict such as "mismatch" is a result, not a failure |
-| 1 | a limit of a test was missed, or a driver check failed |
+| 1 | a limit of a test was missed or nobody can tell whether it is met, or a driver check failed |
 | 2 | bad input or usage; nothing was driven |
 | 3 | hardware, link or storage failed; outputs were made safe |
 | 130, 143 | stopped by Ctrl-C, by SIGTERM; outputs were made safe, what was recorded is kept |

@@ -15,7 +15,7 @@ def command(
     open_page: bool = typer.Option(False, "--open", help="Show the page in the browser."),
 ) -> None:
     """Evaluate a run once more and write its report again, also of a run that was stopped or tripped."""
-    from hil.cli.findings import findings_text
+    from hil.report.terminal import findings_text
     from hil.session.limit import split_limits
     from hil.session.results import report_again
 

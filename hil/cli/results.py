@@ -50,7 +50,7 @@ def _write_json(found: Results, path: Path) -> None:
 
 def _listed(found: Results) -> str:
     """The values as `hil run` prints them, then what else there is."""
-    from hil.cli.findings import findings_text
+    from hil.report.terminal import findings_text
     from hil.results.collect import findings_of
 
     lines = [findings_text(findings_of(found))]

@@ -50,7 +50,7 @@ def command(
 
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
-    from hil.cli.findings import findings_text
+    from hil.report.terminal import findings_text
     from hil.safety.interrupt import Terminated
     from hil.session.run import rehearse_procedure, run_procedure
 

@@ -3,12 +3,15 @@
 The rule of decision is the guard band of ISO 14253-1 (JCGM 106 calls it guarded acceptance, and guarded
 rejection on the other side): a value is known only within its expanded uncertainty U = 2·u, so it passes when
 value ± U lies wholly inside the limits, fails when value ± U lies wholly outside, and otherwise nobody can tell.
+
+Every verdict of the program is made here: of a value by `judge`, of a run by `Findings.verdict`, and whether something
+may be built on it by `is_accepted`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, Literal
 
@@ -56,6 +59,11 @@ class Measurement:
         return Measured(
             self.name, value, self.unit, whole, self.low, self.high, verdict, relation, self.meaning, calibration
         )
+
+    def size(self, value: float, std: float) -> Measured:
+        """What was found of a quantity that is never below zero: a bound where its uncertainty covers the value."""
+        expanded = COVERAGE_FACTOR * std
+        return self.of(value, std) if expanded < value else self.of(value + expanded, 0.0, relation="<")
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +138,11 @@ class Findings:
         worst: tuple[Verdict, ...] = ("fail", "cannot tell", "pass")
         return next((verdict for verdict in worst if verdict in given), None)
 
+    @property
+    def open_or_missed(self) -> tuple[Measured, ...]:
+        """What keeps the run from passing."""
+        return tuple(found for found in self.measured if found.verdict in ("fail", "cannot tell"))
+
     def judged(self, limits: Mapping[str, Limit]) -> Findings:
         """The same, judged by limits for some quantities in place of the declared ones.
 
@@ -141,6 +154,12 @@ class Findings:
         missing = [Measured(name, None, "").judged(limit) for name, limit in limits.items() if name not in named]
         return replace(self, measured=(*judged, *missing))
 
+    def with_missing(self, declared: Iterable[Measurement]) -> Findings:
+        """The same, and every quantity that was declared with a limit and never found: it cannot be told."""
+        found = {m.quantity for m in self.measured}
+        missing = [m for m in declared if m.name not in found and not (m.low is None and m.high is None)]
+        return replace(self, measured=(*self.measured, *(m.of(None) for m in missing)))
+
     def as_dict(self) -> dict[str, Any]:
         """Everything but the curves, as JSON values."""
         return {
@@ -149,6 +168,11 @@ class Findings:
             "notes": list(self.notes),
             "deviations": list(self.deviations),
         }
+
+
+def is_accepted(verdict: Verdict | None) -> bool:
+    """Whether what was judged may go on: proven, or not asked to be. What cannot be told was not proven."""
+    return verdict in ("pass", None)
 
 
 def judge(
@@ -161,7 +185,10 @@ def judge(
     lowest, highest = (-math.inf if low is None else low), (math.inf if high is None else high)
     if least >= lowest and most <= highest:
         return "pass"
-    return "fail" if most < lowest or least > highest else "cannot tell"
+    # a bound is never reached: "below 80" misses "at least 80"
+    too_low = most <= lowest if relation == "<" else most < lowest
+    too_high = least >= highest if relation == ">" else least > highest
+    return "fail" if too_low or too_high else "cannot tell"
 
 
 def _interval(value: float | None, std: float | None, relation: Relation) -> tuple[float, float]:

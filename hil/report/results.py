@@ -2,26 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from itertools import groupby
 from typing import Any
 
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured
 from hil.report.name import capital, quantity_words
-from hil.report.number import limits_text, rounded, unit_text, with_minus, with_uncertainty
+from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
 
 _WORDS = {
     "pass": ("good", "Pass", "Every limit is met for certain."),
     "fail": ("bad", "Fail", "At least one limit is missed."),
     "cannot tell": ("open", "Cannot tell", "No limit is missed for certain, but not all of them are met for certain."),
-    None: ("", "Measured", "No limits were given; the results are stated as measured."),
+    None: ("", "Not judged", "No limit was given, so nothing was judged; the results are stated as measured."),
 }
 
 
 def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
     """The verdict in words, with every limit that is not met for certain and whatever went wrong."""
     tone, word, sentence = _WORDS[findings.verdict]
-    details = [_missed(m) for m in findings.measured if m.verdict in ("fail", "cannot tell")]
+    details = [verdict_sentence(m) for m in findings.open_or_missed]
     if missing := meta.get("incomplete"):
         details.append(f"The recording is incomplete: {missing}.")
     outcome = str(meta.get("outcome", "completed"))
@@ -44,10 +45,28 @@ def repeatability_text(m: Measured) -> str:
     return rounded(m.value, COVERAGE_FACTOR * m.repeatability)[1]
 
 
-def _missed(m: Measured) -> str:
+def verdict_sentence(m: Measured) -> str:
+    """`Cannot tell: rise is 71 ± 4 ms, limit ≤ 74 ms: it is met by 3 ms, but the uncertainty is 4 ms.`"""
     place = f" at {_place(m)}" if _place(m) else ""
     limit = f"limit {limits_text(m.low, m.high)} {unit_text(m.unit)}".strip()
-    return f"{capital(m.verdict or '')}: {quantity_words(m.quantity)}{place} is {value_text(m, m.unit)}, {limit}."
+    far = f": {_how_far(m)}" if _how_far(m) else ""
+    return f"{capital(m.verdict or '')}: {quantity_words(m.quantity)}{place} is {value_text(m, m.unit)}, {limit}{far}."
+
+
+def _how_far(m: Measured) -> str:
+    """The distance of a value to its nearest limit beside its uncertainty, in words; empty for one not determined."""
+    if m.value is None or not math.isfinite(m.value):
+        return ""
+    inside = min(m.value - limit if side == "low" else limit - m.value
+                 for side, limit in (("low", m.low), ("high", m.high)) if limit is not None)  # fmt: skip
+    by = f"{number(abs(inside), 2)} {unit_text(m.unit)}".rstrip()
+    where = f"met by {by}" if inside > 0.0 else f"missed by {by}" if inside < 0.0 else "met exactly"
+    if m.relation != "=":
+        return "a bound, the value itself may lie anywhere beyond it" if m.verdict == "cannot tell" else ""
+    if m.std is None:
+        return f"it is {where}, but the uncertainty is not known"
+    width = f"{number(_expanded(m), 2)} {unit_text(m.unit)}".rstrip()
+    return f"it is {where}, {'but' if m.verdict == 'cannot tell' else 'and'} the uncertainty is {width}"
 
 
 def result_groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.errors import StorageError
-from hil.record.measurement import Findings
+from hil.record.measurement import Findings, is_accepted
 
 FINDINGS_FILE, REPORT_FILE = "findings.json", "report.html"
 
@@ -22,8 +22,8 @@ class Outcome:
 
     @property
     def exit_status(self) -> int:
-        """1 when a limit was missed, else 0."""
-        return 1 if self.findings.verdict == "fail" else 0
+        """1 when a limit was missed or nobody can tell whether it is met, else 0."""
+        return 0 if is_accepted(self.findings.verdict) else 1
 
 
 def write_findings(findings: Findings, folder: Path) -> None:

@@ -5,7 +5,8 @@
         assert outcome.findings.verdict == "pass"
 
 `--hil-bench` names the bench file (of a real bench its twin is taken), `--hil-seed` the seed of the noise; both are
-printed, and stand as properties in JUnit XML with everything that was measured.
+printed, and stand as properties in JUnit XML with everything that was measured, its limits and verdicts. What a run
+found is printed as `hil run` prints it, and so shown when the test fails.
 """
 
 from __future__ import annotations
@@ -21,10 +22,11 @@ import pytest
 if TYPE_CHECKING:
     from hil.bench.read import BenchFile
     from hil.bench.rig import BenchRig
+    from hil.record.measurement import Findings
     from hil.session.outcome import Outcome
 
 DEFAULT_BENCH = "brevini-hpv41"
-_MOST = 1 << 31
+_MOST, _SEED = 1 << 31, "hil_seed"
 
 
 class SimulatedBench:
@@ -60,9 +62,7 @@ class SimulatedBench:
         outcome = run_procedure(
             load_procedure(procedure), self.file, settings, self._next(procedure), limits=split_limits(limits)
         )
-        for measured in outcome.findings.measured:
-            if measured.value is not None:
-                self._note(f"{measured.name} [{measured.unit}]", measured.value)
+        self._tell(procedure, outcome.findings)
         return outcome
 
     def rig(self) -> AbstractContextManager[BenchRig]:
@@ -70,6 +70,19 @@ class SimulatedBench:
         from hil.bench.open import open_rig
 
         return open_rig(self.file, self._next("rig"), {}, lambda _done, _text: None)
+
+    def _tell(self, procedure: str, findings: Findings) -> None:
+        from hil.report.number import limits_text
+        from hil.report.terminal import findings_text
+
+        print(f"{procedure}:\n{findings_text(findings)}")
+        for found in findings.measured:
+            if found.value is not None:
+                self._note(f"{found.name} [{found.unit}]", found.value)
+            if found.verdict is not None:
+                self._note(f"{found.name} limits [{found.unit}]", limits_text(found.low, found.high))
+                self._note(f"{found.name} verdict", found.verdict)
+        self._note(f"{procedure} verdict", findings.verdict or "none")
 
     def _next(self, name: str) -> Path:
         self._runs += 1
@@ -86,12 +99,21 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Draw the seed, once for the whole session and all its workers."""
-    asked = config.getoption("--hil-seed")
-    if asked == "random":
+    """Draw the seed, once for the whole session; a worker of pytest-xdist takes the one that was drawn for all."""
+    told = getattr(config, "workerinput", {}).get(_SEED)
+    asked = config.getoption("--hil-seed") if told is None else told
+    if told is not None:
+        config.option.hil_seed = told
+    elif asked == "random":
         config.option.hil_seed = str(secrets.randbelow(_MOST))
     elif asked and not (asked.isdecimal() and int(asked) < _MOST):
         raise pytest.UsageError(f"--hil-seed {asked}: a whole number below {_MOST}, or random")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_configure_node(node: Any) -> None:
+    """Give a worker of pytest-xdist the seed of the session."""
+    node.workerinput[_SEED] = node.config.getoption("--hil-seed")
 
 
 def pytest_report_header(config: pytest.Config) -> list[str]:

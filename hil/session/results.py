@@ -30,7 +30,7 @@ def results_of_run(folder: Path) -> Results:
         return read_results(kept)
     recording = read(folder)
     procedure = procedure_of(recording)
-    return results_of(recording, procedure.evaluate(recording).judged(limits_of(recording.meta)))
+    return results_of(recording, evaluated(procedure, recording, limits_of(recording.meta)))
 
 
 def report_again(folder: Path, limits: Mapping[str, Limit] = MappingProxyType({})) -> Outcome:
@@ -60,11 +60,12 @@ def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, L
         InputError: a run that was completed does not hold what its evaluation needs.
     """
     try:
-        return procedure.evaluate(recording).judged(limits)
+        found = procedure.evaluate(recording)
     except InputError as error:
         if recording.meta.get("outcome") == "completed":
             raise
-        return Findings(notes=(f"Nothing could be evaluated of this run: {error}.",)).judged(limits)
+        found = Findings(notes=(f"Nothing could be evaluated of this run: {error}.",))
+    return found.with_missing(procedure.measurements).judged(limits)
 
 
 def write_outcome(recording: Recording, findings: Findings, folder: Path) -> Outcome:

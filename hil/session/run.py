@@ -23,7 +23,7 @@ from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import Outcome
 from hil.session.procedure import Procedure
 from hil.session.rehearsal import Rehearsal, rehearse
-from hil.session.results import write_outcome
+from hil.session.results import evaluated, write_outcome
 from hil.session.resume import broken_off, settings_of
 from hil.session.setting import parse_settings
 
@@ -115,8 +115,7 @@ def evaluate_run(procedure: Procedure, folder: Path) -> Outcome:
         StorageError: the findings cannot be written.
     """
     recording = read(folder)
-    findings = procedure.evaluate(recording).judged(limits_of(recording.meta))
-    return write_outcome(recording, findings, folder)
+    return write_outcome(recording, evaluated(procedure, recording, limits_of(recording.meta)), folder)
 
 
 def _take_back(folder: Path) -> None:

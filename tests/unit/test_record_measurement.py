@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.record.measurement import Findings, Measured, Measurement, judge
+from hil.record.measurement import Findings, Measured, Measurement, Verdict, is_accepted, judge
 
 BANDWIDTH = Measurement("bandwidth", "Hz", "frequency of −3 dB", low=3.0)
 
@@ -42,6 +42,28 @@ def test_a_value_beyond_the_test_can_still_be_judged() -> None:
     assert BANDWIDTH.of(2.0, 0.0, relation=">").verdict == "cannot tell"
     assert BANDWIDTH.of(2.0, 0.1, relation="<").verdict == "fail"
     assert Measurement("lag", "ms", "", high=10.0).of(4.9, 0.0, relation=">").verdict == "cannot tell"
+    assert BANDWIDTH.of(3.0, 0.0, relation="<").verdict == "fail"  # below 3 is not 3
+
+
+def test_a_size_that_its_uncertainty_covers_is_a_bound() -> None:
+    distortion = Measurement("thd", "%", "")
+    assert distortion.size(5.0, 0.5) == distortion.of(5.0, 0.5)
+    assert distortion.size(5.0, 3.0) == distortion.of(11.0, 0.0, relation="<")
+
+
+def test_a_declared_limit_that_nothing_was_found_for_cannot_be_told() -> None:
+    declared = (BANDWIDTH, Measurement("lag", "ms", "without a limit"))
+    assert Findings().with_missing(declared).verdict == "cannot tell"
+    assert [m.name for m in Findings().with_missing(declared).measured] == ["bandwidth"]
+    some = Findings((BANDWIDTH.at("+50 %").of(4.0, 0.1),))
+    assert some.with_missing(declared) == some
+
+
+@pytest.mark.parametrize(
+    ("verdict", "accepted"), [("pass", True), (None, True), ("fail", False), ("cannot tell", False)]
+)
+def test_only_what_is_proven_or_not_judged_is_accepted(verdict: Verdict | None, accepted: bool) -> None:
+    assert is_accepted(verdict) is accepted
 
 
 @given(st.floats(-10, 10), st.floats(0, 3), st.floats(-10, 0), st.floats(0, 10))

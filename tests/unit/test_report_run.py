@@ -35,7 +35,7 @@ def page_of(findings: Findings, folder: Path, meta: dict | None = None) -> Page:
 def test_empty_findings_still_make_a_page(tmp_path: Path) -> None:
     write_run_report(a_recording(), Findings(), tmp_path / "report.html")
     page = read_page(tmp_path / "report.html")
-    assert "No limits were given" in page.text
+    assert "Not judged No limit was given, so nothing was judged" in page.text
     assert page.drawings == 1
 
 
@@ -175,7 +175,7 @@ def test_missed_limits_are_told_beside_the_verdict(tmp_path: Path) -> None:
     found = Findings((gain.at("-100 %").of(52.31, 0.4), gain.at("+100 %").of(None)))
     text = page_of(found, tmp_path).text
     assert "Fail At least one limit is missed." in text
-    assert "Fail: gain at −100 % is 52.31 ± 0.80 l/min, limit 60 … 75 l/min." in text
+    assert "Fail: gain at −100 % is 52.31 ± 0.80 l/min, limit 60 … 75 l/min: it is missed by 7.7 l/min" in text
     assert "Cannot tell: gain at +100 % is not determined" in text
 
 

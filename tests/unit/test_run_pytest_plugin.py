@@ -15,6 +15,17 @@ def test_fails(bench):
     assert bench.file.open().promises.timing == "virtual"
     assert bench.seed == 5
 """
+MISSED = """
+def test_misses(bench):
+    assert bench.run("step_response", limits=["rise=..1"]).exit_status == 0
+"""
+SEEN = """
+import pytest
+
+@pytest.mark.parametrize("n", range(4))
+def test_sees(bench, worker_id, n):
+    print("worker", worker_id, "seed", bench.seed)
+"""
 
 
 def test_the_tests_of_the_how_to_pass_and_junit_has_what_was_measured(pytester: pytest.Pytester) -> None:
@@ -26,7 +37,32 @@ def test_the_tests_of_the_how_to_pass_and_junit_has_what_was_measured(pytester: 
     (case, _) = ET.parse(pytester.path / "report.xml").iter("testcase")
     properties = {one.attrib["name"]: one.attrib["value"] for one in case.iter("property")}
     assert (properties["hil_bench"], properties["hil_seed"]) == ("brevini-hpv41", "12")
-    assert 0.0 < float(next(value for name, value in properties.items() if name.startswith("rise"))) < 500.0
+    rise = next(name for name in properties if name.startswith("rise") and name.endswith("[ms]"))
+    place = rise.removesuffix(" [ms]")
+    assert 0.0 < float(properties[rise]) < 500.0
+    assert (properties[f"{place} limits [ms]"], properties[f"{place} verdict"]) == ("≤ 500", "pass")
+    assert properties["step_response verdict"] == "pass"
+
+
+def test_a_missed_limit_shows_the_table_of_the_command_line(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(MISSED)
+    found = pytester.runpytest_subprocess("--junitxml=report.xml")
+    found.assert_outcomes(failed=1)
+    found.stdout.fnmatch_lines(["rise*ms*≤ 1*fail", "Fail: rise*limit ≤ 1 ms: it is missed by*", "verdict: fail"])
+    verdicts = {
+        one.attrib["name"]: one.attrib["value"] for one in ET.parse(pytester.path / "report.xml").iter("property")
+    }
+    assert verdicts["step_response verdict"] == "fail"
+
+
+def test_workers_share_the_seed_that_is_printed(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(SEEN)
+    found = pytester.runpytest_subprocess("-n", "2", "--hil-seed", "random", "-rP")
+    found.assert_outcomes(passed=4)
+    (printed,) = set(re.findall(r"hil: --hil-bench \S+ --hil-seed (\d+)$", found.stdout.str(), re.MULTILINE))
+    seen = re.findall(r"worker (\w+) seed (\d+)", found.stdout.str())
+    assert {seed for _, seed in seen} == {printed}
+    assert {worker for worker, _ in seen} == {"gw0", "gw1"}
 
 
 def test_a_failure_tells_its_seed(pytester: pytest.Pytester) -> None:

@@ -11,6 +11,7 @@ from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.catalog import Entry
 from hil.errors import FileError, RangeError, SettingError, UnknownNameError
+from hil.record.measurement import Limit
 from hil.record.read import read_recording
 from hil.rig import Rig
 from hil.session.procedure import Procedure, argument_lines, load_procedure
@@ -113,6 +114,21 @@ def test_run_leaves_samples_findings_and_verdict(tiny: Procedure, bench: BenchFi
 
 def test_missed_limit_is_exit_status_1(tiny: Procedure, bench: BenchFile, tmp_path: Path) -> None:
     assert run_procedure(tiny, bench, {"levels": "5"}, tmp_path / "run").exit_status == 1
+
+
+def test_what_cannot_be_told_is_exit_status_1_and_nothing_judged_is_0(
+    tiny: Procedure, bench: BenchFile, tmp_path: Path
+) -> None:
+    sure = run_procedure(tiny, bench, {"levels": "50"}, tmp_path / "sure")
+    rise = sure.findings.measured[0]
+    assert rise.value is not None
+    near = run_procedure(tiny, bench, {"levels": "50"}, tmp_path / "near", limits={"rise": Limit(rise.value, None)})
+    assert (near.findings.verdict, near.exit_status) == ("cannot tell", 1)
+    free = {"rise": Limit(), "noise": Limit()}
+    unjudged = run_procedure(tiny, bench, {"levels": "50"}, tmp_path / "free", limits=free)
+    assert (unjudged.findings.verdict, unjudged.exit_status) == (None, 0)
+    assert json.loads((tmp_path / "free" / "findings.json").read_text(encoding="utf-8"))["verdict"] is None
+    assert "nothing was judged" in unjudged.report.read_text(encoding="utf-8")
 
 
 def test_a_recorded_run_can_be_evaluated_again(tiny: Procedure, bench: BenchFile, tmp_path: Path) -> None:

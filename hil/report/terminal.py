@@ -9,12 +9,13 @@ if TYPE_CHECKING:
 
 
 def findings_text(findings: Findings) -> str:
-    """Every measured value with its expanded uncertainty as in the report, limits and verdict; then the notes.
+    """Every measured value with its expanded uncertainty as in the report, limits and verdict; then notes and verdict.
 
-    Where the calibration has a part in the uncertainty, what is left without it stands behind.
+    Where the calibration has a part in the uncertainty, what is left without it stands behind. Before the verdict of
+    the run stands every limit that was missed or cannot be told, with how far it is.
     """
     from hil.report.number import limits_text
-    from hil.report.results import value_text
+    from hil.report.results import value_text, verdict_sentence
 
     rows = [
         (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
@@ -24,8 +25,11 @@ def findings_text(findings: Findings) -> str:
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
     notes = [f"note: {note}" for note in findings.notes]
     deviations = [f"deviation: {deviation}" for deviation in findings.deviations]
-    verdict = [f"verdict: {findings.verdict}"] if findings.verdict else []
-    return "\n".join([*table, *notes, *deviations, *verdict])
+    reasons = [_plain(verdict_sentence(m)) for m in findings.open_or_missed]
+    verdict = (
+        f"verdict: {findings.verdict}" if findings.verdict else "verdict: none; no limit was given, nothing was judged"
+    )
+    return "\n".join([*table, *notes, *deviations, *reasons, verdict])
 
 
 def _beside(m: Measured) -> str:
