@@ -16,9 +16,9 @@ from hil.identify.frequency_response import FrequencyResponse
 from hil.identify.measuring_chain import check_chain, corrected
 from hil.identify.order_choice import fit_transfer_function
 from hil.identify.transfer_function import TransferFunctionFit
+from hil.physics.formula import formula
 from hil.record.measurement import Measured, Measurement
 from hil.record.recording import Array, Recording
-from procedures._formula import formula
 from procedures._recorded import chain_of, reading_of, settings_of
 
 GAIN = Measurement("gain", "", "amplitude ratio at the reference frequency")

@@ -54,6 +54,6 @@ def _listed(found: Results) -> str:
     from hil.results.collect import findings_of
 
     lines = [findings_text(findings_of(found))]
-    lines += [f"transfer function: {one.name} [{one.unit}]" for one in found.transfer_functions]
+    lines += [f"transfer function: {one.name}: {one.formula}" for one in found.transfer_functions]
     lines += [f"curve: {curve.name} ({len(curve.rows)} rows)" for curve in found.curves]
     return "\n".join(lines)

@@ -16,6 +16,7 @@ def findings_text(findings: Findings) -> str:
     """
     from hil.report.number import limits_text
     from hil.report.results import value_text, verdict_sentence
+    from hil.results.collect import functions_of
 
     rows = [
         (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
@@ -23,13 +24,14 @@ def findings_text(findings: Findings) -> str:
     ]
     widths = [max((len(row[i]) for row in rows), default=0) for i in range(6)]
     table = ["  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)).rstrip() for row in rows]
+    functions = [f"transfer function: {one.name}: {_plain(one.formula)}" for one in functions_of(findings.curves)]
     notes = [f"note: {note}" for note in findings.notes]
     deviations = [f"deviation: {deviation}" for deviation in findings.deviations]
     reasons = [_plain(verdict_sentence(m)) for m in findings.open_or_missed]
     verdict = (
         f"verdict: {findings.verdict}" if findings.verdict else "verdict: none; no limit was given, nothing was judged"
     )
-    return "\n".join([*table, *notes, *deviations, *reasons, verdict])
+    return "\n".join([*table, *functions, *notes, *deviations, *reasons, verdict])
 
 
 def _beside(m: Measured) -> str:

@@ -26,7 +26,7 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         verdict=findings.verdict,
         values=tuple(_value(found) for found in findings.measured),
         curves=curves_of(findings.curves),
-        transfer_functions=tuple(_functions(findings.curves)),
+        transfer_functions=functions_of(findings.curves),
         notes=findings.notes,
         deviations=findings.deviations,
     )
@@ -43,7 +43,13 @@ def _value(found: Measured) -> Value:
     return Value(
         name=found.name, value=_number(found.value), std=_number(found.std), unit=found.unit, low=_number(found.low),
         high=_number(found.high), verdict=found.verdict, relation=found.relation, meaning=found.meaning,
+        calibration_std=found.calibration_std,
     )  # fmt: skip
+
+
+def functions_of(curves: Mapping[str, Any]) -> tuple[FittedFunction, ...]:
+    """Every fitted transfer function in `Findings.curves`."""
+    return tuple(_functions(curves))
 
 
 def _functions(curves: Mapping[str, Any]) -> Iterator[FittedFunction]:

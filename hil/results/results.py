@@ -23,7 +23,8 @@ class _Strict(BaseModel):
 class Value(_Strict):
     """A measured quantity.
 
-    `std` is its standard uncertainty, null where none is known. With `relation` `<` or `>` the value is a bound: the
+    `std` is its whole standard uncertainty, null where none is known; `calibration_std` is the part of it that all runs
+    on one bench share. With `relation` `<` or `>` the value is a bound: the
     quantity lies below or above it. `value` is null where it could not be determined.
     """
 
@@ -36,6 +37,7 @@ class Value(_Strict):
     verdict: Verdict | None = None
     relation: Relation = "="
     meaning: str = ""
+    calibration_std: float = 0.0
 
 
 class ColumnOf(_Strict):
@@ -85,6 +87,14 @@ class FittedFunction(_Strict):
         """In the order of `coefficients`."""
         every = (*self.numerator, *self.denominator[1:], self.dead_time_s)
         return every[: len(self.coefficients)]
+
+    @property
+    def formula(self) -> str:
+        """On one line, as a paper prints it, with the unit of the gain."""
+        from hil.physics.formula import formula
+        from hil.physics.transfer_function import transfer_function
+
+        return f"{formula(transfer_function(self.numerator, self.denominator, self.dead_time_s))} {self.unit}"
 
 
 class Results(_Strict):

@@ -1,0 +1,1 @@
+"""Models and transfer functions as text for other tools."""

@@ -1,0 +1,61 @@
+"""The transfer function behind a model of the plant `transfer-function`, with the covariance of its coefficients."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.physics.model import Model
+from hil.physics.transfer_function import TransferFunction, from_parameters
+from hil.record.plain import plain
+from hil.record.recording import Array
+from hil.results.results import FittedFunction
+
+_STEP = 1e-6  # of a parameter, for the slopes of the coefficients
+PLANT = "transfer-function"
+
+
+def function_of(model: Model, name: str) -> FittedFunction:
+    """The coefficients of a model and how their uncertainties hang together.
+
+    Effects and the offset have no place in a transfer function and are left out.
+
+    Raises:
+        InputError: a model of another plant.
+    """
+    if model.plant != PLANT:
+        raise InputError(
+            f"{name}: a model of {model.plant} has no transfer function; --to python, matlab, json or csv hand on its "
+            "parameters"
+        )
+    values = model.values
+    linear = from_parameters(values)
+    free = () if model.covariance is None else model.covariance.names
+    late = "dead_time" in free
+    slopes = np.column_stack([_slope(values, parameter, late) for parameter in free]) if free else np.zeros((0, 0))
+    covariance = slopes @ np.array(model.covariance.matrix) @ slopes.T if model.covariance else np.zeros((0, 0))
+    return FittedFunction(
+        name=name, numerator=tuple(plain(linear.numerator)), denominator=tuple(plain(linear.denominator)),
+        dead_time_s=linear.dead_time_s, unit=model.parameters["gain"].unit,
+        coefficients=_names(linear, late) if free else (), covariance=tuple(map(tuple, plain(covariance))),
+    )  # fmt: skip
+
+
+def _names(linear: TransferFunction, late: bool) -> tuple[str, ...]:
+    above = [f"b{power}" for power in range(len(linear.numerator) - 1, -1, -1)]
+    below = [f"a{power}" for power in range(len(linear.denominator) - 2, -1, -1)]
+    return (*above, *below, *(("dead_time_s",) if late else ()))
+
+
+def _slope(values: dict[str, float], name: str, late: bool) -> Array:
+    """Of every coefficient with respect to a parameter, by central differences."""
+    step = _STEP * max(abs(values[name]), _STEP)
+    high, low = (_coefficients({**values, name: values[name] + sign * step}, late) for sign in (1.0, -1.0))
+    made: Array = (high - low) / (2.0 * step)
+    return made
+
+
+def _coefficients(values: dict[str, float], late: bool) -> Array:
+    linear = from_parameters(values)
+    tail = [linear.dead_time_s] if late else []
+    return np.concatenate((linear.numerator, linear.denominator[1:], tail))

@@ -1,0 +1,139 @@
+"""Transfer functions and parameters as text that Python, MATLAB and spreadsheets read."""
+
+from __future__ import annotations
+
+import csv
+import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from io import StringIO
+
+from hil.export.function import PLANT, function_of
+from hil.physics.model import Model
+from hil.record.plain import plain
+from hil.results.results import FittedFunction
+
+FUNCTIONS_SCHEMA, PARAMETERS_SCHEMA = "hil.transfer-functions/1", "hil.parameters/1"
+Row = tuple[str, float, float | None, str]
+
+
+def functions_text(functions: Sequence[FittedFunction], form: str) -> str:
+    """Transfer functions as `python`, `matlab`, `json` or `csv`."""
+    writers: Mapping[str, Callable[[Sequence[FittedFunction]], str]] = {
+        "python": _python, "matlab": _matlab, "json": _json, "csv": _functions_csv,
+    }  # fmt: skip
+    return writers[form](functions)
+
+
+def model_text(model: Model, name: str, form: str) -> str:
+    """A model: its transfer function where it is one, else its parameters and effects."""
+    if model.plant == PLANT:
+        return functions_text([function_of(model, name)], form)
+    rows = list(parameter_rows(model))
+    if form == "json":
+        parts = [{"name": n, "value": value, "std": std, "unit": unit} for n, value, std, unit in rows]
+        return _dumped({"schema": PARAMETERS_SCHEMA, "plant": model.plant, "parameters": parts})
+    if form == "csv":
+        return _csv(("name", "value", "std", "unit"), rows)
+    title = f"Parameters of {model.plant}: value, standard uncertainty, unit."
+    if form == "python":
+        body = "".join(f"    {n!r}: ({value!r}, {std!r}, {unit!r}),\n" for n, value, std, unit in rows)
+        return f'"""{title}"""\n\nPLANT = {model.plant!r}\nPARAMETERS = {{\n{body}}}\n'
+    lines = [
+        f"p.{n.replace('.', '_').replace('-', '_')} = {value!r};  % {_pm(std)}{unit}\n" for n, value, std, unit in rows
+    ]
+    return f"% {title}\n" + "".join(lines)
+
+
+def parameter_rows(model: Model) -> Iterable[Row]:
+    """Every parameter of the plant, then those of each effect as `effect.hook.parameter`."""
+    for name, found in model.parameters.items():
+        yield name, found.value, found.std, found.unit
+    for effect in model.effects:
+        for name, found in effect.parameters.items():
+            yield f"{effect.name}.{effect.hook}.{name}", found.value, found.std, found.unit
+
+
+def _python(functions: Sequence[FittedFunction]) -> str:
+    head = (
+        '"""Transfer functions: coefficients from the highest power of s down, time in seconds."""\n\nFUNCTIONS = {\n'
+    )
+    parts = []
+    for one in functions:
+        covariance = [list(row) for row in one.covariance]
+        parts.append(
+            f"    {one.name!r}: {{\n"
+            f"        'numerator': {list(one.numerator)!r},\n        'denominator': {list(one.denominator)!r},\n"
+            f"        'dead_time_s': {one.dead_time_s!r},\n        'unit': {one.unit!r},\n"
+            f"        'coefficients': {list(one.coefficients)!r},\n        'covariance': {covariance!r},\n    }},\n"
+        )
+    use = (
+        "\n\ndef to_control(name, pade_order=3):\n"
+        '    """The function for python-control; a dead time becomes a Padé approximation."""\n'
+        "    import control\n\n"
+        "    one = FUNCTIONS[name]\n"
+        "    made = control.tf(one['numerator'], one['denominator'])\n"
+        "    late = one['dead_time_s']\n"
+        "    return made * control.tf(*control.pade(late, pade_order)) if late else made\n"
+    )
+    return head + "".join(parts) + "}\n" + use
+
+
+def _matlab(functions: Sequence[FittedFunction]) -> str:
+    lines = ["% Transfer functions: coefficients from the highest power of s down, time in seconds."]
+    for number, one in enumerate(functions, 1):
+        late = f"'InputDelay', {one.dead_time_s!r}"
+        covariance = "; ".join(" ".join(map(_matlab_number, row)) for row in one.covariance)
+        lines += [
+            f"% {one.name} [{one.unit}]",
+            f"G{number} = tf({', '.join(map(_matlab_row, (one.numerator, one.denominator)))}, {late});",
+            f"% covariance of {', '.join(one.coefficients) or 'nothing: no uncertainty is known'}",
+            f"C{number} = [{covariance}];",
+        ]
+    return "\n".join(lines) + "\n"
+
+
+def _json(functions: Sequence[FittedFunction]) -> str:
+    return _dumped({"schema": FUNCTIONS_SCHEMA, "transfer_functions": [one.model_dump() for one in functions]})
+
+
+def _functions_csv(functions: Sequence[FittedFunction]) -> str:
+    rows = [(one.name, *row) for one in functions for row in coefficient_rows(one)]
+    return _csv(("name", "coefficient", "value", "std", "unit of the gain"), rows)
+
+
+def coefficient_rows(one: FittedFunction) -> Iterable[Row]:
+    """Every coefficient with its standard uncertainty, the dead time last."""
+    stds = {name: _root(one.covariance[i][i]) for i, name in enumerate(one.coefficients)}
+    powers = range(len(one.numerator) - 1, -1, -1)
+    yield from ((f"b{p}", value, stds.get(f"b{p}"), one.unit) for p, value in zip(powers, one.numerator, strict=True))
+    powers = range(len(one.denominator) - 1, -1, -1)
+    yield from ((f"a{p}", value, stds.get(f"a{p}"), one.unit) for p, value in zip(powers, one.denominator, strict=True))
+    yield "dead_time_s", one.dead_time_s, stds.get("dead_time_s"), one.unit
+
+
+def _root(variance: float | None) -> float | None:
+    return None if variance is None else max(variance, 0.0) ** 0.5
+
+
+def _pm(std: float | None) -> str:
+    return "" if std is None else f"± {std!r} "
+
+
+def _matlab_row(values: Iterable[float]) -> str:
+    return f"[{' '.join(map(repr, values))}]"
+
+
+def _matlab_number(value: float | None) -> str:
+    return "NaN" if value is None else repr(value)
+
+
+def _dumped(content: Mapping[str, object]) -> str:
+    return json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _csv(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(heads)
+    writer.writerows(rows)
+    return text.getvalue()

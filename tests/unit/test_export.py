@@ -1,0 +1,75 @@
+"""Transfer functions and parameters for other tools, read back by each of them as far as it is at hand."""
+
+import csv
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.errors import InputError
+from hil.export.function import function_of
+from hil.export.texts import functions_text, model_text
+from hil.physics.model import Covariance, typical_model
+from hil.physics.transfer_function import transfer_function
+from hil.results.results import FittedFunction
+
+NUMERATOR, DENOMINATOR = (-69.8, 6114.5), (1.0, 40.02, 1253.2, 7145.8)
+FITTED = FittedFunction(
+    name="+50 ± 20 %", numerator=NUMERATOR, denominator=DENOMINATOR, dead_time_s=0.006, unit="l/min per %",
+    coefficients=("b1", "b0", "a2", "a1", "a0", "dead_time_s"),
+    covariance=tuple(tuple(row) for row in np.diag([1.0, 4.0, 9.0, 16.0, 25.0, 1e-6]).tolist()),
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def model():
+    linear = transfer_function([2.0, 30.0], [1.0, 8.0, 40.0, 60.0], 0.02)
+    made = linear.to_model("command [%]", "flow [l/min]")
+    return replace(made, covariance=Covariance(("gain", "dead_time"), ((1e-4, 0.0), (0.0, 1e-6))))
+
+
+def test_export_to_python_runs_and_has_the_same_response():
+    control = pytest.importorskip("control")
+    scope: dict = {}
+    exec(functions_text([FITTED], "python"), scope)
+    made = scope["to_control"](FITTED.name, pade_order=5)
+    omega = 2.0 * np.pi * np.array([0.1, 1.0, 5.0])
+    expected = transfer_function(NUMERATOR, DENOMINATOR, 0.006).at(omega / (2.0 * np.pi))
+    np.testing.assert_allclose(control.frequency_response(made, omega).complex.ravel(), expected, rtol=1e-6)
+
+
+def test_export_to_matlab_is_one_statement_with_every_digit():
+    text = functions_text([FITTED], "matlab")
+    assert "G1 = tf([-69.8 6114.5], [1.0 40.02 1253.2 7145.8], 'InputDelay', 0.006);" in text
+    assert text.isascii() or all(line.startswith("%") for line in text.splitlines() if not line.isascii())
+
+
+def test_export_to_json_and_csv_carries_the_uncertainties():
+    document = json.loads(functions_text([FITTED], "json"))
+    assert document["schema"] == "hil.transfer-functions/1"
+    assert document["transfer_functions"][0]["covariance"][1][1] == 4.0
+    rows = {row["coefficient"]: row for row in csv.DictReader(functions_text([FITTED], "csv").splitlines())}
+    assert (float(rows["b0"]["value"]), float(rows["b0"]["std"])) == (6114.5, 2.0)
+    assert rows["a3"]["std"] == ""
+
+
+def test_model_of_a_transfer_function_has_its_coefficients(model):
+    found = function_of(model, "valve")
+    np.testing.assert_allclose(found.numerator, [2.0, 30.0], rtol=1e-9)
+    np.testing.assert_allclose(found.denominator, [1.0, 8.0, 40.0, 60.0], rtol=1e-9)
+    stds = dict(zip(found.coefficients, np.sqrt(np.diag(np.array(found.covariance))), strict=True))
+    assert stds["b0"] == pytest.approx(30.0 * 0.01 / model.values["gain"], rel=1e-4)  # b0 is proportional to the gain
+    assert stds["dead_time_s"] == pytest.approx(1e-3)
+    assert stds["a0"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_model_of_another_plant_hands_on_its_parameters():
+    model = typical_model("brevini-hpv41")
+    with pytest.raises(InputError, match="has no transfer function"):
+        function_of(model, "valve")
+    rows = {row["name"]: row for row in csv.DictReader(model_text(model, "valve", "csv").splitlines())}
+    assert (float(rows["full_flow"]["value"]), rows["full_flow"]["unit"]) == (70.0, "l/min")
+    scope: dict = {}
+    exec(model_text(model, "valve", "python"), scope)
+    assert scope["PARAMETERS"]["dead_band"] == (20.0, None, "%")
