@@ -1,39 +1,32 @@
-"""NI multi-function DAQ through NI-DAQmx: outputs, inputs and PWM counters on one clock. Not run on hardware yet."""
+"""NI multi-function DAQ through NI-DAQmx: voltages and PWM counters on one clock, lines. Not run on hardware yet."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any, TypeVar
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat, PositiveInt
 
+from drivers._ni_board import InputWiring, check_inputs, configuration, input_numbers
 from drivers._ni_counters import Counters
+from drivers._ni_errors import told
+from drivers._ni_lines import Lines
+from drivers._ni_voltages import Voltages
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Block, Promises, Waveform
-from hil.errors import (
-    DeviceLostError,
-    HardwareError,
-    LinkError,
-    OutputUnderflowError,
-    OverrunError,
-    SettingError,
-)
+from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from hil.record.recording import Array
 
-_CLOCK_HZ = 20e6  # sample clocks are divided from it
 _WAIT_S = 2.0  # beyond the time that samples take
 _LEAST = 2  # samples of a buffered task
-_KINDS: Mapping[int, type[HardwareError]] = {
-    -200284: LinkError, -200474: LinkError, -200560: LinkError,  # nothing in time
-    -200279: OverrunError, -200361: OverrunError,  # overwritten in the buffer, in the FIFO
-    -200018: OutputUnderflowError, -200290: OutputUnderflowError, -200621: OutputUnderflowError,
-    -200045: DeviceLostError, -200324: DeviceLostError, -200220: DeviceLostError, -50808: DeviceLostError,
-}  # fmt: skip
+_Channel = TypeVar("_Channel", OutputChannel, InputChannel)
+_GROUND = "_aignd_vs_aignd"  # within the device: sampled for the sake of its clock when no input is in use
 
 
 class Settings(BaseModel):
@@ -41,12 +34,14 @@ class Settings(BaseModel):
 
     Attributes:
         device: as NI MAX names it.
-        outputs, inputs: how many the device has.
+        outputs, inputs: how many the device has, one by one.
         counters: how many of its counters may be PWM outputs; they must know sample-clocked pulses (X Series).
         pwm_hz: frequency of their pulses.
-        wiring: of the inputs: against ground, against AI SENSE, or in pairs.
-        skew_s: from one input to the next; the driver sets the convert clock so.
+        wiring: of the inputs: against ground, against AI SENSE, in pairs, or each with a wire back of its own.
+        skew_s: from one input to the next; the driver sets the convert clock so. 0: the device samples all at once.
         highest_rate_hz: of the outputs.
+        digital_outputs, digital_inputs: how many lines are used as such.
+        output_port, input_port: on which ports they are.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -56,25 +51,38 @@ class Settings(BaseModel):
     inputs: PositiveInt = 16
     counters: NonNegativeInt = 0
     pwm_hz: PositiveFloat = Field(default=1000.0, le=20_000.0)
-    wiring: Literal["rse", "nrse", "diff"] = "diff"
-    skew_s: PositiveFloat = Field(default=14e-6, ge=1e-7)
+    wiring: InputWiring = "diff"
+    skew_s: float = Field(default=14e-6, ge=0.0)
     highest_rate_hz: PositiveFloat = 250_000.0
+    digital_outputs: int = Field(default=4, ge=0, le=32)
+    digital_inputs: int = Field(default=4, ge=0, le=32)
+    output_port: NonNegativeInt = 1
+    input_port: NonNegativeInt = 0
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong beyond the types."""
     if settings.wiring == "diff" and settings.inputs % 2:
         yield ("inputs",), f"{settings.inputs} inputs are no pairs; say how many there are one by one"
+    if 0.0 < settings.skew_s < 1e-7:
+        yield ("skew_s",), f"{settings.skew_s:g} s is shorter than 100 ns; 0 says that all are sampled at once"
+    if settings.output_port == settings.input_port and settings.digital_outputs and settings.digital_inputs:
+        yield (
+            ("input_port",),
+            f"port {settings.input_port} has the outputs already; the other direction needs another port",
+        )
 
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
-    """Outputs and inputs of ±10 V, in pairs half as many inputs; counters as duty cycles."""
-    inputs = settings.inputs // 2 if settings.wiring == "diff" else settings.inputs
+    """Outputs and inputs of ±10 V, in pairs half as many inputs; counters as duty cycles; digital lines."""
     return {
         **{f"ao{i}": Terminal("out", "voltage", "V", -10.0, 10.0) for i in range(settings.outputs)},
         **{f"ctr{i}": Terminal("out", "value", "%", 0.0, 100.0) for i in range(settings.counters)},
-        **{f"ai{i}": Terminal("in", "voltage", "V", -10.0, 10.0) for i in range(inputs)},
-    }
+        **{f"do{i}": Terminal("out", "digital", "1", 0.0, 1.0) for i in range(settings.digital_outputs)},
+        **{f"ai{i}": Terminal("in", "voltage", "V", -10.0, 10.0)
+           for i in input_numbers(settings.inputs, settings.wiring)},
+        **{f"di{i}": Terminal("in", "digital", "1", 0.0, 1.0) for i in range(settings.digital_inputs)},
+    }  # fmt: skip
 
 
 def open_daq(settings: Settings, wiring: Wiring) -> NiDaq:
@@ -86,68 +94,94 @@ class NiDaq:
     """A device on NI-DAQmx (see `hil.daq.contract.Daq`).
 
     The outputs start on the trigger of the inputs and use the same clock: an input that is read with sample k still
-    shows what was driven before it. Outputs hold their value when a task ends, and when the program dies: the device
-    has no watchdog. A counter is started anew between tasks, without pulses for a moment, and stands still (0 %) once
-    the device is let go of, or a task is left early.
+    shows what was driven before it. Where no input is in use, one within the device gives the clock. Outputs hold their
+    value when a task ends, and when the program dies: the device has no watchdog. A counter is started anew between
+    tasks, without pulses for a moment, and stands still (0 %) once the device is let go of, or a task is left early.
+    Digital lines are switched between waveforms, and read once for each block: a reading is that of its last sample.
 
     Raises:
         DeviceLostError: no such device, or NI-DAQmx is not installed.
-        LinkError: no input is in use; they start the outputs.
-        SettingError: a counter whose safe value is not 0 %.
+        SettingError: a counter whose safe value is not 0 %, or an input that the device does not have in this wiring.
     """
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        if not wiring.inputs:
-            raise LinkError(f"{settings.device}: at least one input must be in use; its trigger starts the outputs")
         _check_counters(wiring.outputs)
         self.outputs: Mapping[str, OutputChannel] = wiring.outputs
-        self._analogue = {n: c for n, c in wiring.outputs.items() if not _is_counter(c)}
-        counted = {n: c for n, c in wiring.outputs.items() if _is_counter(c)}
-        self._counters = Counters(settings.device, settings.pwm_hz, counted)
+        self._voltages = Voltages(settings.device, _of_kind(wiring.outputs, "ao"))
+        self._counters = Counters(settings.device, settings.pwm_hz, _of_kind(wiring.outputs, "ctr"))
+        self._lines = Lines(
+            settings.device, settings.output_port, settings.input_port, _of_kind(wiring.outputs, "do"),
+            _of_kind(wiring.inputs, "di"),
+        )  # fmt: skip
         self.inputs: Mapping[str, InputChannel] = wiring.inputs
-        count = len(wiring.inputs)
-        scan_hz = 1.0 / (count * settings.skew_s)
+        self._sampled = _of_kind(wiring.inputs, "ai")
+        count = len(self._sampled)
+        scan_hz = 1.0 / (count * settings.skew_s) if count * settings.skew_s else math.inf
         self.promises = Promises(
-            timing="hardware", simultaneous=count == 1, skew_s=settings.skew_s if count > 1 else 0.0, read_at=0.0,
-            holds_on_stop=True, lowest_rate_hz=1.0, highest_rate_hz=min(settings.highest_rate_hz, scan_hz),
-            clock_hz=_CLOCK_HZ,
+            timing="hardware", simultaneous=count <= 1 or not settings.skew_s,
+            skew_s=settings.skew_s if count > 1 else 0.0, read_at=0.0, holds_on_stop=True, lowest_rate_hz=1.0,
+            highest_rate_hz=min(settings.highest_rate_hz, scan_hz),
         )  # fmt: skip
         self._settings = settings
         self._tasks: list[Any] = []
+        self._rates_hz: dict[float, float] = {}
         self._closed = False
         self._zero_s = time.monotonic()
         self._after_s = 0.0
-        with _told(settings.device):
-            self.levels: Mapping[str, float] = {
-                name: min(max(self._found(c), c.low), c.high) for name, c in self.outputs.items()
+        self.levels: Mapping[str, float] = {}
+        with self._told():
+            check_inputs(settings.device, settings.wiring, self._sampled)
+            self.levels = {
+                **dict.fromkeys(self._counters.channels, 0.0),
+                **self._lines.standing(),
+                **self._voltages.standing(),
             }
+            self._known = self._lines.read()
 
     def actual_rate_hz(self, asked_hz: float) -> float:
-        """The nearest whole division of the device's clock."""
-        return coerced_rate(self.promises, asked_hz)
+        """The rate that the device makes of it, as it says itself: each kind divides another clock."""
+        rate_hz = coerced_rate(self.promises, asked_hz)
+        if rate_hz not in self._rates_hz:
+            self._rates_hz[rate_hz] = self._made_of(rate_hz)
+        return self._rates_hz[rate_hz]
 
     def play(self, waveform: Waveform, block_samples: int | None = None) -> Iterator[Block]:
         """Finite acquisition; the whole waveform is in the buffer before the first sample."""
         check_waveform(waveform, self.outputs, self.promises)
-        return self._finite(waveform, block_samples or len(waveform))
+        (steady,) = self._lines.steady([waveform])
+        return self._finite(steady, block_samples or len(waveform))
 
     def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
         """Continuous acquisition without regeneration; a program that comes too late meets an underflow."""
-        return self._continuous(checked_task(waveforms, self.outputs, self.promises))
+        return self._continuous(self._lines.steady(checked_task(waveforms, self.outputs, self.promises)))
 
     def make_safe(self) -> None:
-        """Stop what plays, and write every safe value at once."""
+        """Stop what plays, and put every output at its safe value at once: digital lines first, then voltages.
+
+        Raises:
+            DeviceLostError: an output could not be reached; says where it stood.
+        """
         self._end_tasks()
         if self._closed or not self.outputs:
             return
-        import nidaqmx
+        self.levels = {**self.levels, **dict.fromkeys(self._counters.channels, 0.0)}  # without a task they stand still
+        failures = [
+            failure for group in (self._lines, self._voltages) if (failure := self._made_safe(group)) is not None
+        ]
+        if failures:
+            raise DeviceLostError("; ".join(failures))
 
-        if self._analogue:
-            with _told(self._settings.device, self.levels), nidaqmx.Task() as task:
-                self._add_outputs(task)
-                values = [channel.safe for channel in self._analogue.values()]
-                task.write(values if len(values) > 1 else values[0], auto_start=True)
-        self.levels = {name: channel.safe for name, channel in self.outputs.items()}
+    def _made_safe(self, group: Lines | Voltages) -> str | None:
+        """Drive outputs of one kind safe, whatever became of the others; why they could not be, or None."""
+        safe = {name: channel.safe for name, channel in group.outputs.items()}
+        try:
+            with self._told():
+                group.drive(safe)
+        except HardwareError as error:
+            stood = ", ".join(_stood(self.outputs[name], self.levels[name]) for name in safe)
+            return f"{error}; its outputs could not be made safe ({stood}): use the emergency stop"
+        self.levels = {**self.levels, **safe}
+        return None
 
     def close(self) -> None:
         """Make safe and let go of the device."""
@@ -163,6 +197,7 @@ class NiDaq:
         outputs = self._whole(waveform)
         samples = max(_LEAST, len(waveform))
         with self._task(waveform.rate_hz, AcquisitionType.FINITE, samples) as (writers, reading):
+            self._switch(outputs)
             start_s = self._started(writers, reading, outputs, samples)
             for first in range(0, len(waveform), block_samples):
                 count = min(block_samples, len(waveform) - first)
@@ -186,6 +221,7 @@ class NiDaq:
             following, failure = _next(waveforms)
             ahead = self._after(outputs, following, rate_hz)
             both = {name: np.concatenate((values, ahead[name])) for name, values in outputs.items()}
+            self._switch(outputs)
             start_s = self._started(writers, reading, both, len(next(iter(both.values()), np.empty(0))))
             while True:
                 yield self._block(reading, outputs, 0, len(playing), start_s + first / rate_hz, rate_hz)
@@ -193,6 +229,7 @@ class NiDaq:
                 if following is None:
                     break
                 playing, outputs = following, ahead
+                self._switch(outputs)
                 following, failure = _next(waveforms)
                 ahead = self._after(outputs, following, rate_hz)
                 self._write(writers, ahead, start=False)
@@ -209,6 +246,11 @@ class NiDaq:
     def _whole(self, waveform: Waveform, levels: Mapping[str, float] | None = None) -> dict[str, Array]:
         """Every output over a waveform; those that it does not name stand."""
         standing = self.levels if levels is None else levels
+        for name in self.outputs.keys() - waveform.outputs.keys():
+            if math.isnan(standing[name]):
+                raise LinkError(
+                    f"{self._settings.device} does not tell where '{name}' stands; drive it, or make it safe"
+                )
         return {name: np.asarray(waveform.outputs.get(name, np.full(len(waveform), standing[name])), dtype=np.float64)
                 for name in self.outputs}  # fmt: skip
 
@@ -219,16 +261,12 @@ class NiDaq:
 
         self._end_tasks()
         try:
-            with _told(self._settings.device, self.levels):
+            with self._told():
                 reading = nidaqmx.Task()
                 self._tasks.append(reading)
-                for channel in self.inputs.values():
-                    reading.ai_channels.add_ai_voltage_chan(
-                        f"{self._settings.device}/{channel.terminal}", terminal_config=self._configuration(),
-                        min_val=channel.low, max_val=channel.high,
-                    )  # fmt: skip
+                self._add_inputs(reading)
                 reading.timing.cfg_samp_clk_timing(rate_hz, sample_mode=mode, samps_per_chan=samples)
-                if len(self.inputs) > 1:
+                if self.promises.skew_s:
                     reading.timing.ai_conv_rate = 1.0 / self._settings.skew_s
                 self._check_rate(reading, rate_hz)
                 writers = [*self._analogue_writers(rate_hz, mode, samples), *self._pwm_writers(rate_hz, mode, samples)]
@@ -237,7 +275,7 @@ class NiDaq:
             self._end_tasks()
             held = self.levels
             self.levels = {**held, **dict.fromkeys(self._counters.channels, 0.0)}
-        with _told(self._settings.device, self.levels):
+        with self._told():
             for task in self._counters.held(held):
                 self._tasks.append(task)
         self.levels = held
@@ -245,48 +283,58 @@ class NiDaq:
     def _analogue_writers(self, rate_hz: float, mode: Any, samples: int) -> Iterator[_Writer]:
         import nidaqmx
 
-        if not self._analogue:
+        if not self._voltages.outputs:
             return
         writing = nidaqmx.Task()
         self._tasks.append(writing)
-        self._add_outputs(writing)
+        self._voltages.add_to(writing)
         writing.timing.cfg_samp_clk_timing(rate_hz, sample_mode=mode, samps_per_chan=samples)
         writing.triggers.start_trigger.cfg_dig_edge_start_trig(f"/{self._settings.device}/ai/StartTrigger")
         self._check_rate(writing, rate_hz)
-        yield _Writer(writing, tuple(self._analogue), _voltages)
+        yield _Writer(writing, tuple(self._voltages.outputs), _packed)
 
     def _pwm_writers(self, rate_hz: float, mode: Any, samples: int) -> Iterator[_Writer]:
         for name, task in self._counters.clocked(self.levels, rate_hz, mode, samples):
             self._tasks.append(task)
             yield _Writer(task, (name,), lambda rows: self._counters.samples(rows[0]))
 
-    def _add_outputs(self, task: Any) -> None:
-        for channel in self._analogue.values():
-            task.ao_channels.add_ao_voltage_chan(
-                f"{self._settings.device}/{channel.terminal}", min_val=channel.low, max_val=channel.high
-            )
+    def _add_inputs(self, task: Any) -> None:
+        for channel in self._sampled.values():
+            task.ai_channels.add_ai_voltage_chan(
+                f"{self._settings.device}/{channel.terminal}", terminal_config=configuration(self._settings.wiring),
+                min_val=channel.low, max_val=channel.high,
+            )  # fmt: skip
+        if not self._sampled:
+            task.ai_channels.add_ai_voltage_chan(f"{self._settings.device}/{_GROUND}", min_val=-10.0, max_val=10.0)
+
+    def _made_of(self, rate_hz: float) -> float:
+        import nidaqmx
+        from nidaqmx.constants import AcquisitionType
+
+        with self._told(), nidaqmx.Task() as task:
+            self._add_inputs(task)
+            task.timing.cfg_samp_clk_timing(rate_hz, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=_LEAST)
+            return float(task.timing.samp_clk_rate)
 
     def _check_rate(self, task: Any, rate_hz: float) -> None:
         real_hz = float(task.timing.samp_clk_rate)
         if abs(real_hz - rate_hz) > 1e-6 * rate_hz:
-            raise LinkError(f"{self._settings.device} uses {real_hz:g} Hz where {rate_hz:g} Hz were asked for")
-
-    def _configuration(self) -> Any:
-        from nidaqmx.constants import TerminalConfiguration as Has
-
-        return {"rse": Has.RSE, "nrse": Has.NRSE, "diff": Has.DIFF}[self._settings.wiring]
+            raise LinkError(
+                f"{self._settings.device} makes {real_hz:.9g} Hz of {rate_hz:.9g} Hz: its rates are divisions of its "
+                f"own clocks, and those of inputs and outputs differ; ask for a rate that both make"
+            )
 
     def _started(self, writers: list[_Writer], reading: Any, outputs: Mapping[str, Array], samples: int) -> float:
         """Fill the buffers and start; the time of the first sample on the device's clock."""
         padded = {name: np.append(v, np.full(samples - len(v), v[-1])) for name, v in outputs.items()}
         self._write(writers, padded, start=True)
-        with _told(self._settings.device, self.levels):
+        with self._told():
             reading.start()
         self._after_s = max(self._after_s, time.monotonic() - self._zero_s)
         return self._after_s
 
     def _write(self, writers: list[_Writer], outputs: Mapping[str, Array], start: bool) -> None:
-        with _told(self._settings.device, self.levels):
+        with self._told():
             for writer in writers:
                 writer.write(outputs)
                 if start:
@@ -301,26 +349,33 @@ class NiDaq:
         self.levels = {name: float(values[-1]) for name, values in driven.items()}
         self._after_s = float(time_s[-1]) + 1.0 / rate_hz
         clipped = {
-            n: np.clip(row, self.inputs[n].low, self.inputs[n].high) for n, row in zip(self.inputs, rows, strict=True)
+            n: np.clip(row, c.low, c.high)
+            for (n, c), row in zip(self._sampled.items(), rows, strict=len(self._sampled) > 0)
         }
-        return Block(time_s, clipped, driven)
+        return Block(time_s, {**clipped, **self._lines_over(count)}, driven)
+
+    def _lines_over(self, count: int) -> dict[str, Array]:
+        """Digital inputs over a block that was just read: as known before, and from its last sample on as they are."""
+        with self._told():
+            known, self._known = self._known, self._lines.read()
+        return {name: np.append(np.full(count - 1, known[name]), now) for name, now in self._known.items()}
 
     def _read(self, reading: Any, count: int, rate_hz: float) -> Array:
-        with _told(self._settings.device, self.levels):
+        with self._told():
             read = reading.read(number_of_samples_per_channel=count, timeout=count / rate_hz + _WAIT_S)
-        return np.asarray(read, dtype=np.float64).reshape(len(self.inputs), count)
+        return np.asarray(read, dtype=np.float64).reshape(max(1, len(self._sampled)), count)
 
-    def _found(self, channel: OutputChannel) -> float:
-        """Where an output stands: voltages over the device's internal connection to its inputs; counters are still."""
-        import nidaqmx
+    def _switch(self, outputs: Mapping[str, Array]) -> None:
+        """Digital outputs as a waveform that begins now wants them."""
+        wanted = {name: float(outputs[name][0]) for name in self._lines.outputs}
+        changed = {name: value for name, value in wanted.items() if value != self.levels[name]}
+        if changed:
+            with self._told():
+                self._lines.drive(changed)
+            self.levels = {**self.levels, **changed}
 
-        if _is_counter(channel):
-            return 0.0
-        with nidaqmx.Task() as task:
-            task.ai_channels.add_ai_voltage_chan(
-                f"{self._settings.device}/_{channel.terminal}_vs_aognd", min_val=-10.0, max_val=10.0
-            )
-            return float(task.read())
+    def _told(self) -> AbstractContextManager[None]:
+        return told(self._settings.device)
 
     def _end_tasks(self) -> None:
         tasks, self._tasks = self._tasks, []
@@ -344,38 +399,28 @@ class _Writer:
         self.task.write(self.packed([outputs[name] for name in self.names]), auto_start=False, timeout=_WAIT_S)
 
 
-def _voltages(rows: list[Array]) -> Array:
+def _packed(rows: list[Array]) -> Array:
     return np.array(rows) if len(rows) > 1 else rows[0]
 
 
-def _is_counter(channel: OutputChannel) -> bool:
-    return channel.terminal.startswith("ctr")
+def _of_kind(channels: Mapping[str, _Channel], prefix: str) -> dict[str, _Channel]:
+    """The channels on terminals of one kind: `ao`, `ctr`, `do`, `ai`, `di`."""
+    return {name: channel for name, channel in channels.items() if channel.terminal.rstrip("0123456789") == prefix}
+
+
+def _stood(channel: OutputChannel, level: float) -> str:
+    if math.isnan(level):
+        return f"{channel.name} stood where nobody knows"
+    return f"{channel.name} stood at {level:g}{'' if channel.unit == '1' else f' {channel.unit}'}"
 
 
 def _check_counters(outputs: Mapping[str, OutputChannel]) -> None:
-    for name, channel in outputs.items():
-        if _is_counter(channel) and channel.safe != 0.0:
+    for name, channel in _of_kind(outputs, "ctr").items():
+        if channel.safe != 0.0:
             raise SettingError(
                 f"'{name}': safe = {channel.safe:g} %; {channel.terminal} stands still once the program lets go of it, "
                 f"so only 0 % can be its safe value"
             )
-
-
-@contextmanager
-def _told(device: str, levels: Mapping[str, float] | None = None) -> Iterator[None]:
-    """Errors of NI-DAQmx as those of `hil.errors`."""
-    from nidaqmx.errors import DaqError, DaqNotFoundError
-
-    try:
-        yield
-    except DaqNotFoundError as error:
-        raise DeviceLostError("NI-DAQmx is not installed on this computer") from error
-    except DaqError as error:
-        kind = _KINDS.get(error.error_code, LinkError)
-        standing = "".join(f"; {name} stood at {level:g}" for name, level in (levels or {}).items())
-        stands = f"{standing}: use the emergency stop" if kind is DeviceLostError and standing else ""
-        text = " ".join(str(error).split("\n")[0].split())
-        raise kind(f"{device}: {text} ({error.error_code}){stands}") from error
 
 
 def _next(waveforms: Iterator[Waveform]) -> tuple[Waveform | None, Exception | None]:

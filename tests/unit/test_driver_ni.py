@@ -1,22 +1,22 @@
-"""The NI driver on an imitation of NI-DAQmx: what it asks for, in which order, and what it makes of error codes.
-
-The imitation follows the documentation (defaults, shapes, codes, triggers, non-regeneration); no device was there.
-"""
+"""The NI driver on an imitation of NI-DAQmx: what it asks for, in which order, and what it makes of error codes."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import nidaqmx
+import nidaqmx.system
 import numpy as np
 import pytest
-from nidaqmx.constants import AcquisitionType, Level, RegenerationMode
-from nidaqmx.errors import DaqError
+from nidaqmx.constants import AcquisitionType, RegenerationMode
 
 from drivers import ni
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform, joined
 from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, OverrunError, RangeError, SettingError
+from hil.safety.guard import Guard
+from hil.safety.protection import Protection
+from tests.ni_board import Board, Device, Task
 
 RATE_HZ = 1000.0
 PWM = {"duty": OutputChannel("duty", "ctr0", "value", "%", 0.0, 100.0)}
@@ -29,146 +29,13 @@ WIRING = Wiring(
 )
 
 
-class Board:
-    """The device: what stands at its outputs, wired back to its inputs, and every call in order."""
-
-    def __init__(self) -> None:
-        self.levels = {"ao0": 3.0, "ao1": 4.0, "ctr0": 0.0}
-        self.calls: list[str] = []
-        self.playing: Task | None = None
-        self.counting: Task | None = None
-        self.pulses_hz: set[float] = set()
-        self.codes: dict[str, int] = {}
-        self.rate_hz: float | None = None
-        self.open = 0
-
-    def fail(self, call: str) -> None:
-        if call in self.codes:
-            raise DaqError("the reason.\nmore words", self.codes.pop(call))
-
-
-class Task:
-    """A task as `nidaqmx.Task` documents it."""
-
-    board: Board
-
-    def __init__(self) -> None:
-        self.channels: list[str] = []
-        self.kwargs: list[dict[str, Any]] = []
-        self.ai_channels = self.ao_channels = self.co_channels = self.timing = self.triggers = self.start_trigger = (
-            self.out_stream
-        ) = self
-        self.regen_mode = RegenerationMode.ALLOW_REGENERATION
-        self.samp_clk_rate, self.mode, self.size = 0.0, None, 0
-        self.buffer, self.done, self.triggered, self.started = np.empty((0, 0)), 0, "", False
-        self.created = 0.0
-        self.board.open += 1
-
-    def __enter__(self) -> Task:
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
-
-    def add_ai_voltage_chan(self, channel: str, **kwargs: Any) -> None:
-        self.channels.append(channel)
-        self.kwargs.append(kwargs)
-
-    add_ao_voltage_chan = add_ai_voltage_chan
-
-    def add_co_pulse_chan_freq(self, counter: str, *, idle_state: Level, freq: float, duty_cycle: float) -> None:
-        assert idle_state is Level.LOW and 0.0 < duty_cycle < 1.0
-        self.channels.append(counter)
-        self.created = duty_cycle
-        self.board.pulses_hz.add(freq)
-
-    def cfg_implicit_timing(self, *, sample_mode: Any) -> None:
-        assert self.channels[0].startswith("Dev1/ctr") and sample_mode is AcquisitionType.CONTINUOUS
-
-    def cfg_samp_clk_timing(self, rate: float, *, source: str = "", sample_mode: Any, samps_per_chan: int) -> None:
-        assert samps_per_chan >= 2 and (source == "/Dev1/ai/SampleClock") == self.is_counter
-        self.samp_clk_rate, self.mode, self.size = self.board.rate_hz or rate, sample_mode, samps_per_chan
-
-    def cfg_dig_edge_start_trig(self, source: str) -> None:
-        self.triggered = source
-
-    @property
-    def is_counter(self) -> bool:
-        return self.channels[0].startswith("Dev1/ctr")
-
-    def write(self, data: Any, auto_start: bool, timeout: float = 10.0) -> None:
-        self.board.fail("write")
-        if self.is_counter:
-            pulses = data if isinstance(data, list) else [data]
-            self.board.pulses_hz.update(pulse.freq for pulse in pulses)
-            data = [pulse.duty_cycle for pulse in pulses]
-        rows = np.atleast_2d(np.asarray(data, dtype=float))
-        if auto_start:
-            if rows.shape[0] != len(self.channels):
-                rows = rows.T
-            self.board.calls.append(f"write {[float(v) for v in rows[:, -1]]}")
-            for channel, row in zip(self.channels, rows, strict=True):
-                self.board.levels[channel.split("/")[1]] = float(row[-1])
-            return
-        if self.done > self.buffer.shape[1]:
-            raise DaqError("no new samples", -200290)
-        self.buffer = np.hstack([self.buffer.reshape(len(self.channels), -1), rows])
-
-    def start(self) -> None:
-        self.board.fail("start")
-        self.started = True
-        if self.is_counter:
-            self.board.calls.append("start counter")
-            self.board.counting = self
-            self.board.levels["ctr0"] = self.created
-        elif self.triggered:
-            self.board.calls.append("start outputs")
-            self.board.playing = self
-        else:
-            self.board.calls.append("start inputs")
-
-    def read(self, number_of_samples_per_channel: int | None = None, timeout: float = 10.0) -> Any:
-        self.board.fail("read")
-        if number_of_samples_per_channel is None:
-            return self.board.levels[self.channels[0].split("/_")[1].removesuffix("_vs_aognd")]
-        assert self.started
-        count, playing = number_of_samples_per_channel, self.board.playing
-        read = np.empty((len(self.channels), count))
-        for k in range(count):
-            for row, channel in zip(read, self.channels, strict=True):
-                row[k] = self.board.levels[f"ao{channel[-1]}"]
-            if playing is not None and playing.done < playing.buffer.shape[1]:
-                for channel, value in zip(playing.channels, playing.buffer[:, playing.done], strict=True):
-                    self.board.levels[channel.split("/")[1]] = float(value)
-            if playing is not None:
-                playing.done += 1
-            self.count()
-        return read.tolist() if len(read) > 1 else read[0].tolist()
-
-    def count(self) -> None:
-        """An edge of the sample clock at the counter."""
-        counting = self.board.counting
-        if counting is not None and counting.done < counting.buffer.shape[1]:
-            self.board.levels["ctr0"] = float(counting.buffer[0, counting.done])
-            counting.done += 1
-
-    def stop(self) -> None:
-        self.started = False
-        if self.board.counting is self:
-            self.board.counting, self.board.levels["ctr0"] = None, 0.0
-        if self.board.playing is self:
-            self.board.playing = None
-
-    def close(self) -> None:
-        self.stop()
-        self.board.open -= 1
-
-
 @pytest.fixture
 def board(monkeypatch: pytest.MonkeyPatch) -> Board:
     made = Board()
     monkeypatch.setattr(Task, "board", made, raising=False)
+    monkeypatch.setattr(Device, "board", made, raising=False)
     monkeypatch.setattr(nidaqmx, "Task", Task)
+    monkeypatch.setattr(nidaqmx.system, "Device", Device)
     return made
 
 
@@ -212,7 +79,7 @@ def test_one_sample_is_played_though_a_buffer_needs_two(daq: ni.NiDaq) -> None:
 def test_finite_and_continuous_acquisition_say_the_same(board: Board) -> None:
     blocks = []
     for finite in (True, False):
-        board.levels = {"ao0": 0.0, "ao1": 0.0}
+        board.levels |= {"ao0": 0.0, "ao1": 0.0}
         daq = ni.open_daq(ni.Settings(), WIRING)
         blocks.append(joined(list(daq.play(ramp()) if finite else daq.stream(ramp().slices(7)))))
     assert np.array_equal(blocks[0].inputs["read 0"], blocks[1].inputs["read 0"])
@@ -232,7 +99,7 @@ def test_safe_values_are_written_at_once(daq: ni.NiDaq, board: Board) -> None:
     blocks = daq.play(ramp(), 5)
     next(blocks)
     daq.make_safe()
-    assert board.levels == {"ao0": 1.0, "ao1": 0.5, "ctr0": 0.0} and daq.levels == {"a": 1.0, "b": 0.5}
+    assert (board.levels["ao0"], board.levels["ao1"]) == (1.0, 0.5) and daq.levels == {"a": 1.0, "b": 0.5}
     daq.close()
     daq.close()
     assert board.open == 0
@@ -242,15 +109,40 @@ def test_safe_values_are_written_at_once(daq: ni.NiDaq, board: Board) -> None:
     ("code", "kind"),
     [
         (-200284, LinkError), (-200279, OverrunError), (-200361, OverrunError), (-200621, OutputUnderflowError),
-        (-200045, DeviceLostError), (-50808, DeviceLostError), (-999999, LinkError),
+        (-200045, DeviceLostError), (-999999, LinkError),
     ],
 )  # fmt: skip
-def test_codes_become_errors_of_one_line(daq: ni.NiDaq, board: Board, code: int, kind: type[Exception]) -> None:
+def test_codes_become_errors_of_one_line_with_the_whole_cause(
+    daq: ni.NiDaq, board: Board, code: int, kind: type[Exception]
+) -> None:
     board.codes["read"] = code
-    with pytest.raises(kind, match=rf"^Dev1: the reason\. \({code}\)") as raised:
+    with pytest.raises(kind) as raised:
         list(daq.play(ramp()))
-    assert ("use the emergency stop" in str(raised.value)) == (kind is DeviceLostError)
-    assert board.open == 0
+    assert str(raised.value) == f"Dev1: the reason. Device: Dev1 ({code})" and board.open == 0
+
+
+@pytest.mark.parametrize("code", [-200324, -200045, -50808, -201003, -88705, -50405, -88302, -200284, -999999])
+def test_outputs_that_cannot_be_made_safe_are_told_with_the_remedy(daq: ni.NiDaq, board: Board, code: int) -> None:
+    board.gone = code
+    with pytest.raises(DeviceLostError) as raised:
+        daq.make_safe()
+    assert str(raised.value) == (
+        f"Dev1: the reason. Device: Dev1 ({code}); its outputs could not be made safe "
+        f"(a stood at 3 V, b stood at 4 V): use the emergency stop"
+    )
+
+
+def test_lost_board_ends_a_run_with_the_emergency_stop(daq: ni.NiDaq, board: Board) -> None:
+    guard = Guard(daq, Protection(RATE_HZ))
+    blocks = guard.play(ramp(), 5)
+    next(blocks)
+    board.gone = -88705
+    with pytest.raises(
+        DeviceLostError, match=r"\(-88705\); its outputs could not be made safe .* use the emergency stop"
+    ):
+        next(blocks)
+    with pytest.raises(DeviceLostError, match="use the emergency stop"):
+        guard.close()
 
 
 def test_late_program_meets_an_underflow(daq: ni.NiDaq, board: Board) -> None:
@@ -262,9 +154,19 @@ def test_late_program_meets_an_underflow(daq: ni.NiDaq, board: Board) -> None:
         list(blocks)
 
 
-def test_rate_that_the_device_makes_differently_is_told(daq: ni.NiDaq, board: Board) -> None:
-    board.rate_hz = 999.0
-    with pytest.raises(LinkError, match="Dev1 uses 999 Hz where 1000 Hz were asked for"):
+def test_rate_is_what_the_board_makes_of_it(board: Board) -> None:
+    board.rates_of = 51200.0
+    daq = ni.open_daq(ni.Settings(), WIRING)
+    assert daq.actual_rate_hz(1000.0) == pytest.approx(51200.0 / 51) and daq.actual_rate_hz(2048.0) == 2048.0
+    made_hz = daq.actual_rate_hz(1000.0)
+    assert daq.actual_rate_hz(made_hz) == made_hz
+    (block,) = daq.play(Waveform(made_hz, {"a": np.linspace(0.0, 1.0, 20)}))
+    assert np.diff(block.time_s) == pytest.approx(51 / 51200.0)
+
+
+def test_rates_of_inputs_and_outputs_that_differ_are_told(daq: ni.NiDaq, board: Board) -> None:
+    board.output_hz = 999.0
+    with pytest.raises(LinkError, match="Dev1 makes 999 Hz of 1000 Hz: its rates are divisions of its own clocks"):
         list(daq.play(ramp()))
 
 
@@ -276,9 +178,110 @@ def test_rates_and_ranges_that_it_does_not_have_are_refused(daq: ni.NiDaq) -> No
     assert daq.actual_rate_hz(daq.actual_rate_hz(333.3)) == daq.actual_rate_hz(333.3)
 
 
-def test_without_an_input_nothing_starts_the_outputs(board: Board) -> None:
-    with pytest.raises(LinkError, match="at least one input"):
-        ni.open_daq(ni.Settings(), Wiring(WIRING.outputs, {}))
+def test_outputs_alone_are_timed_by_the_clock_of_an_input_within_the_board(board: Board) -> None:
+    daq = ni.open_daq(ni.Settings(), Wiring(WIRING.outputs, {}))
+    block = joined(list(daq.play(ramp(), 7)))
+    assert np.array_equal(block.outputs["a"], ramp().outputs["a"]) and block.inputs == {}
+    assert board.levels["ao0"] == 2.0
+    daq.close()
+    assert (board.levels["ao0"], board.levels["ao1"]) == (1.0, 0.5) and board.open == 0
+
+
+def test_where_the_board_does_not_tell_its_outputs_it_drives_nothing_beside_them(board: Board) -> None:
+    board.internal = False
+    daq = ni.open_daq(ni.Settings(), WIRING)
+    assert all(np.isnan(level) for level in daq.levels.values())
+    with pytest.raises(LinkError, match="Dev1 does not tell where 'b' stands; drive it, or make it safe"):
+        list(daq.play(ramp()))
+    daq.make_safe()
+    assert daq.levels == {"a": 1.0, "b": 0.5} and len(joined(list(daq.play(ramp())))) == 30
+
+
+RELAY = {"enable": OutputChannel("enable", "do1", "digital", "1", 0.0, 1.0)}
+STOP = {"stop": InputChannel("stop", "di2", "digital", "1", 0.0, 1.0)}
+
+
+@pytest.fixture
+def lines(board: Board) -> ni.NiDaq:
+    board.levels["port0/line2"] = 1.0
+    return ni.open_daq(ni.Settings(), Wiring({**WIRING.outputs, **RELAY}, {**STOP, **WIRING.inputs}))
+
+
+@pytest.mark.parametrize("finite", [True, False])
+def test_relay_is_switched_before_the_waveform_that_wants_it(lines: ni.NiDaq, board: Board, finite: bool) -> None:
+    closed = [Waveform(RATE_HZ, {"enable": np.full(10, value)}) for value in (1.0, 1.0, 0.0)]
+    seen = []
+    for block in (b for w in closed for b in lines.play(w)) if finite else lines.stream(closed):
+        seen.append((block.outputs["enable"][0], board.levels["port1/line1"]))
+    assert seen == [(1.0, 1.0), (1.0, 1.0), (0.0, 0.0)]
+    assert lines.levels == {"a": 3.0, "b": 4.0, "enable": 0.0}
+
+
+def test_relay_opens_first_and_alone_if_need_be(lines: ni.NiDaq, board: Board) -> None:
+    list(lines.play(Waveform(RATE_HZ, {"enable": np.ones(5)})))
+    board.calls.clear()
+    lines.make_safe()
+    assert board.calls == ["write port1/line1 [0.0]", "write  [1.0, 0.5]"]
+    board.codes["write"] = -200324
+    with pytest.raises(DeviceLostError, match=r"could not be made safe \(enable stood at 0\): use"):
+        lines.make_safe()
+    assert board.calls[-1] == "write  [1.0, 0.5]"
+
+
+def test_found_relay_and_input_are_as_they_stand(board: Board) -> None:
+    board.levels |= {"port1/line1": 1.0, "port0/line2": 1.0}
+    daq = ni.open_daq(ni.Settings(), Wiring(RELAY, STOP))
+    (block,) = daq.play(Waveform(RATE_HZ, {"enable": np.ones(4)}))
+    assert daq.levels == {"enable": 1.0} and block.inputs["stop"].tolist() == [1.0, 1.0, 1.0, 1.0]
+
+
+def test_line_that_falls_is_seen_at_the_end_of_its_block(lines: ni.NiDaq, board: Board) -> None:
+    blocks = lines.play(ramp(), 5)
+    assert next(blocks).inputs["stop"].tolist() == [1.0] * 5
+    board.levels["port0/line2"] = 0.0
+    assert [next(blocks).inputs["stop"].tolist() for _ in range(2)] == [[1.0] * 4 + [0.0], [0.0] * 5]
+    board.calls.clear()
+
+
+@pytest.mark.parametrize(
+    ("values", "says"),
+    [
+        ([0.0, 1.0], "switched by software, so that it changes only between two waveforms"),
+        ([0.5, 0.5], "nothing between"),
+    ],
+)
+def test_line_is_no_waveform(lines: ni.NiDaq, values: list[float], says: str) -> None:
+    waveform = Waveform(RATE_HZ, {"enable": np.array(values)})
+    with pytest.raises(RangeError, match=says):
+        lines.play(waveform)
+    with pytest.raises(RangeError, match=says):
+        list(lines.stream([waveform]))
+
+
+def test_pairs_are_those_of_the_board(board: Board) -> None:
+    def opened(terminal: str) -> ni.NiDaq:
+        wiring = Wiring({}, {"p": InputChannel("p", terminal, "voltage", "V", -10.0, 10.0)})
+        return ni.open_daq(ni.Settings(inputs=32), wiring)
+
+    board.inputs, board.pairs = list(range(32)), [*range(8), *range(16, 24)]
+    assert "ai16" in ni.terminals(ni.Settings(inputs=32)) and "ai8" not in ni.terminals(ni.Settings(inputs=32))
+    opened("ai16").close()
+    with pytest.raises(SettingError, match=r'no ai8 with wiring = "diff"; it has: ai0 … ai7, ai16 … ai23'):
+        opened("ai8")
+
+
+def test_board_that_samples_all_at_once_has_no_convert_clock(board: Board, monkeypatch: pytest.MonkeyPatch) -> None:
+    rates: list[float] = []
+    monkeypatch.setattr(Task, "close", lambda self, close=Task.close: (rates.append(self.ai_conv_rate), close(self)))
+    daq = ni.open_daq(ni.Settings(skew_s=0.0), WIRING)
+    list(daq.play(ramp(4)))
+    assert daq.promises.simultaneous and set(rates) == {0.0}
+    assert [text for _, text in ni.faults(ni.Settings(skew_s=1e-9))]
+
+
+def test_lines_of_both_directions_need_two_ports() -> None:
+    assert [place for place, _ in ni.faults(ni.Settings(input_port=1))] == [("input_port",)]
+    assert not list(ni.faults(ni.Settings(input_port=1, digital_inputs=0)))
 
 
 def test_without_the_driver_of_ni_it_says_so() -> None:
@@ -288,7 +291,7 @@ def test_without_the_driver_of_ni_it_says_so() -> None:
 
 def test_odd_inputs_are_no_pairs() -> None:
     assert [place for place, _ in ni.faults(ni.Settings(inputs=15))] == [("inputs",)]
-    assert len(ni.terminals(ni.Settings())) == 2 + 8
+    assert len(ni.terminals(ni.Settings())) == 2 + 8 + 4 + 4
 
 
 @pytest.fixture

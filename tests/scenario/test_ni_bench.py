@@ -1,0 +1,94 @@
+"""The shipped bench of a USB-6211, its run and its watchdog process on one board: what stands there is in a file."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+HERE = Path(__file__).parents[1]
+PATIENCE_S = 60.0
+HALF, RELAY = 5.0, "port1/line0"
+
+
+class Bench:
+    """A board in a file, and `hil run` on it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder, self.board = folder, folder / "board.json"
+        self._told = {"NI_BOARD": str(self.board), "HIL_STATE_DIR": str(folder / "state"),
+                      "PYTHONPATH": os.pathsep.join(str(HERE / part) for part in ("stand_in", "stranger"))}  # fmt: skip
+
+    def start(self, hold_s: float) -> subprocess.Popen[str]:
+        command = [sys.executable, "-m", "hil", "run", "tiny_step", "--bench", "hpv41-usb-6211", "--out",
+                   str(self.folder / "run"), "--set", "levels=50", "--set", f"hold_s={hold_s}"]  # fmt: skip
+        pipe = subprocess.PIPE
+        return subprocess.Popen(command, env={**os.environ, **self._told}, text=True, stdout=pipe, stderr=pipe)
+
+    def level(self, terminal: str) -> float | None:
+        """Where an output stands, as the board has it."""
+        if not self.board.exists():
+            return None
+        levels: dict[str, float] = json.loads(self.board.read_text(encoding="utf-8"))["levels"]
+        return levels[terminal]
+
+    def wait(self, until: Callable[[], bool]) -> None:
+        deadline_s = time.monotonic() + PATIENCE_S
+        while not until():
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+
+    def drive(self) -> subprocess.Popen[str]:
+        """A run that stands at half its range, the relay closed."""
+        process = self.start(hold_s=60.0)
+        self.wait(lambda: self.level("ao0") == HALF and self.level(RELAY) == 1.0)
+        return process
+
+    def watchdog(self) -> dict[str, Any]:
+        told = self.folder / "run" / "watchdog.json"
+        self.wait(told.exists)
+        time.sleep(0.05)
+        found: dict[str, Any] = json.loads(told.read_text(encoding="utf-8"))
+        return found
+
+
+@pytest.fixture
+def bench(tmp_path: Path) -> Bench:
+    return Bench(tmp_path)
+
+
+def test_it_runs_with_its_watchdog_and_ends_safe(bench: Bench) -> None:
+    process = bench.start(hold_s=0.3)
+    _, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 0, err
+    assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
+    header = json.loads((bench.folder / "run" / "run.json").read_text(encoding="utf-8"))
+    assert [column["name"] for column in header["samples"]["columns"]] == ["time", "command", "enable", "flow"]
+
+
+def test_it_is_killed_and_the_watchdog_process_makes_the_board_safe(bench: Bench) -> None:
+    process = bench.drive()
+    process.kill()
+    _, err = process.communicate(timeout=PATIENCE_S)  # the watchdog holds its end of the pipe until it is done
+    assert "outputs made safe in" in err and bench.watchdog()["safe_after_s"] < 2.0
+    assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
+
+
+def test_board_is_unplugged_and_found_again_by_the_watchdog_process(bench: Bench) -> None:
+    process = bench.drive()
+    unplugged = bench.board.with_suffix(".unplugged")
+    unplugged.touch()
+    bench.wait(lambda: process.poll() is not None)
+    assert process.returncode == 3 and bench.level("ao0") == HALF
+    unplugged.unlink()  # plugged in again; a real one would have forgotten its levels, this one has not
+    _, err = process.communicate(timeout=PATIENCE_S)
+    assert "(-200324)" in err and "could not be made safe" in err and "use the emergency stop" in err
+    assert bench.watchdog()["safe_after_s"] >= 0.0
+    assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
