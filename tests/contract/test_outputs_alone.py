@@ -26,8 +26,8 @@ BENCHES: dict[str, tuple[str, tuple[tuple[str, str], ...]]] = {
     "scpi": (
         "hpv41-serial",
         (
-            ('[devices.module]\ndriver = "ascii_module"\nmodel = "adam-4024"\naddress = "socket://127.0.0.1:14001"\n'
-             "watchdog_s = 1.0\n\n", ""),
+            (('[devices.module]\ndriver = "ascii_module"\nmodel = "adam-4024"\naddress = "socket://127.0.0.1:14001"\n'
+             "watchdog_s = 1.0\n\n"), ""),
             ('device = "module"\nterminal = "ao0"', 'device = "scanner"\nterminal = "dac4"'),
         ),
     ),
