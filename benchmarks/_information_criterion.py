@@ -17,11 +17,11 @@ import numpy as np
 from _concealed import Answer, Case
 
 from hil.cores import spread
-from hil.diagnose.problem import Problem, pose
-from hil.diagnose.search.terms import Term, all_terms
-from hil.identify.estimate import Unknown, estimate
-from hil.identify.experiment import Experiment
-from hil.identify.grey_box import unknown
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.terms import Term, all_terms
+from hil.identification.estimate import Unknown, estimate
+from hil.identification.experiment import Experiment
+from hil.identification.grey_box import unknown
 from hil.physics.model import Noise
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array

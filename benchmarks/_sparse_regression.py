@@ -29,8 +29,8 @@ from _information_criterion import best_start, tangent, white_problem
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from hil.diagnose.search.terms import all_terms
-from hil.identify.experiment import Experiment
+from hil.diagnosis.search.terms import all_terms
+from hil.identification.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 

@@ -23,12 +23,12 @@ import numpy as np
 from numpy.typing import NDArray
 from table import Row, milliseconds, show
 
-from hil.identify.experiment import experiment
-from hil.identify.frequency_response import FrequencyResponse, from_table
-from hil.identify.grey_box import fit_plant
-from hil.identify.order_choice import fit_transfer_function
-from hil.identify.rational import Form
-from hil.identify.transfer_function import fit_form
+from hil.identification.experiment import experiment
+from hil.identification.frequency_response import FrequencyResponse, from_table
+from hil.identification.grey_box import fit_plant
+from hil.identification.order_choice import fit_transfer_function
+from hil.identification.rational import Form
+from hil.identification.transfer_function import fit_form
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.published.tordal import FREQUENCIES_HZ, RUNS

@@ -27,8 +27,8 @@ import numpy as np
 from _concealed import Answer, Case, conceal, fit_on_unseen, has_gap, judged, nominal_output
 from table import Row, show
 
-from hil.diagnose.diagnose import diagnose
-from hil.identify.experiment import Experiment
+from hil.diagnosis.diagnose import diagnose
+from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 from tests.proof.cases.label import NOTHING, parse
 from tests.proof.score.judge import AMONG, BOTH, CONSISTENT, FIRST, ONE, WRONG

@@ -214,7 +214,7 @@ for curve in document["curves"]:
 
 def results_page() -> Iterator[str]:
     """The page of the results: every field of their schema."""
-    from hil.results.results import schema
+    from hil.findings.results import schema
 
     made = schema()
     yield from ("# Results as data", "", NOTE, "", RESULTS)

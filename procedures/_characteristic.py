@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
-from hil.identify.flow_curve import FlowCurve, Number, flow_curve
-from hil.identify.sweep_branches import branches
+from hil.identification.flow_curve import FlowCurve, Number, flow_curve
+from hil.identification.sweep_branches import branches
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array, Channel, Recording
 from hil.record.recording import recording as made_recording
@@ -34,7 +34,7 @@ class Characteristic:
 
     Attributes:
         command: levels at which both branches are known, rising, shape (n,).
-        rising, falling, std: as in `hil.identify.flow_curve.FlowCurve`.
+        rising, falling, std: as in `hil.identification.flow_curve.FlowCurve`.
         figures: by the name under which the procedure declares them.
         dead_band: its two edges, where the sweep goes both ways.
         notes: what the reader should know.

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import FileError
-from hil.identify.measuring_chain import MeasuringChain
+from hil.identification.measuring_chain import MeasuringChain
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array, Channel, Recording
 

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
-from hil.identify.bands import bode_band
-from hil.identify.bandwidth import Bandwidth, Crossing, bandwidth
-from hil.identify.frequency_response import FrequencyResponse
-from hil.identify.measuring_chain import check_chain, corrected
-from hil.identify.order_choice import fit_transfer_function
-from hil.identify.transfer_function import TransferFunctionFit
+from hil.identification.bands import bode_band
+from hil.identification.bandwidth import Bandwidth, Crossing, bandwidth
+from hil.identification.frequency_response import FrequencyResponse
+from hil.identification.measuring_chain import check_chain, corrected
+from hil.identification.order_choice import fit_transfer_function
+from hil.identification.transfer_function import TransferFunctionFit
 from hil.physics.formula import formula
 from hil.record.measurement import Measured, Measurement
 from hil.record.recording import Array, Recording

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hil.identify.step_response import StepFigures
+from hil.identification.step_response import StepFigures
 from hil.record.recording import Array
 
 

@@ -15,8 +15,8 @@ from typing import Any, Literal
 import numpy as np
 
 from hil.errors import InputError
-from hil.identify.efc_condition import Condition, condition, evaluated_test, reference_steps
-from hil.identify.pressure_curve import PressureCurve, Sweep
+from hil.identification.efc_condition import Condition, condition, evaluated_test, reference_steps
+from hil.identification.pressure_curve import PressureCurve, Sweep
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

@@ -13,7 +13,7 @@ from dataclasses import replace
 from typing import Any, Literal
 
 from hil.errors import SettingError
-from hil.identify.pressure_curve import PressureCurve
+from hil.identification.pressure_curve import PressureCurve
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.rig import Rig

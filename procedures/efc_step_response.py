@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
-from hil.identify.step_response import MeasuredStep, measured_steps
+from hil.identification.step_response import MeasuredStep, measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig

@@ -14,7 +14,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identify.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
+from hil.identification.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identify.flow_curve import polynomial, spline
+from hil.identification.flow_curve import polynomial, spline
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

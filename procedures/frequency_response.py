@@ -11,8 +11,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from hil.identify.frequency_response import DISTORTION_FLAG, FrequencyResponse
-from hil.identify.sine_segments import Segment, declared_segments, frequency_responses
+from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
+from hil.identification.sine_segments import Segment, declared_segments, frequency_responses
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

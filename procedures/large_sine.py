@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identify.sine_segments import declared_segments
+from hil.identification.sine_segments import declared_segments
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError
-from hil.identify.best_linear_approximation import BestLinearApproximation, best_linear_approximation
+from hil.identification.best_linear_approximation import BestLinearApproximation, best_linear_approximation
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

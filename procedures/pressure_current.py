@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.errors import InputError
-from hil.identify.pressure_curve import PressureCurve, Sweep, pressure_curve
+from hil.identification.pressure_curve import PressureCurve, Sweep, pressure_curve
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from hil.errors import InputError, SettingError
-from hil.identify.sine_segments import declared_segments
+from hil.identification.sine_segments import declared_segments
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -238,7 +238,7 @@ def _fitted(answer: SineFit, time_s: Array) -> Array:
 
 def _model_note(recording: Recording, rows: slice, place: str, closed: bool) -> str:
     """Gain and time of the process model that one sine supports, with its fit to the same data."""
-    from hil.identify.process_model import process_model
+    from hil.identification.process_model import process_model
 
     command, response = roles_of(recording)
     part = recording.rows(rows.start, rows.stop - rows.start)

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from hil.errors import InputError, SettingError
-from hil.identify.step_response import MeasuredStep, measured_steps
+from hil.identification.step_response import MeasuredStep, measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

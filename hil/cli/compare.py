@@ -16,8 +16,8 @@ def command(
     output_name: str = typer.Option("", "--output", help="Output channel, if not the model's own."),
 ) -> None:
     """Compare a model with recordings: fit, ceiling by the noise, and where the model fails."""
-    from hil.identify.compare import compare
-    from hil.identify.experiment import for_model
+    from hil.identification.compare import compare
+    from hil.identification.experiment import for_model
     from hil.physics.model import load_model
     from hil.record.read import read_recording
 

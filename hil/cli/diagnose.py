@@ -41,8 +41,8 @@ def command(
         )
     check_distinct(recordings)
     from hil.cli.progress import shown
-    from hil.diagnose.diagnose import diagnose
-    from hil.identify.experiment import for_model
+    from hil.diagnosis.diagnose import diagnose
+    from hil.identification.experiment import for_model
     from hil.physics.model import load_model
     from hil.record.read import read_recording
     from hil.session.diagnosis import conclude, write_diagnosis

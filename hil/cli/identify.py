@@ -17,8 +17,8 @@ def command(
 ) -> None:
     """Fit a plant's parameters to all recordings together and write a model file."""
     from hil.cli.places import check_distinct, check_file
-    from hil.identify.experiment import experiment
-    from hil.identify.grey_box import fit_plant, starting_model
+    from hil.identification.experiment import experiment
+    from hil.identification.grey_box import fit_plant, starting_model
     from hil.physics.model import save_model
     from hil.record.read import read_recording
 

@@ -10,7 +10,7 @@ import typer
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from hil.results.results import Results
+    from hil.findings.results import Results
 
 
 def command(
@@ -20,7 +20,7 @@ def command(
     xlsx: str = typer.Option("", "--xlsx", metavar="FILE", help="Write everything as a spreadsheet."),
 ) -> None:
     """Every measured value, curve and transfer function of a run as data; FILE may be `-` for stdout."""
-    from hil.results.tables import values_csv, write_csv, write_xlsx
+    from hil.findings.tables import values_csv, write_csv, write_xlsx
     from hil.session.results import results_of_run
 
     found = results_of_run(run)
@@ -50,8 +50,8 @@ def _write_json(found: Results, path: Path) -> None:
 
 def _listed(found: Results) -> str:
     """The values as `hil run` prints them, then what else there is."""
+    from hil.findings.collect import findings_of
     from hil.report.terminal import findings_text
-    from hil.results.collect import findings_of
 
     lines = [findings_text(findings_of(found))]
     lines += [f"transfer function: {one.name}: {one.formula}" for one in found.transfer_functions]

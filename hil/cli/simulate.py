@@ -19,7 +19,7 @@ def command(
     Of the recording's output only the first sample is used, to set the initial state.
     """
     from hil.cli.places import check_file
-    from hil.identify.experiment import for_model
+    from hil.identification.experiment import for_model
     from hil.physics.model import load_model
     from hil.record.read import read_recording, write_recording
     from hil.record.recording import recording as make

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from hil.errors import InputError
+from hil.findings.results import FittedFunction
 from hil.physics.model import Model
 from hil.physics.transfer_function import TransferFunction, from_parameters
 from hil.record.plain import plain
 from hil.record.recording import Array
-from hil.results.results import FittedFunction
 
 _STEP = 1e-6  # of a parameter, for the slopes of the coefficients
 PLANT = "transfer-function"

@@ -8,9 +8,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
 
 from hil.export.function import PLANT, function_of
+from hil.findings.results import FittedFunction
 from hil.physics.model import Model
 from hil.record.plain import plain
-from hil.results.results import FittedFunction
 
 FUNCTIONS_SCHEMA, PARAMETERS_SCHEMA = "hil.transfer-functions/1", "hil.parameters/1"
 Row = tuple[str, float, float | None, str]

@@ -9,8 +9,8 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from hil.diagnose.diagnosis import Diagnosis, NextTest, Spectrum, Strip
-from hil.diagnose.locate import StageShare
+from hil.diagnosis.diagnosis import Diagnosis, NextTest, Spectrum, Strip
+from hil.diagnosis.locate import StageShare
 from hil.report.diagnosis_figures import (
     before_and_after,
     close_up,

@@ -6,9 +6,9 @@ import math
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from hil.diagnose.coverage import Limit
-from hil.diagnose.diagnosis import Candidate, ChangedParameter, Diagnosis, Finding, Fit, Quantity
-from hil.diagnose.locate import Where
+from hil.diagnosis.coverage import Limit
+from hil.diagnosis.diagnosis import Candidate, ChangedParameter, Diagnosis, Finding, Fit, Quantity
+from hil.diagnosis.locate import Where
 from hil.report.equation import equation_lines
 from hil.report.name import capital, short_names
 from hil.report.number import MINUS, grouped, number, rounded, unit_text

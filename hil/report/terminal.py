@@ -14,9 +14,9 @@ def findings_text(findings: Findings) -> str:
     Where the calibration has a part in the uncertainty, what is left without it stands behind. Before the verdict of
     the run stands every limit that was missed or cannot be told, with how far it is.
     """
+    from hil.findings.collect import functions_of
     from hil.report.number import limits_text
     from hil.report.results import value_text, verdict_sentence
-    from hil.results.collect import functions_of
 
     rows = [
         (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "", _beside(m))

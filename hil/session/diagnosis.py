@@ -9,11 +9,11 @@ from typing import Any
 
 from hil.bench.protection import envelopes_of
 from hil.bench.read import BenchFile
-from hil.diagnose.diagnose import Diagnosed, diagnose
-from hil.diagnose.diagnosis import NextTest
-from hil.diagnose.next_test import Span, span_within
+from hil.diagnosis.diagnose import Diagnosed, diagnose
+from hil.diagnosis.diagnosis import NextTest
+from hil.diagnosis.next_test import Span, span_within
 from hil.errors import StorageError
-from hil.identify.experiment import Experiment, for_model
+from hil.identification.experiment import Experiment, for_model
 from hil.physics.model import Model, save_model
 from hil.record.plain import plain
 from hil.record.read import read_recording

@@ -13,9 +13,9 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.diagnose.diagnose import Diagnosed, diagnose
+from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError, HilError, InputError
-from hil.identify.experiment import for_model
+from hil.identification.experiment import for_model
 from hil.physics.model import Model, load_model
 from hil.record.read import read_recording
 from hil.record.recording import Recording

@@ -7,12 +7,12 @@ from pathlib import Path
 from types import MappingProxyType
 
 from hil.errors import FileError, InputError
+from hil.findings.collect import results_of
+from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
 from hil.record.folder import read
 from hil.record.measurement import Findings, Limit
 from hil.record.recording import Recording
 from hil.report.run_page import write_run_report
-from hil.results.collect import results_of
-from hil.results.results import RESULTS_FILE, Results, read_results, write_results
 from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome, write_findings
 from hil.session.procedure import Procedure, load_procedure

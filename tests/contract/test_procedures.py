@@ -12,9 +12,9 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.catalog import entries
+from hil.findings.collect import results_of
+from hil.findings.results import Results
 from hil.record.folder import read
-from hil.results.collect import results_of
-from hil.results.results import Results
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
 

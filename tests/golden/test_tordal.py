@@ -10,13 +10,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from hil.identify.bandwidth import bandwidth, model_crossing, phase_crossing
-from hil.identify.flow_curve import polynomial
-from hil.identify.frequency_response import average, from_table
-from hil.identify.order_choice import fit_transfer_function
-from hil.identify.rational import Form
-from hil.identify.right_half_plane import wrong_way
-from hil.identify.step_response import (
+from hil.identification.bandwidth import bandwidth, model_crossing, phase_crossing
+from hil.identification.flow_curve import polynomial
+from hil.identification.frequency_response import average, from_table
+from hil.identification.order_choice import fit_transfer_function
+from hil.identification.rational import Form
+from hil.identification.right_half_plane import wrong_way
+from hil.identification.step_response import (
     damping_roots,
     dead_time_explaining,
     first_order_from_rise,
@@ -24,7 +24,7 @@ from hil.identify.step_response import (
     second_order_from_step,
     step_figures,
 )
-from hil.identify.transfer_function import fit_form, fit_percent
+from hil.identification.transfer_function import fit_form, fit_percent
 from hil.physics.compose import plant
 from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate

@@ -10,11 +10,11 @@ from itertools import product
 import numpy as np
 import pytest
 
-from hil.identify.asymptotic_bode import asymptote, asymptotic_bode, log_corner
-from hil.identify.bandwidth import model_crossing
-from hil.identify.frequency_response import from_table
-from hil.identify.order_choice import fit_transfer_function
-from hil.identify.recursive_least_squares import ArxForm, RecursiveLeastSquares, excitation_order
+from hil.identification.asymptotic_bode import asymptote, asymptotic_bode, log_corner
+from hil.identification.bandwidth import model_crossing
+from hil.identification.frequency_response import from_table
+from hil.identification.order_choice import fit_transfer_function
+from hil.identification.recursive_least_squares import ArxForm, RecursiveLeastSquares, excitation_order
 from hil.physics.published import tugsal
 from hil.physics.transfer_function import from_factors
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 from scipy.signal import freqz
 
-from hil.identify.asymptotic_bode import asymptotic_bode
-from hil.identify.frequency_response import from_table
-from hil.identify.order_choice import fit_transfer_function
-from hil.identify.recursive_least_squares import ArxForm, RecursiveLeastSquares
-from hil.identify.sine_test import sine_test
+from hil.identification.asymptotic_bode import asymptotic_bode
+from hil.identification.frequency_response import from_table
+from hil.identification.order_choice import fit_transfer_function
+from hil.identification.recursive_least_squares import ArxForm, RecursiveLeastSquares
+from hil.identification.sine_test import sine_test
 from hil.physics.published.efc_population import CORNERS_HZ, valve
 from hil.physics.published.tugsal import FREQUENCY_MODELS
 from hil.physics.simulate import Drive, simulate

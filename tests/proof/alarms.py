@@ -15,7 +15,7 @@ import typer
 from rich.progress import track
 from scipy.stats import binomtest
 
-from hil.diagnose.diagnose import diagnose
+from hil.diagnosis.diagnose import diagnose
 from tests.concealed import bound, nominal, records
 
 MEMORIES = (0.0, 0.9)

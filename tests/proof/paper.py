@@ -13,9 +13,9 @@ from pathlib import Path
 import numpy as np
 import typer
 
-from hil.diagnose.diagnose import Diagnosed, diagnose
-from hil.identify.experiment import Experiment, for_model
-from hil.identify.grey_box import fit_plant
+from hil.diagnosis.diagnose import Diagnosed, diagnose
+from hil.identification.experiment import Experiment, for_model
+from hil.identification.grey_box import fit_plant
 from hil.physics.model import Model, Value, typical_model
 from hil.physics.published import tordal
 from hil.physics.simulate import Drive, simulate

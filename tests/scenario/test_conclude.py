@@ -8,7 +8,7 @@ import pytest
 
 from hil.bench.read import read_bench
 from hil.errors import FileError
-from hil.identify.experiment import Experiment, for_model
+from hil.identification.experiment import Experiment, for_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.folder import read
 from hil.session.demo import write_bench_with

@@ -8,17 +8,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnose.diagnose import Diagnosed, diagnose
-from hil.diagnose.events.bursts import all_bursts, is_sparse
-from hil.diagnose.events.recognise import recognised
-from hil.diagnose.events.tone import tone
-from hil.diagnose.measures import SMALL_EXCESS, excess
-from hil.diagnose.problem import pose
-from hil.diagnose.search.around import around
-from hil.diagnose.search.fitted import nothing
-from hil.diagnose.search.polish import fit, from_other_shapes
-from hil.diagnose.search.screen import screen
-from hil.diagnose.search.terms import all_terms
+from hil.diagnosis.diagnose import Diagnosed, diagnose
+from hil.diagnosis.events.bursts import all_bursts, is_sparse
+from hil.diagnosis.events.recognise import recognised
+from hil.diagnosis.events.tone import tone
+from hil.diagnosis.measures import SMALL_EXCESS, excess
+from hil.diagnosis.problem import pose
+from hil.diagnosis.search.around import around
+from hil.diagnosis.search.fitted import nothing
+from hil.diagnosis.search.polish import fit, from_other_shapes
+from hil.diagnosis.search.screen import screen
+from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import DURATION_S, RATE_HZ, bound, commands, nominal, records
 

@@ -7,18 +7,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnose.causes import Causes
-from hil.diagnose.check import check
-from hil.diagnose.decide import Choice, decide
-from hil.diagnose.diagnose import diagnose
-from hil.diagnose.events.recognise import recognised
-from hil.diagnose.measures import Measures, excess
-from hil.diagnose.problem import Problem, pose
-from hil.diagnose.search.fitted import Fitted, nothing, output_of
-from hil.diagnose.search.polish import polish, roughly, with_known_start
-from hil.diagnose.search.terms import all_terms
+from hil.diagnosis.causes import Causes
+from hil.diagnosis.check import check
+from hil.diagnosis.decide import Choice, decide
+from hil.diagnosis.diagnose import diagnose
+from hil.diagnosis.events.recognise import recognised
+from hil.diagnosis.measures import Measures, excess
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.fitted import Fitted, nothing, output_of
+from hil.diagnosis.search.polish import polish, roughly, with_known_start
+from hil.diagnosis.search.terms import all_terms
 from hil.errors import FileError
-from hil.identify.experiment import Experiment, experiment
+from hil.identification.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import Model, Noise, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

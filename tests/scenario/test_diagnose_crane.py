@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from hil.diagnose.diagnose import diagnose
-from hil.identify.experiment import Experiment, experiment
-from hil.identify.grey_box import fit_percent, fit_plant, starting_model
+from hil.diagnosis.diagnose import diagnose
+from hil.identification.experiment import Experiment, experiment
+from hil.identification.grey_box import fit_percent, fit_plant, starting_model
 from hil.physics.compose import plant
 from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

@@ -7,9 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnose.decide import Choice, decide
-from hil.diagnose.problem import pose
-from hil.identify.experiment import Experiment, experiment
+from hil.diagnosis.decide import Choice, decide
+from hil.diagnosis.problem import pose
+from hil.identification.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import Noise, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from hil.diagnose.causes import Causes
-from hil.diagnose.measures import Measures
-from hil.diagnose.problem import pose
-from hil.diagnose.search.fitted import nothing
-from hil.diagnose.search.joint import joint
-from hil.diagnose.search.polish import roughly
-from hil.diagnose.search.terms import all_terms
+from hil.diagnosis.causes import Causes
+from hil.diagnosis.measures import Measures
+from hil.diagnosis.problem import pose
+from hil.diagnosis.search.fitted import nothing
+from hil.diagnosis.search.joint import joint
+from hil.diagnosis.search.polish import roughly
+from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 

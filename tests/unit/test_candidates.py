@@ -7,19 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnose import causes
-from hil.diagnose.answer import Answer
-from hil.diagnose.causes import Causes
-from hil.diagnose.decide import decide
-from hil.diagnose.evidence import Judged, probabilities
-from hil.diagnose.happened import Happened
-from hil.diagnose.measures import Measures
-from hil.diagnose.problem import Problem, pose
-from hil.diagnose.search import polish as polishing
-from hil.diagnose.search.fitted import Fitted
-from hil.diagnose.search.polish import polish
-from hil.diagnose.search.terms import Term
-from hil.identify.estimate import Unknown
+from hil.diagnosis import causes
+from hil.diagnosis.answer import Answer
+from hil.diagnosis.causes import Causes
+from hil.diagnosis.decide import decide
+from hil.diagnosis.evidence import Judged, probabilities
+from hil.diagnosis.happened import Happened
+from hil.diagnosis.measures import Measures
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search import polish as polishing
+from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.search.polish import polish
+from hil.diagnosis.search.terms import Term
+from hil.identification.estimate import Unknown
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.diagnose.diagnose import diagnose
+from hil.diagnosis.diagnose import diagnose
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identify.classification import (
+from hil.identification.classification import (
     accuracy,
     by_thresholds,
     learn,
@@ -17,7 +17,7 @@ from hil.identify.classification import (
     ordered_thresholds,
     wilson,
 )
-from hil.identify.efc_condition import (
+from hil.identification.efc_condition import (
     FEATURES,
     Instruments,
     ValveTest,
@@ -26,8 +26,8 @@ from hil.identify.efc_condition import (
     reference_steps,
     simulated_tests,
 )
-from hil.identify.efc_condition import tested as run_test
-from hil.identify.pressure_curve import Sweep
+from hil.identification.efc_condition import tested as run_test
+from hil.identification.pressure_curve import Sweep
 from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES
 

@@ -126,7 +126,7 @@ def test_the_model_file_of_the_reference(tmp_path: Path) -> None:
 
 
 def test_every_field_of_a_diagnosis_is_in_the_reference() -> None:
-    tree = ast.parse((ROOT / "hil" / "diagnose" / "diagnosis.py").read_text(encoding="utf-8"))
+    tree = ast.parse((ROOT / "hil" / "diagnosis" / "diagnosis.py").read_text(encoding="utf-8"))
     written = {
         key.value
         for function in ast.walk(tree)

@@ -10,13 +10,13 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from hil.diagnose.events.coarse import all_rounding, lattice
-from hil.diagnose.levels import Levels
-from hil.diagnose.measures import excess
-from hil.diagnose.problem import Problem, pose
-from hil.diagnose.search.fitted import Fitted, evaluated, nothing
-from hil.diagnose.search.polish import polish
-from hil.diagnose.search.terms import all_terms
+from hil.diagnosis.events.coarse import all_rounding, lattice
+from hil.diagnosis.levels import Levels
+from hil.diagnosis.measures import excess
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
+from hil.diagnosis.search.polish import polish
+from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from hil.diagnose.answer import Answer
-from hil.diagnose.diagnosis import Fit
+from hil.diagnosis.answer import Answer
+from hil.diagnosis.diagnosis import Fit
 
 
 @pytest.mark.parametrize(
@@ -25,8 +25,8 @@ def test_the_description_that_predicts_best_is_kept(
 ) -> None:
     described = [SimpleNamespace(terms=("a term",), residuals=[], predicted=each) for each in predicted]
     nominal = SimpleNamespace(terms=(), residuals="those of the nominal model")
-    monkeypatch.setattr("hil.diagnose.answer.cross_validated_fit", lambda _problem, f: f.predicted)
-    monkeypatch.setattr("hil.diagnose.answer.fit_of_all", lambda _problem, r: 61.0 if r is nominal.residuals else 99.0)
+    monkeypatch.setattr("hil.diagnosis.answer.cross_validated_fit", lambda _problem, f: f.predicted)
+    monkeypatch.setattr("hil.diagnosis.answer.fit_of_all", lambda _problem, r: 61.0 if r is nominal.residuals else 99.0)
     monkeypatch.setattr(Answer, "_held_out", lambda _self, _used: Fit(62.0, 62.0, 99.0))
     answer: Any = object.__new__(Answer)
     answer.problem, answer.verdict = None, "unexplained"

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.diagnose.diagnose import diagnose
-from hil.diagnose.next_test import Span, menu
-from hil.identify.experiment import Experiment, for_model
+from hil.diagnosis.diagnose import diagnose
+from hil.diagnosis.next_test import Span, menu
+from hil.identification.experiment import Experiment, for_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import recording
 from hil.session.procedure import load_procedure

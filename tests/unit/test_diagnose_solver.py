@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnose.measures import Measures
-from hil.diagnose.problem import Problem, pose
-from hil.diagnose.search.fitted import Fitted, nothing, residuals_of
-from hil.diagnose.search.polish import finished, polish, roughly
-from hil.diagnose.search.terms import all_terms
-from hil.diagnose.solver import settled
+from hil.diagnosis.measures import Measures
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.fitted import Fitted, nothing, residuals_of
+from hil.diagnosis.search.polish import finished, polish, roughly
+from hil.diagnosis.search.terms import all_terms
+from hil.diagnosis.solver import settled
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnose.check import check
+from hil.diagnosis.check import check
 from hil.errors import FileError
-from hil.identify.experiment import experiment, for_model
-from hil.identify.grey_box import fit_plant
+from hil.identification.experiment import experiment, for_model
+from hil.identification.grey_box import fit_plant
 from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

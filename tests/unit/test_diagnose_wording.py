@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from hil.diagnose.diagnosis import ChangedParameter, Finding, Left, Quantity
-from hil.diagnose.locate import Where
-from hil.diagnose.search.terms import Term
-from hil.diagnose.wording import headline, quantity_text, sentence, unlikely
+from hil.diagnosis.diagnosis import ChangedParameter, Finding, Left, Quantity
+from hil.diagnosis.locate import Where
+from hil.diagnosis.search.terms import Term
+from hil.diagnosis.wording import headline, quantity_text, sentence, unlikely
 from hil.physics.compose import effect
 
 

@@ -11,8 +11,8 @@ import pytest
 from efc_bench import BENCH, STUCK, friction, outcome, value, valve
 
 from hil.errors import InputError, RangeError, SettingError, TrippedError
-from hil.identify.coil import CoilReadings, copper_factor, fit_coil
-from hil.identify.pressure_curve import Sweep, pressure_curve
+from hil.identification.coil import CoilReadings, copper_factor, fit_coil
+from hil.identification.pressure_curve import Sweep, pressure_curve
 from hil.record.measurement import Findings
 from hil.record.read import read_recording
 from hil.signals.ramps import triangle

@@ -10,9 +10,9 @@ import pytest
 from hil.errors import InputError
 from hil.export.function import function_of
 from hil.export.texts import functions_text, model_text
+from hil.findings.results import FittedFunction
 from hil.physics.model import Covariance, typical_model
 from hil.physics.transfer_function import transfer_function
-from hil.results.results import FittedFunction
 
 NUMERATOR, DENOMINATOR = (-69.8, 6114.5), (1.0, 40.02, 1253.2, 7145.8)
 FITTED = FittedFunction(

@@ -6,12 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnose.decide import decide
-from hil.diagnose.problem import pose
-from hil.identify.experiment import Experiment, experiment
-from hil.identify.first_reading import start_slope, with_free_start
-from hil.identify.grey_box import fit_plant
-from hil.identify.lines import common_line, line_at
+from hil.diagnosis.decide import decide
+from hil.diagnosis.problem import pose
+from hil.identification.experiment import Experiment, experiment
+from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.grey_box import fit_plant
+from hil.identification.lines import common_line, line_at
 from hil.physics.compose import plant
 from hil.physics.model import Model, Noise, typical_model
 from hil.physics.simulate import Drive, simulate

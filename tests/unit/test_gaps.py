@@ -7,16 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnose.check import check
-from hil.diagnose.diagnose import diagnose
-from hil.diagnose.events.repeats import without_stale
-from hil.diagnose.problem import pose
+from hil.diagnosis.check import check
+from hil.diagnosis.diagnose import diagnose
+from hil.diagnosis.events.repeats import without_stale
+from hil.diagnosis.problem import pose
 from hil.errors import FileError
-from hil.identify.compare import compare
-from hil.identify.experiment import Experiment, experiment
-from hil.identify.gaps import filled
-from hil.identify.grey_box import fit_plant
-from hil.identify.noise import channel_floor, white_floor
+from hil.identification.compare import compare
+from hil.identification.experiment import Experiment, experiment
+from hil.identification.gaps import filled
+from hil.identification.grey_box import fit_plant
+from hil.identification.noise import channel_floor, white_floor
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hil.identify.estimate import Estimate, Unknown, estimate
+from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.record.recording import Array
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identify.flow_curve import flow_curve, polynomial, spline
+from hil.identification.flow_curve import flow_curve, polynomial, spline
 from hil.record.recording import recording
 from hil.signals.ramps import triangle
 

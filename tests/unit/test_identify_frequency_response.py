@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identify.bandwidth import (
+from hil.identification.bandwidth import (
     ReferenceRule,
     bandwidth,
     magnitude_crossing,
     phase_crossing,
 )
-from hil.identify.frequency_response import average, from_fits, from_table
-from hil.identify.measuring_chain import MeasuringChain, check_chain, corrected
-from hil.identify.sine_segments import declared_segments, found_segments, frequency_responses
+from hil.identification.frequency_response import average, from_fits, from_table
+from hil.identification.measuring_chain import MeasuringChain, check_chain, corrected
+from hil.identification.sine_segments import declared_segments, found_segments, frequency_responses
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identify.best_linear_approximation import best_linear_approximation
+from hil.identification.best_linear_approximation import best_linear_approximation
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 from hil.signals.multisine import odd_multisine

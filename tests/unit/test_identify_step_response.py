@@ -6,7 +6,7 @@ import pytest
 from scipy.signal import lfilter
 
 from hil.errors import InputError
-from hil.identify.step_response import measured_steps, second_order_from_step, step_figures
+from hil.identification.step_response import measured_steps, second_order_from_step, step_figures
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 

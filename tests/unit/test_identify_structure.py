@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from hil.identify.evidence import simplest_good
-from hil.identify.experiment import experiment
-from hil.identify.grey_box import fit_plant, starting_model
-from hil.identify.noise import white_floor
-from hil.identify.structure import choose_structure
+from hil.identification.evidence import simplest_good
+from hil.identification.experiment import experiment
+from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.noise import white_floor
+from hil.identification.structure import choose_structure
 from hil.physics.compose import plant
 from hil.physics.model import load_model, save_model
 from hil.physics.simulate import Drive, simulate

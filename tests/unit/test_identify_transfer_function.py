@@ -5,13 +5,13 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identify import bands
-from hil.identify.frequency_response import from_table
-from hil.identify.held_out import held_out
-from hil.identify.order_choice import fit_transfer_function
-from hil.identify.rational import Form
-from hil.identify.right_half_plane import judged_on_step, wrong_way
-from hil.identify.transfer_function import fit_form
+from hil.identification import bands
+from hil.identification.frequency_response import from_table
+from hil.identification.held_out import held_out
+from hil.identification.order_choice import fit_transfer_function
+from hil.identification.rational import Form
+from hil.identification.right_half_plane import judged_on_step, wrong_way
+from hil.identification.transfer_function import fit_form
 from hil.physics.compose import plant
 from hil.physics.published.tordal import RUNS
 from hil.physics.simulate import Drive, simulate

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.optimize import lsq_linear
 
-from hil.diagnose.search.joint import _gains
+from hil.diagnosis.search.joint import _gains
 
 
 @given(seed=st.integers(0, 10_000), alike=st.floats(0.0, 0.95))

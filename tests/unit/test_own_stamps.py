@@ -11,16 +11,16 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.identify.bandwidth import phase_crossing
-from hil.identify.best_linear_approximation import best_linear_approximation
-from hil.identify.experiment import experiment
-from hil.identify.frequency_response import from_table
-from hil.identify.measuring_chain import MeasuringChain, corrected
-from hil.identify.process_model import process_model
-from hil.identify.rational import Form
-from hil.identify.sine_segments import frequency_responses
-from hil.identify.step_response import measured_steps
-from hil.identify.transfer_function import fit_form
+from hil.identification.bandwidth import phase_crossing
+from hil.identification.best_linear_approximation import best_linear_approximation
+from hil.identification.experiment import experiment
+from hil.identification.frequency_response import from_table
+from hil.identification.measuring_chain import MeasuringChain, corrected
+from hil.identification.process_model import process_model
+from hil.identification.rational import Form
+from hil.identification.sine_segments import frequency_responses
+from hil.identification.step_response import measured_steps
+from hil.identification.transfer_function import fit_form
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.signal import lfilter
 
-from hil.identify.noise import measured_noise, repeat_difference
+from hil.identification.noise import measured_noise, repeat_difference
 
 
 def test_a_misfit_does_not_pass_for_the_noise_of_a_channel_that_stands_still():

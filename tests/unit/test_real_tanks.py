@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from hil.diagnose.diagnose import diagnose
-from hil.identify.experiment import experiment
-from hil.identify.grey_box import fit_plant, starting_model
+from hil.diagnosis.diagnose import diagnose
+from hil.identification.experiment import experiment
+from hil.identification.grey_box import fit_plant, starting_model
 from hil.physics.compose import plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Recording, recording

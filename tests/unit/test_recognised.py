@@ -7,9 +7,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from hil.diagnose.events import recognise
-from hil.diagnose.events.event import Events
-from hil.diagnose.events.recognise import recognised
+from hil.diagnosis.events import recognise
+from hil.diagnosis.events.event import Events
+from hil.diagnosis.events.recognise import recognised
 
 COUNT = 10_000
 

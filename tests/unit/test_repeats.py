@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnose.events.repeats import held_outputs, without_stale
-from hil.diagnose.measures import excess
-from hil.diagnose.problem import pose
-from hil.diagnose.search.fitted import nothing
-from hil.identify.noise import channel_floor, white_floor
+from hil.diagnosis.events.repeats import held_outputs, without_stale
+from hil.diagnosis.measures import excess
+from hil.diagnosis.problem import pose
+from hil.diagnosis.search.fitted import nothing
+from hil.identification.noise import channel_floor, white_floor
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Recording
 from tests.concealed import DURATION_S, NOISE, RATE_HZ, bound, nominal, records

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.diagnose.coverage import Limit
-from hil.diagnose.diagnosis import (
+from hil.diagnosis.coverage import Limit
+from hil.diagnosis.diagnosis import (
     Candidate,
     ChangedParameter,
     Diagnosis,
@@ -22,7 +22,7 @@ from hil.diagnose.diagnosis import (
     Spectrum,
     Strip,
 )  # fmt: skip
-from hil.diagnose.locate import StageShare, Where
+from hil.diagnosis.locate import StageShare, Where
 from hil.report.diagnosis_figures import worst_stretch
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.report.diagnosis_tables import candidate_rows

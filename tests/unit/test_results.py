@@ -9,13 +9,13 @@ import pytest
 
 from hil.cli import app
 from hil.errors import FileError
+from hil.findings.collect import results_of
+from hil.findings.curves import curves_of
+from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
+from hil.findings.tables import write_csv, write_xlsx
 from hil.record.folder import write
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
-from hil.results.collect import results_of
-from hil.results.curves import curves_of
-from hil.results.results import RESULTS_FILE, Results, read_results, write_results
-from hil.results.tables import write_csv, write_xlsx
 
 GAIN = Measurement("gain", "l/min per %", "amplitude ratio", low=0.8)
 RESPONSE = {

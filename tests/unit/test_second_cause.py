@@ -7,14 +7,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hil.diagnose import causes
-from hil.diagnose.causes import Causes
-from hil.diagnose.decide import _Judge
-from hil.diagnose.measures import Measures, are_themselves
-from hil.diagnose.problem import Problem, pose
-from hil.diagnose.search.fitted import Fitted, nothing
-from hil.diagnose.search.terms import Term, all_terms
-from hil.identify.estimate import Estimate, Unknown
+from hil.diagnosis import causes
+from hil.diagnosis.causes import Causes
+from hil.diagnosis.decide import _Judge
+from hil.diagnosis.measures import Measures, are_themselves
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.fitted import Fitted, nothing
+from hil.diagnosis.search.terms import Term, all_terms
+from hil.identification.estimate import Estimate, Unknown
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 

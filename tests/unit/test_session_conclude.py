@@ -10,7 +10,7 @@ import pytest
 
 from hil.bench.find import find_bench
 from hil.bench.read import read_bench
-from hil.diagnose.diagnosis import NextTest
+from hil.diagnosis.diagnosis import NextTest
 from hil.session import diagnosis
 
 

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from hil.diagnose.diagnose import diagnose
-from hil.diagnose.problem import pose
-from hil.identify.estimate import Unknown, estimate
-from hil.identify.experiment import Experiment
-from hil.identify.grey_box import GreyBoxFit, fit_plant
+from hil.diagnosis.diagnose import diagnose
+from hil.diagnosis.problem import pose
+from hil.identification.estimate import Unknown, estimate
+from hil.identification.experiment import Experiment
+from hil.identification.grey_box import GreyBoxFit, fit_plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, recording

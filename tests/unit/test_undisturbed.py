@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnose.events.undisturbed import quiet, undisturbed
-from hil.diagnose.problem import pose
-from hil.diagnose.search.fitted import Fitted, nothing
-from hil.diagnose.search.polish import fit
-from hil.diagnose.search.terms import all_terms
+from hil.diagnosis.events.undisturbed import quiet, undisturbed
+from hil.diagnosis.problem import pose
+from hil.diagnosis.search.fitted import Fitted, nothing
+from hil.diagnosis.search.polish import fit
+from hil.diagnosis.search.terms import all_terms
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 from tests.concealed import bound, commands, nominal, records

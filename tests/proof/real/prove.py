@@ -9,15 +9,15 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.diagnose.corrected import corrected as corrected_model
-from hil.diagnose.diagnose import diagnose
-from hil.diagnose.problem import pose
-from hil.diagnose.search.fitted import nothing
-from hil.diagnose.search.polish import polish, roughly
-from hil.diagnose.search.terms import all_terms
+from hil.diagnosis.corrected import corrected as corrected_model
+from hil.diagnosis.diagnose import diagnose
+from hil.diagnosis.problem import pose
+from hil.diagnosis.search.fitted import nothing
+from hil.diagnosis.search.polish import polish, roughly
+from hil.diagnosis.search.terms import all_terms
 from hil.errors import FileError, HilError
-from hil.identify.experiment import Experiment, experiment
-from hil.identify.grey_box import fit_plant, starting_model
+from hil.identification.experiment import Experiment, experiment
+from hil.identification.grey_box import fit_plant, starting_model
 from hil.physics.compose import effect as installed_effect
 from hil.physics.model import Model, Value
 from hil.physics.plant import Plant

@@ -1,0 +1,403 @@
+"""What a diagnosis says, put together from what was chosen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from hil.diagnosis.corrected import beyond_noise, corrected, standard_uncertainties
+from hil.diagnosis.coverage import limits
+from hil.diagnosis.decide import OPEN, has_drifted
+from hil.diagnosis.diagnosis import (
+    Candidate,
+    ChangedParameter,
+    Diagnosis,
+    Finding,
+    Fit,
+    Left,
+    NextTest,
+    Quantity,
+    Strip,
+    Verdict,
+)
+from hil.diagnosis.events.event import Events
+from hil.diagnosis.events.recognise import TOLERANCE_OF_EVENTS
+from hil.diagnosis.evidence import (
+    Judged,
+    ceiling,
+    cross_validated_fit,
+    fit_of_all,
+    held_out_fit,
+    judge,
+    probabilities,
+    training_half,
+)
+from hil.diagnosis.happened import Happened
+from hil.diagnosis.locate import StageShare, Where, locate, stages
+from hil.diagnosis.measures import LAW_TOLERANCE, excess, share_left
+from hil.diagnosis.next_test import Span, next_test
+from hil.diagnosis.pictures import spectra, strips
+from hil.diagnosis.search.around import around
+from hil.diagnosis.search.fitted import Fitted, change_without
+from hil.diagnosis.search.terms import Term
+from hil.diagnosis.wording import drifted, headline, quantity_text, sentence, told_only_together, unlikely
+from hil.identification.grey_box import fit_ceiling, fit_percent
+from hil.physics.compose import effect as installed_effect
+from hil.physics.compose import effects as installed_effects
+from hil.physics.model import Model
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Array
+
+# Upper end of the 95 % interval of the last count: 0 of 300 healthy simulated units (docs/explanation/proof.md).
+FALSE_ALARM_RATE = 0.012
+# Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
+_MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
+_JUDGED = 4
+# What is less probable than this, and than that nothing known is the cause, is not named.
+_DOUBTED = 0.2
+# Where nothing can be named, so many of the closest descriptions are asked for what they were not fitted to; the best
+# one must close this share of the gap there, though the nominal model may have been identified on it.
+_DESCRIBES, _DESCRIPTIONS_TRIED = 0.05, 4
+_MOST_STEPS_LISTED = 12
+# Of parameters that drifted those are told that show at least this share of what the one does that shows most.
+_SHOWS_MUCH = 0.5
+
+
+class Answer:
+    """Puts together what a diagnosis says; computes what several parts need once."""
+
+    def __init__(self, found: Happened, warnings: tuple[str, ...], span: Span | None) -> None:
+        self.found, self.warnings, self.span = found, warnings, span
+        self.problem, self.choice, self.events = found.problem, found.choice, found.events
+        self.judged = self._judged()
+        self.verdict = _verdict(found)
+        if not found.events and self._is_doubted():
+            self.verdict = "unexplained"
+        beside = not found.replaces_laws and found.choice.verdict != "unexplained"
+        self.by_law = not found.events or beside
+        self.named = found.choice.chosen if self.verdict != "unexplained" and self.by_law else found.choice.baseline
+        self.used, self.held_out = self._used()
+
+    @property
+    def has_drifted(self) -> bool:
+        """Whether the verdict is `consistent` because base parameters may wander."""
+        consistent = self.verdict == "consistent"
+        return consistent and has_drifted(self.problem, self.choice.nominal, self.choice.baseline)
+
+    def _is_doubted(self) -> bool:
+        """Whether what was chosen is improbable, as others are as good or data kept back speak against it."""
+        names = self.choice.chosen.names
+        return bool(names) and self._probability(names[0]) < min(_DOUBTED, self._none_of_these())
+
+    def _used(self) -> tuple[Fitted, Fit]:
+        """What the corrected model holds: what was named, or, where nothing can be named, the one of the closest
+        descriptions that predicts best; with the fits on data kept back.
+
+        A description that fails on data kept back would only mislead where nobody has looked yet.
+        """
+        if self.verdict == "unexplained" and self.choice.chosen.terms:
+            f, fits = self._best_described()
+            if fits.corrected - fits.nominal >= _DESCRIBES * (fits.ceiling - fits.nominal):
+                return f, fits
+        used = self.named if self.named.terms or self.has_drifted else self.choice.nominal
+        return used, self._held_out(used)
+
+    def _best_described(self) -> tuple[Fitted, Fit]:
+        """Of the closest descriptions the one that predicts best, with fits over everything, its own always without the
+        samples that it was fitted to.
+        """
+        closest = (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]
+        predicted = [cross_validated_fit(self.problem, f) for f in closest]
+        best = int(np.argmax(predicted))
+        noise = np.ones(len(closest[best].residuals))
+        nominal, most = (fit_of_all(self.problem, r) for r in (self.choice.nominal.residuals, noise))
+        return closest[best], _rounded(nominal, predicted[best], most)
+
+    def _held_out(self, used: Fitted) -> Fit:
+        nominal = self._fit_held_out(self.choice.nominal)
+        best = next((j.fit_held_out for j in self.judged if j.fitted is used), None)
+        corrected = self._fit_held_out(used) if best is None else best
+        return _rounded(nominal, corrected, ceiling(self.problem))
+
+    def _fit_held_out(self, f: Fitted) -> float:
+        """Of an explanation as it is, on the data that are kept back."""
+        return held_out_fit(self.problem, f.residuals, ~training_half(self.problem))
+
+    def _judged(self) -> list[Judged]:
+        """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
+        fits: list[Fitted] = [self.choice.chosen] if self.choice.chosen.terms else []
+        names = {_name(f) for f in fits}
+        for f in self.choice.candidates:
+            if len(fits) < _JUDGED and _name(f) not in names:
+                names.add(_name(f))
+                fits.append(f)
+        least = min((f.chi2 for f in fits), default=0.0)
+        return [judge(self.problem, f, least) for f in fits]
+
+    @property
+    def corrected(self) -> Model:
+        """The model file's content."""
+        return corrected(self.problem, self.used, self.verdict)
+
+    def diagnosis(self, seconds: float) -> Diagnosis:
+        """Everything that is said."""
+        problem, plant = self.problem, self.problem.plant
+        mismatch = self.verdict != "consistent"
+        nominal = self.choice.nominal
+        found = self._findings()
+        changed = self._changed()
+        left = self._left()
+        unseen = limits(around(problem, self.named), self.choice.terms)
+        rivals = self._not_separable()
+        drawn = strips(problem, self.used)
+        return Diagnosis(
+            verdict=self.verdict,
+            headline=headline(self.verdict, found, changed, left),
+            plant=plant.name,
+            plant_title=plant.title,
+            input=problem.experiments[0].input,
+            output=problem.experiments[0].output_heading,
+            chain=tuple((hook.name, hook.stage) for hook in plant.hooks),
+            effects=found,
+            changed_parameters=changed,
+            not_separable=rivals,
+            next_test=self._next_test(rivals, [limit.effect for limit in unseen if not limit.visible]),
+            candidates=self._candidates(),
+            held_out=self.held_out,
+            recordings=self._fits(drawn),
+            mismatch=locate(problem, problem.outputs_of(nominal.residuals)) if mismatch else None,
+            stage_shares=self._stage_shares(nominal) if mismatch else (),
+            left=left,
+            limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
+            warnings=self._all_warnings(changed),
+            false_alarm_rate=FALSE_ALARM_RATE,
+            seconds=round(seconds, 3),
+            strips=drawn,
+            spectra=spectra(problem, nominal, self.used),
+        )
+
+    # -- findings ----------------------------------------------------------------------------------------
+
+    def _findings(self) -> tuple[Finding, ...]:
+        laws = self._law_findings()
+        events = self._told_events()
+        told = {name for e in events for name in e.told}
+        return (*(self._event_finding(e) for e in events), *(law for law in laws if law.name not in told))
+
+    def _told_events(self) -> list[Events]:
+        """All but those that a law of their name is told instead of."""
+        laws = self.choice.chosen.names if self.by_law and self.verdict != "unexplained" else ()
+        return [e for e in self.events if e.name not in laws or not e.gives_way]
+
+    def _law_findings(self) -> list[Finding]:
+        """The greatest change first."""
+        if self.verdict == "unexplained" or not self.by_law:
+            return []
+        f = self.choice.chosen
+        changes = [change_without(self.problem, f, k) for k in range(len(f.terms))]
+        order = sorted(range(len(f.terms)), key=lambda k: -float(changes[k] @ changes[k]))
+        return [x for k in order if (x := self._finding(f, k, changes[k])) is not None]
+
+    def _finding(self, f: Fitted, k: int, change: Array) -> Finding | None:
+        """One term as a finding; `change`: what residuals would be without it, less what they are."""
+        term, values = f.terms[k], f.values[k]
+        name = term.effect_name(values)
+        if not name:
+            return None
+        effect = installed_effect(term.name if term.kind == "effect" else name)
+        quantities = self._quantities(f, term, values)
+        where = locate(self.problem, self.problem.outputs_of(change))
+        return Finding(
+            name, effect.title, self._probability(name), term.stage, term.hook,
+            quantities, where, sentence(effect, term, quantities), effect.equation, effect.source,
+        )  # fmt: skip
+
+    def _quantities(self, f: Fitted, term: Term, values: Sequence[float]) -> dict[str, Quantity]:
+        stds = standard_uncertainties(f)
+        if term.kind == "parameter":
+            u = term.unknowns[0]
+            std = stds.get((term.name, ""))
+            return {
+                term.name: Quantity(values[0], std, u.unit, self.problem.plant.parameter(term.name).meaning),
+                "change": Quantity(values[0] - term.nominal, std, u.unit, "beyond the nominal model"),
+            }
+        effect = installed_effect(term.name)
+        meanings = {p.name: p.meaning for p in effect.parameters}
+        return {
+            u.name: Quantity(float(v), stds.get((f"{term.name}.{u.name}", term.hook)), u.unit, meanings[u.name])
+            for u, v in zip(term.unknowns, values, strict=True)
+        }
+
+    def _event_finding(self, events: Events) -> Finding:
+        effect = next((e for e in installed_effects() if e.name == events.name), None)
+        difference = self.problem.outputs_of(events.residuals - self.choice.baseline.residuals)
+        where = locate(self.problem, difference)
+        spells = tuple((round(s.start_s, 3), round(s.stop_s, 3)) for s in events.spells)[:_MOST_STEPS_LISTED]
+        if spells:
+            where = replace(where, time_s=spells, recording=events.spells[0].recording)
+        return Finding(
+            events.name, effect.title if effect else events.name, self._event_probability(events), events.stage,
+            events.hook,
+            {name: Quantity(v, beyond_noise(std, v), unit) for name, (v, std, unit) in events.values.items()},
+            where, events.sentence, events.equation, effect.source if effect else "",
+        )  # fmt: skip
+
+    def _changed(self) -> tuple[ChangedParameter, ...]:
+        if self.verdict == "unexplained" or not self.by_law:
+            return ()
+        f = self.choice.chosen
+        stds = standard_uncertainties(f)
+        found = []
+        for term, values in zip(f.terms, f.values, strict=True):
+            if term.kind != "parameter":
+                continue
+            p, u = self.problem.plant.parameter(term.name), term.unknowns[0]
+            std, at_bound = stds.get((p.name, "")), u.at_bound(values[0])
+            found.append(ChangedParameter(p.name, term.nominal, float(values[0]), std, u.unit, p.meaning, at_bound))
+        return tuple(found)
+
+    # -- evidence ----------------------------------------------------------------------------------------
+
+    def _none_of_these(self) -> float:
+        """The probability that no explanation of the library is the true one."""
+        if self.verdict == "unexplained":
+            return _NOTHING_KNOWN
+        return _something_else(self.choice.left, LAW_TOLERANCE)
+
+    def _event_probability(self, events: Events) -> float:
+        """Of events that were read off the recordings themselves, next to certain; else from what they leave."""
+        if events is not self.choice.events:
+            return _MOST_SURE
+        return round(1.0 - _something_else(self._left_by(events), TOLERANCE_OF_EVENTS[events.name]), 3)
+
+    def _left_by(self, events: Events) -> float:
+        """The share of the misfit that events leave."""
+        return share_left(self.problem, events.chi2, excess(self.problem, self.choice.baseline.chi2))
+
+    def _chances(self) -> list[float]:
+        return probabilities(self.judged, self._none_of_these())
+
+    def _probability(self, name: str) -> float:
+        chosen = self.choice.chosen
+        total = sum(p for p, j in zip(self._chances(), self.judged, strict=True)
+                    if name in j.fitted.names or (j.fitted is chosen and name in chosen.names))  # fmt: skip
+        return round(min(total, _MOST_SURE), 3)
+
+    def _candidates(self) -> tuple[Candidate, ...]:
+        if not self.judged:
+            return ()
+        held = ~training_half(self.problem)
+        r = self.choice.nominal.residuals[held]
+        nothing = float(r @ r)
+        rows = [
+            Candidate(
+                _name(j.fitted), ", ".join(t.stage for t in j.fitted.terms),
+                round(j.fit_held_out, 3), round(0.5 * (nothing - j.chi2_held_out), 1), round(p, 3),
+            )
+            for j, p in zip(self.judged, self._chances(), strict=True)
+        ]  # fmt: skip
+        return tuple(sorted(rows, key=lambda c: -c.evidence))
+
+    def _not_separable(self) -> tuple[tuple[str, ...], ...]:
+        if self.verdict == "unexplained" or not self.by_law:
+            return ()
+        told = {name for e in self._told_events() for name in e.told}
+        return tuple(names for names in self.choice.rivals if names[0] not in told)
+
+    # -- fits --------------------------------------------------------------------------------------------
+
+    def _fits(self, drawn: Sequence[Strip]) -> dict[str, Fit]:
+        """Of every recording, from the simulations that the report draws."""
+        found = {}
+        for e, strip in zip(self.problem.experiments, drawn, strict=True):
+            keep = e.told
+            found[e.name] = _rounded(
+                fit_percent(e.output[keep], strip.nominal[keep]),
+                fit_percent(e.output[keep], strip.corrected[keep]),
+                fit_ceiling(e.output[keep], strip.noise_std),
+            )
+        return found
+
+    # -- places ------------------------------------------------------------------------------------------
+
+    def _left(self) -> Left:
+        problem, noise = self.problem, self.problem.noises[0]
+        r = self.found.residuals if self.events else self.used.residuals
+        share = self._left_by(self.events[-1]) if self.events else self.choice.left
+        outputs: Array = np.concatenate(self.problem.outputs_of(r))
+        rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
+        open_question = self.verdict in OPEN
+        where: Where | None = locate(problem, self.problem.outputs_of(r)) if open_question else None
+        curves = self._stage_shares(self.used) if open_question else ()
+        return Left(round(share, 4), rms, noise.std, problem.plant.output.unit, where, curves)
+
+    def _stage_shares(self, f: Fitted) -> tuple[StageShare, ...]:
+        effects: list[ActiveEffect] = [*self.problem.model.active_effects, *f.effects]
+        return stages(self.problem, f.parameters, effects, f.residuals)
+
+    # -- what else ---------------------------------------------------------------------------------------
+
+    def _next_test(self, rivals: Sequence[Sequence[str]], unseen: Sequence[str]) -> NextTest | None:
+        return next_test(self.problem, self.verdict, self.choice, rivals, unseen, self.span)
+
+    def _all_warnings(self, changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
+        f = self.choice.chosen
+        bounds = f.on_bound() if self.by_law else ()
+        said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
+        if self.verdict == "unexplained" and f.terms:
+            left = quantity_text(100 * self.choice.left, None, "%")
+            holds = "holds it as a description" if self.used is f else "is the nominal one"
+            if self.used is not f and self.used.terms:
+                holds = f"holds {_labels(self.used)}, which does better on data kept back"
+            said.append(
+                f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause; "
+                f"the corrected model {holds}"
+            )
+        if self.has_drifted and not self.events:
+            said.append(self._drifted())
+        said += [
+            told_only_together(c, others, self.problem.prior.was(c.name, f.parameters))
+            for c in changed
+            if (others := self.problem.prior.told_only_with(c.name))
+        ]
+        return (*self.warnings, *said, *unlikely(changed))
+
+    def _drifted(self) -> str:
+        """A word on the base parameters that had to move, those whose move shows most."""
+        problem, model = self.problem, self.problem.model
+        after = self.choice.baseline.parameters
+        slopes = problem.base_jacobian(model.values, model.active_effects, problem.nominal_residuals)
+        moves = np.array([after[p.name] - model.values[p.name] for p in problem.base])
+        shown = np.abs(moves) * np.linalg.norm(slopes, axis=0)
+        told = [p for p, size in zip(problem.base, shown, strict=True) if size >= _SHOWS_MUCH * shown.max()]
+        return drifted(told, model.values, after)
+
+
+def _verdict(found: Happened) -> Verdict:
+    if not found.events:
+        return found.choice.verdict
+    return "partly_explained" if found.choice.verdict in OPEN and not found.replaces_laws else "explained"
+
+
+def _rounded(nominal: float, corrected: float, most: float) -> Fit:
+    return Fit(round(nominal, 3), round(corrected, 3), round(most, 3))
+
+
+def _labels(f: Fitted) -> str:
+    return ", ".join(term.label for term in f.terms)
+
+
+def _something_else(left: float, tolerance: float) -> float:
+    """The probability that the truth is something else, from the share of the misfit that an explanation leaves.
+
+    `tolerance`: the share at which it would no longer have been accepted; one in five of those at it may be wrong.
+    """
+    return float(np.clip(1.0 - _MOST_SURE + _WRONG_AT_TOLERANCE * left / tolerance, 0.0, 0.6))
+
+
+def _name(f: Fitted) -> str:
+    """`friction`, `dead_time + sensor_lag`, `pilot_rate` for a changed parameter."""
+    labels = [t.effect_name(v) or t.name for t, v in zip(f.terms, f.values, strict=True)]
+    return " + ".join(dict.fromkeys(labels))

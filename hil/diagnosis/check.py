@@ -1,0 +1,217 @@
+"""Before any physics is blamed: recordings that cannot be what their headings say."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnosis.units import GOOD_FIT, expected, fit_but_for_gain, good_fit, refuse_wrong_time, refuse_wrong_unit
+from hil.errors import FileError
+from hil.identification.experiment import DEAD, Experiment, require_excitation
+from hil.identification.gaps import bridged
+from hil.identification.grey_box import fit_percent
+from hil.identification.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
+from hil.identification.time_constant import time_constant_s
+from hil.physics.model import Model
+from hil.record.recording import Array
+from hil.signals.runs import runs
+
+# Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
+_HOPELESS, _FITS_BETTER = 35.0, 20.0
+_LEAST_CLIPPED = 0.002
+_LEAST_RUN, _FEW_BELOW = 5, 50
+# A coarse channel that stands still may hide moves of this many of its steps.
+_MANY_STEPS = 3.0
+_TELLING = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Checked:
+    """Experiments fit for a diagnosis, and what was noticed and done about it, one sentence each.
+
+    `clocks_set`: the same with clocks set back that may be shifted, and what that means; empty when none may be. It is
+    a second opinion, for when no physics explains the recordings: a play also looks like a delay in a slow sweep.
+    """
+
+    experiments: tuple[Experiment, ...]
+    warnings: tuple[str, ...]
+    clocks_set: tuple[Experiment, ...] = ()
+    clock_warnings: tuple[str, ...] = ()
+
+
+def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
+    """Look for recordings that would be taken for physics.
+
+    Raises:
+        FileError: the command or the output never moves, a recording is shorter than one time constant of the plant,
+            two columns are swapped, or a channel or the time is off by the factor of a wrong unit.
+    """
+    require_excitation(experiments)
+    refuse_wrong_time(model, experiments)
+    alive, warnings = _without_dead(model, experiments)
+    for e in alive:
+        _refuse_short(model, e)
+        likely = expected(model, e)
+        _refuse_swapped(model, e, likely)
+        refuse_wrong_unit(model, e, likely)
+    even, bridges = bridged(model, alive)
+    warnings += bridges
+    kept = []
+    for e in even:
+        e, said = _without_clipped(e)
+        warnings += said
+        simulated = e.respond(model.definition, model.values, model.active_effects)[0]
+        kept.append(_Timed(e, simulated, _floor(model, e)))
+    moved, said = _with_clocks_set(kept)
+    return Checked(
+        tuple(timed.experiment for timed in kept), tuple(warnings), tuple(moved) if said else (), tuple(said)
+    )
+
+
+def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[str]]:
+    """Without recordings whose output stands still where it should move by more than a coarse channel could hide."""
+    hidden = _MANY_STEPS * max(resolution(e.output) for e in experiments)
+    kept, said = [], []
+    for e in experiments:
+        moves = float(np.ptp(expected(model, e))) if e.stands_still else 0.0
+        if moves <= max(hidden, _MANY_STEPS * _floor(model, e)):
+            kept.append(e)
+        else:
+            where = f"{e.where_it_stands}, where the model moves by {moves:.3g}"
+            said.append(f"{e.name}: {where}: {DEAD}; the recording is left out")
+    return kept, said
+
+
+def _refuse_short(model: Model, e: Experiment) -> None:
+    needed_s = time_constant_s(model, e)
+    if e.duration_s < needed_s:
+        raise FileError(
+            f"{e.name}: {e.duration_s:.3g} s long; at least one time constant of the plant is needed, {needed_s:.3g} s"
+        )
+
+
+def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
+    command, before = e.on_grid_input(), fit_percent(e.output, simulated)
+    # What is commanded has no noise, unless a position loop that keeps an integrating plant in its stroke commands it.
+    by_a_loop = model.definition.observer is not None
+    if before > _HOPELESS and not by_a_loop and white_floor(command) <= 10.0 * white_floor(e.output):
+        return
+    inputs = e.drive.inputs.copy()
+    inputs[0] = e.to_follow
+    turned = replace(e, drive=replace(e.drive, inputs=inputs, first_output=float(command[0])), output=command)
+    enough = good_fit(model) if before <= _HOPELESS else GOOD_FIT
+    if fit_but_for_gain(model, turned) > max(enough, before + _FITS_BETTER):
+        raise FileError(
+            f"{e.name}: the columns '{e.input}' and '{e.output_heading}' look swapped: "
+            "the model fits the other way round"
+        )
+
+
+def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
+    """Samples at one extreme value, in runs, are a channel at the end of its range, not the valve."""
+    floor = white_floor(e.output)
+    if floor <= 0.0:
+        return e, []
+    # a coarse channel is at its extreme again and again, and nothing in between is wrong
+    fine = floor >= NOISE_OVER_RESOLUTION * resolution(e.output)
+    few_below = _FEW_BELOW if fine else 0
+    clipped = np.zeros(len(e.output), dtype=np.bool_)
+    for extreme in (float(e.output.max()), float(e.output.min())):
+        clipped |= _at_the_end(e.output == extreme, few_below)
+    if clipped.mean() < _LEAST_CLIPPED:
+        return e, []
+    at = e.output[clipped & ((e.output == e.output.max()) | (e.output == e.output.min()))]
+    said = (
+        f"{e.name}: channel '{e.output_heading}' is clipped at {at[0]:.4g} in {100 * clipped.mean():.1f} % of its "
+        "samples; they are left out"
+    )
+    return e.without(clipped), [said]
+
+
+def _at_the_end(at_extreme: NDArray[np.bool_], few_below: int) -> NDArray[np.bool_]:
+    """Stretches of the extreme value in which there is a run; noise leaves it for a few samples where it just ends."""
+    together, kept = at_extreme.copy(), np.zeros_like(at_extreme)
+    for start, stop in runs(~at_extreme):
+        if stop - start <= few_below:
+            together[start:stop] = True
+    for start, stop in runs(together):
+        if any(last - first >= _LEAST_RUN for first, last in runs(at_extreme[start:stop])):
+            kept[start:stop] = True
+    return kept
+
+
+def _with_clocks_set(timed: Sequence[_Timed]) -> tuple[list[Experiment], list[str]]:
+    """A recording that is late or early by itself, where most others would be worse off so, has a shifted clock.
+
+    Recordings too slow to tell have no say: a dead time that only the fast ones show is not a clock.
+    """
+    kept, said = [], []
+    for k, own in enumerate(timed):
+        lag = own.lag()
+        votes = [other.vote(lag) for i, other in enumerate(timed) if i != k] if lag else []
+        if votes.count(-1) > votes.count(1):
+            kept.append(_shifted(own.experiment, lag))
+            said.append(
+                f"{own.experiment.name}: its output is {lag * own.experiment.drive.interval_s:+.4g} s off its command "
+                "while other recordings are not; its clock is taken as shifted and set back"
+            )
+        else:
+            kept.append(own.experiment)
+    return kept, said
+
+
+def _floor(model: Model, e: Experiment) -> float:
+    return model.noise.std if model.noise else white_floor(e.output)
+
+
+@dataclass(frozen=True, slots=True)
+class _Timed:
+    """An experiment beside the nominal simulation, and the noise between them."""
+
+    experiment: Experiment
+    simulated: Array
+    floor: float
+
+    def lag(self) -> int:
+        """The shift in samples that alone brings the recording down to its noise, 0 if there is none."""
+        e = self.experiment
+        if e.grid_s is not None or self.floor <= 0.0 or self.error(0) < 1.5 * self.floor:
+            return 0
+        most = min(len(e.output) // 4, int(2.0 / e.drive.interval_s))
+        if most < 1:
+            return 0
+        size = 1 << (2 * len(self.simulated) - 1).bit_length()
+        measured, expected = e.output - e.output.mean(), self.simulated - self.simulated.mean()
+        correlation = np.fft.irfft(np.fft.rfft(measured, size) * np.conj(np.fft.rfft(expected, size)), size)
+        around = np.concatenate((correlation[-most:], correlation[: most + 1]))
+        middle = int(np.argmax(around)) - most
+        best = min(range(middle - 2, middle + 3), key=self.error)
+        return best if abs(best) > 1 and self.error(best) < 1.1 * self.floor else 0
+
+    def vote(self, lag: int) -> int:
+        """1 when this shift makes the recording fit better, −1 when worse, 0 when it is too slow to tell."""
+        before, after = self.error(0), self.error(lag)
+        if self.experiment.grid_s is not None or abs(after - before) < _TELLING * max(before, self.floor):
+            return 0
+        return 1 if after < before else -1
+
+    def error(self, lag: int) -> float:
+        """Standard deviation of the error after a shift."""
+        measured, simulated = self.experiment.output, self.simulated
+        if lag >= 0:
+            return float(np.std(measured[lag:] - simulated[: len(simulated) - lag]))
+        return float(np.std(measured[:lag] - simulated[-lag:]))
+
+
+def _shifted(e: Experiment, lag: int) -> Experiment:
+    """The experiment with its output moved earlier by `lag` samples; samples without partner are ignored."""
+    moved = np.roll(e.output, -lag)
+    lost = np.zeros(len(moved), dtype=np.bool_)
+    if lag > 0:
+        lost[-lag:] = True
+    else:
+        lost[:-lag] = True
+    return replace(e, output=moved, ignored=np.roll(~e.told, -lag) | lost)

@@ -1,0 +1,66 @@
+"""What the data could have shown: for each effect that is not named, an upper limit on its size."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.cores import spread
+from hil.diagnosis.search.around import Around, adapted_residuals
+from hil.diagnosis.search.terms import Term
+from hil.record.recording import Array
+
+# An effect of typical size must stand out by this many standard uncertainties, or the data cannot show it.
+_VISIBLE_SIGMAS = 5.0
+
+
+@dataclass(frozen=True, slots=True)
+class Limit:
+    """The upper limit (95 %) on the first parameter of an effect that was not found.
+
+    What is itself a limit (saturation, a rate) does nothing at infinity: `upper` is then the typical value where that
+    would have been seen, infinity where not. `visible`: whether an effect of typical size would have been seen; if
+    not, nothing can be said of it. Both sizes are distances from the value at which the effect does nothing.
+    """
+
+    effect: str
+    stage: str
+    parameter: str
+    unit: str
+    upper: float
+    typical: float
+    visible: bool
+
+
+def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
+    """Upper limits for effects beside what is accepted; one for each effect, at its most visible place."""
+    found: dict[str, Limit] = {}
+    asked = [term for term in terms if term.kind == "effect"]
+    without = adapted_residuals(place, None)
+    for term, limit in zip(asked, spread(lambda term: _limit(place, term, without), asked), strict=True):
+        known = found.get(term.told)
+        if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
+            found[term.told] = limit
+    return tuple(found[name] for name in sorted(found))
+
+
+def _limit(place: Around, term: Term, without: Array) -> Limit:
+    """From one small step in the effect's strength, all else adapting."""
+    first = term.unknowns[0]
+    if not np.isfinite(term.null):
+        change = adapted_residuals(place, (term, [u.start for u in term.unknowns]), coarse=True) - without
+        seen = bool(np.linalg.norm(change) > _VISIBLE_SIGMAS)
+        upper = first.start if seen else float("inf")
+        return Limit(term.told, term.stage, first.name, first.unit, upper, first.start, seen)
+    start = min(term.starts, key=lambda s: abs(s[0] - term.null))
+    size, typical = abs(start[0] - term.null), abs(first.start - term.null)
+    step = adapted_residuals(place, (term, start), coarse=True) - without
+    power = float(step @ step)
+    if power < 1e-12 or size == 0.0:
+        return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False)
+    strength = -float(step @ without) / power
+    upper = (max(strength, 0.0) + 1.645 / np.sqrt(power)) * size
+    visible = np.sqrt(power) * typical / size > _VISIBLE_SIGMAS
+    return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible))

@@ -1,0 +1,100 @@
+"""From a nominal model and recordings to a diagnosis and a corrected model."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from hil.diagnosis.answer import Answer
+from hil.diagnosis.check import check
+from hil.diagnosis.decide import OPEN, decide
+from hil.diagnosis.diagnosis import Diagnosis
+from hil.diagnosis.events.coarse import coarse_step
+from hil.diagnosis.events.event import Spell
+from hil.diagnosis.events.repeats import stale_outputs, without_stale
+from hil.diagnosis.happened import Happened, happened, posed_again
+from hil.diagnosis.levels import read_coarsely
+from hil.diagnosis.next_test import Span
+from hil.diagnosis.problem import pose
+from hil.diagnosis.solver import settled
+from hil.diagnosis.wording import quantity_text
+from hil.identification.experiment import Experiment
+from hil.physics.model import Model
+from hil.signals.products import one_blas_thread
+
+Progress = Callable[[float, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosed:
+    """A diagnosis and the model it leads to."""
+
+    diagnosis: Diagnosis
+    corrected: Model
+
+
+def diagnose(
+    model: Model,
+    experiments: Sequence[Experiment],
+    progress: Progress = lambda _done, _text: None,
+    span: Span | None = None,
+) -> Diagnosed:
+    """Compare a nominal model with recordings of its unit, name what it lacks, and correct it.
+
+    Args:
+        model: the nominal model.
+        experiments: the recordings, bound to its plant.
+        progress: told how far it is.
+        span: how far a next test may drive the command; as far as the recordings went when not given.
+
+    Raises:
+        FileError: a recording cannot be what its headings say (see `hil.diagnosis.check`).
+    """
+    with one_blas_thread():
+        return _diagnose(model, experiments, progress, span)
+
+
+def _diagnose(model: Model, experiments: Sequence[Experiment], progress: Progress, span: Span | None) -> Diagnosed:
+    started = time.perf_counter()
+    progress(0.0, "checking the recordings")
+    checked = check(model, experiments)
+    kept, stale = without_stale(checked.experiments)
+    problem, solver_warnings = settled(pose(model, kept))
+    warnings = [*checked.warnings, *solver_warnings, *_known_hum(model)]
+    progress(0.1, "searching for the cause")
+    choice = decide(problem)
+    if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
+        set_right = posed_again(problem, without_stale(checked.clocks_set)[0])
+        second = decide(set_right)
+        if second.verdict not in OPEN:
+            problem, choice = set_right, second
+            warnings += checked.clock_warnings
+    found = happened(problem, choice)
+    progress(0.6, "judging on data kept back")
+    if (step := coarse_step(problem, kept)) is not None:
+        found = read_coarsely(found, *step)
+    if stale:
+        found = _with_stale(found, stale)
+    answer = Answer(found, tuple(warnings), span)
+    progress(0.8, "locating the mismatch")
+    diagnosis = answer.diagnosis(time.perf_counter() - started)
+    progress(1.0, "done")
+    return Diagnosed(diagnosis, answer.corrected)
+
+
+def _with_stale(found: Happened, stale: Sequence[Spell]) -> Happened:
+    """Samples that were seen at once to repeat, and those that only a model showed, as one."""
+    sensor, problem = found.problem.plant.hooks[-1].name, found.problem
+    shown = next((e for e in found.events if e.name == "dropout" and e.hook == sensor), None)
+    spells = (*stale, *shown.spells) if shown is not None else stale
+    every = stale_outputs(spells, problem, found.residuals, problem.experiments)
+    return found.also(every) if shown is None else found.with_another(every, shown)
+
+
+def _known_hum(model: Model) -> tuple[str, ...]:
+    noise = model.noise
+    if noise is None or noise.hum_hz is None:
+        return ()
+    size = quantity_text(noise.hum, None, model.definition.output.unit)
+    return (f"a hum of {noise.hum_hz:.4g} Hz ({size}) that the healthy unit had too was taken out of the recordings",)

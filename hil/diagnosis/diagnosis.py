@@ -1,0 +1,264 @@
+"""What a diagnosis says: verdict, findings, evidence, and the pictures behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from hil.diagnosis.coverage import Limit
+from hil.diagnosis.locate import StageShare, Where
+from hil.record.plain import plain
+from hil.record.recording import Array
+
+Verdict = Literal["consistent", "parameter_change", "explained", "partly_explained", "unexplained"]
+
+
+@dataclass(frozen=True, slots=True)
+class Quantity:
+    """A number with its standard uncertainty (None when the data do not say) and unit."""
+
+    value: float
+    std: float | None
+    unit: str
+    meaning: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """An effect that was left out of the nominal model.
+
+    Attributes:
+        name: of the effect. `title`: in the words of a fitter. `equation`: for the engineer.
+        probability: that this, and not another of the library or none of it, is the cause.
+        stage: of the chain, and `hook`, its place on the plant's page.
+        parameters: by name. `where`: it shows. `sentence`: for the operator.
+    """
+
+    name: str
+    title: str
+    probability: float
+    stage: str
+    hook: str
+    parameters: Mapping[str, Quantity]
+    where: Where
+    sentence: str
+    equation: str
+    source: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChangedParameter:
+    """A base parameter that is not what it was; `at_bound` warns that it went as far as it may."""
+
+    name: str
+    before: float
+    after: float
+    std: float | None
+    unit: str
+    meaning: str
+    at_bound: bool = False
+
+    @property
+    def times(self) -> float:
+        """How many times what it was; 1 where it was nothing."""
+        return self.after / self.before if self.before else 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """An explanation that was fitted: fit % and evidence (gain in log-likelihood) on data kept back."""
+
+    name: str
+    stage: str
+    fit_held_out: float
+    evidence: float
+    probability: float
+
+
+@dataclass(frozen=True, slots=True)
+class NextTest:
+    """The experiment that would tell most: a procedure, its settings, why, and the bench time it takes."""
+
+    procedure: str
+    settings: Mapping[str, Any]
+    why: str
+    bench_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """Fit % of the nominal and corrected model, against the best that noise allows."""
+
+    nominal: float
+    corrected: float
+    ceiling: float
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """A recording beside its simulations, all on the recording's stamps.
+
+    Attributes:
+        name: of the recording. `time_s`, `command`, `measured`, `nominal`, `corrected`: shape (n,); `measured` is NaN
+            in stretches that were left out.
+        noise_std: of the measured channel, in its unit.
+    """
+
+    name: str
+    time_s: Array
+    command: Array
+    measured: Array
+    nominal: Array
+    corrected: Array
+    noise_std: float
+
+    def off(self, simulated: Array) -> Array:
+        """Recording minus a simulation; 0 where the recording was left out."""
+        return np.nan_to_num(self.measured - simulated)
+
+
+@dataclass(frozen=True, slots=True)
+class Spectrum:
+    """Amplitude spectrum of the residuals in one recording, in the output's unit.
+
+    Attributes:
+        lines_hz: frequencies that the command excites, where there are few; `odd_hz`, `even_hz`: their harmonics.
+    """
+
+    name: str
+    frequency_hz: Array
+    nominal: Array
+    corrected: Array
+    noise: float
+    lines_hz: tuple[float, ...] = ()
+    odd_hz: tuple[float, ...] = ()
+    even_hz: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Left:
+    """What the corrected model still leaves: its size beside the noise, where it is, what it depends on.
+
+    `stages`: how much of it a free disturbance at each hook in turn would explain, best first, as curves over what
+    passes there, by direction of motion.
+    """
+
+    share: float
+    rms: float
+    noise_std: float
+    unit: str
+    where: Where | None
+    stages: tuple[StageShare, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Diagnosis:
+    """The answer to the six questions (docs/explanation/diagnosis.md).
+
+    Attributes:
+        chain: (hook, stage) in order of the signal. `stage_shares`: as in `Left.stages`, for the nominal model.
+        false_alarm_rate: at which a unit without any effect is called anything but consistent.
+    """
+
+    verdict: Verdict
+    headline: str
+    plant: str
+    plant_title: str
+    input: str
+    output: str
+    chain: tuple[tuple[str, str], ...]
+    effects: tuple[Finding, ...]
+    changed_parameters: tuple[ChangedParameter, ...]
+    not_separable: tuple[tuple[str, ...], ...]
+    next_test: NextTest | None
+    candidates: tuple[Candidate, ...]
+    held_out: Fit
+    recordings: Mapping[str, Fit]
+    mismatch: Where | None
+    stage_shares: tuple[StageShare, ...]
+    left: Left
+    limits: tuple[Limit, ...]
+    warnings: tuple[str, ...]
+    false_alarm_rate: float
+    seconds: float
+    strips: tuple[Strip, ...] = ()
+    spectra: tuple[Spectrum, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """`diagnosis.json`: the contract's fields and more, without the pictures' arrays."""
+        return {
+            "verdict": self.verdict,
+            "headline": self.headline,
+            "plant": self.plant,
+            "effects": [_finding(f) for f in self.effects],
+            "changed_parameters": [
+                {"name": c.name, "from": c.before, "to": c.after, "std": c.std, "unit": c.unit, "at_bound": c.at_bound}
+                for c in self.changed_parameters
+            ],
+            "not_separable": [list(names) for names in self.not_separable],
+            "next_test": plain(self.next_test) if self.next_test else None,
+            "candidates": [plain(c) for c in self.candidates],
+            "fit": {
+                "held_out": plain(self.held_out),
+                "recordings": {name: plain(fit) for name, fit in self.recordings.items()},
+            },
+            "mismatch": _where(self.mismatch),
+            "left": {
+                "share": self.left.share,
+                "rms": self.left.rms,
+                "noise_std": self.left.noise_std,
+                "unit": self.left.unit,
+                "where": _where(self.left.where),
+                "stages": [plain(s) for s in self.left.stages],
+            },
+            "limits": [plain(limit) for limit in self.limits],
+            "warnings": list(self.warnings),
+            "false_alarm_rate": self.false_alarm_rate,
+            "seconds": self.seconds,
+        }
+
+    def as_text(self) -> str:
+        """For a terminal: the headline, findings, fits, and what to do next."""
+        rows = [f"{self.verdict}: {self.headline}"]
+        rows += [f"  {f.name} ({100 * f.probability:.0f} %): {f.sentence}" for f in self.effects]
+        if len(self.not_separable):
+            rows += [f"  cannot be told apart with these data: {', '.join(names)}" for names in self.not_separable]
+        for name, fit in self.recordings.items():
+            rows.append(f"  fit {fit.nominal:7.2f} → {fit.corrected:6.2f} % (noise allows {fit.ceiling:.2f} %)  {name}")
+        if self.next_test is not None:
+            settings = " ".join(f"--set {name}={_setting(value)}" for name, value in self.next_test.settings.items())
+            rows.append(f"  next: hil run {self.next_test.procedure} {settings}")
+            rows.append(f"        {self.next_test.why} ({self.next_test.bench_s:g} s)")
+        return "\n".join([*rows, *(f"  warning: {text}" for text in self.warnings)])
+
+
+def _setting(value: Any) -> str:
+    return ",".join(f"{v:g}" for v in value) if isinstance(value, tuple | list) else str(value)
+
+
+def _finding(f: Finding) -> dict[str, Any]:
+    return {
+        "name": f.name,
+        "probability": f.probability,
+        "stage": f.stage,
+        "parameters": {name: {"value": q.value, "std": q.std, "unit": q.unit} for name, q in f.parameters.items()},
+        "where": _where(f.where),
+        "sentence": f.sentence,
+        "equation": f.equation,
+        "source": f.source,
+    }
+
+
+def _where(where: Where | None) -> dict[str, Any] | None:
+    if where is None:
+        return None
+    return {
+        "recording": where.recording,
+        "time_s": [list(interval) for interval in where.time_s],
+        "frequency_hz": list(where.frequency_hz),
+        "region": where.region,
+        "shares": dict(where.shares),
+    }

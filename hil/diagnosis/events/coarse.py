@@ -1,0 +1,105 @@
+"""A channel that resolves less than it did."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from scipy.stats import linregress
+
+from hil.diagnosis.events.event import Events
+from hil.diagnosis.problem import Problem, beyond_rounding
+from hil.diagnosis.search.fitted import Fitted, output_of
+from hil.identification.experiment import Experiment
+from hil.identification.noise import resolution
+from hil.record.recording import Array
+
+# A line and its uncertainty take so many levels.
+_LEAST_LEVELS = 3
+# A step so many times the one that the model was identified with, and this share of the noise, is a coarser channel.
+_COARSER, _TELLING_STEP = 4.0, 0.5
+# An offset of half a step, to within this share of a step, is the converter's own.
+_HALF_A_STEP = 0.1
+# Nearly all samples of a unit that is only read coarsely are no further than so many steps, and so much noise, from its
+# model, which is itself not exact; and about as many above as below.
+_NO_FURTHER, _NOISE_SIGMAS, _NEARLY_ALL, _CENTRED = 0.75, 3.0, 0.997, 0.25
+
+
+def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float, float] | None:
+    """The step in which the output comes and its uncertainty, where the model was identified on a finer channel.
+
+    `recorded`: the experiments as they came, with nothing taken out of them.
+    """
+    known = problem.model.noise
+    before = float(problem.model.origin.get("resolution", 0.0))
+    if known is None or before <= 0.0:
+        return None
+    steps = [resolution(e.output) for e in recorded]
+    step = float(np.median(steps))
+    if not (step > _COARSER * before and step > _TELLING_STEP * known.std):
+        return None
+    return lattice(np.unique(np.concatenate([e.output for e in recorded])), step, before)
+
+
+def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
+    """A unit with what rounding to a step cannot have done to its output, where that is all there is; None elsewhere.
+
+    What rounding leaves follows what the output does, and may look like many a law. A converter that cuts off is half a
+    step away.
+    """
+    known = problem.model.noise
+    assert known is not None  # noqa: S101 - without it there is no coarse step
+    residuals, off = unit.residuals.copy(), []
+    for e, part, noise in zip(problem.experiments, problem.output_slices(), problem.noises, strict=True):
+        by = e.output - output_of(problem, unit, e)
+        residuals[part] = e.telling(beyond_rounding(by, step) / noise.std)
+        off.append(by[e.told])
+    every = np.concatenate(off)
+    near = np.abs(every) <= _NO_FURTHER * step + _NOISE_SIGMAS * known.std
+    if not (np.mean(near) > _NEARLY_ALL and abs(np.median(every)) < _CENTRED * step):
+        return None
+    return replace(unit, residuals=residuals, chi2=float(residuals @ residuals))
+
+
+def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals: Array) -> Events:
+    """The finding for an output that comes in coarse steps of this size, beside what was chosen.
+
+    A converter that cuts off what is below its level reads half a step too little: no offset of the sensor.
+    """
+    last, unit = problem.plant.hooks[-1], problem.plant.output.unit
+    offset, cut = _offset(chosen), cuts_off(chosen, step)
+    how = (
+        f", and reads {abs(offset):.3g} {unit} too {'little' if offset < 0.0 else 'much'}: it does not round"
+        if cut
+        else ""
+    )
+    return Events(
+        "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
+        f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified{how}.",
+        "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
+        shows_as="sensor_offset" if cut else "",
+    )  # fmt: skip
+
+
+def cuts_off(f: Fitted, step: float) -> bool:
+    """Whether the offset of an explanation is that of a converter that cuts off instead of rounding."""
+    return abs(abs(_offset(f)) - 0.5 * step) < _HALF_A_STEP * step
+
+
+def _offset(f: Fitted) -> float:
+    return sum(v[0] for term, v in zip(f.terms, f.values, strict=True) if term.name == "sensor_offset")
+
+
+def lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]:
+    """The distance of levels that are whole multiples of it apart, about `step`; rounded to `rounding` in their turn.
+
+    A line through the levels over their number, with its standard uncertainty: what rounding does to levels may grow
+    with their number by one rounding over all of them, and then looks like a longer step.
+    """
+    number = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(levels) / step))])
+    if len(levels) < _LEAST_LEVELS:
+        return step, rounding / float(np.sqrt(6.0))
+    line = linregress(number, levels)
+    of_rounding = rounding / float(np.sqrt(3.0) * np.ptp(number))
+    return float(line.slope), max(float(line.stderr), of_rounding)

@@ -1,0 +1,69 @@
+"""What is said of events: causes without a law, which happen when they happen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.identification.experiment import Experiment
+from hil.record.recording import Array
+
+LEAST_SPELLS = 3  # fewer may be anything
+
+
+@dataclass(frozen=True, slots=True)
+class Spell:
+    """A stretch of a recording in which something stood still."""
+
+    recording: str
+    start_s: float
+    stop_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Events:
+    """Events that explain a misfit.
+
+    Attributes:
+        name: of the effect. `stage`, `hook`: where in the chain.
+        spells: when. `values`: what is known of them: name → (value, std, unit).
+        residuals: whitened, with the events taken into account, shape (n,).
+        rest: the experiments without the events, to look at again.
+        sentence: for the operator. `equation`: for the engineer.
+        shows_as: an effect of the library that is there beside them and only another side of them.
+        gives_way: whether a law of the same name is told instead: it foresees them, and they are what it leaves.
+    """
+
+    name: str
+    stage: str
+    hook: str
+    spells: tuple[Spell, ...]
+    values: dict[str, tuple[float, float | None, str]]
+    residuals: Array
+    rest: tuple[Experiment, ...]
+    sentence: str
+    equation: str
+    shows_as: str = ""
+    gives_way: bool = False
+
+    @property
+    def told(self) -> tuple[str, str]:
+        """Effects that need no telling beside these events."""
+        return self.name, self.shows_as
+
+    @property
+    def chi2(self) -> float:
+        """Sum of squared residuals."""
+        return float(self.residuals @ self.residuals)
+
+
+def how_often(spells: Sequence[Spell]) -> dict[str, tuple[float, float | None, str]]:
+    """Number and length of spells."""
+    lasting = np.array([spell.stop_s - spell.start_s for spell in spells])
+    return {
+        "events": (float(len(spells)), None, "1"),
+        "lasting": (float(lasting.mean()), float(lasting.std() / np.sqrt(len(spells))), "s"),
+        "longest": (float(lasting.max()), None, "s"),
+    }

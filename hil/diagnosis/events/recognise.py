@@ -1,0 +1,46 @@
+"""Which events there are in a misfit."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from hil.diagnosis.events.event import Events
+from hil.diagnosis.events.lost_commands import comes_every_time, held_commands
+from hil.diagnosis.events.repeats import held_outputs
+from hil.diagnosis.events.tone import tone
+from hil.diagnosis.measures import SMALL_EXCESS, excess, share_left
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.fitted import Fitted
+
+# Events may leave so much: a tone has more harmonics, a held command a start between two samples; of what is of no
+# practical size this share.
+TOLERANCE_OF_EVENTS, _OF_A_SMALL_MISFIT = {"periodic_disturbance": 0.1, "dropout": 0.15}, 0.25
+# The share of the misfit that events must take before the rest is looked at again without them.
+_WORTH_A_SECOND_LOOK = 0.3
+
+
+def recognised(
+    problem: Problem, models: Sequence[Fitted], beyond: float, *, commands: bool = True
+) -> tuple[Events | None, Events | None]:
+    """Events that explain, beside one of these models, a misfit given as variance beyond the noise; or a part of it.
+
+    Args:
+        problem: the question.
+        models: the nominal one first.
+        beyond: the misfit.
+        commands: whether to look for lost commands, which takes longest.
+    """
+    part: Events | None = None
+    lost = commands and not comes_every_time(problem, models[0])
+    for beside in models:
+        for events in (tone, held_outputs, held_commands) if lost else (tone, held_outputs):
+            found = events(problem, beside)
+            if found is None:
+                continue
+            left = share_left(problem, found.chi2, beyond)
+            small = excess(problem, found.chi2) <= SMALL_EXCESS
+            if left <= (_OF_A_SMALL_MISFIT if small else TOLERANCE_OF_EVENTS[found.name]):
+                return found, None
+            if left <= 1.0 - _WORTH_A_SECOND_LOOK and (part is None or found.chi2 < part.chi2):
+                part = found
+    return None, part

@@ -1,0 +1,151 @@
+"""Samples that were not measured anew: the recording repeats its last value."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnosis.events.bursts import Burst, bursts_of
+from hil.diagnosis.events.event import LEAST_SPELLS, Events, Spell, how_often
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.fitted import Fitted, output_of, residuals_of
+from hil.identification.experiment import Experiment
+from hil.identification.noise import NOISE_OVER_RESOLUTION, white_floor
+from hil.record.recording import Array
+from hil.signals.runs import runs
+
+Mask = NDArray[np.bool_]
+
+# A noisy channel shows the same value so often in a row only when nobody has measured it anew: chance would make
+# such a run in one of so many recordings.
+_STALE_RUN = 4
+_CHANCE_RUNS = 1e-4
+# In bursts of misfit a run is telling already when chance makes so few of them there, in a channel that seldom repeats.
+_CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
+_LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stopped
+# A run at whose end the output catches up at once, to within a half, with so many steps or noise deviations that the
+# model went on by meanwhile: what sticks comes loose, but not within a sample.
+_CAUGHT_UP, _AT_ONCE = 6.0, 0.5
+# A channel with less noise repeats its readings by itself wherever the unit is slow.
+_REPEATS_BY_ITSELF = 0.6
+
+
+def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, ...], tuple[Spell, ...]]:
+    """The experiments with samples ignored that only repeat the one before, and where those are."""
+    kept, spells = [], []
+    for e in experiments:
+        repeated = _stale_runs(e.output)
+        if len(repeated) < LEAST_SPELLS and not any(_is_long(e, start, stop) for start, stop in repeated):
+            kept.append(e)
+            continue
+        stale = np.zeros(len(e.output), dtype=np.bool_)
+        for start, stop in repeated:
+            stale[start + 1 : stop] = True
+            spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
+        kept.append(e.without(stale))
+    return tuple(kept), tuple(spells)
+
+
+def held_outputs(problem: Problem, around: Fitted) -> Events | None:
+    """Samples that repeat the one before where a coarse channel would not: in bursts of misfit more often than by
+    chance, or while the model goes on and the output catches up with it in the end.
+
+    Where noise is hardly above the resolution `without_stale` needs longer runs than a short loss makes.
+    """
+    rest, spells = [], []
+    for k, e in enumerate(problem.experiments):
+        stale = np.zeros(len(e.output), dtype=np.bool_)
+        in_bursts = _repeats_in_bursts(e.output, bursts_of(problem, around.residuals, k))
+        for start, stop in in_bursts or _caught_up(problem, around, e):
+            stale[start + 1 : stop] = True
+            spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
+        rest.append(e.without(stale))
+    if len(spells) < LEAST_SPELLS:
+        return None
+    residuals = residuals_of(problem, around, experiments=rest)
+    for before, now, output in zip(problem.experiments, rest, problem.outputs_of(residuals), strict=True):
+        output[before.told & ~now.told] = 1.0  # as noise would be; nothing was measured there
+    return stale_outputs(spells, problem, residuals, tuple(rest))
+
+
+def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array, rest: tuple[Experiment, ...]) -> Events:
+    """The finding for samples that were not measured anew and are left out of the rest."""
+    values = how_often(spells)
+    last = problem.plant.hooks[-1]
+    return Events(
+        "dropout", last.stage, last.name, tuple(spells), values, residuals, rest,
+        f"Samples were not measured anew: {_times(len(spells))} the recording repeats its last value, "
+        f"{values['lasting'][0]:.2g} s{'' if len(spells) == 1 else ' on average'}.",
+        "y(t) = y(t_k) for t_k ≤ t < t_k + d_k, at random t_k",
+    )  # fmt: skip
+
+
+def _is_long(e: Experiment, start: int, stop: int) -> bool:
+    return stop - start >= _LONE_SAMPLES and e.time_s[stop - 1] - e.time_s[start] >= _LONE_S
+
+
+def _stale_runs(values: Array) -> list[tuple[int, int]]:
+    """Runs of identical values in a channel whose noise is well above its resolution."""
+    steps = np.abs(np.diff(values))
+    moving = steps[steps > 0.0]
+    floor = white_floor(values)
+    if not moving.size or floor < NOISE_OVER_RESOLUTION * float(moving.min()):
+        return []
+    least = _longer_than_by_chance(steps, floor)
+    ends = (values.max(), values.min())
+    return [
+        (start, stop + 1)
+        for start, stop in runs(steps == 0.0)
+        if stop - start >= least - 1 and values[start] not in ends
+    ]
+
+
+def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int, int]]:
+    """Runs of identical values in these stretches, so long that chance makes hardly one of them."""
+    steps = np.abs(np.diff(values))
+    looked_at = sum(stop - start for start, stop in bursts)
+    same_again = _same_again(steps, white_floor(values))
+    if not looked_at or same_again > _TELLING_REPEAT:
+        return []
+    least = max(_STALE_RUN - 1, 1 + int(np.ceil(np.log(_CHANCE_IN_BURSTS / looked_at) / np.log(same_again))))
+    inside = np.zeros(len(steps), dtype=np.bool_)
+    for start, stop in bursts:
+        inside[max(start - 1, 0) : stop] = True
+    return [(start, stop + 1) for start, stop in runs((steps == 0.0) & inside) if stop + 1 - start >= least]
+
+
+def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[int, int]]:
+    """Runs of identical values after which the output is, within a sample, where the model went meanwhile."""
+    values, steps, floor = e.output, np.abs(np.diff(e.output)), white_floor(e.output)
+    if _same_again(steps, floor) > _REPEATS_BY_ITSELF:
+        return []
+    least = _CAUGHT_UP * max(float(steps[steps > 0.0].min()), floor)
+    shortest = _longer_than_by_chance(steps, floor)
+    simulated = output_of(problem, around, e)
+    found = []
+    for start, last in runs(steps == 0.0):
+        if last - start + 1 < shortest or last + 1 == len(values):
+            continue
+        jump, went = values[last + 1] - values[last], simulated[last + 1] - simulated[start]
+        goes = abs(simulated[last + 1] - simulated[last])
+        if abs(went) >= least and max(abs(jump - went), goes) <= _AT_ONCE * abs(went):
+            found.append((start, last + 1))
+    return found
+
+
+def _longer_than_by_chance(steps: Array, floor: float) -> int:
+    """So many identical values in a row are more than chance makes anywhere in a recording."""
+    longest = 1.0 + np.log(_CHANCE_RUNS / (len(steps) + 1)) / np.log(_same_again(steps, floor))
+    return max(_STALE_RUN, int(np.ceil(longest)))
+
+
+def _same_again(steps: Array, floor: float) -> float:
+    """The probability that two readings of white noise agree within the resolution."""
+    moving = steps[steps > 0.0]
+    return float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor) if moving.size and floor > 0.0 else 1.0
+
+
+def _times(count: int) -> str:
+    return "once" if count == 1 else f"{count} times"

@@ -1,0 +1,62 @@
+"""A law fitted to the times at which nothing else happened (least trimmed squares: Rousseeuw, JASA 79, 1984)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.cores import spread
+from hil.diagnosis.events.bursts import block_power, block_size
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.search.polish import fit
+from hil.record.recording import Array
+
+# This share of the time is undisturbed, as far as it is asked for; events take less than the rest.
+_UNDISTURBED = 0.7
+# So many laws are looked at, then the best is fitted again to what it leaves undisturbed, so often.
+_LAWS, _ROUNDS = 4, 3
+_EVALUATIONS, _TOLERANCE = 8, 1e-3
+
+
+def undisturbed(problem: Problem, laws: Sequence[Fitted]) -> Fitted | None:
+    """Of laws, the best first, the one that explains best what is undisturbed, fitted to that; None without any.
+
+    Fitted to all samples a law bends to what happens beside it, and what happened does not stand out any more.
+    """
+    distinct: dict[tuple[str, ...], Fitted] = {}
+    for f in laws:
+        if f.names:
+            distinct.setdefault(f.names, f)
+    tried = spread(partial(_refitted, problem), list(distinct.values())[:_LAWS])
+    if not tried:
+        return None
+    best = min(tried, key=lambda f: _misfit_when_quiet(problem, f))
+    for _ in range(_ROUNDS):
+        best = _refitted(problem, best)
+    r = best.residuals
+    return replace(best, chi2=float(r @ r), estimate=None)  # of all samples
+
+
+def _refitted(problem: Problem, f: Fitted) -> Fitted:
+    keep = quiet(problem, f.residuals)
+    return fit(problem, f, keep=keep, evaluations=_EVALUATIONS, tolerance=_TOLERANCE, from_here=True)
+
+
+def _misfit_when_quiet(problem: Problem, f: Fitted) -> float:
+    return float(np.mean(f.residuals[quiet(problem, f.residuals)] ** 2))
+
+
+def quiet(problem: Problem, residuals: Array) -> NDArray[np.bool_]:
+    """Which residuals lie in the quieter blocks of their recording, shape (n,)."""
+    keep = np.zeros(len(residuals), dtype=np.bool_)
+    for e, channels in zip(problem.experiments, problem.channel_slices(), strict=True):
+        power = np.sum([block_power(e, residuals[part]) for part in channels], axis=0)
+        is_quiet = np.repeat(power <= np.quantile(power, _UNDISTURBED), block_size(e))
+        for part in channels:
+            keep[part.start : part.start + len(is_quiet)] = is_quiet
+    return keep

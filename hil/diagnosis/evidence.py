@@ -1,0 +1,138 @@
+"""Judge explanations on data that they were not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.cores import spread
+from hil.diagnosis.measures import is_strained
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.search.polish import fit
+from hil.record.recording import Array
+
+Mask = NDArray[np.bool_]
+
+# Every other stretch of this length is kept back. Long against the memory of a valve, or of a plant that is sampled as
+# slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
+# excitation.
+_STRETCH_S, _STRETCH_SAMPLES = 4.0, 100
+# So many times another part of the stretches is kept back where an explanation has to stand for all that may come: what
+# half of a short recording leaves open says little of what the whole does.
+_FOLDS = 4
+# What leaves several times more than the best is refitted less well: only its rank is asked for.
+_REFIT_EVALUATIONS, _FEW_EVALUATIONS, _FAR_BEHIND = 8, 3, 2.0
+_WORTH = 4.0
+
+
+@dataclass(frozen=True, slots=True)
+class Judged:
+    """An explanation refitted on one half of the data and judged on the other.
+
+    Attributes:
+        fitted: the explanation, with values from all data.
+        fit_held_out: in %, of the output, over all recordings.
+        chi2_held_out: of the whitened residuals kept back; `count`: their number.
+        prior_cost: of base parameters that had to move for it.
+    """
+
+    fitted: Fitted
+    fit_held_out: float
+    chi2_held_out: float
+    count: int
+    prior_cost: float
+
+
+def training_half(problem: Problem) -> Mask:
+    """Which residuals are fitted; the others are for judging. Shape (n,), True and False."""
+    half: Mask = _stretches(problem) % 2 == 0
+    return half
+
+
+def _stretches(problem: Problem) -> Array:
+    return problem.block_labels(max(_STRETCH_S, _STRETCH_SAMPLES * max(problem.intervals_s)))
+
+
+def cross_validated_fit(problem: Problem, fitted: Fitted) -> float:
+    """Fit % over all samples, each simulated by an explanation refitted without the stretches around it."""
+    fold = _stretches(problem) % _FOLDS
+
+    def kept_back(k: int) -> Array:
+        refitted = fit(problem, fitted, keep=fold != k, evaluations=_REFIT_EVALUATIONS)
+        return np.where(fold == k, refitted.residuals, 0.0)
+
+    return fit_of_all(problem, np.sum(spread(kept_back, list(np.unique(fold))), axis=0))
+
+
+def fit_of_all(problem: Problem, residuals: Array) -> float:
+    """Fit % of the output over all samples, every recording's mean taken off by itself."""
+    return held_out_fit(problem, residuals, np.ones(len(residuals), dtype=np.bool_))
+
+
+def judge(problem: Problem, fitted: Fitted, least: float) -> Judged:
+    """Refit on the training half, starting from the values that all data gave, and judge on the other half.
+
+    `least`: χ² of the best explanation.
+    """
+    train = training_half(problem)
+    evaluations = _FEW_EVALUATIONS if fitted.chi2 > _FAR_BEHIND * least else _REFIT_EVALUATIONS
+    refitted = fit(problem, fitted, keep=train, evaluations=evaluations) if fitted.terms else fitted
+    r, held_out = refitted.residuals, ~train
+    prior_cost = refitted.chi2 - float(r[train] @ r[train]) if fitted.terms else 0.0
+    chi2 = float(r[held_out] @ r[held_out])
+    return Judged(fitted, held_out_fit(problem, r, held_out), chi2, int(held_out.sum()), prior_cost)
+
+
+def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
+    """Fit % of the output over the samples kept back, every recording's mean taken off by itself."""
+    errors, spreads = 0.0, 0.0
+    for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
+        kept = held_out[part] & e.told
+        if not kept.any():
+            continue
+        # whitening keeps the size of white noise; for coloured noise the fit is in whitened terms on both sides
+        errors += float(np.sum((residuals[part][kept] * noise.std) ** 2))
+        measured = e.output[kept]
+        spreads += float(np.sum((measured - measured.mean()) ** 2))
+    return 100.0 * (1.0 - float(np.sqrt(errors / spreads))) if spreads else float("nan")
+
+
+def ceiling(problem: Problem) -> float:
+    """The fit that the true model would reach on the samples kept back."""
+    held_out = ~training_half(problem)
+    return held_out_fit(problem, np.ones(len(problem.nominal_residuals)), held_out)
+
+
+def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
+    """How probable each explanation is, given that one of them or none of the library is true.
+
+    The laws of the library are not the laws of nature, so likelihoods are tempered: by what even the best explanation
+    leaves on data it was not fitted to, and so that a difference of `indistinguishable` is worth a factor of seven at
+    most. What all the data cannot tell from the first one, which was chosen, or is strained to the end of what is
+    physical, is no more probable than that. `unexplained` is the probability of none.
+    """
+    if not judged:
+        return []
+    costs = [j.chi2_held_out + j.prior_cost for j in judged]
+    least = min(j.chi2_held_out for j in judged)
+    temper = max(least / judged[0].count, indistinguishable(least) / _WORTH)
+    logs = np.array([-c / (2.0 * temper) - 0.5 * j.fitted.unknowns for c, j in zip(costs, judged, strict=True)])
+    bound = [_no_better(j.fitted, judged[0].fitted) for j in judged]
+    logs = np.where(bound, np.minimum(logs, logs[0]), logs)
+    weights = np.exp(np.maximum(logs - logs.max(), -700.0))
+    shares = (1.0 - unexplained) * weights / weights.sum()
+    return [float(share) for share in shares]
+
+
+def _no_better(f: Fitted, chosen: Fitted) -> bool:
+    """Whether nothing speaks for an explanation against the one that was chosen."""
+    return is_strained(f) or abs(f.chi2 - chosen.chi2) < indistinguishable(chosen.chi2)
+
+
+def indistinguishable(chi2: float) -> float:
+    """How far above the least χ² an explanation is as good: chance, and laws that are not exact."""
+    return 9.0 + 0.01 * chi2

@@ -1,0 +1,249 @@
+"""The question: a nominal model, recordings on which it may fail, and noise that says when it does."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hil.diagnosis.prior import Prior
+from hil.identification.estimate import jacobian, side_by_side
+from hil.identification.experiment import Experiment
+from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.lines import line_at
+from hil.identification.noise import channel_floors, white_floor, whiten
+from hil.physics.model import Model, Noise
+from hil.physics.plant import Parameter, Plant
+from hil.physics.simulate import ActiveEffect, simulate, sub_steps
+from hil.record.recording import Array
+
+# A channel's own floor stands in for the model's noise when they differ by more than this factor.
+_SAME_NOISE = 1.25
+# A first look takes sub-steps this much coarser.
+_COARSE = 0.5
+# Sub-steps of all recordings together, at the plant's own.
+_SHORT = 40_000
+# A hum is known up to this multiple of what it was.
+_SAME_HUM = 1.5
+
+
+@dataclass(frozen=True)
+class Problem:
+    """A nominal model against experiments; all residuals are whitened to unit variance by the noise.
+
+    Attributes:
+        model: the nominal model.
+        experiments: the recordings, bound to its plant.
+        noises: of the output, per experiment; `observed_noise`: of each recorded inner signal.
+        factor: how much finer than the plant's own the sub-steps are.
+        following: whether the plant's observer leads every simulation back to its recording.
+        beyond: by how much what laws leave is greater than noise (rms); a start is then known so much better than
+            anything that they say.
+        step: in which the output is read, where only when it passes from step to step is to count: errors are what
+            rounding cannot have done, over the noise that the model was identified with. 0 otherwise.
+    """
+
+    model: Model
+    experiments: tuple[Experiment, ...]
+    noises: tuple[Noise, ...]
+    observed_noise: tuple[Mapping[str, float], ...]
+    factor: float = 1.0
+    following: bool = False
+    beyond: float = 1.0
+    step: float = 0.0
+
+    @property
+    def plant(self) -> Plant:
+        """The model's plant."""
+        return self.model.definition
+
+    @cached_property
+    def base(self) -> tuple[Parameter, ...]:
+        """Base parameters that the plant lets free."""
+        return tuple(p for p in self.plant.parameters if not p.fixed)
+
+    @cached_property
+    def prior(self) -> Prior:
+        """How far the base parameters may wander without being called changed."""
+        return Prior(self.model, self.base)
+
+    @property
+    def coarse_factor(self) -> float:
+        """How fine sub-steps are for a first look, and for slopes on the way of a fit."""
+        return _COARSE * self.factor
+
+    @cached_property
+    def size(self) -> int:
+        """Number of residuals that count."""
+        silent = sum(
+            int(np.count_nonzero(~e.told)) + e.count_lost * len(noise)
+            for e, noise in zip(self.experiments, self.observed_noise, strict=True)
+        )
+        return len(self.nominal_residuals) - silent
+
+    @cached_property
+    def is_short(self) -> bool:
+        """Whether fits are so quick that hundreds of them are affordable."""
+        steps = sum(e.drive.inputs.shape[1] * sub_steps(self.plant, e.drive.interval_s) for e in self.experiments)
+        return bool(steps <= _SHORT)
+
+    @cached_property
+    def intervals_s(self) -> tuple[float, ...]:
+        """Of every experiment; simulations ask for them thousands of times."""
+        return tuple(e.interval_s for e in self.experiments)
+
+    @cached_property
+    def start_slopes(self) -> tuple[Array | None, ...]:
+        """Of each whitened output in what its first reading got wrong (see `hil.identification.first_reading`)."""
+        if self.following:  # the start is forgotten
+            return (None,) * len(self.experiments)
+        model, found = self.model, []
+        for e, noise, interval_s in zip(self.experiments, self.noises, self.intervals_s, strict=True):
+            slope = start_slope(e, self.plant, model.values, model.active_effects, noise.std, self.factor)
+            found.append(None if slope is None else white(e, noise.std / self.beyond * slope, noise, interval_s))
+        return tuple(found)
+
+    @cached_property
+    def nominal_residuals(self) -> Array:
+        """Whitened residuals of the nominal model, shape (n,)."""
+        return self.residuals(self.model.values, self.model.active_effects)
+
+    def residuals(
+        self,
+        parameters: Mapping[str, float],
+        effects: Sequence[ActiveEffect],
+        *,
+        factor: float | None = None,
+        inject: tuple[str, Sequence[Array]] | None = None,
+        experiments: Sequence[Experiment] | None = None,
+    ) -> Array:
+        """Whitened residuals (simulated − measured) of all experiments and recorded inner signals, shape (n,).
+
+        `factor`: other sub-steps than the problem's; `inject`: a disturbance at a hook, one array for each experiment;
+        `experiments`: the same, driven by other commands.
+        """
+        driven, starts = self.experiments if experiments is None else experiments, self.start_slopes
+
+        def errors_of(i: int) -> list[Array]:
+            e = driven[i]
+            rows = e.respond(
+                self.plant, parameters, effects,
+                factor=factor or self.factor, inject=(inject[0], inject[1][i]) if inject else None,
+                following=self.following,
+            )  # fmt: skip
+            output = with_free_start(self._weighted(i, e, rows[0] - e.output), starts[i])
+            return [output, *e.observed_errors(self.plant, rows, self.observed_noise[i])]
+
+        return side_by_side(errors_of, len(driven))
+
+    def _weighted(self, i: int, e: Experiment, error: Array) -> Array:
+        """Errors of the output of experiment i over what noise makes of them, or rounding and noise, shape (n,)."""
+        noise = self.noises[i]
+        if self.step <= 0.0:
+            return white(e, error, noise, self.intervals_s[i])
+        return e.telling(beyond_rounding(error, self.step) / (self.model.noise or noise).std)
+
+    def traces(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> list[Array]:
+        """What passes every hook in each experiment, on the grid of its drive, shape (hooks, n)."""
+        found = []
+        for e in self.experiments:
+            rows = np.zeros((len(self.plant.hooks), e.drive.inputs.shape[1]))
+            measured = e.to_follow if self.following else None
+            simulate(self.plant, parameters, e.drive, effects, trace=rows, measured=measured)
+            found.append(rows)
+        return found
+
+    def channel_slices(self) -> list[list[slice]]:
+        """Where each experiment's output and then its recorded inner signals stand in the residuals."""
+        found, at = [], 0
+        for e, inner in zip(self.experiments, self.observed_noise, strict=True):
+            n = len(e.output)
+            found.append([slice(at + k * n, at + (k + 1) * n) for k in range(1 + len(inner))])
+            at = found[-1][-1].stop
+        return found
+
+    def output_slices(self) -> list[slice]:
+        """Where each experiment's output stands in the residuals."""
+        return [parts[0] for parts in self.channel_slices()]
+
+    def outputs_of(self, residuals: Array) -> list[Array]:
+        """What of the residuals is each experiment's output; views of them."""
+        return [residuals[part] for part in self.output_slices()]
+
+    def base_jacobian(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], base: Array) -> Array:
+        """Slopes of the residuals in the base parameters, shape (n, k)."""
+        names = [p.name for p in self.base]
+        values = np.array([parameters[name] for name in names])
+
+        def moved(at: Array) -> Array:
+            return self.residuals({**parameters, **dict(zip(names, at.tolist(), strict=True))}, effects)
+
+        high = np.array([p.high for p in self.base])
+        scale = np.array([p.scale for p in self.base])
+        return jacobian(moved, values, high, scale, base)
+
+    def block_labels(self, seconds: float) -> Array:
+        """A number for every residual: the stretch of time of its recording that it lies in, shape (n,)."""
+        labels, first = [], 0
+        for e, inner in zip(self.experiments, self.observed_noise, strict=True):
+            own = first + ((e.time_s - e.time_s[0]) / seconds).astype(np.int64)
+            labels += [own] * (1 + len(inner))
+            first = int(own[-1]) + 1
+        return np.concatenate(labels)
+
+
+def white(e: Experiment, error: Array, noise: Noise, interval_s: float) -> Array:
+    """Errors of an experiment's output, whitened as this noise; 0 where it says nothing, which is felt nowhere else."""
+    return e.telling(whiten(e.across_silence(error), noise, interval_s))
+
+
+def beyond_rounding(error: Array, step: float) -> Array:
+    """What of errors rounding to a step cannot have done, shape (n,)."""
+    left: Array = error - np.clip(error, -0.5 * step, 0.5 * step)
+    return left
+
+
+def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
+    """Bind a nominal model and experiments, of which at least one output moves, and settle what noise is.
+
+    A hum that the model knows from the healthy unit is taken out of the recordings: it is no news.
+    """
+    experiments = [_without_hum(model, e) for e in experiments]
+    floors = channel_floors([{"output": e.told_output} for e in experiments])
+    noises = tuple(_noise(model, own["output"]) for own in floors)
+    return Problem(model, tuple(experiments), noises, channel_floors([e.observed for e in experiments]))
+
+
+def _noise(model: Model, floor: float) -> Noise:
+    """The noise the model was identified with, unless a recording's own floor contradicts it."""
+    known = model.noise
+    if known is None or known.std <= 0.0:
+        return Noise(floor)
+    expected = white_floor_of(known)
+    if 1.0 / _SAME_NOISE < floor / expected < _SAME_NOISE:
+        return known
+    return replace(known, std=known.std * floor / expected)
+
+
+def _without_hum(model: Model, e: Experiment) -> Experiment:
+    """The recording without the tone that its model knows, as far as it is no larger than it was."""
+    known = model.noise
+    if known is None or known.hum_hz is None:
+        return e
+    error = e.output - e.respond(model.definition, model.values, model.active_effects)[0]
+    tone, amplitude = line_at(e.time_s, error, known.hum_hz)
+    share = min(1.0, _SAME_HUM * known.hum / max(amplitude, 1e-300))
+    return replace(e, output=e.output - share * tone)
+
+
+def white_floor_of(noise: Noise) -> float:
+    """What `white_floor` would say of this noise: coloured noise hides most of itself from differences."""
+    if not noise.colour:
+        return noise.std
+    generator = np.random.default_rng(0)
+    from scipy.signal import lfilter
+
+    sample = lfilter((1.0,), (1.0, *noise.colour), generator.standard_normal(20_000))[1000:]
+    return noise.std * white_floor(sample) / float(np.std(sample))

@@ -1,0 +1,128 @@
+"""Around a point of the search: how residuals move with everything that may adapt, and what one more term changes."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.fitted import Fitted, residuals_of, simulated
+from hil.diagnosis.search.terms import Term
+from hil.record.recording import Array
+
+_FROZEN = 1e6
+
+
+@dataclass(frozen=True, slots=True)
+class _Adaptation:
+    """How everything that may adapt does so, linearly.
+
+    Attributes:
+        prior: what moving costs, rows (base, columns) of a root of the prior's precision; `cost`: of where it is now.
+        moves: of unit slopes of the misfit, shape (columns, columns).
+    """
+
+    prior: Array
+    cost: Array
+    moves: Array
+
+
+@dataclass(frozen=True)
+class Around:
+    """A point of the search: what is accepted, and how residuals move with everything that may adapt."""
+
+    problem: Problem
+    accepted: Fitted
+    slopes: Array  # (n, base + accepted unknowns)
+
+    @cached_property
+    def gram(self) -> Array:
+        """Inner products of the slopes, shape (k, k)."""
+        product: Array = self.slopes.T @ self.slopes
+        return product
+
+    @cached_property
+    def adaptations(self) -> dict[frozenset[str], _Adaptation]:
+        """Those worked out so far, by the names that do not adapt."""
+        return {}
+
+    @cached_property
+    def residuals_without(self) -> Array:
+        """With no term more, after all that may adapt has adapted linearly."""
+        return adapted_residuals(self, None)
+
+    @cached_property
+    def coarse_residuals(self) -> Array:
+        """Of what is accepted, with coarser sub-steps."""
+        return residuals_of(self.problem, self.accepted, factor=self.problem.coarse_factor)
+
+
+def around(problem: Problem, accepted: Fitted) -> Around:
+    """Linearise around what is accepted so far."""
+    effects = [*problem.model.active_effects, *accepted.effects]
+    base = problem.base_jacobian(accepted.parameters, effects, accepted.residuals)
+    own = [_term_slopes(problem, accepted, k) for k in range(len(accepted.terms))]
+    return Around(problem, accepted, np.vstack([base.T, *own]).T)
+
+
+def _term_slopes(problem: Problem, accepted: Fitted, k: int) -> Array:
+    """Shape (unknowns of the term, n)."""
+    rows = []
+    for i, unknown in enumerate(accepted.terms[k].unknowns):
+        step = 1e-3 * unknown.scale
+        values = [list(v) for v in accepted.values]
+        if values[k][i] + step > unknown.high:
+            step = -step
+        values[k][i] += step
+        moved = simulated(problem, accepted.parameters, accepted.terms, values)
+        rows.append((moved - accepted.residuals) / step)
+    return np.array(rows)
+
+
+def with_term(place: Around, term: Term, values: Sequence[float], coarse: bool = False) -> Array:
+    """Residuals with one more term beside what is accepted."""
+    accepted, problem = place.accepted, place.problem
+    terms, own = (*accepted.terms, term), (*accepted.values, values)
+    if not coarse:
+        return simulated(problem, accepted.parameters, terms, own)
+    change = simulated(problem, accepted.parameters, terms, own, problem.coarse_factor) - place.coarse_residuals
+    return accepted.residuals + change
+
+
+def adapted_residuals(place: Around, added: tuple[Term, Sequence[float]] | None, *, coarse: bool = False) -> Array:
+    """Residuals with one more term, or without, after all else has adapted linearly, shape (n + base,)."""
+    if added is None:
+        return adapt(place, place.accepted.residuals, None)[0]
+    return adapt(place, with_term(place, *added, coarse), added[0])[0]
+
+
+def adapt(place: Around, r: Array, term: Term | None) -> tuple[Array, Array]:
+    """Residuals after everything but `term` has adapted linearly, with the cost of it appended; the moves."""
+    named = {t.name for t in place.accepted.terms if t.kind == "parameter"} | ({term.name} if term else set())
+    taken = frozenset(named.intersection(p.name for p in place.problem.base))
+    known = place.adaptations.get(taken)
+    if known is None:
+        known = place.adaptations[taken] = _adaptation(place, taken)
+    moves = known.moves @ (place.slopes.T @ r + known.prior.T @ known.cost)
+    return np.concatenate([r + place.slopes @ moves, known.cost + known.prior @ moves]), moves
+
+
+def _adaptation(place: Around, taken: Collection[str]) -> _Adaptation:
+    """Base parameters that are terms do not adapt; an effect stands for the base parameter of its name."""
+    problem, accepted = place.problem, place.accepted
+    free = [k for k, p in enumerate(problem.base) if p.name not in taken]
+    prior = np.zeros((len(problem.base), place.slopes.shape[1]))
+    prior[np.ix_(free, free)] = problem.prior.root(free)
+    away = np.zeros(place.slopes.shape[1])
+    for k, p in enumerate(problem.base):
+        if p.name in taken:
+            prior[k, k] = _FROZEN / problem.prior.std[k]
+        else:
+            away[k] = accepted.parameters[p.name] - problem.model.values[p.name]
+    information = place.gram + prior.T @ prior
+    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    scales = np.outer(scale, scale)
+    return _Adaptation(prior, prior @ away, -scales * np.linalg.pinv(information * scales, rcond=1e-12, hermitian=True))

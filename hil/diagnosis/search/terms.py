@@ -1,0 +1,209 @@
+"""Terms: the single things that may be different. A base parameter that changed, or an effect at a hook."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from hil.diagnosis.problem import Problem
+from hil.identification.estimate import Unknown
+from hil.identification.lines import prominence
+from hil.physics.compose import Site, kernel
+from hil.physics.effect import Seen
+from hil.physics.plant import Parameter
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Array
+
+# Starts of a base parameter, as factors of its value.
+_FACTORS = (0.5, 0.8, 1.25, 2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Term:
+    """One thing that may be different.
+
+    Attributes:
+        kind: a base parameter that changed, or an effect of the library.
+        name: of the parameter or the effect. `hook`, `stage`: where the effect sits.
+        unknowns: what is estimated. `starts`: where from, one tuple for each start.
+        nominal: value of a base parameter in the nominal model.
+        growth, change: the effects that a larger, or any other, value of the base parameter is known as; `change` also
+            what an effect is known as under another name.
+        null: value of the first unknown at which an effect does nothing.
+        telling: unknowns without whose shape the effect would be another one, and at which end of their range.
+        rugged: whether a fit ends in one of many valleys.
+        by_clock: whether it runs by the clock, whatever the command does.
+    """
+
+    kind: Literal["parameter", "effect"]
+    name: str
+    hook: str
+    stage: str
+    unknowns: tuple[Unknown, ...]
+    starts: tuple[tuple[float, ...], ...]
+    nominal: float = 0.0
+    growth: str = ""
+    change: str = ""
+    null: float = 0.0
+    telling: tuple[tuple[str, str], ...] = ()
+    rugged: bool = False
+    by_clock: bool = False
+
+    @property
+    def scales(self) -> bool:
+        """Whether its first unknown is a strength at which it does nothing, and beyond which it does ever more."""
+        return self.kind == "effect" and bool(np.isfinite(self.null))
+
+    def scaled(self, values: Sequence[float], share: float) -> tuple[float, ...]:
+        """The values with this share of their strength, as far as it may go."""
+        first = self.unknowns[0]
+        strength = self.null + share * (values[0] - self.null)
+        return (float(np.clip(strength, first.low, first.high)), *values[1:])
+
+    @property
+    def label(self) -> str:
+        """For messages: `friction at spool`, `pilot_rate`."""
+        return f"{self.name} at {self.stage}" if self.kind == "effect" else self.name
+
+    @property
+    def told(self) -> str:
+        """The name by which an effect is told."""
+        return self.change or self.name
+
+    def effect_name(self, values: Sequence[float]) -> str:
+        """The effect that these values stand for, or nothing when it is a changed parameter."""
+        if self.kind == "effect":
+            return self.told
+        return self.change or (self.growth if values[0] > self.nominal else "")
+
+    def apply(self, values: Sequence[float], parameters: dict[str, float], effects: list[ActiveEffect]) -> None:
+        """Put these values into a simulation's arguments."""
+        if self.kind == "parameter":
+            parameters[self.name] = float(values[0])
+        else:
+            named = {u.name: float(value) for u, value in zip(self.unknowns, values, strict=True)}
+            effects.append(ActiveEffect(self.name, self.hook, named))
+
+
+def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
+    """Every term that the plant has, with starts from what the model itself shows.
+
+    `left`: the residuals that nothing explains so far; their lines start periodic effects.
+    """
+    seen = signals_seen(problem, left)
+    sites = kernel(problem.plant.name).sites
+    present = {effect.key for effect in problem.model.active_effects}
+    effects = [_effect_term(site, seen[site.hook.name]) for site in sites if site.key not in present]
+    parameters = [_parameter_term(p, problem.model.values[p.name], problem.plant.stage(p.name)) for p in problem.base]
+    return tuple(parameters + [term for term in effects if term.starts])
+
+
+def _parameter_term(parameter: Parameter, value: float, stage: str) -> Term:
+    unknown = Unknown(parameter.name, parameter.unit, value, parameter.low, parameter.high, parameter.scale)
+    size = max(abs(value), parameter.scale)
+    starts = {float(np.clip(value + (factor - 1.0) * size, parameter.low, parameter.high)) for factor in _FACTORS}
+    return Term(
+        "parameter",
+        parameter.name,
+        "",
+        stage,
+        (unknown,),
+        tuple((s,) for s in sorted(starts)),
+        value,
+        parameter.growth,
+        parameter.change,
+    )
+
+
+def _effect_term(site: Site, seen: Seen) -> Term:
+    there = site.effect.parameters_at(site.hook)
+    typical = {p.name: p.typical for p in there}
+    starts = tuple(
+        tuple(float(np.clip({**typical, **start}[p.name], p.low, p.high)) for p in there)
+        for start in site.effect.starts_at(site.hook, seen)
+    )
+    unknowns = tuple(
+        Unknown(p.name, p.unit, p.typical, p.low, p.high, _size(p, starts, k)) for k, p in enumerate(there)
+    )
+    null = next(iter(site.effect.null_at(site.hook).values()))
+    return Term(
+        "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
+        change=site.effect.known_as, null=null, rugged=site.effect.rugged,
+        telling=tuple((p.name, p.telling) for p in site.effect.parameters if p.telling), by_clock=site.by_clock,
+    )  # fmt: skip
+
+
+def _size(parameter: Parameter, starts: Sequence[tuple[float, ...]], k: int) -> float:
+    """A natural step: of the smaller starts, so that derivatives at small strengths stay meaningful."""
+    sizes = [abs(start[k]) for start in starts if start[k] != 0.0]
+    return min([*sizes, parameter.scale]) if sizes else parameter.scale
+
+
+def signals_seen(problem: Problem, left: Array) -> Mapping[str, Seen]:
+    """What passes each hook of the plant in the nominal simulation of all experiments."""
+    traced = problem.traces(problem.model.values, problem.model.active_effects)
+    traces = [(rows, e.drive.interval_s) for rows, e in zip(traced, problem.experiments, strict=True)]
+    tones = _tones(problem, left)
+    duration_s = max(e.duration_s for e in problem.experiments)
+    found: dict[str, Seen] = {}
+    for k, hook in enumerate(problem.plant.hooks):
+        # What passes a force hook is a speed; effects there are sized by what drives the part.
+        source = k - 1 if hook.is_force else k
+        found[hook.name] = _seen([(t[source], dt) for t, dt in traces], tones, duration_s)
+    return found
+
+
+def _seen(
+    rows: Sequence[tuple[Array, float]], tones: tuple[tuple[float, float, float], ...], duration_s: float
+) -> Seen:
+    values = np.concatenate([row for row, _ in rows])
+    speeds = np.concatenate([np.abs(np.diff(row)) / dt for row, dt in rows])
+    low, high = float(values.min()), float(values.max())
+    # The swing of a typical recording: a slow sweep over everything must not hide a small sine.
+    swings = [float(np.ptp(row)) / 2.0 for row, _ in rows]
+    swing = max(float(np.median(swings)), 1e-6 * max(abs(low), abs(high), 1e-9))
+    moving = speeds[speeds > 0.0]
+    quantiles = np.quantile(moving, (0.5, 0.9, 0.99)) if moving.size else np.zeros(3)
+    return Seen(
+        low, high, swing, (float(quantiles[0]), float(quantiles[1]), float(quantiles[2])),
+        tones, duration_s, rows[0][1],
+    )  # fmt: skip
+
+
+_Line = tuple[float, float, tuple[float, float, float]]
+
+
+def _tones(problem: Problem, left: Array, most: int = 4) -> tuple[tuple[float, float, float], ...]:
+    """The strongest lines in the residuals, and the one that stands out most: (frequency in Hz, amplitude in the
+    output's unit, phase).
+    """
+    strongest: list[_Line] = []
+    standing_out: list[_Line] = []
+    for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
+        r = -left[part]
+        spectrum = np.fft.rfft((r - r.mean()) * np.hanning(len(r)))
+        power = np.abs(spectrum) ** 2
+        above = prominence(power)
+        duration_s = len(r) * e.interval_s
+        for found, of in ((strongest, power / np.median(power)), (standing_out, above)):
+            k = int(np.argmax(of[2:])) + 2
+            size = 4.0 * np.abs(spectrum[k]) / len(r) * noise.std
+            at = _refined(power, k)
+            phase = np.angle(spectrum[k]) - np.pi * (at - k) + np.pi / 2.0
+            tone = (float(at / duration_s), float(size), float((phase + np.pi) % (2.0 * np.pi) - np.pi))
+            found.append((float(of[k]), 1.0 / duration_s, tone))
+    first = max(standing_out, key=lambda item: item[0])
+    others = [item for item in sorted(strongest, key=lambda item: -item[0]) if abs(item[2][0] - first[2][0]) > item[1]]
+    return tuple(tone for _, _, tone in [first, *others][:most])
+
+
+def _refined(power: Array, k: int) -> float:
+    """The place of a peak between bins, by a parabola through the logarithms."""
+    if k + 1 >= len(power):
+        return float(k)
+    a, b, c = np.log(power[k - 1 : k + 2] + 1e-300)
+    bend = a - 2.0 * b + c
+    return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)

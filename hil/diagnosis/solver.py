@@ -1,0 +1,41 @@
+"""The solver-error gate: a diagnosis must never name the error of its own integrator, nor pay for steps that it can
+do without.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hil.diagnosis.problem import Problem
+
+# A finer step may change the simulation by this share of the noise before the step counts as too coarse.
+_HARMLESS = 0.1
+_FINER = (4.0, 16.0)
+# Coarser steps than the plant asks for are taken where they change the simulation by next to nothing, in rms over the
+# noise and in χ²: a sixth of what the likeliest alarm would need.
+_COARSER, _NEXT_TO_NOTHING, _LEAST_CHI2 = 0.5, 0.02, 10.0
+
+
+def settled(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
+    """The problem with sub-steps no finer than needed, so that finer ones change nothing; what had to be done about it.
+
+    Equations of second order, which most plants have, are so exact at the plant's own sub-steps that a search can do
+    with half of them.
+    """
+    if not problem.is_short:
+        coarser = replace(problem, factor=_COARSER)
+        change = coarser.nominal_residuals - problem.nominal_residuals
+        if float(change @ change) <= min(_LEAST_CHI2, _NEXT_TO_NOTHING**2 * len(change)):
+            return coarser, ()
+    coarse = problem.nominal_residuals
+    for finer in _FINER:
+        change = problem.residuals(problem.model.values, problem.model.active_effects, factor=finer) - coarse
+        error = float(np.sqrt(np.mean(change**2)))
+        if error <= _HARMLESS:
+            return problem, ()
+        problem = replace(problem, factor=finer)
+        coarse = problem.nominal_residuals
+    text = f"with steps {_FINER[-1]:g} times finer the simulation still changes by {error:.2g} times the noise"
+    return problem, (f"{text}; small effects cannot be told from the integrator",)

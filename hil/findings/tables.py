@@ -1,0 +1,133 @@
+"""Results as files for other tools: CSV and spreadsheet."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from io import StringIO
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.errors import InputError, StorageError
+from hil.findings.results import Curve, Results
+
+if TYPE_CHECKING:
+    from openpyxl.worksheet.worksheet import Worksheet
+
+VALUE_HEADS = ("name", "relation", "value", "std", "unit", "low", "high", "verdict", "meaning")
+_SHEET_NAME = 31  # characters that a spreadsheet allows
+
+Cell = str | float | None
+Row = Sequence[Cell]
+
+
+def values_csv(results: Results) -> str:
+    """The measured values, a row each."""
+    return _csv(VALUE_HEADS, _value_rows(results))
+
+
+def curve_csv(curve: Curve) -> str:
+    """A curve, columns headed `name [unit]` as in a recording."""
+    return _csv(_heads(curve), curve.rows)
+
+
+def write_csv(results: Results, path: Path) -> tuple[Path, ...]:
+    """Write the values to a file and each curve beside it as STEM_NAME.csv; returns what was written.
+
+    Raises:
+        StorageError: a file cannot be written.
+    """
+    texts = {path: values_csv(results)}
+    for name, curve in _by_file_name(results.curves).items():
+        texts[path.with_name(f"{path.stem}_{name}.csv")] = curve_csv(curve)
+    for target, text in texts.items():
+        _write(target, text.encode())
+    return tuple(texts)
+
+
+def write_xlsx(results: Results, path: Path) -> None:
+    """Write a spreadsheet: a sheet of values, one of transfer functions, one for each curve.
+
+    Raises:
+        InputError: openpyxl is not installed.
+        StorageError: the file cannot be written.
+    """
+    try:
+        from openpyxl import Workbook
+    except ModuleNotFoundError as error:
+        raise InputError("--xlsx needs openpyxl: pip install 'valve-hil[formats]'") from error
+    book = Workbook()
+    book.remove(book.worksheets[0])
+    _fill(book.create_sheet("values"), VALUE_HEADS, _value_rows(results))
+    if results.transfer_functions:
+        _fill(book.create_sheet("transfer functions"), _FUNCTION_HEADS, _function_rows(results))
+    for name, curve in _by_file_name(results.curves).items():
+        _fill(book.create_sheet(_sheet_name(name, book.sheetnames)), _heads(curve), curve.rows)
+    try:
+        book.save(path)
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
+
+
+_FUNCTION_HEADS = ("name", "coefficient", "value", "std", "unit of the gain")
+
+
+def _function_rows(results: Results) -> Iterator[Row]:
+    for fitted in results.transfer_functions:
+        values = fitted.coefficient_values
+        for i, name in enumerate(fitted.coefficients):
+            variance = fitted.covariance[i][i]
+            std = None if variance is None else max(variance, 0.0) ** 0.5
+            yield fitted.name, name, values[i], std, fitted.unit
+
+
+def _value_rows(results: Results) -> Iterator[Row]:
+    for value in results.values:
+        yield tuple(getattr(value, head) for head in VALUE_HEADS)
+
+
+def _heads(curve: Curve) -> list[str]:
+    return [f"{column.name} [{column.unit}]" for column in curve.columns]
+
+
+def _csv(heads: Sequence[str], rows: Iterable[Row]) -> str:
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(heads)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _fill(sheet: Worksheet, heads: Sequence[str], rows: Iterable[Row]) -> None:
+    sheet.append(list(heads))
+    for row in rows:
+        sheet.append(list(row))
+    sheet.freeze_panes = "A2"
+
+
+def _by_file_name(curves: Iterable[Curve]) -> dict[str, Curve]:
+    """Curves by a name that a file may have, no two alike."""
+    named: dict[str, Curve] = {}
+    for curve in curves:
+        plain = re.sub(r"[^A-Za-z0-9+.-]+", "-", curve.name.replace("→", "to").replace("±", "pm")).strip("-")
+        name, number = plain, 2
+        while name.lower() in {taken.lower() for taken in named}:
+            name, number = f"{plain}-{number}", number + 1
+        named[name] = curve
+    return named
+
+
+def _sheet_name(name: str, taken: Sequence[str]) -> str:
+    short, number = name[:_SHEET_NAME], 2
+    while short in taken:
+        tail = f"~{number}"
+        short, number = name[: _SHEET_NAME - len(tail)] + tail, number + 1
+    return short
+
+
+def _write(path: Path, content: bytes) -> None:
+    try:
+        path.write_bytes(content)
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror}") from error

@@ -1,0 +1,179 @@
+"""Bandwidths: where magnitude falls 3 dB below its reference, and phase below −90°, with uncertainty."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.identification.frequency_response import FrequencyResponse
+from hil.physics.transfer_function import TransferFunction
+from hil.record.recording import Array
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
+
+_GRID = 2000
+
+
+@dataclass(frozen=True, slots=True)
+class Crossing:
+    """The lowest frequency at which a curve falls to a level.
+
+    Attributes:
+        level, unit: −3 dB, −90 °.
+        frequency_hz: None when the curve does not get there within the measured range.
+        std_hz: standard uncertainty; NaN when that of the response is unknown.
+        beyond_hz: the highest measured frequency.
+    """
+
+    level: float
+    unit: str
+    frequency_hz: float | None
+    std_hz: float
+    beyond_hz: float
+
+    def __str__(self) -> str:
+        name = f"{self.level:g} {self.unit}"
+        if self.frequency_hz is None:
+            return f"{name}: not reached up to {self.beyond_hz:g} Hz"
+        error = "" if math.isnan(self.std_hz) else f" ± {1.96 * self.std_hz:.2g}"
+        return f"{name}: {self.frequency_hz:.4g}{error} Hz"
+
+
+@dataclass(frozen=True, slots=True)
+class ReferenceRule:
+    """Where the 0 dB reference lies: `highest_hz`, or a share of the −90° frequency if that is lower.
+
+    The defaults are those of GOST 28971 cl. 9.1 (ISO 6404). The HPV41 paper takes its lowest frequency.
+    """
+
+    highest_hz: float = 5.0
+    share_of_phase_90: float = 0.05
+
+
+@dataclass(frozen=True, slots=True)
+class Bandwidth:
+    """Bandwidths of one frequency response.
+
+    Attributes:
+        reference_hz, reference_db: the magnitude that −3 dB is counted from.
+        amplitude: the −3 dB crossing. `phase`: the −90° crossing.
+        notes: what departs from the reference rule.
+    """
+
+    reference_hz: float
+    reference_db: float
+    amplitude: Crossing
+    phase: Crossing
+    notes: tuple[str, ...] = ()
+
+    @property
+    def quoted(self) -> Crossing:
+        """The smaller of the two, as is customary; the reached one if only one is."""
+        reached = [c for c in (self.amplitude, self.phase) if c.frequency_hz is not None]
+        return min(reached, key=lambda c: c.frequency_hz or math.inf) if reached else self.amplitude
+
+
+def bandwidth(response: FrequencyResponse, rule: ReferenceRule | None = None) -> Bandwidth:
+    """−3 dB and −90° frequencies of a measured response.
+
+    Magnitude counts from the lowest frequency (eq. 1 of the HPV41 paper); a rule is held against that choice
+    and a departure noted.
+    """
+    phase = phase_crossing(response, -90.0)
+    reference_db = float(response.magnitude_db[0])
+    notes = reference_notes(response, phase, rule or ReferenceRule())
+    return Bandwidth(float(response.frequency_hz[0]), reference_db, magnitude_crossing(response, -3.0), phase, notes)
+
+
+def reference_notes(response: FrequencyResponse, phase_90: Crossing, rule: ReferenceRule) -> tuple[str, ...]:
+    """What departs from the rule when the lowest frequency is the reference."""
+    used = float(response.frequency_hz[0])
+    if used > rule.highest_hz:
+        return (f"reference at {used:g} Hz, the rule asks for {rule.highest_hz:g} Hz or less",)
+    if phase_90.frequency_hz is None:
+        return ()
+    allowed = rule.share_of_phase_90 * phase_90.frequency_hz
+    if used <= allowed * (1.0 + 1e-9):
+        return ()
+    share = 100.0 * used / phase_90.frequency_hz
+    wanted = f"the rule asks for {100 * rule.share_of_phase_90:g} % or less, {allowed:.3f} Hz"
+    return (f"reference at {used:g} Hz is {share:.1f} % of the −90° frequency; {wanted}",)
+
+
+def magnitude_crossing(response: FrequencyResponse, level_db: float, reference_hz: float | None = None) -> Crossing:
+    """Where magnitude falls to a level relative to that at a reference (the lowest frequency when None)."""
+    relative = response.normalised(reference_hz)
+    own = relative.magnitude_std_db
+    return _crossing(relative.frequency_hz, relative.magnitude_db, own, np.zeros(len(relative)), level_db, "dB")
+
+
+def phase_crossing(response: FrequencyResponse, level_deg: float) -> Crossing:
+    """Where the unwrapped phase falls to a level."""
+    own, shared = response.own_phase_std_deg, response.shared_phase_std_deg
+    return _crossing(response.frequency_hz, response.phase_deg, own, shared, level_deg, "°")
+
+
+def _crossing(frequency_hz: Array, values: Array, own: Array, shared: Array, level: float, unit: str) -> Crossing:
+    """First fall to a level of the cubic spline through the values over log frequency.
+
+    The spline is linear in the values, so its uncertainty at the crossing follows from theirs exactly; over
+    the slope there it is that of the frequency. `own` errors of the lines are independent, `shared` ones common.
+    """
+    top = float(frequency_hz[-1])
+    spline = _spline(frequency_hz, values)
+    grid = np.linspace(math.log(frequency_hz[0]), math.log(top), _GRID)
+    below = spline(grid) <= level
+    if not below.any():
+        return Crossing(level, unit, None, math.nan, top)
+    i = int(np.argmax(below))
+    if i == 0:
+        return Crossing(level, unit, float(frequency_hz[0]), math.nan, top)
+    from scipy.optimize import brentq
+
+    at = float(brentq(lambda x: float(spline(x)) - level, grid[i - 1], grid[i], xtol=1e-12))
+    weights = np.array([float(_spline(frequency_hz, unit_value)(at)) for unit_value in np.eye(len(values))])
+    slope = abs(float(spline.derivative()(at)))
+    std_hz = math.exp(at) * math.hypot(float(np.linalg.norm(weights * own)), float(weights @ shared)) / slope
+    return Crossing(level, unit, math.exp(at), std_hz, top)
+
+
+def _spline(frequency_hz: Array, values: Array) -> BSpline:
+    from scipy.interpolate import make_interp_spline
+
+    return make_interp_spline(np.log(frequency_hz), values, k=min(3, len(values) - 1))
+
+
+def model_crossing(model: TransferFunction, level: float, unit: str, top_hz: float, low_hz: float = 1e-3) -> Crossing:
+    """Where a transfer function falls to a level: dB below its gain at rest, or degrees."""
+    from scipy.optimize import brentq
+
+    grid = np.geomspace(low_hz, top_hz, _GRID)
+    values = _db(model, grid) if unit == "dB" else _degrees(model, grid)
+    below = values <= level
+    if not below.any():
+        return Crossing(level, unit, None, math.nan, top_hz)
+    i = int(np.argmax(below))
+    if i == 0:
+        return Crossing(level, unit, low_hz, math.nan, top_hz)
+
+    def above(frequency_hz: float) -> float:
+        if unit == "dB":
+            return float(_db(model, np.array([frequency_hz]))[0]) - level
+        return float(_degrees(model, np.append(grid[:i], frequency_hz))[-1]) - level
+
+    found = float(brentq(above, grid[i - 1], grid[i], xtol=1e-12, rtol=1e-12))
+    return Crossing(level, unit, found, math.nan, top_hz)
+
+
+def _db(model: TransferFunction, frequency_hz: Array) -> Array:
+    made: Array = 20.0 * np.log10(np.abs(model.at(frequency_hz)) / abs(model.dc_gain))
+    return made
+
+
+def _degrees(model: TransferFunction, frequency_hz: Array) -> Array:
+    made: Array = np.degrees(np.unwrap(np.angle(model.at(frequency_hz) * np.sign(model.dc_gain))))
+    return made

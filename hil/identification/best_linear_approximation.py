@@ -1,0 +1,170 @@
+"""Best linear approximation from a multisine: response, noise, and even and odd distortion kept apart.
+
+Noise is what changes from period to period. What repeats but sits on lines that were not excited is
+distortion: on even lines from even nonlinearity (asymmetry, orifice law), on silent odd lines from odd
+nonlinearity (friction, dead band, saturation). Odd distortion falls on the excited lines as well and is
+there part of the uncertainty of the linear model; even distortion does not.
+Pintelon, Schoukens: System Identification, a Frequency Domain Approach, 2nd ed., ch. 4 (fast method).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import InputError
+from hil.identification.frequency_response import FrequencyResponse
+from hil.record.recording import Array, Recording
+
+Complex = NDArray[np.complex128]
+Lines = NDArray[np.int64]
+Verdict = Literal["noise", "even nonlinearity", "odd nonlinearity"]
+
+# Silent lines averaged for the distortion level at an excited one: a quarter of them at most, so that the
+# average follows the level over the band, and no more than a smooth level needs.
+_NEIGHBOURS, _SHARE = 5, 4
+
+
+@dataclass(frozen=True, slots=True)
+class BestLinearApproximation:
+    """The linear part of a response to one multisine, and what is not linear in it.
+
+    Attributes:
+        response: at the excited lines, covariance from noise and odd distortion together.
+        noise_std: of the mean over periods, in the output's unit, at the excited lines, shape (n,).
+        odd_std, even_std: level of odd and even distortion there, rms, in the output's unit, shape (n,).
+        verdicts: which of the three is largest, per line.
+        periods: how many were averaged.
+    """
+
+    response: FrequencyResponse
+    noise_std: Array
+    odd_std: Array
+    even_std: Array
+    verdicts: tuple[Verdict, ...]
+    periods: int
+
+    @property
+    def sentence(self) -> str:
+        """What dominates over the band, in one line."""
+        counts = {name: self.verdicts.count(name) for name in dict.fromkeys(self.verdicts)}
+        largest = max(counts, key=lambda name: counts[name])
+        share = 100.0 * counts[largest] / len(self.verdicts)
+        amplitude = self.response.output_amplitude
+        odd, even = (100.0 * float(np.median(level / amplitude)) for level in (self.odd_std, self.even_std))
+        return (
+            f"{largest} dominates on {share:.0f} % of the lines; odd distortion {odd:.2g} % and even distortion "
+            f"{even:.2g} % of the output (median)"
+        )
+
+
+def best_linear_approximation(
+    recording: Recording, input_name: str, output_name: str, *, settle_periods: int = 1
+) -> tuple[BestLinearApproximation, ...]:
+    """One best linear approximation for each multisine part (kind "multisine") of a recording.
+
+    Args:
+        recording: with `meta["parts"]` as `hil.signals.multisine.Multisine.as_part` describes them, each with
+            `first`, `count` and `bias` beside.
+        input_name: the command's channel.
+        output_name: the response's channel.
+        settle_periods: first periods of each part that are left out.
+
+    Where each sample of the response was read at a time of its own, their mean delay is taken out.
+
+    Raises:
+        InputError: no multisine part, or fewer than two periods left.
+    """
+    u, y = recording.channel(input_name), recording.channel(output_name)
+    parts = [part for part in recording.meta.get("parts", ()) if part.get("kind") == "multisine"]
+    if not parts:
+        raise InputError(f"{recording.name}: no part of kind 'multisine' is written down in it")
+    made = []
+    for part in parts:
+        samples = round(1.0 / (float(part["base_hz"]) * recording.interval_s))
+        rows = slice(int(part["first"]), int(part["first"]) + int(part["count"]))
+        given, answer = (_periods(recording.name, c.values[rows], samples, settle_periods) for c in (u, y))
+        found = approximate(recording.name, given, answer, part, (u.unit, y.unit))
+        delay_s = float(np.mean((recording.stamps(y.name) - recording.time_s)[rows]))
+        made.append(_read_later(found, delay_s) if delay_s else found)
+    return tuple(made)
+
+
+def approximate(
+    name: str, inputs: Array, outputs: Array, part: Mapping[str, Any], units: tuple[str, str] = ("1", "1")
+) -> BestLinearApproximation:
+    """From periods in steady state, shape (periods, samples of one period), and the lines of the multisine."""
+    excited = np.asarray(part["excited"], dtype=np.int64)
+    odd, even = (np.asarray(part[key], dtype=np.int64) for key in ("odd_detection", "even_detection"))
+    given, answer = _spectrum(inputs), _spectrum(outputs)
+    response, noise = _ratio(given[:, excited], answer[:, excited])
+    odd_level, even_level = (
+        _distortion(given, answer, silent, excited, response) for silent in (odd, even)
+    )  # fmt: skip
+    size = np.abs(given[:, excited].mean(axis=0))
+    variance = (noise + odd_level) / size**2 / 2.0
+    amplitudes = np.abs(answer[:, excited].mean(axis=0))
+    lines_hz = np.asarray(excited * float(part["base_hz"]), dtype=np.float64)
+    made = FrequencyResponse(
+        name, lines_hz, response, variance[:, None, None] * np.eye(2), *units,
+        float(np.max(np.abs(inputs - inputs.mean()))), float(inputs.mean()), size, amplitudes,
+        np.full(len(excited), float(outputs.mean())),
+        np.full(len(excited), float(np.std(outputs - outputs.mean(axis=0)))),
+        np.zeros((len(excited), 0), dtype=np.complex128),
+    )  # fmt: skip
+    levels = np.sqrt(np.stack((noise, even_level, odd_level)))
+    names: tuple[Verdict, Verdict, Verdict] = ("noise", "even nonlinearity", "odd nonlinearity")
+    verdicts = tuple(names[int(k)] for k in np.argmax(levels, axis=0))
+    return BestLinearApproximation(made, levels[0], levels[2], levels[1], verdicts, len(inputs))
+
+
+def _read_later(found: BestLinearApproximation, delay_s: float) -> BestLinearApproximation:
+    """The same without what it is that the response was read so much later than its stamps say."""
+    ahead = np.exp(2j * np.pi * found.response.frequency_hz * delay_s)
+    note = f"read {1e3 * delay_s:.3g} ms after the update on average"
+    return replace(found, response=found.response.divided_by(ahead, note))
+
+
+def _periods(name: str, values: Array, samples: int, settle: int) -> Array:
+    count = len(values) // samples
+    if count - settle < 2:
+        raise InputError(f"{name}: {count} periods of the multisine, {settle} of them to settle; two must remain")
+    return values[settle * samples : count * samples].reshape(count - settle, samples)
+
+
+def _spectrum(periods: Array) -> Complex:
+    """Amplitude spectrum of each period."""
+    made: Complex = np.fft.rfft(periods, axis=1) * (2.0 / periods.shape[1])
+    return made
+
+
+def _ratio(given: Complex, answer: Complex) -> tuple[Complex, Array]:
+    """Output over input, and the noise power of the mean output that the input does not explain."""
+    response = answer.mean(axis=0) / given.mean(axis=0)
+    return response, _noise(answer - response * given)
+
+
+def _noise(rest: Complex) -> Array:
+    """Variance of the mean over periods, both parts together."""
+    made: Array = np.var(rest, axis=0, ddof=1) / len(rest)
+    return made
+
+
+def _distortion(given: Complex, answer: Complex, silent: Lines, excited: Lines, response: Complex) -> Array:
+    """Power on silent lines beyond noise and the input's own leakage, averaged around each excited line."""
+    if not silent.size:
+        return np.zeros(len(excited))
+    linear = np.interp(silent, excited, response.real) + 1j * np.interp(silent, excited, response.imag)
+    rest = answer[:, silent] - linear * given[:, silent]
+    power = np.abs(rest.mean(axis=0)) ** 2 - _noise(rest)
+    return np.array([max(_near(power, silent, line), 0.0) for line in excited.tolist()])
+
+
+def _near(power: Array, silent: Lines, line: int) -> float:
+    count = min(_NEIGHBOURS, max(2, len(silent) // _SHARE))
+    nearest = np.argsort(np.abs(silent - line))[:count]
+    return float(np.mean(power[nearest]))

@@ -1,0 +1,118 @@
+"""Model against recording: the fit, what the noise allows, and where the model fails."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from hil.identification.experiment import Experiment
+from hil.identification.gaps import bridged
+from hil.identification.grey_box import fit_ceiling, fit_percent
+from hil.identification.noise import channel_floor
+from hil.physics.model import Model
+from hil.record.recording import Array
+
+_BLOCKS = 50
+_WORST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class Interval:
+    """A stretch of time with the rms error there."""
+
+    start_s: float
+    stop_s: float
+    rms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Comparison:
+    """One model on one recording.
+
+    Attributes:
+        fit, ceiling: in %; the ceiling is what the true model would reach, given the noise.
+        rms_error, noise_std: in `unit`, the output's unit.
+        mean_error: simulated minus measured.
+        lag_s: by how much the model is late (positive) or early, at the best correlation of their slopes.
+        worst: where the error is largest, in time.
+        by_level: rms error over the lower, middle and upper third of the model's output.
+        notes: what of the recording says nothing and is left out, in words.
+    """
+
+    name: str
+    unit: str
+    fit: float
+    ceiling: float
+    rms_error: float
+    noise_std: float
+    mean_error: float
+    lag_s: float
+    worst: tuple[Interval, ...]
+    by_level: tuple[float, float, float]
+    notes: tuple[str, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {"file": self.name, **{k: v for k, v in asdict(self).items() if k != "name"}}
+
+    def as_text(self) -> str:
+        """As lines for a terminal."""
+        worst = ", ".join(f"{i.start_s:.4g}…{i.stop_s:.4g} s ({i.rms:.3g})" for i in self.worst)
+        low, middle, high = self.by_level
+        notes = "".join(f"\n  note: {note}" for note in self.notes)
+        return (
+            f"{self.name}\n"
+            f"  fit {self.fit:.2f} % (the noise allows {self.ceiling:.2f} %), "
+            f"rms error {self.rms_error:.4g} {self.unit}, noise {self.noise_std:.3g} {self.unit}\n"
+            f"  mean error {self.mean_error:+.3g} {self.unit}, model late by {1e3 * self.lag_s:+.1f} ms\n"
+            f"  largest errors at {worst}\n"
+            f"  rms by level: low {low:.3g}, middle {middle:.3g}, high {high:.3g} {self.unit}{notes}"
+        )
+
+
+def compare(model: Model, experiment: Experiment) -> Comparison:
+    """Simulate a model on a recording's input and measure the difference, where the recording says something."""
+    (e,), notes = bridged(model, [experiment])
+    response = e.respond(model.definition, model.values, model.active_effects)[0]
+    time_s, measured, simulated = e.time_s[e.told], e.output[e.told], response[e.told]
+    error = simulated - measured
+    noise = channel_floor(measured)
+    return Comparison(
+        e.name,
+        e.output_heading.rpartition("[")[2].rstrip("]"),
+        fit_percent(measured, simulated),
+        fit_ceiling(measured, noise),
+        _rms(error),
+        noise,
+        float(error.mean()),
+        _lag(time_s, measured, simulated),
+        _worst(time_s, error),
+        _by_level(simulated, error),
+        notes,
+    )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
+
+
+def _worst(time_s: Array, error: Array) -> tuple[Interval, ...]:
+    parts = np.array_split(np.arange(len(error)), min(_BLOCKS, len(error)))
+    found = [Interval(float(time_s[p[0]]), float(time_s[p[-1]]), _rms(error[p])) for p in parts]
+    return tuple(sorted(found, key=lambda i: -i.rms)[:_WORST])
+
+
+def _by_level(simulated: Array, error: Array) -> tuple[float, float, float]:
+    low, high = np.quantile(simulated, [1 / 3, 2 / 3])
+    bins = np.digitize(simulated, [low, high])
+    first, second, third = (_rms(error[bins == k]) for k in range(3))
+    return first, second, third
+
+
+def _lag(time_s: Array, measured: Array, simulated: Array) -> float:
+    """The shift that makes the error orthogonal to the slope: first order, enough for a hint."""
+    slope = np.gradient(simulated, time_s)
+    power = float(slope @ slope)
+    return float(slope @ (measured - simulated)) / power if power else 0.0

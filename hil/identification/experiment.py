@@ -1,0 +1,336 @@
+"""A recording made ready for a plant: what drives it, and what it is compared with."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import FileError
+from hil.physics.model import Model
+from hil.physics.plant import Plant
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import Array, Channel, Recording, split_heading
+
+_GRID_PER_UNEVEN_SAMPLE = 8
+DEAD = "a dead sensor, no supply or a wrong column"
+# A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
+_FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
+FEWEST_SAMPLES = 20
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One recording as a plant sees it.
+
+    Attributes:
+        name: of the recording.
+        input, output_heading: the bound channels, as `name [unit]` in the units used.
+        time_s: stamps of the samples.
+        drive: the inputs on an even grid.
+        grid_s: the grid's stamps when the recording's are uneven, else None.
+        output: the measured output, shape (n,), in the plant's unit.
+        observed: measured inner signals, by name, where the recording has them.
+        ignored: samples of the output that say nothing (clipped, held, lost), shape (n,), or None.
+        lost: those of them where no channel says anything (see `hil.identification.gaps`), shape (n,), or None.
+        reading_known: whether the recording (or a model) declared when in a sample the output is read.
+        read_s: where the recording knows when every single sample was read: those instants for the output and the
+            plant's inner signals, shape (1 + observed, n), else None. They lie on the time of `grid_s` then, and
+            `drive.read_at` says nothing.
+    """
+
+    name: str
+    input: str
+    output_heading: str
+    time_s: Array
+    drive: Drive
+    grid_s: Array | None
+    output: Array
+    observed: Mapping[str, Array]
+    reading_known: bool = False
+    ignored: NDArray[np.bool_] | None = None
+    lost: NDArray[np.bool_] | None = None
+    read_s: Array | None = None
+
+    def respond(
+        self,
+        plant: Plant,
+        parameters: Mapping[str, float],
+        effects: Sequence[ActiveEffect] = (),
+        *,
+        factor: float = 1.0,
+        inject: tuple[str, Array] | None = None,
+        following: bool = False,
+    ) -> Array:
+        """Simulated output and observed signals when the recording's own were read, shape (1 + observed, n).
+
+        `factor` and `inject` as in `hil.physics.simulate.simulate`; `following`: led back to the recorded output.
+        """
+        measured = self.to_follow if following else None
+        rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
+        if self.grid_s is None or self.read_s is None:
+            return self.at_stamps(rows)
+        grid_s = self.grid_s
+        return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
+
+    def observed_errors(self, plant: Plant, rows: Array, noise: Mapping[str, float]) -> list[Array]:
+        """Simulated minus recorded inner signals, in units of the noise of those that have one; `rows` of `respond`.
+
+        0 where they are lost.
+        """
+        return [
+            _but_for(self.lost, (row - self.observed[signal.name]) / noise[signal.name])
+            for signal, row in zip(plant.observed, rows[1:], strict=True)
+            if signal.name in noise
+        ]
+
+    @property
+    def told(self) -> NDArray[np.bool_]:
+        """Which samples of the output say something, shape (n,)."""
+        return np.ones(len(self.output), dtype=np.bool_) if self.ignored is None else ~self.ignored
+
+    @property
+    def told_output(self) -> Array:
+        """The output where it says something, one sample after another."""
+        told: Array = self.output[self.told]
+        return told
+
+    @property
+    def count_lost(self) -> int:
+        """How many samples no channel says anything at."""
+        return 0 if self.lost is None else int(self.lost.sum())
+
+    def telling(self, errors: Array) -> Array:
+        """Errors of the output, 0 where it says nothing, shape (n,)."""
+        return _but_for(self.ignored, errors)
+
+    def across_silence(self, errors: Array) -> Array:
+        """Errors of the output, straight from one telling sample to the next where it says nothing, shape (n,).
+
+        For filters with a memory: what was recorded there is no measurement, and would be felt after it.
+        """
+        if self.ignored is None or self.ignored.all():
+            return errors
+        silent, telling = np.flatnonzero(self.ignored), np.flatnonzero(~self.ignored)
+        crossed = errors.copy()
+        crossed[silent] = np.interp(silent, telling, errors[telling])
+        return crossed
+
+    @property
+    def duration_s(self) -> float:
+        """From the first stamp to the last."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
+    def interval_s(self) -> float:
+        """The median interval of the samples; that of the drive's grid is `drive.interval_s`."""
+        return float(np.median(np.diff(self.time_s)))
+
+    @property
+    def stands_still(self) -> bool:
+        """Whether the output has one value all the time."""
+        return float(np.ptp(self.output)) == 0.0
+
+    @property
+    def where_it_stands(self) -> str:
+        """The channel and its value, for an operator."""
+        return f"channel '{self.output_heading}' stands at {self.output[0]:.4g} all the time"
+
+    @property
+    def to_follow(self) -> Array:
+        """The recorded output on the grid, NaN where it says nothing."""
+        told = self.output if self.ignored is None else np.where(self.ignored, np.nan, self.output)
+        return told if self.grid_s is None else np.interp(self.grid_s, self.time_s, told)
+
+    def at_stamps(self, rows: Array) -> Array:
+        """Rows on the grid, read at the recording's stamps."""
+        if self.grid_s is None:
+            return rows
+        read: Array = np.array([np.interp(self.time_s, self.grid_s, row) for row in rows])
+        return read
+
+    def on_grid_input(self) -> Array:
+        """The command at the recording's stamps, shape (n,)."""
+        command: Array = self.at_stamps(self.drive.inputs)[0]
+        return command
+
+    def without(self, samples: NDArray[np.bool_]) -> Experiment:
+        """The same with more samples of the output ignored, shape (n,)."""
+        return replace(self, ignored=_either(self.ignored, samples))
+
+    def without_all(self, samples: NDArray[np.bool_]) -> Experiment:
+        """The same with more samples of every channel ignored, shape (n,)."""
+        return replace(self.without(samples), lost=_either(self.lost, samples))
+
+    def reading_at(self, read_at: float) -> Experiment:
+        """The same with another reading instant, unless the instants are known one by one."""
+        return self if self.read_s is not None else replace(self, drive=replace(self.drive, read_at=read_at))
+
+
+def _but_for(samples: NDArray[np.bool_] | None, errors: Array) -> Array:
+    return errors if samples is None else np.where(samples, 0.0, errors)
+
+
+def _either(known: NDArray[np.bool_] | None, more: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    return more if known is None else known | more
+
+
+def experiment(
+    recording: Recording,
+    plant: Plant,
+    input_name: str | None = None,
+    output_name: str | None = None,
+    read_at: float | None = None,
+) -> Experiment:
+    """Bind a recording to a plant by channel names.
+
+    Raises:
+        FileError: a channel is missing, or the input never changes.
+        UnitError: a channel's unit does not convert to the plant's.
+    """
+    names = [input_name or plant.inputs[0].name, *(signal.name for signal in plant.inputs[1:])]
+    _check_named(recording, plant, names[0], output_name or plant.output.name)
+    units = _input_units(plant, recording, names[0])
+    inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
+    measured = recording.channel(output_name or plant.output.name)
+    output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
+    output = recording.values(measured.name, output_unit)
+    observed = {
+        signal.name: recording.values(signal.name, signal.unit)
+        for signal in plant.observed
+        if signal.name in recording.channels
+    }
+    read_s = _read_s(recording, measured.name, plant)
+    at = declared_read_at(recording) if read_at is None else read_at
+    if read_s is not None:
+        at = 0.0
+    grid_s, on_grid, interval_s = _even(recording, inputs, read_s)
+    drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
+    return Experiment(
+        recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
+        recording.time_s, drive, grid_s, output, observed, at is not None, read_s=read_s,
+    )  # fmt: skip
+
+
+def _at_rest(inputs: Array, output: Array) -> float:
+    """Where the output stands at the start: its mean while no input has moved and it shows no motion; else its first.
+
+    One noisy sample as the start would leave a loop an error to correct, which play or friction then keep.
+    """
+    moved = np.flatnonzero((inputs != inputs[:, :1]).any(axis=0))
+    count = int(moved[0]) if moved.size else len(output)
+    while count >= _FEWEST_AT_REST:
+        early, late = output[: count // 2], output[count // 2 : count]
+        uncertainty = np.hypot(np.std(early), np.std(late)) / np.sqrt(count / 2.0)
+        if abs(early.mean() - late.mean()) <= _NO_MOTION_SIGMAS * uncertainty:
+            return float(output[:count].mean())
+        count //= 2
+    return float(output[0])
+
+
+def for_model(
+    model: Model, recording: Recording, input_name: str = "", output_name: str = "", *, output_needed: bool = True
+) -> Experiment:
+    """Bind a recording to a model: its channels (other names may be given) and its reading instant.
+
+    Args:
+        model: with the names of its channels.
+        recording: what was measured.
+        input_name: of the command, if not the model's own.
+        output_name: of the response, if not the model's own.
+        output_needed: no: a recording without the response is bound too, to be simulated; the response is NaN then.
+
+    Raises:
+        FileError: a channel is missing.
+        UnitError: a channel's unit does not convert to the plant's.
+    """
+    plant = model.definition
+    output_name = output_name or split_heading(model.output)[0]
+    if output_name not in recording.channels and not output_needed:
+        nothing = Channel(output_name, plant.output.unit, np.full(len(recording), np.nan))
+        recording = replace(recording, channels={**recording.channels, output_name: nothing})
+    input_name = input_name or split_heading(model.input)[0]
+    return experiment(recording, plant, input_name, output_name, model.read_at)
+
+
+def declared_read_at(recording: Recording) -> float | None:
+    """The reading instant that the bench promised for this recording, None when it says nothing."""
+    promised = recording.meta.get("sampling", {})
+    value = promised.get("read_at") if isinstance(promised, Mapping) else None
+    return None if value is None else float(value)
+
+
+def _check_named(recording: Recording, plant: Plant, input_name: str, output_name: str) -> None:
+    for role, name in (("input", input_name), ("output", output_name)):
+        if name in recording.channels:
+            continue
+        have = ", ".join(channel.heading for channel in recording.channels.values())
+        alike = [known for known in recording.channels if known.casefold() == name.casefold()]
+        hint = f", did you mean '{alike[0]}'?" if alike else ";"
+        raise FileError(
+            f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have or 'none'}; "
+            f"say which is the {role}"
+        )
+
+
+def _input_units(plant: Plant, recording: Recording, first: str) -> list[str]:
+    if plant.inputs[0].unit == "any":
+        return [recording.channel(first).unit, *(signal.unit for signal in plant.inputs[1:])]
+    return [signal.unit for signal in plant.inputs]
+
+
+def _read_s(recording: Recording, output: str, plant: Plant) -> Array | None:
+    """When every sample was read that simulated ones are held against; None where that is the same in each sample.
+
+    A link that only says how long its readings take on the whole (`delay_s`) gives the same delay to every sample.
+    """
+    names = [output, *(signal.name for signal in plant.observed)]
+    stamps = np.array([_stamps(recording, name) for name in names])
+    return None if (stamps == recording.time_s).all() else stamps
+
+
+def _stamps(recording: Recording, name: str) -> Array:
+    if name not in recording.channels:
+        return recording.time_s
+    stamps = recording.stamps(name)
+    sampling = recording.meta.get("sampling")
+    if stamps is recording.time_s and isinstance(sampling, Mapping) and sampling.get("delays_s"):
+        return recording.time_s + float(sampling["delays_s"].get(name, 0.0))
+    return stamps
+
+
+def _even(recording: Recording, inputs: Array, read_s: Array | None) -> tuple[Array | None, Array, float]:
+    if read_s is None and recording.is_even():
+        return None, np.ascontiguousarray(inputs), recording.interval_s
+    # Uneven stamps: inputs are held on a finer even grid, outputs are read at the stamps they really had.
+    interval_s = recording.interval_s / _GRID_PER_UNEVEN_SAMPLE
+    start, stop = (
+        recording.time_s[0],
+        recording.time_s[-1] if read_s is None else max(recording.time_s[-1], read_s.max()),
+    )
+    grid_s = start + interval_s * np.arange(int(np.ceil((stop - start) / interval_s)) + 1)
+    # A stamp that falls on the grid must not miss it by a rounding error: its input would come a step late.
+    reached = np.searchsorted(recording.time_s, grid_s + 1e-6 * interval_s, side="right")
+    held = np.clip(reached - 1, 0, len(recording) - 1)
+    return grid_s, np.ascontiguousarray(inputs[:, held]), interval_s
+
+
+def sample_intervals_s(experiments: Sequence[Experiment]) -> list[float]:
+    """The intervals at which these were recorded, each once, in ascending order."""
+    return sorted({float(f"{e.interval_s:.6g}") for e in experiments})
+
+
+def require_excitation(experiments: Sequence[Experiment]) -> None:
+    """Raise `FileError` when a recording is too short to tell anything, or no output or its input moves."""
+    for e in experiments:
+        if len(e.output) < FEWEST_SAMPLES:
+            raise FileError(f"{e.name}: {len(e.output)} samples; at least {FEWEST_SAMPLES} are needed to identify")
+    telling = [e for e in experiments if not e.stands_still] or experiments
+    if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in telling):
+        names = ", ".join(e.name for e in telling)
+        raise FileError(f"{names}: the input never changes; nothing can be identified from a constant input")
+    if all(e.stands_still for e in experiments):
+        e = experiments[0]
+        raise FileError(f"{e.name}: {e.where_it_stands}, and so in every recording: {DEAD}")

@@ -1,0 +1,302 @@
+"""Grey-box identification: the physical parameters of a plant, from several recordings together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import SettingError
+from hil.identification.estimate import Estimate, Unknown, estimate, side_by_side
+from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
+from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.gaps import bridged
+from hil.identification.lines import common_line, line_at
+from hil.identification.noise import channel_floor, channel_floors, measured_noise, resolution
+from hil.identification.structure import choose_structure
+from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
+from hil.physics.plant import Parameter, Plant, Structure
+from hil.record.recording import Array
+from hil.signals.products import one_blas_thread
+
+# Start values tried beside the given ones when the first fit stays far above the noise.
+_RESTARTS = (0.4, 2.5)
+_WELL_ABOVE_FLOOR = 1.5
+_MOST_OVER_FLOOR = 2.0
+_TELLING_CHI2 = 25.0
+# Units are taken for slower than the start says where so many times more samples are then left out.
+_LATE_SETTLING = 1.1
+
+
+@dataclass(frozen=True, slots=True)
+class GreyBoxFit:
+    """A model fitted to experiments: the estimate, the model, and fit % per recording."""
+
+    model: Model
+    estimate: Estimate
+    fits: dict[str, float]
+    notes: tuple[str, ...]
+
+    def summary(self) -> str:
+        """A table of parameters with their uncertainty, fits and notes, for a terminal."""
+        rows = [f"{self.model.plant}"]
+        for name, found in self.model.parameters.items():
+            rows.append(f"  {name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit}")
+        rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
+        return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+
+def _interval(std: float | None) -> str:
+    if std is None:
+        return "held"
+    return f"± {1.96 * std:.2g}" if np.isfinite(std) else "not told"
+
+
+def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
+    """The start of an identification: a plant at its typical values, or the values of a model file.
+
+    Raises:
+        FileError, UnknownNameError: no such plant or file. SettingError: a parameter to free is unknown.
+    """
+    path = Path(plant_or_file)
+    model = load_model(path) if path.suffix == ".json" else typical_model(plant_or_file)
+    known = {p.name for p in model.definition.parameters}
+    for name in free:
+        if name not in known:
+            raise SettingError(f"plant {model.plant} has no parameter '{name}'; known: {', '.join(sorted(known))}")
+    return model
+
+
+def fit_percent(measured: Array, simulated: Array) -> float:
+    """100·(1 − ‖y − ŷ‖/‖y − mean(y)‖) %, as the papers use it."""
+    spread = float(np.linalg.norm(measured - measured.mean()))
+    if spread == 0.0:
+        return float("nan")
+    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
+
+
+def fit_ceiling(measured: Array, noise_std: float) -> float:
+    """The fit that the true model would reach, given the noise."""
+    return 100.0 * (1.0 - noise_std / float(np.std(measured))) if np.std(measured) else float("nan")
+
+
+def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = ()) -> GreyBoxFit:
+    """Estimate the plant's parameters from all experiments together, effects of the model included as they are.
+
+    Args:
+        model: start values; parameters that are not free stay at them.
+        experiments: what to fit.
+        also_free: parameters to estimate beside those that the plant does not hold fixed.
+
+    Raises:
+        FileError: no input or no output moves.
+    """
+    with one_blas_thread():
+        return _fit_plant(model, experiments, also_free)
+
+
+def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str]) -> GreyBoxFit:
+    require_excitation(experiments)
+    still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
+    alive = [e for e in experiments if not e.stands_still]
+    even, said = bridged(model, alive)
+    found = _fitted(model, even, also_free, (*still, *said))
+    again, said = bridged(found.model, alive)
+    lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
+    if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
+        found = _fitted(model, again, also_free, (*still, *said))
+    return found
+
+
+def _fitted(
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], said: tuple[str, ...]
+) -> GreyBoxFit:
+    weights = [1.0 / max(channel_floor(e.told_output), _resolution(e.output)) for e in experiments]
+    model, note = _with_structure(model, experiments, weights)
+    plant = model.definition
+    names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
+    found, used = _best_reading(model, plant, names, experiments, weights)
+    return _result(model, plant, found, used, (*said, *note))
+
+
+def _with_structure(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float]
+) -> tuple[Model, tuple[str, ...]]:
+    """The model with a structure chosen, if its plant has several and none was chosen before."""
+    plant = model.definition
+    if not plant.structures or _structure(model) is not None:
+        return model, ()
+    choice = choose_structure(plant, experiments, weights)
+    chosen = choice.chosen
+    values = {name: Value(value, model.parameters[name].unit) for name, value in chosen.values.items()}
+    origin = {**model.origin, "structure": chosen.structure.name}
+    return replace(model, parameters=values, origin=origin), (choice.sentence,)
+
+
+def _structure(model: Model) -> Structure | None:
+    """The structure that was chosen when the model was identified."""
+    name = model.origin.get("structure")
+    return next((s for s in model.definition.structures if s.name == name), None)
+
+
+def _is_free(model: Model, parameter: Parameter) -> bool:
+    structure = _structure(model)
+    return not parameter.fixed if structure is None else parameter.name in structure.free
+
+
+def _kept(model: Model) -> dict[str, str]:
+    structure = _structure(model)
+    return {"structure": structure.name} if structure else {}
+
+
+def _resolution(values: Array) -> float:
+    """The least noise to assume: a ten-thousandth of the channel's span."""
+    return 1e-4 * float(np.ptp(values)) or 1.0
+
+
+def _best_reading(
+    model: Model,
+    plant: Plant,
+    names: Sequence[str],
+    experiments: Sequence[Experiment],
+    weights: Sequence[float],
+) -> tuple[Estimate, list[Experiment]]:
+    """Fit with both conventions of when a sample is read, unless the recordings declare it; keep the better."""
+    best: tuple[Estimate, list[Experiment]] | None = None
+    declared = {e.drive.read_at for e in experiments if e.reading_known}
+    for read_at in sorted(declared) or (0.0, 1.0):
+        moved = [e.reading_at(read_at) for e in experiments]
+        start = _unknowns(plant, names, model.values if best is None else _merged(model, best[0]))
+        found = _fit_from(model, moved, weights, start)
+        if best is None:
+            found = _restarted(model, moved, weights, found)
+        # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one.
+        if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2:
+            best = found, moved
+    assert best is not None  # noqa: S101
+    return best
+
+
+def _merged(model: Model, found: Estimate) -> dict[str, float]:
+    return model.values | {u.name: float(v) for u, v in zip(found.unknowns, found.values, strict=True)}
+
+
+def _restarted(model: Model, experiments: Sequence[Experiment], weights: Sequence[float], first: Estimate) -> Estimate:
+    """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
+    best = first
+    for factor in _RESTARTS:
+        if best.chi2 < _WELL_ABOVE_FLOOR * len(best.residuals):
+            break
+        moved = [
+            Unknown(u.name, u.unit, float(np.clip(u.start * factor, u.low, u.high)), u.low, u.high, u.scale)
+            if u.unit in ("s", "rad/s")
+            else u
+            for u in first.unknowns
+        ]
+        other = _fit_from(model, experiments, weights, moved)
+        best = min(best, other, key=lambda found: found.chi2)
+    return best
+
+
+def _unknowns(plant: Plant, names: Sequence[str], values: dict[str, float]) -> list[Unknown]:
+    return [unknown(plant.parameter(name), values[name]) for name in names]
+
+
+def unknown(parameter: Parameter, start: float) -> Unknown:
+    """A parameter as something to be estimated."""
+    scale = parameter.scale if parameter.typical else abs(start) or parameter.scale
+    return Unknown(parameter.name, parameter.unit, start, parameter.low, parameter.high, scale)
+
+
+def _fit_from(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], start: Sequence[Unknown]
+) -> Estimate:
+    plant = model.definition
+    names = [u.name for u in start]
+    base, active = model.values, model.active_effects
+
+    starts = [start_slope(e, plant, base, active, 1.0 / weight) for e, weight in zip(experiments, weights, strict=True)]
+    inner = channel_floors([e.observed for e in experiments])
+
+    def residuals(values: Array) -> Array:
+        parameters = base | dict(zip(names, values.tolist(), strict=True))
+
+        def errors_of(i: int) -> list[Array]:
+            e = experiments[i]
+            rows = e.respond(plant, parameters, active)
+            output = with_free_start(e.telling((rows[0] - e.output) * weights[i]), starts[i])
+            return [output, *e.observed_errors(plant, rows, inner[i])]
+
+        return side_by_side(errors_of, len(experiments))
+
+    return estimate(residuals, start)
+
+
+def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
+    """The noise of the output from what the model leaves, a tone that runs through everything apart."""
+    inputs = [e.on_grid_input() for e in experiments]
+    outputs = [e.output for e in experiments]
+    interval_s = experiments[0].interval_s
+    floor = float(np.sqrt(np.mean([channel_floor(e.told_output) ** 2 for e in experiments])))
+    is_noise = float(np.sqrt(np.mean([np.mean(error**2) for error in errors]))) < _MOST_OVER_FLOOR * floor
+    hum_hz = common_line(experiments, errors) if is_noise else None  # a misfit has lines that are no hum
+    if hum_hz is None:
+        return measured_noise(inputs, outputs, errors, interval_s)
+    found = [line_at(e.time_s, error, hum_hz) for e, error in zip(experiments, errors, strict=True)]
+    without = [[values - tone for values, (tone, _) in zip(rows, found, strict=True)] for rows in (outputs, errors)]
+    noise = measured_noise(inputs, without[0], without[1], interval_s)
+    return replace(noise, hum_hz=hum_hz, hum=float(np.median([amplitude for _, amplitude in found])))
+
+
+def _as_if_told(errors: Array, told: NDArray[np.bool_]) -> Array:
+    """Errors with white noise of their own size where the output says nothing: zeros would make it look less noisy."""
+    if told.all():
+        return errors
+    noise = np.random.default_rng(len(errors)).standard_normal(len(errors))
+    return np.where(told, errors, float(np.std(errors[told])) * noise)
+
+
+def _covariance(found: Estimate) -> Covariance:
+    """The covariance for the model file; a direction that no sample tells is as uncertain as bounds let it be."""
+    matrix = found.told.covariance.copy()
+    scale = np.array([u.scale for u in found.unknowns])
+    widths = np.array([u.high - u.low for u in found.unknowns]) / scale
+    for direction in found.told.untold:
+        reach = scale * direction * np.min(widths / np.maximum(np.abs(direction), 1e-300))
+        matrix += np.outer(reach, reach)
+    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in matrix.tolist()))
+
+
+def _result(
+    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], said: tuple[str, ...]
+) -> GreyBoxFit:
+    stds = dict(zip((u.name for u in found.unknowns), found.std.tolist(), strict=True))
+    values = _merged(model, found)
+    units = plant.units(experiments[0].input, experiments[0].output_heading)
+    parameters = {p.name: Value(values[p.name], units[p.name], stds.get(p.name)) for p in plant.parameters}
+    fits, errors = {}, []
+    for e in experiments:
+        simulated = e.respond(plant, values, model.active_effects)[0]
+        fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
+        floor = channel_floor(e.told_output)
+        slope = start_slope(e, plant, values, model.active_effects, floor)
+        error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
+        errors.append(_as_if_told(error, e.told))
+    made = Model(
+        model.plant, parameters, model.effects, experiments[0].input, experiments[0].output_heading,
+        experiments[0].drive.read_at,
+        _noise(experiments, errors),
+        _covariance(found),
+        {
+            "recordings": [e.name for e in experiments], "fit_percent": fits,
+            "intervals_s": sample_intervals_s(experiments),
+            "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
+        },
+    )  # fmt: skip
+    notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound]
+    if untold := [u.name for u, is_untold in zip(found.unknowns, found.told.is_untold, strict=True) if is_untold]:
+        notes.append(f"these recordings do not tell {', '.join(untold)}, or only what they are together")
+    return GreyBoxFit(made, found, fits, (*said, *notes))

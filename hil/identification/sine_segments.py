@@ -1,0 +1,188 @@
+"""Where in a recording are the sines? From the parts its procedure wrote down, or from the input itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identification.frequency_response import FrequencyResponse, from_fits
+from hil.record.recording import Array, Recording
+from hil.signals.frequency_fit import frequency_fit
+from hil.signals.sine_fit import SineFit, sine_fit
+from hil.signals.steady import steadiness
+
+_SAME_PERIOD = 0.015  # relative difference up to which two periods belong to one frequency
+_SAME_LEVEL = 0.05  # of the amplitude: levels closer than that are one test
+_STRAIGHT_FLAT = 0.02  # share of a period's samples that may stand still before it counts as no sine
+_HARMONICS = 5
+_LEAST_SAMPLES = 16
+
+
+@dataclass(frozen=True, slots=True)
+class Segment:
+    """Samples first…first + count that hold one sine of a known frequency."""
+
+    frequency_hz: float
+    first: int
+    count: int
+    amplitude: float
+    bias: float
+
+    @property
+    def samples(self) -> slice:
+        """As an index."""
+        return slice(self.first, self.first + self.count)
+
+
+def frequency_responses(recording: Recording, input_name: str, output_name: str) -> tuple[FrequencyResponse, ...]:
+    """One frequency response for each amplitude and bias that a recording holds, in the order they were run.
+
+    Sines come from `recording.meta["parts"]` (kind "sine") when the procedure wrote them, and are looked for
+    in the input otherwise; then settling periods are cut off by the response itself.
+
+    Raises:
+        InputError: no sine is found, or the input does not move.
+    """
+    u, y = recording.channel(input_name), recording.channel(output_name)
+    declared = declared_segments(recording)
+    segments = declared or found_segments(recording.time_s, u.values)
+    if not segments:
+        raise InputError(
+            f"{recording.name}: no sine in channel '{u.heading}': neither written down in its parts nor two equal "
+            "periods to be seen"
+        )
+    made = []
+    for group in _by_level(segments):
+        kept = group if declared else [_settled(recording.time_s, y.values, segment) for segment in group]
+        harmonics = min(_harmonics(recording.time_s, segment) for segment in kept)
+        fits = []
+        for segment in kept:
+            part = segment.samples
+            given, answer = (
+                sine_fit(recording.stamps(c.name)[part], c.values[part], segment.frequency_hz, harmonics=harmonics)
+                for c in (u, y)
+            )
+            fits.append((given, answer))
+        made.append(from_fits(recording.name, fits, (u.unit, y.unit), group[0].amplitude, group[0].bias))
+    return tuple(made)
+
+
+def declared_segments(recording: Recording) -> list[Segment]:
+    """Sines that the procedure wrote down; neighbouring parts of one sine are joined."""
+    found: list[Segment] = []
+    for part in recording.meta.get("parts", ()):
+        if part.get("kind") != "sine":
+            continue
+        new = Segment(
+            float(part["frequency_hz"]), int(part["first"]), int(part["count"]),
+            float(part["amplitude"]), float(part["bias"]),
+        )  # fmt: skip
+        last = found[-1] if found else None
+        if last and last.first + last.count == new.first and _same_sine(last, new):
+            found[-1] = Segment(last.frequency_hz, last.first, last.count + new.count, last.amplitude, last.bias)
+        else:
+            found.append(new)
+    return found
+
+
+def found_segments(time_s: Array, values: Array) -> list[Segment]:
+    """Stretches of at least two equal periods of a sine, found from where the signal passes its middle.
+
+    What is left between them (another bias, another amplitude) is searched again about its own middle.
+    """
+    found = _within(time_s, values, 0, len(values))
+    return sorted(found, key=lambda segment: segment.first)
+
+
+def _within(time_s: Array, values: Array, start: int, stop: int) -> list[Segment]:
+    part = values[start:stop]
+    if stop - start < 2 * _LEAST_SAMPLES or np.ptp(part) == 0.0:
+        return []
+    middle = (float(part.max()) + float(part.min())) / 2.0
+    above = part > middle
+    up = start + np.flatnonzero(~above[:-1] & above[1:])
+    share = (middle - values[up]) / (values[up + 1] - values[up])
+    found = _of_equal_periods(time_s, values, time_s[up] + share * (time_s[up + 1] - time_s[up]))
+    if found:
+        edges = [start, *(edge for s in found for edge in (s.first, s.first + s.count)), stop]
+        rest = list(zip(edges[::2], edges[1::2], strict=True))
+    else:
+        edges = [start, *(start + 1 + np.flatnonzero(above[:-1] != above[1:])).tolist(), stop]
+        rest = list(pairwise(edges)) if len(edges) > 2 else []
+    return found + [segment for first, last in rest for segment in _within(time_s, values, first, last)]
+
+
+def _of_equal_periods(time_s: Array, values: Array, rises: Array) -> list[Segment]:
+    """Runs of equal distances between rises that hold a sine."""
+    periods = np.diff(rises)
+    found = []
+    first = 0
+    for i in range(1, len(periods) + 1):
+        if i < len(periods) and abs(periods[i] - periods[first]) <= _SAME_PERIOD * periods[first]:
+            continue
+        if i - first >= 2:
+            segment = _segment(time_s, values, rises[first], rises[i])
+            found += [segment] if segment else []
+        first = i
+    return found
+
+
+def _segment(time_s: Array, values: Array, start_s: float, stop_s: float) -> Segment | None:
+    first, stop = (int(i) for i in np.searchsorted(time_s, [start_s, stop_s]))
+    part = values[first:stop]
+    if stop - first < _LEAST_SAMPLES or np.mean(np.diff(part) == 0.0) > _STRAIGHT_FLAT:
+        return None
+    fit = frequency_fit(time_s[first:stop], part, None)
+    if fit.residual_std > 0.1 * fit.amplitude:
+        return None  # periodic, but no sine
+    return Segment(fit.frequency_hz, first, stop - first, fit.amplitude, fit.offset)
+
+
+def _settled(time_s: Array, output: Array, segment: Segment) -> Segment:
+    """The segment without its first period and further ones while the output still settles; two stay at least."""
+    period_s = 1.0 / segment.frequency_hz
+    stamps = time_s[segment.samples]
+    count = round((stamps[-1] - stamps[0]) / period_s)
+    edges = segment.first + np.searchsorted(stamps, stamps[0] + period_s * np.arange(count))
+    edges = np.append(edges, segment.first + segment.count)
+    fits: list[SineFit] = []
+    for i in range(count):
+        part = slice(edges[i], edges[i + 1])
+        fits.append(sine_fit(time_s[part], output[part], segment.frequency_hz, harmonics=1))
+    skip = 1
+    while skip < count - 2 and not steadiness(fits[: skip + 1]).steady:
+        skip += 1
+    first = int(edges[min(skip, count - 1)])
+    return Segment(segment.frequency_hz, first, segment.first + segment.count - first, segment.amplitude, segment.bias)
+
+
+def _harmonics(time_s: Array, segment: Segment) -> int:
+    """How many harmonics lie below half the sample rate, up to the fifth."""
+    stamps = time_s[segment.samples]
+    rate_hz = (len(stamps) - 1) / float(stamps[-1] - stamps[0])
+    return max(1, min(_HARMONICS, int(0.499 * rate_hz / segment.frequency_hz)))
+
+
+def _by_level(segments: Sequence[Segment]) -> list[list[Segment]]:
+    groups: list[list[Segment]] = []
+    for segment in segments:
+        for group in groups:
+            if _same_level(group[0], segment):
+                group.append(segment)
+                break
+        else:
+            groups.append([segment])
+    return groups
+
+
+def _same_level(a: Segment, b: Segment) -> bool:
+    near = _SAME_LEVEL * max(a.amplitude, b.amplitude)
+    return abs(a.amplitude - b.amplitude) <= near and abs(a.bias - b.bias) <= near
+
+
+def _same_sine(a: Segment, b: Segment) -> bool:
+    return a.frequency_hz == b.frequency_hz and _same_level(a, b)

@@ -1,0 +1,216 @@
+"""Choose a plant's structure from recordings in time, by evidence that more freedom must pay for.
+
+Structures are fitted from the simplest on, each from the estimate of the one that it grows from. The Bayesian
+criterion counts samples as the residual's colour leaves them independent; what it does not rule out is judged
+by stretches of the recordings that were left out of the fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.identification.estimate import Estimate, Unknown, estimate, side_by_side
+from hil.identification.evidence import VERY_STRONG, simplest_good
+from hil.identification.experiment import Experiment
+from hil.physics.plant import Parameter, Plant, Structure
+from hil.record.recording import Array
+from hil.signals.colour import colour_factor
+
+_BLOCKS = 5
+_TRIAL_TIMES = 6
+_MOST_JUDGED = 6
+_SEARCH_EVALUATIONS = 25
+_REFINED_EVALUATIONS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Tried:
+    """A structure that was fitted.
+
+    Attributes:
+        values: every parameter of the plant.
+        bic: smaller is better.
+        held_out: root mean square error on stretches that were left out, in noise standard deviations; NaN
+            where the criterion alone ruled the structure out.
+    """
+
+    structure: Structure
+    values: Mapping[str, float]
+    bic: float
+    held_out: float
+
+
+@dataclass(frozen=True, slots=True)
+class StructureChoice:
+    """The chosen structure and everything that was tried, best evidence first."""
+
+    chosen: Tried
+    tried: tuple[Tried, ...]
+
+    @property
+    def sentence(self) -> str:
+        """Why this one, in one line."""
+        rivals = [t for t in self.tried if np.isfinite(t.held_out) and t is not self.chosen]
+        text = f"structure '{self.chosen.structure.name}' of {len(self.tried)} tried"
+        if not rivals:
+            return f"{text}: no other comes near its evidence"
+        best = min(rivals, key=lambda t: t.held_out)
+        return (
+            f"{text}: on stretches left out it errs by {self.chosen.held_out:.3g} noise standard deviations, "
+            f"'{best.structure.name}' by {best.held_out:.3g}"
+        )
+
+
+def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice:
+    """The structure of a plant that experiments support.
+
+    Args:
+        plant: with structures.
+        experiments: bound to the plant.
+        weights: per experiment, one over the noise's standard deviation.
+    """
+    choice = _chosen(_Search(plant, experiments, weights, plant.typical))
+    for switch in plant.switches:
+        turned = plant.typical | {switch: 1.0 - choice.chosen.values[switch]}
+        search = _Search(plant, experiments, weights, turned)
+        if search.improves(choice.chosen):
+            choice = _chosen(search)
+    return choice
+
+
+def _chosen(search: _Search) -> StructureChoice:
+    fitted: dict[str, tuple[Mapping[str, float], Estimate]] = {}
+    for structure in search.plant.structures:
+        before = fitted[structure.after][0] if structure.after else search.off
+        fitted[structure.name] = search.best(structure, before)
+    least = min((found.residuals for _, found in fitted.values()), key=lambda r: float(r @ r))
+    count = independent(least)
+    tried = [
+        Tried(s, values, _bic(found, count), float("nan"))
+        for s, (values, found) in zip(search.plant.structures, fitted.values(), strict=True)
+    ]
+    return _judged(search, sorted(tried, key=lambda t: t.bic))
+
+
+def independent(residuals: Array) -> float:
+    """How many independent samples coloured residuals are worth."""
+    return max(len(residuals) / colour_factor(residuals), 2.0)
+
+
+def _bic(found: Estimate, count: float) -> float:
+    mean_square = max(found.chi2 / len(found.residuals), 1e-12)
+    return count * float(np.log(mean_square)) + len(found.values) * float(np.log(count))
+
+
+def _judged(search: _Search, tried: list[Tried]) -> StructureChoice:
+    near = [t for t in tried if t.bic <= tried[0].bic + VERY_STRONG][:_MOST_JUDGED]
+    if len(near) == 1:
+        return StructureChoice(tried[0], tuple(tried))
+    errors = [search.left_out(t) for t in near]
+    judged = [
+        Tried(t.structure, t.values, t.bic, float(np.sqrt(np.mean(error))))
+        for t, error in zip(near, errors, strict=True)
+    ]
+    chosen = simplest_good(errors, [(len(t.structure.free), t.bic) for t in near])
+    return StructureChoice(judged[chosen], (*judged, *tried[len(near) :]))
+
+
+@dataclass(frozen=True, slots=True)
+class _Search:
+    plant: Plant
+    experiments: Sequence[Experiment]
+    weights: Sequence[float]
+    off: Mapping[str, float]
+
+    def improves(self, other: Tried) -> bool:
+        """Whether what is off here, but was on there, or the reverse, makes a structure fit very much better."""
+        start = self._unknowns(other.structure, other.values)
+        now = estimate(self._residuals(other.structure), start, max_evaluations=_REFINED_EVALUATIONS)
+        before = self._errors(other.values)
+        gain = float(np.log(before @ before) - np.log(max(now.chi2, 1e-300)))
+        return gain * independent(now.residuals) > VERY_STRONG
+
+    def best(self, structure: Structure, before: Mapping[str, float]) -> tuple[Mapping[str, float], Estimate]:
+        """The best fit of a structure over its starts."""
+        residuals = self._residuals(structure)
+        found = [
+            estimate(residuals, self._unknowns(structure, start), max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
+            for start in self._starts(structure, before)
+        ]
+        good = min(found, key=lambda fit: fit.chi2)
+        refined = self._refined(structure, good, residuals)
+        return self._values(structure, refined.values), refined
+
+    def left_out(self, tried: Tried) -> Array:
+        """Mean squared weighted error in each block of the recordings, fitted without it."""
+        structure = tried.structure
+        residuals = self._residuals(structure)
+        owner = np.concatenate([np.arange(len(e.output)) * _BLOCKS // len(e.output) for e in self.experiments])
+        made = []
+        for block in range(_BLOCKS):
+            kept = owner != block
+            start = self._unknowns(structure, tried.values)
+            without = estimate(_masked(residuals, kept), start, max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
+            made.append(float(np.mean(residuals(without.values)[~kept] ** 2)))
+        return np.array(made)
+
+    def _refined(self, structure: Structure, found: Estimate, residuals: Callable[[Array], Array]) -> Estimate:
+        start = self._unknowns(structure, self._values(structure, found.values))
+        return estimate(residuals, start, max_evaluations=_REFINED_EVALUATIONS)
+
+    def _residuals(self, structure: Structure) -> Callable[[Array], Array]:
+        return lambda values: self._errors(self._values(structure, values))
+
+    def _errors(self, parameters: Mapping[str, float]) -> Array:
+        """Weighted simulated minus measured, all experiments one after another."""
+
+        def errors_of(i: int) -> list[Array]:
+            e = self.experiments[i]
+            return [e.telling((e.respond(self.plant, parameters)[0] - e.output) * self.weights[i])]
+
+        return side_by_side(errors_of, len(self.experiments))
+
+    def _values(self, structure: Structure, values: Array) -> dict[str, float]:
+        return {**self.off, **dict(zip(structure.free, values.tolist(), strict=True))}
+
+    def _starts(self, structure: Structure, before: Mapping[str, float]) -> Iterator[dict[str, float]]:
+        for time_s in self._times(before):
+            for given in structure.starts:
+                scaled = {name: value * time_s ** self._power(name) for name, value in given.items()}
+                yield {name: scaled.get(name, before[name]) for name in structure.free}
+
+    def _times(self, before: Mapping[str, float]) -> list[float]:
+        """The slowest time known so far, or trial times between a sample and the record."""
+        known = max((abs(before[p.name]) for p in self.plant.parameters if p.unit == "s"), default=0.0)
+        if known > 0.0:
+            return [known]
+        interval_s = min(e.drive.interval_s for e in self.experiments)
+        length_s = max(e.duration_s for e in self.experiments)
+        return [float(t) for t in np.geomspace(2.0 * interval_s, length_s / 5.0, _TRIAL_TIMES)]
+
+    def _power(self, name: str) -> int:
+        return {"s": 1, "s^2": 2}.get(self.plant.parameter(name).unit, 0)
+
+    def _unknowns(self, structure: Structure, start: Mapping[str, float]) -> list[Unknown]:
+        return [self._unknown(self.plant.parameter(name), start[name]) for name in structure.free]
+
+    def _unknown(self, parameter: Parameter, start: float) -> Unknown:
+        scale = self._natural(parameter)
+        size = max(abs(start), 1e-3 * scale) if parameter.unit in ("s", "s^2") else scale
+        return Unknown(parameter.name, parameter.unit, start, parameter.low, parameter.high, size)
+
+    def _natural(self, parameter: Parameter) -> float:
+        """The size of a parameter that these recordings suggest."""
+        output = float(np.mean([np.std(e.output) for e in self.experiments])) or 1.0
+        given = float(np.mean([np.std(e.drive.inputs[0]) for e in self.experiments])) or 1.0
+        length_s = max(e.duration_s for e in self.experiments)
+        natural = {"{output}": output, "[{output}]/[{input}]": output / given, "s": length_s, "s^2": length_s**2}
+        return natural.get(parameter.unit, 1.0)
+
+
+def _masked(residuals: Callable[[Array], Array], kept: NDArray[np.bool_]) -> Callable[[Array], Array]:
+    return lambda values: residuals(values) * kept

@@ -1,0 +1,38 @@
+"""How long a unit takes to follow its command."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hil.identification.experiment import Experiment
+from hil.physics.model import Model
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import Array
+
+# Steps that are tried, as shares of full scale: a small one stays linear, but may end within a dead band.
+_STEPS = (0.05, 0.25, 0.6)
+_SAMPLES = 4000
+
+
+def time_constant_s(model: Model, e: Experiment) -> float:
+    """Time after which a step of the command, as small as moves the output, has gone 63 % of its way.
+
+    0 for plants that do not settle.
+    """
+    for share in _STEPS:
+        change = _moved_by(model, e, share)
+        if change[-1] > 0.0:
+            settles = abs(change[-1] - change[3 * _SAMPLES // 4]) <= 0.01 * change[-1]
+            return float(np.argmax(change >= 0.632 * change[-1])) * e.interval_s if settles else 0.0
+    return 0.0
+
+
+def _moved_by(model: Model, e: Experiment, share: float) -> Array:
+    """How far the output moves after a step from where the recording begins, shape (_SAMPLES,)."""
+    rest, full = e.drive.inputs[:, :1], model.definition.inputs[0].full_scale
+    inputs = np.repeat(rest, _SAMPLES, axis=1)
+    inputs[0, 1:] += share * full * (-1.0 if rest[0, 0] > 0.5 * full else 1.0)
+    drive = Drive(inputs, e.drive.first_output, e.interval_s)
+    answer = simulate(model.definition, model.values, drive, model.active_effects)[0]
+    moved: Array = np.abs(answer - answer[0])
+    return moved
