@@ -82,7 +82,7 @@ class InputStages:
     ) -> None:
         chosen = [fitted[name] for name in channels]
         sensitivities = [Sensitivity.of(instrument, line) for instrument, line in chosen]
-        converters = [Converter.of(c.kind, c.low, c.high, settings.bits) for c in channels.values()]
+        converters = [Converter.of(c.kind, c.low, c.high, settings.bits, c.over) for c in channels.values()]
         self._names = tuple(channels)
         self._sources = [line.signal if line else instrument.value or 0.0 for instrument, line in chosen]
         self._slopes = _column(s.slope for s in sensitivities)

@@ -22,10 +22,13 @@ class Converter:
     codes: float | Array
 
     @classmethod
-    def of(cls, kind: Kind, low: float, high: float, bits: int) -> Converter:
-        """That of a channel; a digital line knows only its two ends."""
-        codes = 2.0 if kind == "digital" else 2.0**bits
-        return cls(low, high - low if kind == "digital" else (high - low) / codes, codes)
+    def of(cls, kind: Kind, low: float, high: float, bits: int, over: float = 0.0) -> Converter:
+        """That of a channel, which reads `over` of its span more at either end; a digital line knows only its ends."""
+        if kind == "digital":
+            return cls(low, high - low, 2.0)
+        codes = 2.0**bits
+        lsb, more = (high - low) / codes, round(over * codes)
+        return cls(low - more * lsb, lsb, codes + 2.0 * more)
 
     def convert(self, values: Array) -> Array:
         """The nearest levels, shape as given."""

@@ -50,13 +50,17 @@ class Settings(BaseModel):
     fault: Fault | None = None
 
 
+OVER = 0.024
+"""Analogue inputs read so much of their span beyond either end, as NI's M Series does: ±10.48 V of ±10 V."""
+
+
 def terminals(_settings: Settings) -> dict[str, Terminal]:
     """Two analogue outputs, two PWM current drives, sixteen analogue inputs, four digital lines each way."""
     return {
         **{f"ao{i}": Terminal("out", "voltage", "V", -10.0, 10.0) for i in range(2)},
         **{f"pwm{i}": Terminal("out", "pwm_current", "A", 0.0, 3.0) for i in range(2)},
         **{f"do{i}": Terminal("out", "digital", "1", 0.0, 1.0) for i in range(4)},
-        **{f"ai{i}": Terminal("in", "voltage", "V", -10.0, 10.0) for i in range(16)},
+        **{f"ai{i}": Terminal("in", "voltage", "V", -10.0, 10.0, OVER) for i in range(16)},
         **{f"di{i}": Terminal("in", "digital", "1", 0.0, 1.0) for i in range(4)},
     }
 

@@ -29,8 +29,8 @@ protocols; nothing here was measured on hardware.
   nobody can reach the output: the message says where it stands, and only an emergency stop or the device itself helps.
 - “No answers”, “garbled”, “late”, “restarts” concern what comes back: the device still hears, and outputs are told to
   be safe without waiting for an answer. “Cable pulled” is where nothing gets through: there its own watchdog acts.
-- *lost*: samples that the device had given and the recording does not have, where they can be counted. Samples that are
-  no numbers, or for which the disk has no room, cannot be recorded.
+- *lost*: samples that the device had given and the recording does not have, where they can be counted. Samples for
+  which the disk has no room cannot be recorded.
 - In every case the run folder could be read afterwards, up to its last block, where there was one.
 - On the links, blocks are 0.1 s, time-outs 0.1 … 0.2 s and the devices' own watchdogs 0.5 … 1 s. Where the *program* is
   killed or hangs, the devices' own watchdogs were off, except on CANopen, and the watchdog process ({watchdog_s:g} s)

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.errors import FileError
-from hil.record.read import read_recording
+from hil.record.folder import read
 
 STRANGER = Path(__file__).parent / "stranger"
 PATIENCE_S = 60.0  # of a test, on a machine that is busy with other things
@@ -134,6 +134,6 @@ def watchdog_of(run: int) -> int:
 def samples_in(folder: Path) -> int:
     """Samples of a run folder that can be read, however it was left."""
     try:
-        return len(read_recording(folder))
+        return len(read(folder))
     except FileError:
         return 0

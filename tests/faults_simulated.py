@@ -19,7 +19,7 @@ from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Block, Daq, Waveform
 from hil.errors import DeviceLostError, FileError, HilError, LinkError, OutputUnderflowError, OverrunError
-from hil.record.read import read_recording
+from hil.record.folder import read
 from hil.record.recording import Recording
 from hil.record.samples import RowsWriter
 from hil.rig import Rig
@@ -167,9 +167,10 @@ _FAULTS: dict[str, tuple[Callable[[Faulty, Block], Block], tuple[str, ...], floa
     "pressure too high": (_reads("supply pressure", 9.0), _EVERYWHERE, 0.02 + _JUMP_S, "'over-pressure': 225 for"),
     "pressure lost": (_reads("supply pressure", 0.0), _DRIVEN[1:3], 0.2 + _RAMP_S, "interlock 'pressure-lost': 0 for"),
     "flow meter dead": (_reads("flow", 1.0), _DRIVEN[1:3], 0.5 + _RAMP_S, "has stood at 10 for 0.5 s: dead sensor"),
-    "reading is no number": (_reads("supply pressure", np.nan), _DRIVEN[1:3], 0.02 + _JUMP_S, "'over-pressure': nan"),
+    "reading is no number": (_reads("supply pressure", np.nan), _DRIVEN[1:3], 0.02 + _JUMP_S,
+                             "'over-pressure': no measurement"),
     "other reading is no number": (_reads("spool position", np.nan), _DRIVEN[1:3], _RAMP_S,
-                                   "'spool position' reads nan, no number"),
+                                   "'spool position' has no measurement"),
     "output does not follow": (_reads("command read-back", 0.0), ("on the way up", "while it stands"), 0.05 + _JUMP_S,
                                "interlock 'command-not-obeyed'"),
     "Ctrl-C": (_signal(signal.SIGINT), _EVERYWHERE, _RAMP_S, "KeyboardInterrupt"),
@@ -220,7 +221,7 @@ def measure(case: Case, folder: Path) -> Seen:
     (daq,) = opened
     samples = 0
     with suppress(FileError):
-        recording = read_recording(folder / "run")
+        recording = read(folder / "run")
         samples, message = len(recording), message or _last_event(recording)
     return Seen(daq.safe_after_s, daq.samples - samples, message, samples)
 

@@ -67,7 +67,7 @@ def open_rig(
                   "sampling": daq.promises.sampling(daq.inputs, rate_hz)}  # fmt: skip
         with RunWriter.create(out, header, columns) as writer:
             finished = _taken_over(writer, earlier)
-            recorder = Recorder(writer)
+            recorder = Recorder(writer, daq.inputs)
             guard = Guard(daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note, beat)
             try:
                 _switch_on(bench, guard, rate_hz)

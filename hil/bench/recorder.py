@@ -8,8 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from hil.daq.channel import InputChannel
 from hil.daq.contract import Block
 from hil.record.folder import RunWriter
+from hil.record.unmeasured import AGAIN, AT_END, NONE
 
 _PAUSE_S = 1.0  # between the samples of a run and those of the one that it resumes; how long it really was, nobody asks
 
@@ -18,12 +20,18 @@ class Recorder:
     """Keeps blocks in a run folder, their time counted from the first sample of the run.
 
     In a folder that holds the samples of an earlier run already, time goes on a second after the last of them.
+
+    Args:
+        writer: of the run folder.
+        inputs: by name, with their ranges: events name them where an input is not measured.
     """
 
-    def __init__(self, writer: RunWriter) -> None:
+    def __init__(self, writer: RunWriter, inputs: Mapping[str, InputChannel]) -> None:
         self._writer = writer
+        self._inputs = inputs
         self._first_s = 0.0 if writer.last_s is None else writer.last_s + _PAUSE_S
         self._zero_s: float | None = None
+        self._lacking: dict[str, int] = {}
 
     @property
     def name(self) -> str:
@@ -35,16 +43,12 @@ class Recorder:
         return block.time_s - (self._zero_s or 0.0)
 
     def keep(self, block: Block) -> None:
-        """Write a block, as far as it is numbers. Raises `StorageError`."""
+        """Write a block, as it is. Raises `StorageError`."""
         if self._zero_s is None:
             self._zero_s = float(block.time_s[0]) - self._first_s
-        values = block.columns
-        numbers = np.logical_and.reduce([np.isfinite(column) for column in values.values()])
-        if not numbers.all():  # a recording holds numbers alone; the guard ends the task
-            self.note("readings that are no numbers", count=int(np.count_nonzero(~numbers)))
-            values = {name: column[numbers] for name, column in values.items()}
-        if numbers.any():
-            self._writer.append(self.time_of(block)[numbers], values)
+        self._writer.append(self.time_of(block), block.columns)
+        for name, channel in self._inputs.items():
+            self._follow(channel, block.inputs[name], self.time_of(block))
         if block.late:
             self.note("late samples", count=block.late)
 
@@ -59,3 +63,16 @@ class Recorder:
     def part(self, details: Mapping[str, Any] | None) -> AbstractContextManager[None]:
         """Samples kept inside belong to a part of the procedure, if it is described."""
         return nullcontext() if details is None else self._writer.part(details)
+
+    def _follow(self, channel: InputChannel, values: Any, time_s: Any) -> None:
+        """Write when an input stops being measured, and the first block in which it is measured throughout again."""
+        lacking = ~np.isfinite(values)
+        if not lacking.any():
+            if samples := self._lacking.pop(channel.name, 0):
+                self.note(AGAIN, channel=channel.name, samples_lost=samples)
+            return
+        if channel.name not in self._lacking:
+            at = int(np.argmax(lacking))
+            event = NONE if np.isnan(values[at]) else AT_END
+            self.note(event, channel=channel.name, from_s=time_s[at], low=channel.low, high=channel.high)
+        self._lacking[channel.name] = self._lacking.get(channel.name, 0) + int(np.count_nonzero(lacking))

@@ -13,6 +13,7 @@ from hil.bench.recorder import Recorder
 from hil.daq.contract import Block, Waveform, joined
 from hil.record.header import Column
 from hil.record.recording import Array, Channel, Recording
+from hil.record.unmeasured import supposed
 from hil.rig import RoleChannel
 from hil.safety.envelope import Envelope
 from hil.safety.guard import Guard
@@ -24,6 +25,9 @@ Progress = Callable[[float, str], None]
 
 class BenchRig:
     """A bench as a procedure sees it: roles in engineering units, no device, no volts.
+
+    A procedure steers by numbers: where a channel was not measured it is handed the end of the range, or what was
+    measured last. The run folder has no number there, and that is what is evaluated.
 
     Args:
         bench: the bench file.
@@ -168,7 +172,6 @@ class BenchRig:
         return self._guard.promises.sampling(self._guard.inputs, rate_hz)
 
     def _recording(self, block: Block, rate_hz: float, part: Mapping[str, Any] | None) -> Recording:
-        self._note_beyond_range(block)
         time_s = self._recorder.time_of(block)
         place = {"first": 0, "count": len(block), "start_s": float(time_s[0]), "stop_s": float(time_s[-1])}
         meta = {"sampling": self._sampling(rate_hz), "parts": [] if part is None else [{**part, **place}]}
@@ -177,15 +180,7 @@ class BenchRig:
             name: Channel(name, column.unit, values[name], column.source, column.calibration)
             for name, column in self._columns.items()
         }
-        return Recording(self._recorder.name, time_s, channels, meta)
-
-    def _note_beyond_range(self, block: Block) -> None:
-        """A reading at the end of a converter's range may be anything beyond it."""
-        for name, channel in self._guard.inputs.items():
-            edge = 1e-4 * (channel.high - channel.low)
-            values = block.inputs[name]
-            if channel.kind != "digital" and (values.min() < channel.low + edge or values.max() > channel.high - edge):
-                self.note("reading at the end of its range", channel=name, low=channel.low, high=channel.high)
+        return supposed(Recording(self._recorder.name, time_s, channels, meta), "near")
 
 
 def whole(blocks: Iterable[Block], asked: deque[int]) -> Iterator[Block]:

@@ -16,6 +16,7 @@ class Terminal:
 
     `kind` says what it is: `voltage` [V], `current` [A], `pwm_current` (a current kept up by pulse width
     modulation, [A]), `digital` (0 or 1), or `value` (a device that speaks engineering units by itself).
+    `over` is how far beyond either end of its range an input still measures, as a share of the span.
     """
 
     direction: Direction
@@ -23,6 +24,7 @@ class Terminal:
     unit: str
     low: float
     high: float
+    over: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +59,7 @@ class OutputChannel:
 
 @dataclass(frozen=True, slots=True)
 class InputChannel:
-    """An input in use: its name on the bench, where it is connected, and its range."""
+    """An input in use: its name on the bench, where it is connected, its range, and how far `over` that it measures."""
 
     name: str
     terminal: str
@@ -65,6 +67,7 @@ class InputChannel:
     unit: str
     low: float
     high: float
+    over: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

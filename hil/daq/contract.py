@@ -109,6 +109,9 @@ class Waveform:
 class Block:
     """Samples that came back: when they were taken, what was read, and what was driven.
 
+    An input that was not measured is no finite number, and never one at the end of its range: NaN where the device
+    has no valid reading, plus or minus infinity where the reading stands at the end of its range or beyond.
+
     Attributes:
         time_s: stamps the samples really had, on the device's clock since it was opened; they go on
             increasing from task to task. Shape (n,).

@@ -1,13 +1,18 @@
-"""A DAQ in engineering units: every channel through its calibration."""
+"""A DAQ in engineering units: every channel through its calibration, and what is no measurement marked as such."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from hil.daq.calibration import Calibration
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, Waveform, closing_blocks
+from hil.record.recording import Array
+
+_END = 1e-4  # of a range: nearer to its end than that, a converter may have been held there
 
 
 class Scaled:
@@ -64,7 +69,10 @@ class Scaled:
         return Waveform(waveform.rate_hz, raw)
 
     def _values(self, block: Block) -> Block:
-        inputs = {name: self._calibrations[name].to_value(raw) for name, raw in block.inputs.items()}
+        channels = self._daq.inputs
+        inputs = {
+            name: self._calibrations[name].to_value(measured(raw, channels[name])) for name, raw in block.inputs.items()
+        }
         outputs = {name: self._calibrations[name].to_value(raw) for name, raw in block.outputs.items()}
         return replace(block, inputs=inputs, outputs=outputs)
 
@@ -77,3 +85,20 @@ class Scaled:
         by = self._calibrations[channel.name]
         low, high = by.range_of(channel.low, channel.high)
         return replace(channel, unit=by.unit, low=low, high=high)
+
+
+def measured(raw: Array, channel: InputChannel) -> Array:
+    """Raw readings, infinite where they stand at an end of the channel's range or beyond it.
+
+    There the quantity may be anything outside. Where a converter reads over its range, the end is where it stops.
+    Zero is the exception: where a range begins there (0 … 10 V, 0 … 3 A) it is a reading like any other, and one below
+    it too.
+    """
+    if channel.kind == "digital":
+        return raw
+    further = (channel.over - _END) * (channel.high - channel.low)
+    above = raw > channel.high + further if channel.high != 0.0 else np.isposinf(raw)
+    below = raw < channel.low - further if channel.low != 0.0 else np.isneginf(raw)
+    if not (above.any() or below.any()):
+        return raw
+    return np.where(above, np.inf, np.where(below, -np.inf, raw))

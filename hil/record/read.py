@@ -37,7 +37,7 @@ def format_of(path: Path) -> ModuleType:
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Read a recording from a file or a run folder.
+    """Read a recording from a file or a run folder, of measurements alone (see `hil.record.unmeasured.measured_rows`).
 
     Raises:
         FileError: it does not exist or is not what its name says; names file, line or channel.
@@ -45,8 +45,9 @@ def read_recording(path: str | Path) -> Recording:
     path = Path(path)
     if path.is_dir():
         from hil.record.folder import read
+        from hil.record.unmeasured import measured_rows
 
-        return read(path)
+        return measured_rows(read(path))
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
     form = format_of(path)

@@ -171,16 +171,19 @@ def _sample(index: int) -> str:
     return f"sample {index}"
 
 
-def check(recording: Recording, *, place: Callable[[int], str] = _sample) -> None:
+def check(recording: Recording, *, place: Callable[[int], str] = _sample, measured: bool = True) -> None:
     """Raise `FileError` unless the recording is finite, of one length, and its time increases.
 
-    `place` says where a sample stands, so that a reader can speak of lines of its file.
+    Args:
+        recording: what is looked at.
+        place: says where a sample stands, so that a reader can speak of lines of its file.
+        measured: every sample must be a measurement; otherwise some may be none (see `hil.record.unmeasured`).
     """
     if "time" in recording.channels:
         raise FileError(f"{recording.name}: a channel is named 'time' like the time base; give it another name")
     _check_lengths(recording)
     _check_finite(recording.name, "time", recording.time_s, place)
-    for channel in recording.channels.values():
+    for channel in recording.channels.values() if measured else ():
         _check_finite(recording.name, channel.heading, channel.values, place)
     late = np.flatnonzero(np.diff(recording.time_s) <= 0)
     if late.size:

@@ -188,7 +188,7 @@ class Guard:
                 self._limits.seen()
                 for violation in self._watches.judge(block):
                     self._act(violation)
-                _refuse_no_number(block)
+                _refuse_no_number(block, self._watches.ended_by)
                 yield block
         self._beat(any(channel.safe != self.levels[name] for name, channel in self.outputs.items()))
 
@@ -253,10 +253,10 @@ class Guard:
             self._note(event, **details)
 
 
-def _refuse_no_number(block: Block) -> None:
-    """A reading that is no number tells nothing, and no interlock need watch the channel that has it."""
+def _refuse_no_number(block: Block, watched: frozenset[str]) -> None:
+    """A channel without any measurement ends the run, unless an interlock watches it and decides how long it may."""
     for name, values in block.inputs.items():
-        wrong = ~np.isfinite(values)
-        if wrong.any():
+        wrong = np.isnan(values)
+        if name not in watched and wrong.any():
             at_s = float(block.time_s[int(np.argmax(wrong))])
-            raise LinkError(f"'{name}' reads {values[wrong][0]}, no number, at {at_s:.3f} s: dead sensor or device")
+            raise LinkError(f"'{name}' has no measurement at {at_s:.3f} s: dead sensor or device")

@@ -24,18 +24,32 @@ class Band:
     high: float = np.inf
     minus: str = ""
 
+    @property
+    def asks(self) -> bool:
+        """Whether any value is outside."""
+        return self.low > -np.inf or self.high < np.inf
+
     def values(self, block: Block) -> NDArray[np.float64]:
         """What is compared with the range."""
         values = block.values(self.channel)
-        return values - block.values(self.minus) if self.minus else values
+        if not self.minus:
+            return values
+        with np.errstate(invalid="ignore"):  # of two that were not measured nothing is known
+            return values - block.values(self.minus)
 
     def outside(self, block: Block) -> NDArray[np.bool_]:
-        """Where the channel is not within the range; what is not a number is outside."""
+        """Where the channel is not within the range, or was not measured."""
         values = self.values(block)
-        inside = values <= self.high
+        inside = np.isfinite(values)
+        if self.high < np.inf:
+            inside &= values <= self.high
         if self.low > -np.inf:
             inside &= values >= self.low
         return np.logical_not(inside, out=inside)
+
+    def may_hold(self, block: Block) -> NDArray[np.bool_]:
+        """Where the channel is within the range, or was not measured, so that nobody knows."""
+        return ~self.outside(block) | ~np.isfinite(self.values(block))
 
     def __str__(self) -> str:
         quantity = f"{self.channel} − {self.minus}" if self.minus else self.channel
@@ -47,6 +61,8 @@ class Band:
 @dataclass(frozen=True, slots=True)
 class Interlock:
     """A condition on the bench, and the action when it is broken for `for_s` without a break.
+
+    A channel that is not measured (see `hil.daq.contract.Block`) breaks it for as long as that lasts.
 
     Attributes:
         name: by which a trip is reset.
@@ -109,9 +125,11 @@ class Watch:
     def _outside(self, block: Block) -> NDArray[np.bool_] | None:
         """Where the range has been left for long enough; None when it is kept all the time."""
         lock = self.interlock
+        if not lock.allowed.asks:  # only that the reading changes
+            return None
         outside = lock.allowed.outside(block)
         if lock.only_while is not None and np.count_nonzero(outside):
-            outside &= ~lock.only_while.outside(block)
+            outside &= lock.only_while.may_hold(block)
         if not np.count_nonzero(outside):
             self._outside_since_s = None
             return None
@@ -127,6 +145,7 @@ class Watch:
         same = np.empty(len(values), dtype=np.bool_)
         same[0] = values[0] == self._last
         np.equal(values[1:], values[:-1], out=same[1:])
+        same |= ~np.isfinite(values)
         self._last = float(values[-1])
         if not np.count_nonzero(same):
             self._same_since_s = None
@@ -138,15 +157,21 @@ class Watch:
         lock = self.interlock
         lasted = f" for {lock.for_s:g} s" if lock.for_s else ""
         condition = f" while {lock.only_while}" if lock.only_while else ""
-        return f"{lock.allowed.values(block)[at]:.6g}{lasted}{condition}; allowed: {lock.allowed}"
+        return f"{_reading(float(lock.allowed.values(block)[at]))}{lasted}{condition}; allowed: {lock.allowed}"
 
     def _stale_text(self, block: Block, at: int) -> str:
         lock = self.interlock
-        value = block.values(lock.allowed.channel)[at]
-        return (
-            f"{lock.allowed.channel} has stood at {value:.6g} for {lock.stale_s:g} s: dead sensor, broken wire or "
-            f"hanging device"
-        )
+        value = float(block.values(lock.allowed.channel)[at])
+        stood = f"has stood at {value:.6g}" if np.isfinite(value) else f"has had {_reading(value)}"
+        return f"{lock.allowed.channel} {stood} for {lock.stale_s:g} s: dead sensor, broken wire or hanging device"
+
+
+def _reading(value: float) -> str:
+    if np.isnan(value):
+        return "no measurement"
+    if np.isinf(value):
+        return f"no measurement (beyond the {'upper' if value > 0.0 else 'lower'} end of its range)"
+    return f"{value:.6g}"
 
 
 class Watches:
@@ -159,6 +184,13 @@ class Watches:
         """The violations that begin in this block, in the order of time."""
         found = [violation for watch in self._watches if (violation := watch.judge(block)) is not None]
         return sorted(found, key=lambda violation: violation.time_s)
+
+    @property
+    def ended_by(self) -> frozenset[str]:
+        """Channels whose missing measurement ends the run by an interlock, whatever else the bench does."""
+        ending = (w.interlock for w in self._watches if w.interlock.action in ("stop", "trip"))
+        bands = (lock.allowed for lock in ending if lock.only_while is None)
+        return frozenset(name for band in bands for name in (band.channel, band.minus) if name)
 
     @property
     def holding(self) -> Interlock | None:

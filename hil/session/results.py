@@ -16,6 +16,7 @@ from hil.report.run_page import write_run_report
 from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome, write_findings
 from hil.session.procedure import Procedure, load_procedure
+from hil.session.resting import measured_findings
 
 
 def results_of_run(folder: Path) -> Results:
@@ -60,7 +61,7 @@ def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, L
         InputError: a run that was completed does not hold what its evaluation needs.
     """
     try:
-        found = procedure.evaluate(recording)
+        found = measured_findings(procedure.evaluate, recording)
     except InputError as error:
         if recording.meta.get("outcome") == "completed":
             raise

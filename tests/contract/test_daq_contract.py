@@ -64,7 +64,8 @@ def test_one_reading_of_every_input_for_each_sample(daq: Daq) -> None:
     for name, channel in daq.inputs.items():
         values = block.inputs[name]
         assert values.shape == block.time_s.shape
-        assert np.isfinite(values).all() and values.min() >= channel.low and values.max() <= channel.high
+        over = channel.over * (channel.high - channel.low)
+        assert np.isfinite(values).all() and values.min() >= channel.low - over and values.max() <= channel.high + over
 
 
 def test_time_goes_on_from_task_to_task_at_the_actual_rate(daq: Daq) -> None:

@@ -100,7 +100,7 @@ def test_time_of_the_run_begins_with_its_first_sample(tmp_path: Path) -> None:
     """Whatever the clock of the device shows by then."""
     path = tmp_path / "run"
     with RunWriter.create(path, {}, [("a", "V"), ("b", "V")]) as writer:
-        recorder = Recorder(writer)
+        recorder = Recorder(writer, {})
         for start_s in (7.25, 7.5):
             recorder.keep(Block(start_s + np.array([0.0, 0.125]), {"a": np.zeros(2)}, {"b": np.zeros(2)}, late=1))
     run = read_recording(path)

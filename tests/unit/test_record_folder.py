@@ -16,6 +16,7 @@ from hil.record import folder, samples
 from hil.record.durable import Syncer, write_at
 from hil.record.folder import RunWriter, read
 from hil.record.header import Column
+from hil.record.read import read_recording
 from hil.record.tail import Tail
 
 CHANNELS = [("command", "%"), ("flow", "l/min")]
@@ -297,13 +298,16 @@ def test_an_empty_run_says_so(tmp_path: Path) -> None:
         read(path)
 
 
-def test_a_value_that_is_no_number_is_named(tmp_path: Path) -> None:
-    with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run:
+def test_what_was_not_measured_is_kept_as_such_and_left_out_for_who_asks_for_measurements(tmp_path: Path) -> None:
+    with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run, run.part({"kind": "level"}):
         time_s, values = block(0)
-        values["flow"][7] = np.nan
+        values["flow"][7], values["flow"][9] = np.nan, np.inf
         run.append(time_s, values)
-    with pytest.raises(FileError, match=r"sample 7, channel 'flow \[l/min\]': nan is not a number"):
-        read(tmp_path / "run")
+    whole, measured = read(tmp_path / "run"), read_recording(tmp_path / "run")
+    assert np.flatnonzero(~np.isfinite(whole.values("flow"))).tolist() == [7, 9]
+    assert measured.time_s.tolist() == np.delete(whole.time_s, [7, 9]).tolist()
+    assert measured.meta["parts"][0]["count"] == whole.meta["parts"][0]["count"] - 2 == len(measured)
+    assert "'flow' was not measured in 2 of" in measured.meta["unmeasured"][0]
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])

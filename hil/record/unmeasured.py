@@ -1,0 +1,105 @@
+"""Samples of a recording that are no measurements, and what can still be said without them.
+
+A device that has no valid reading, or one at the end of its range, has not measured. In a run folder such a sample is
+no finite number: NaN, or plus or minus infinity where the quantity was at that end of the range or beyond it. The
+events `reading at the end of its range` and `no measurement` say when it began and name the range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import FileError
+from hil.record.parts import as_events, parts_of
+from hil.record.recording import Array, Channel, Recording
+
+AT_END, NONE, AGAIN = "reading at the end of its range", "no measurement", "measured again"
+"""Names of events: a channel stops being measured, for either reason, and is measured again."""
+
+
+def unmeasured(recording: Recording) -> dict[str, NDArray[np.bool_]]:
+    """By channel, the samples that are no measurements; channels without such are left out."""
+    found = {name: ~np.isfinite(channel.values) for name, channel in recording.channels.items()}
+    return {name: lacking for name, lacking in found.items() if lacking.any()}
+
+
+def sentence(recording: Recording, name: str, lacking: NDArray[np.bool_]) -> str:
+    """`'flow' was not measured in 120 of 3000 samples (at the end of its range or beyond), 3.2 … 4.4 s`."""
+    values, time_s = recording.channels[name].values[lacking], recording.time_s[lacking]
+    why = "at the end of its range or beyond" if np.isinf(values).all() else "no valid reading"
+    return (
+        f"'{name}' was not measured in {len(values)} of {len(recording)} samples ({why}), "
+        f"{time_s[0]:.3f} … {time_s[-1]:.3f} s"
+    )
+
+
+def measured_rows(recording: Recording) -> Recording:
+    """The rows in which every channel was measured; a channel that was never measured is left out.
+
+    `meta["unmeasured"]` says what was cut, a sentence for each channel.
+
+    Raises:
+        FileError: fewer than two rows are left.
+    """
+    lacking = unmeasured(recording)
+    if not lacking:
+        return recording
+    kept = {name: c for name, c in recording.channels.items() if name not in lacking or not lacking[name].all()}
+    rows = ~np.logical_or.reduce(
+        [lacking[name] for name in kept if name in lacking] or [np.zeros(len(recording), bool)]
+    )
+    said = [sentence(recording, name, mask) for name, mask in lacking.items()]
+    if np.count_nonzero(rows) < 2:
+        raise FileError(f"{recording.name}: no two rows in which every channel was measured: {'; '.join(said)}")
+    before = np.concatenate(([0], np.cumsum(rows)))  # rows that are left, before each
+
+    def moved(events: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
+        return [{**event, "row": int(before[min(event["row"], len(recording))])} for event in events]
+
+    time_s, meta = recording.time_s[rows], {**recording.meta, "unmeasured": said}
+    if "events" in meta:
+        meta["events"] = moved(meta["events"])
+    if "parts" in meta:
+        meta["parts"] = parts_of(moved(as_events(meta["parts"])), time_s)
+    channels = {name: replace(channel, values=channel.values[rows]) for name, channel in kept.items()}
+    return replace(recording, time_s=time_s, channels=channels, meta=meta)
+
+
+def supposed(recording: Recording, where: Literal["near", "far"]) -> Recording:
+    """The recording with a number for each sample that is no measurement: for finding out what rests on them.
+
+    Beyond an end of the range the number is that end (`near`), or a whole range further (`far`). Where nothing was
+    read it lies between the neighbours that were measured (`near`), or at the upper end of the range (`far`).
+    """
+    channels = dict(recording.channels)
+    for name, lacking in unmeasured(recording).items():
+        low, high = _range(recording, name)
+        channels[name] = replace(channels[name], values=_supposed(channels[name], lacking, low, high, where))
+    return replace(recording, channels=channels)
+
+
+def _supposed(channel: Channel, lacking: NDArray[np.bool_], low: float, high: float, where: str) -> Array:
+    values, further = channel.values, high - low if where == "far" else 0.0
+    number = np.flatnonzero(~lacking)
+    gaps = np.full(len(values), high)
+    if where == "near":
+        gaps = np.interp(np.arange(len(values)), number, values[number]) if len(number) else np.full(len(values), low)
+    gaps = np.where(np.isposinf(values), high + further, np.where(np.isneginf(values), low - further, gaps))
+    return np.where(lacking, gaps, values)
+
+
+def _range(recording: Recording, name: str) -> tuple[float, float]:
+    """The channel's range, as its events name it, else as far as its values go."""
+    for event in recording.meta.get("events", ()):
+        details = event.get("details", {})
+        if event.get("event") in (AT_END, NONE) and details.get("channel") == name:
+            return float(details["low"]), float(details["high"])
+    values = recording.channels[name].values
+    numbers = values[np.isfinite(values)]
+    low, high = (float(numbers.min()), float(numbers.max())) if len(numbers) else (0.0, 1.0)
+    return low, high if high > low else low + 1.0
