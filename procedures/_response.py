@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -13,6 +13,7 @@ from hil.errors import InputError
 from hil.identification.bands import bode_band
 from hil.identification.bandwidth import Bandwidth, Crossing, bandwidth
 from hil.identification.frequency_response import FrequencyResponse
+from hil.identification.linear_evidence import LEAST_FIT_PERCENT, doubts
 from hil.identification.measuring_chain import check_chain, corrected
 from hil.identification.order_choice import fit_transfer_function
 from hil.identification.transfer_function import TransferFunctionFit
@@ -33,30 +34,44 @@ _THIRD = 1  # place of harmonic 3 among harmonics 2…
 
 @dataclass(frozen=True, slots=True)
 class Evaluated:
-    """One response with what was made of it."""
+    """One response with what was made of it.
+
+    Attributes:
+        fit: None where the lines bear out no linear model; `notes` say why.
+        poor_percent: the least fit that was asked for, where the best fit is below it.
+    """
 
     label: str
     response: FrequencyResponse
     bandwidth: Bandwidth
     fit: TransferFunctionFit | None
     notes: tuple[str, ...]
+    poor_percent: float | None = None
 
     def measured(self) -> tuple[Measured, ...]:
         """The quantities of `MEASURED`."""
         at, unit = self.response, gain_unit(self.response)
         gain, std = float(abs(at.response[0])), float(gain_std(at)[0])
         found = [
-            GAIN.at(self.label, unit).of(gain, std),
+            GAIN.at(self.label, unit).size(gain, std),
             crossed(BANDWIDTH_3DB.at(self.label), self.bandwidth.amplitude),
             crossed(BANDWIDTH_90DEG.at(self.label), self.bandwidth.phase),
         ]
-        return (*found, MODEL_FIT.at(self.label).of(None if self.fit is None else round(self.fit.fit_percent, 2), 0.0))
+        return (*found, self._model_fit())
+
+    def _model_fit(self) -> Measured:
+        asked = MODEL_FIT.at(self.label)
+        if self.poor_percent is not None:
+            return asked.of(self.poor_percent, 0.0, relation="<")
+        return asked.of(None if self.fit is None else round(self.fit.fit_percent, 2), 0.0)
 
     def curve(self, **more: Any) -> dict[str, Any]:
         """The entry of `responses` (docs/reference/procedures.md)."""
         at, relative = self.response, self.response.normalised()
         amplitude, phase = self.bandwidth.amplitude, self.bandwidth.phase
         alternative = None if self.fit is None else self.fit.alternative
+        if alternative is not None and doubts(alternative):
+            alternative = None
         return {
             "label": self.label, "amplitude": at.amplitude, "bias": at.bias,
             "command_unit": at.input_unit, "response_unit": at.output_unit,
@@ -80,8 +95,7 @@ def evaluated(recording: Recording, responses: Iterable[FrequencyResponse]) -> t
     made = []
     for raw in responses:
         response = corrected(raw, chain) if settings["correct_chain"] else raw
-        fit, notes = _fitted(response, settings["poles"], settings["zeros"], settings["dead_time"])
-        made.append(Evaluated(label_of(response), response, bandwidth(response), fit, notes))
+        made.append(_with_model(response, settings, _least_fit(recording, label_of(response))))
     return tuple(made)
 
 
@@ -135,15 +149,33 @@ def crossed(measurement: Measurement, crossing: Crossing) -> Measured:
     return measurement.of(crossing.frequency_hz, _finite(crossing.std_hz))
 
 
-def _fitted(
-    response: FrequencyResponse, poles: int | None, zeros: int | None, dead_time: bool | None
-) -> tuple[TransferFunctionFit | None, tuple[str, ...]]:
-    label = label_of(response)
+def _least_fit(recording: Recording, label: str) -> float:
+    """The fit from which on a response is called linear, in per cent: the limit of `model_fit`, if it has one."""
+    limits = recording.meta.get("limits", {})
+    given = limits.get(f"{MODEL_FIT.name}, {label}") or limits.get(MODEL_FIT.name) or {}
+    low = given.get("low")
+    return LEAST_FIT_PERCENT if low is None else float(low)
+
+
+def _with_model(response: FrequencyResponse, settings: Mapping[str, Any], least_percent: float) -> Evaluated:
+    """The response with its bandwidths, and a transfer function where the lines bear one out."""
+    label, corners = label_of(response), bandwidth(response)
+    asked = {name: settings[name] for name in ("poles", "zeros", "dead_time")}
     try:
-        fit = fit_transfer_function(_to_be_linear(response), poles=poles, zeros=zeros, dead_time=dead_time)
+        fit = fit_transfer_function(_to_be_linear(response), **asked)
     except InputError as error:
-        return None, (f"{label}: no transfer function: {error}",)
-    return fit, tuple(f"{label}: {note}" for note in fit.notes)
+        return Evaluated(label, response, corners, None, (f"{label}: no transfer function: {error}",))
+    if why := doubts(fit, least_percent):
+        form = f" with {asked['poles']} poles" if asked["poles"] is not None else ""
+        poor = least_percent if fit.fit_percent < least_percent else None
+        return Evaluated(label, response, corners, None, (f"{label}: no linear model{form}: {'; '.join(why)}.",), poor)
+    notes = [f"{label}: {note}" for note in fit.notes]
+    if fit.fit_percent < LEAST_FIT_PERCENT:
+        notes.append(
+            f"{label}: the transfer function fits {fit.fit_percent:.1f} %, less than the customary "
+            f"{LEAST_FIT_PERCENT:g} %; this bench asks for {least_percent:g} %."
+        )
+    return Evaluated(label, response, corners, fit, tuple(notes))
 
 
 def _to_be_linear(response: FrequencyResponse) -> FrequencyResponse:

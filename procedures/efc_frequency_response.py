@@ -108,6 +108,6 @@ def evaluate(recording: Recording) -> Findings:
 
 
 def _general_settings() -> dict[str, Any]:
-    """Defaults of the general procedure, which its evaluation asks for."""
+    """Defaults of the general procedure, which its evaluation asks for; the orders are left to the evidence."""
     arguments = inspect.signature(frequency_response.run).parameters.values()
-    return {a.name: a.default for a in arguments if a.default is not a.empty}
+    return {a.name: a.default for a in arguments if a.default is not a.empty} | {"poles": None}

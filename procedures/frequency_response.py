@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
 from hil.identification.sine_segments import Segment, declared_segments, frequency_responses
-from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.stepped_sine import check_frequencies, even_frequencies
@@ -163,16 +163,25 @@ def _curve(recording: Recording, one: Evaluated, segments: list[Segment]) -> dic
 
 
 def _thd(response: FrequencyResponse) -> tuple[Array, Array]:
-    """Distortion beyond what noise alone makes of four harmonics, and its standard uncertainty, shape (n,)."""
+    """Distortion beyond what noise alone makes of four harmonics, and its standard uncertainty, shape (n,).
+
+    NaN where the fundamental itself is not known to better than its own size: there is nothing to compare with.
+    """
     noise = np.trace(response.covariance, axis1=1, axis2=2) / np.abs(response.response) ** 2
     beyond = np.maximum(response.distortion**2 - response.harmonics.shape[1] * noise, 0.0)
-    return np.sqrt(beyond), np.sqrt(noise / 2.0)
+    one = noise / 2.0  # variance of each of the components, and of the fundamental that they are compared with
+    squared = 4.0 * beyond * one * (1.0 + beyond) + 4.0 * response.harmonics.shape[1] * one**2
+    std = np.sqrt(squared / np.maximum(4.0 * beyond, 2.0 * np.sqrt(squared)))
+    return np.where(COVERAGE_FACTOR * np.sqrt(one) < 1.0, np.sqrt(beyond), np.nan), std
 
 
 def _distortion(response: FrequencyResponse) -> Measured:
     thd, std = _thd(response)
-    worst = int(np.argmax(thd))
-    return THD.at(label_of(response)).of(100.0 * float(thd[worst]), 100.0 * float(std[worst]))
+    at = THD.at(label_of(response))
+    if np.isnan(thd).all():
+        return at.of(None)
+    worst = int(np.nanargmax(thd))
+    return at.size(100.0 * float(thd[worst]), 100.0 * float(std[worst]))
 
 
 def _distorted(one: Evaluated) -> tuple[str, ...]:
@@ -180,7 +189,7 @@ def _distorted(one: Evaluated) -> tuple[str, ...]:
     over = one.response.frequency_hz[thd > DISTORTION_FLAG]
     if not over.size:
         return ()
-    worst = int(np.argmax(thd))
+    worst = int(np.nanargmax(thd))
     note = (
         f"{one.label}: distortion above {100 * DISTORTION_FLAG:g} % at {over.size} of {thd.size} frequencies "
         f"({100 * thd[worst]:.0f} % at {one.response.frequency_hz[worst]:g} Hz); there the valve is not linear at this "

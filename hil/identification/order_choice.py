@@ -10,13 +10,13 @@ import numpy as np
 from hil.identification.evidence import VERY_STRONG, simplest_good
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.held_out import held_out
+from hil.identification.linear_evidence import unmeasured
 from hil.identification.rational import Form
 from hil.identification.right_half_plane import with_alternative
 from hil.identification.transfer_function import Candidate, TransferFunctionFit, Weights, check_form, fit_form
 
 _MOST_POLES = 5
 _MISFIT_NOTE = 2.0
-_FAR = 20.0  # times the highest frequency
 
 
 def fit_transfer_function(
@@ -34,7 +34,8 @@ def fit_transfer_function(
 
     The Bayesian criterion ranks the forms; it counts a χ² in units of what the best form leaves, so that a
     nonlinear valve with little noise does not buy poles. Among those that it does not rule out, the fewest
-    unknowns win whose error on held-out lines is within one standard error of the least.
+    unknowns win whose error on held-out lines is within one standard error of the least. A form that states what its
+    lines say nothing of (`linear_evidence.unmeasured`) is chosen only where every form does.
 
     Args:
         response: the lines.
@@ -79,14 +80,11 @@ def _choose(
     response: FrequencyResponse, fits: list[TransferFunctionFit]
 ) -> tuple[TransferFunctionFit, tuple[Candidate, ...]]:
     criteria = _bic(fits)
-    best = min(criteria)
-    errors = {
-        i: held_out(response, fit)
-        for i, fit in enumerate(fits)
-        if criteria[i] <= best + VERY_STRONG
-    }  # fmt: skip
+    sound = [i for i, fit in enumerate(fits) if not unmeasured(fit)] or list(range(len(fits)))
+    first = min(sound, key=lambda i: criteria[i])
+    errors = {i: held_out(response, fits[i]) for i in sound if criteria[i] <= criteria[first] + VERY_STRONG}
     means = {i: float(np.mean(e)) if e.size else math.nan for i, e in errors.items()}
-    unit = float(np.mean(fits[criteria.index(best)].residuals ** 2)) * 2.0 or 1.0
+    unit = float(np.mean(fits[first].residuals ** 2)) * 2.0 or 1.0
     candidates = sorted(
         (
             Candidate(fit.form, bic, fit.fit_percent, means.get(i, math.nan) / unit)
@@ -96,7 +94,7 @@ def _choose(
     )
     judged = [i for i, mean in means.items() if math.isfinite(mean)]
     if not judged:
-        return fits[criteria.index(best)], tuple(candidates)
+        return fits[first], tuple(candidates)
     complexity = [(fits[i].form.unknowns, len(fits[i].model.right_half_plane_zeros), criteria[i]) for i in judged]
     return fits[judged[simplest_good([errors[i] for i in judged], complexity)]], tuple(candidates)
 
@@ -120,9 +118,6 @@ def _noted(fit: TransferFunctionFit) -> TransferFunctionFit:
             f"χ² is {fit.misfit:.3g} per degree of freedom: no linear model of this form explains the lines within "
             "their noise; intervals are widened accordingly"
         )
-    far = [pole for pole in fit.model.poles if abs(pole) > _FAR * 2.0 * math.pi * float(fit.frequency_hz[-1])]
-    if far:
-        notes.append(f"a pole at {far[0].real:.3g} rad/s lies far above the measured band: one fewer fits as well")
     if not fit.converged:
         notes.append("the optimiser stopped before its tolerance")
     if not fit.model.is_stable:
