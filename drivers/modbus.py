@@ -509,7 +509,9 @@ _EXCEPTIONS = {
 
 def _client(settings: LineSettings) -> Any:
     from pymodbus import FramerType
-    from pymodbus.client import ModbusSerialClient, ModbusTcpClient
+    from pymodbus.client import ModbusTcpClient
+
+    from drivers._steady_serial import SteadySerialClient
 
     logging.getLogger("pymodbus.logging").addHandler(logging.NullHandler())  # what matters is raised
     common: dict[str, Any] = {"timeout": settings.timeout_s, "retries": 0}
@@ -519,7 +521,7 @@ def _client(settings: LineSettings) -> Any:
     if settings.address.startswith("socket://"):
         host, port = _host_and_port(settings.address.removeprefix("socket://")) or ("", 0)
         return ModbusTcpClient(host, port=port, framer=FramerType.RTU, **common)
-    return ModbusSerialClient(settings.address, baudrate=settings.baud, parity=settings.parity, **common)
+    return SteadySerialClient(settings.address, baudrate=settings.baud, parity=settings.parity, **common)
 
 
 def _request(client: Any, function: int, address: int, count: int, values: Sequence[int], unit_id: int) -> Any:

@@ -29,6 +29,7 @@ def faults_of(draft: Draft, devices: Mapping[str, DeviceInUse], folder: Path) ->
         if instrument.channel:
             yield from known_channel(("instruments", i, "channel"), instrument.channel, draft)
     yield from _procedures_of_limits(draft)
+    yield from _samples_in_a_block(draft)
     for name in draft.simulation.get("instruments", {}):
         yield from known_channel(("simulation", "instruments", name), name, draft)
 
@@ -56,6 +57,15 @@ def _valve_limits(draft: Draft) -> Iterator[Fault]:
         if not limits.low <= safe <= limits.high:
             text = f"{limits.low:g} … {limits.high:g} leaves out the safe value {safe:g} of '{name}'"
             yield Fault(("valve", "limits"), text)
+
+
+def _samples_in_a_block(draft: Draft) -> Iterator[Fault]:
+    if draft.sample_rate_hz is not None and draft.sample_rate_hz * draft.protection.block_s < 1.0 - 1e-9:
+        yield Fault(
+            ("protection", "block_s"),
+            f"{draft.protection.block_s:g} s, but at sample_rate_hz = {draft.sample_rate_hz:g} a sample comes each "
+            f"{1.0 / draft.sample_rate_hz:.4g} s; inputs cannot be judged more often than that",
+        )
 
 
 def _procedures_of_limits(draft: Draft) -> Iterator[Fault]:

@@ -10,7 +10,16 @@ from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
 from hil.bench.fault import Fault
-from hil.bench.file import AcceptanceLimit, Bench, ChannelEntry, Device, InstrumentEntry, InterlockEntry, Valve
+from hil.bench.file import (
+    AcceptanceLimit,
+    Bench,
+    ChannelEntry,
+    Device,
+    InstrumentEntry,
+    InterlockEntry,
+    ProtectionEntry,
+    Valve,
+)
 from hil.bench.lines import Place
 from hil.bench.wording import described
 
@@ -19,6 +28,8 @@ from hil.bench.wording import described
 class Draft:
     """What of a bench file stands; keys with faults are left out, or whole entries when they need them."""
 
+    sample_rate_hz: float | None = None
+    protection: ProtectionEntry = field(default_factory=ProtectionEntry)
     valve: Valve | None = None
     devices: dict[str, Device] = field(default_factory=dict)
     channels: dict[str, ChannelEntry] = field(default_factory=dict)

@@ -41,6 +41,7 @@ class Promises:
         clock_hz: rates are whole divisions of it; None when any rate can be had.
         watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
         latency_s: measured delay of the link, where one is known.
+        sample_s: how long a sample has taken of late, driving and reading; None where the device times samples.
         delays_s: by input, the measured time from the update of the outputs to its reading, where the link and
             not the sample clock decides it: the median of late.
         delay_channels: by input, the name under which every block has that time for each sample
@@ -57,6 +58,7 @@ class Promises:
     clock_hz: float | None = None
     watchdog_s: float | None = None
     latency_s: float | None = None
+    sample_s: float | None = None
     delays_s: Mapping[str, float] | None = None
     delay_channels: Mapping[str, str] | None = None
 
@@ -213,7 +215,7 @@ class Daq(Protocol):
         ...
 
     def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
-        """Continuous acquisition: one uninterrupted task, a block back for each waveform.
+        """Continuous acquisition: one uninterrupted task, a block back for each waveform, more if samples come late.
 
         The next waveform is asked for while the current one plays; memory stays bounded. All have one rate
         and name the same outputs.

@@ -17,19 +17,22 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from hil.clock import Clock, RealClock
+from hil.clock import Clock, RealClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Block, Promises, Waveform
-from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError
+from hil.errors import DeviceLostError, HardwareError, LinkError, OutputUnderflowError
 
 _T = TypeVar("_T")
 
 _PROBES = 8  # readings by which a link is measured when it is opened
 _FEWEST_PROBES, _PROBING_S = 3, 0.3  # but no longer than that once there are so many
+_JUDGING_S = 0.05  # so long the next sample waits for what is thought of a block that came late
+_OF_LATE = 3  # samples that say how long one takes now
 _UNDISTURBED = 0.25  # quantile of them that is the link's own time: a busy host makes readings slower, never faster
 _BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
 _IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
+_SHARE_OF_BLOCK = 0.5  # a sample that takes longer makes a violation wait for longer than a block
 _SHARE = 0.8  # of the time that a link has, it is used: the rest is for what the computer does besides
 
 
@@ -122,13 +125,18 @@ class PolledDaq:
     time again, so that a sine stays the sine that was asked for; after a stall of more than a second the rest is
     played later instead.
 
+    A block ends by the clock: when it has lasted as long as its samples were planned to take, what has been read is
+    handed over. A link on which samples take longer than half a block for more than a second (and longer than they
+    may by their rate) has become too slow and ends the task, and so does a sleep of the computer: where outputs stand
+    afterwards, nobody knows.
+
     Args:
         links: by name of the device; the DAQ closes them.
         wirings: what is connected to each.
         clock: by which samples are due and stamped; the host's monotonic one when not given.
 
     Raises:
-        HardwareError: a device does not answer. All links are closed then.
+        HardwareError: a device does not answer, or too slowly for its own watchdog. All links are closed then.
     """
 
     def __init__(self, links: Mapping[str, Link], wirings: Mapping[str, Wiring], clock: Clock | None = None) -> None:
@@ -144,6 +152,8 @@ class PolledDaq:
         try:
             self.levels: Mapping[str, float] = _merged(member.standing() for member in self._members)
             self._cycle_s = self._measured()
+            self._samples_s = deque([self._cycle_s], maxlen=_OF_LATE)
+            self._refuse_too_slow_for_watchdogs()
         except BaseException:
             self._let_go()
             raise
@@ -156,9 +166,11 @@ class PolledDaq:
         guarded = [watchdog for watchdog in watchdogs if watchdog is not None]
         return Promises(
             timing="polled", simultaneous=len(self._members) <= 1, skew_s=0.0, read_at=0.0, holds_on_stop=True,
-            lowest_rate_hz=1e-3, highest_rate_hz=_SHARE / self._cycle_s,
+            lowest_rate_hz=max([1e-3, *(1.0 / (_SHARE * watchdog_s) for watchdog_s in guarded)]),
+            highest_rate_hz=_SHARE / self._cycle_s,
             watchdog_s=max(guarded) if guarded and len(guarded) == len(watchdogs) else None,
             latency_s=sum(float(np.median(member.read_for_s)) for member in self._members),
+            sample_s=float(np.median(self._samples_s)),
             delays_s={name: float(np.median(m.read_after_s)) for m in self._members for name in m.wiring.inputs},
             delay_channels={name: m.delay_name for m in self._members for name in m.wiring.inputs},
         )  # fmt: skip
@@ -231,6 +243,15 @@ class PolledDaq:
             asked_s += takes_s
         return max(driving_s + sum(reading_s), 1e-5)
 
+    def _refuse_too_slow_for_watchdogs(self) -> None:
+        for member in self._members:
+            watchdog_s = member.link.watchdog_s
+            if member.wiring.outputs and watchdog_s is not None and self._cycle_s > _SHARE * watchdog_s:
+                raise LinkError(
+                    f"{member.name}: a sample takes {self._cycle_s:.3g} s as measured, too long for the device's own "
+                    f"watchdog_s = {watchdog_s:g} s; give it more than {self._cycle_s / _SHARE:.2g} s, or a faster link"
+                )
+
     def _played(self, waveforms: Iterator[Waveform], ahead: int) -> Iterator[Block]:
         """Hand waveforms to the polling thread, always `ahead` of the blocks that come back."""
         self._refuse_if_failed()
@@ -251,13 +272,15 @@ class PolledDaq:
                     exhausted = waveform is None
                     task.todo.put(waveform)
                     asked += 1
+                task.judged.set()
                 came = task.done.get()
                 if isinstance(came, BaseException):
                     raise came
                 if came is None:
                     break
-                asked -= 1
-                yield came
+                block, is_whole = came
+                asked -= is_whole
+                yield block
         finally:
             self._stop_task(task)
         if failure is not None:
@@ -276,32 +299,41 @@ class PolledDaq:
         task.done.put(None)
 
     def _run(self, waveform: Waveform, due_s: float, task: _Task) -> float:
-        """Play one waveform from `due_s` on, hand its block over, and return when the next sample is due."""
+        """Play one waveform from `due_s` on, hand its blocks over, and return when the next sample is due."""
         interval_s = 1.0 / waveform.rate_hz
         rows = list(zip(*(values.tolist() for values in waveform.outputs.values()), strict=True))
         names = tuple(waveform.outputs)
-        taken = _Taken(
-            self.outputs, self.inputs, [member.delay_name for member in self._members if member.wiring.inputs]
-        )
+        task.pace.planned(len(rows) * interval_s, interval_s)
+        taken = self._nothing_taken()
         soonest_s = due_s
         try:
             for row in rows:
                 if self._clock.stopped_before(max(due_s, soonest_s), task.stop):
                     break
                 now_s = self._clock.now_s
+                if task.pace.is_over(taken.begun_s, now_s):
+                    task.judged.clear()
+                    task.done.put((taken.block(), False))
+                    task.judged.wait(_JUDGING_S)  # a safe value shall not wait for an exchange that is under way
+                    if task.stop.is_set():
+                        break
+                    now_s, taken = self._clock.now_s, self._nothing_taken()
                 taken.late += now_s - due_s > 0.5 * interval_s
                 if now_s - due_s > _BEHIND_S:
                     due_s = now_s
                 with self._lock:
-                    self._sample({**self.levels, **dict(zip(names, row, strict=True))}, taken)
+                    self._sample({**self.levels, **dict(zip(names, row, strict=True))}, taken, task)
+                task.pace.check()
                 due_s += interval_s
                 soonest_s = now_s + 0.5 * interval_s
         finally:
             if taken.time_s:
-                task.done.put(taken.block())
+                task.done.put((taken.block(), True))
         return due_s
 
-    def _sample(self, levels: Mapping[str, float], taken: _Taken) -> None:
+    def _sample(self, levels: Mapping[str, float], taken: _Taken, task: _Task) -> None:
+        """Drive and read once; nothing is read any more when the task is stopped meanwhile."""
+        refuse_after_sleep(self._clock)
         begun_s = self._clock.now_s
         for member in self._members:
             member.drive(levels)
@@ -310,13 +342,21 @@ class PolledDaq:
         readings: dict[str, float] = {}
         delays_s: dict[str, float] = {}
         for member in self._members:
+            if task.stop.is_set():  # a safe value shall not wait for readings
+                return
             asked_s = self._clock.now_s
             readings |= member.read()
             delay_s = 0.5 * (asked_s + self._clock.now_s) - updated_s - member.reading_age_s
             member.read_after_s.append(delay_s)
             delays_s[member.delay_name] = delay_s
         self._used_s = self._clock.now_s
-        taken.add(updated_s - self._zero_s, levels, readings, delays_s)
+        self._samples_s.append(self._used_s - begun_s)
+        task.pace.took(begun_s, self._used_s)
+        taken.add(begun_s, updated_s - self._zero_s, levels, readings, delays_s)
+
+    def _nothing_taken(self) -> _Taken:
+        delays = [member.delay_name for member in self._members if member.wiring.inputs]
+        return _Taken(self.outputs, self.inputs, delays)
 
     def _stop_task(self, task: _Task | None = None) -> None:
         task = task or self._task
@@ -348,6 +388,7 @@ class PolledDaq:
                 if self._failed is not None:
                     continue  # made safe while we waited, perhaps unheard: what stood before is over
                 try:
+                    refuse_after_sleep(self._clock)
                     for member in self._members:
                         if member.link.keep_alive_s is not None:
                             member.drive(self.levels)
@@ -362,12 +403,17 @@ class PolledDaq:
 
 
 class _Task:
-    """What a reader and the polling thread share: waveforms to play, blocks that were read."""
+    """What a reader and the polling thread share: waveforms to play, blocks that were read.
+
+    With each block comes whether it is the last one of its waveform. `judged` is set as long as the reader waits for
+    a block: it has done with the last one.
+    """
 
     def __init__(self) -> None:
         self.todo: SimpleQueue[Waveform | None] = SimpleQueue()
-        self.done: SimpleQueue[Block | BaseException | None] = SimpleQueue()
-        self.stop = threading.Event()
+        self.done: SimpleQueue[tuple[Block, bool] | BaseException | None] = SimpleQueue()
+        self.pace = _Pace()
+        self.judged, self.stop = threading.Event(), threading.Event()
         self.thread: threading.Thread | None = None
 
     def next(self) -> Waveform | None:
@@ -390,8 +436,42 @@ class _Task:
     def end(self) -> None:
         """Stop, and wait for the sample that is under way."""
         self.stop.set()
+        self.judged.set()
         if self.thread is not None and self.thread is not threading.current_thread():
             self.thread.join()
+
+
+class _Pace:
+    """How a task keeps its time: when a block is over, and whether samples are still fast enough for it."""
+
+    def __init__(self) -> None:
+        self._block_s = self._longest_s = 0.0
+        self._slow: list[tuple[float, float]] = []
+
+    def planned(self, block_s: float, interval_s: float) -> None:
+        """A block is planned to last so long, with a sample in each interval; shorter ones do not count."""
+        self._block_s = max(self._block_s, block_s)
+        self._longest_s = max(_SHARE_OF_BLOCK * self._block_s, interval_s)
+
+    def is_over(self, begun_s: float | None, now_s: float) -> bool:
+        """Whether a block that was begun at a time has lasted long enough."""
+        return begun_s is not None and now_s - begun_s >= self._block_s
+
+    def took(self, begun_s: float, ended_s: float) -> None:
+        """One sample took from then to then."""
+        if ended_s - begun_s > self._longest_s:
+            self._slow.append((begun_s, ended_s))
+        else:
+            self._slow.clear()
+
+    def check(self) -> None:
+        """Raise `LinkError` when no sample has been fast enough for too long."""
+        if len(self._slow) >= _FEWEST_PROBES and self._slow[-1][1] - self._slow[0][0] > _BEHIND_S:
+            took_s = float(np.median([ended_s - begun_s for begun_s, ended_s in self._slow]))
+            raise LinkError(
+                f"the link has become too slow: a sample takes {took_s:.3g} s, and may take {self._longest_s:.3g} s "
+                f"where inputs are judged each {self._block_s:.3g} s"
+            )
 
 
 class _Taken:
@@ -399,13 +479,16 @@ class _Taken:
 
     def __init__(self, outputs: Iterable[str], inputs: Iterable[str], delays: Iterable[str]) -> None:
         self.late = 0
+        self.begun_s: float | None = None
         self.time_s: list[float] = []
         self._columns: tuple[dict[str, list[float]], ...] = tuple(
             {name: [] for name in names} for names in (outputs, inputs, delays)
         )
 
-    def add(self, time_s: float, *rows: Mapping[str, float]) -> None:
-        """One sample: outputs, inputs, delays."""
+    def add(self, begun_s: float, time_s: float, *rows: Mapping[str, float]) -> None:
+        """One sample: when it was begun by the clock, its stamp, outputs, inputs, delays."""
+        if self.begun_s is None:
+            self.begun_s = begun_s
         self.time_s.append(time_s)
         for columns, row in zip(self._columns, rows, strict=True):
             for name, values in columns.items():

@@ -8,10 +8,10 @@ from contextlib import contextmanager, suppress
 
 import numpy as np
 
-from hil.clock import Clock, VirtualClock
+from hil.clock import Clock, VirtualClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, Waveform, closing_blocks
-from hil.errors import HardwareError, LinkError, StoppedError, StorageError
+from hil.errors import HardwareError, LinkError, RangeError, StoppedError, StorageError
 from hil.safety.envelope import Envelope
 from hil.safety.interlock import Violation, Watches
 from hil.safety.interrupt import uninterrupted
@@ -53,7 +53,8 @@ class Guard:
         self.latch = latch or Latch()
         self._daq = daq
         self._protection = protection
-        self._limits = Limits(daq, protection.envelopes, clock or VirtualClock())
+        self._clock = clock or VirtualClock()
+        self._limits = Limits(daq, protection.envelopes, self._clock)
         self._watches = Watches(protection.interlocks)
         self._keep = keep
         self._note = note
@@ -88,8 +89,18 @@ class Guard:
         return self._limits.envelopes
 
     def actual_rate_hz(self, asked_hz: float) -> float:
-        """The backend's actual rate."""
-        return self._daq.actual_rate_hz(asked_hz)
+        """The backend's actual rate.
+
+        Raises:
+            RangeError: the device does not have it, or a block would be over before its first sample.
+        """
+        rate_hz = self._daq.actual_rate_hz(asked_hz)
+        if rate_hz * self._protection.block_s < 1.0 - 1e-9:
+            raise RangeError(
+                f"sample rate {rate_hz:g} Hz: a sample each {1.0 / rate_hz:.4g} s, and block_s = "
+                f"{self._protection.block_s:g} s promises that inputs are judged more often"
+            )
+        return rate_hz
 
     def tighten(self, name: str, limits: Envelope) -> None:
         """Narrow the limits of an output for as long as the guard lives (see `Limits.tighten`)."""
@@ -185,8 +196,9 @@ class Guard:
             for block in blocks:
                 self._beat(True)
                 self._keep(block)
+                refuse_after_sleep(self._clock)
                 self._limits.seen()
-                for violation in self._watches.judge(block):
+                for violation in self._watches.judge(block, self._blind_s(block)):
                     self._act(violation)
                 _refuse_no_number(block, self._watches.ended_by)
                 yield block
@@ -228,9 +240,9 @@ class Guard:
 
     def _ramp_down(self) -> None:
         safe = {name: channel.safe for name, channel in self.outputs.items()}
-        ramps, rate_hz = self._protection.ramps_per_s, self._protection.rate_hz
-        if all(self.levels[name] == safe[name] for name in ramps):
-            return
+        ramps, rate_hz = self._protection.ramps_per_s, self._ramp_rate_hz
+        if self._clock.slept_s or all(self.levels[name] == safe[name] for name in ramps):
+            return  # after a sleep nobody knows where a ramp would have to begin
         path = way_to(safe, self.levels, ramps, rate_hz)
         if path is None:
             return
@@ -247,6 +259,17 @@ class Guard:
                     if violation.interlock.action == "trip":
                         self.latch.trip(violation.interlock.name, violation.text)
                         return
+
+    def _blind_s(self, block: Block) -> float:
+        """How long the next reading will take on a link that is slower than its sample rate."""
+        return self._daq.promises.sample_s or 0.0 if block.late else 0.0
+
+    @property
+    def _ramp_rate_hz(self) -> float:
+        """In coarser steps on a link that has become slow: the way down shall not take longer."""
+        takes_s = self._daq.promises.sample_s or 0.0
+        planned_hz = self._protection.rate_hz
+        return planned_hz if takes_s * planned_hz <= 1.0 else 0.5 / takes_s
 
     def _note_if_possible(self, event: str, **details: str) -> None:
         with suppress(StorageError):

@@ -104,9 +104,15 @@ class Watch:
     _same_since_s: float | None = field(default=None, init=False)
     _last: float = field(default=np.nan, init=False)
 
-    def judge(self, block: Block) -> Violation | None:
-        """The first violation that begins in this block."""
-        outside, stale = self._outside(block), self._stale(block)
+    def judge(self, block: Block, blind_s: float = 0.0) -> Violation | None:
+        """The first violation that begins in this block.
+
+        Args:
+            block: what was read.
+            blind_s: no other reading comes for so long after the last one; until then what was broken counts as
+                broken still.
+        """
+        outside, stale = self._outside(block, blind_s), self._stale(block)
         conditions = [condition for condition in (outside, stale) if condition is not None]
         if not conditions:
             self.broken = False
@@ -122,7 +128,7 @@ class Watch:
         reason = self._stale_text(block, at) if is_stale else self._outside_text(block, at)
         return Violation(self.interlock, time_s, f"interlock '{self.interlock.name}': {reason} at {time_s:.3f} s")
 
-    def _outside(self, block: Block) -> NDArray[np.bool_] | None:
+    def _outside(self, block: Block, blind_s: float) -> NDArray[np.bool_] | None:
         """Where the range has been left for long enough; None when it is kept all the time."""
         lock = self.interlock
         if not lock.allowed.asks:  # only that the reading changes
@@ -134,6 +140,7 @@ class Watch:
             self._outside_since_s = None
             return None
         held_s, self._outside_since_s = lasting_s(outside, block.time_s, self._outside_since_s)
+        held_s[-1] += blind_s
         return outside & (held_s >= lock.for_s)
 
     def _stale(self, block: Block) -> NDArray[np.bool_] | None:
@@ -180,9 +187,9 @@ class Watches:
     def __init__(self, interlocks: Iterable[Interlock]) -> None:
         self._watches = [Watch(interlock) for interlock in interlocks]
 
-    def judge(self, block: Block) -> list[Violation]:
-        """The violations that begin in this block, in the order of time."""
-        found = [violation for watch in self._watches if (violation := watch.judge(block)) is not None]
+    def judge(self, block: Block, blind_s: float = 0.0) -> list[Violation]:
+        """The violations that begin in this block, in the order of time (see `Watch.judge`)."""
+        found = [violation for watch in self._watches if (violation := watch.judge(block, blind_s)) is not None]
         return sorted(found, key=lambda violation: violation.time_s)
 
     @property

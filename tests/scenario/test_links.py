@@ -166,7 +166,7 @@ def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_on
     seen = link_page.over("hpv41-modbus-rtu", tmp_path, SHORT)
     off = {name: figure.off_by(plain[name]) for name, figure in seen.corrected.items()}
     assert max(map(abs, off.values())) < 4.0, off
-    assert seen.uncorrected["dead time"].off_by(plain["dead time"]) < -4.0
+    assert seen.uncorrected["dead time"].value < seen.corrected["dead time"].value  # the delay passes for the valve's
 
 
 def test_the_page_of_links_names_what_is_off() -> None:

@@ -84,6 +84,8 @@ def changed(old: str, new: str) -> str:
          "either a signal of the plant or a value"),
         ("flow = { noise = 0.3 }", "flw = { noise = 0.3 }", "simulation.instruments.flw", "no channel 'flw'"),
         ('unit = "l/min"', 'unit = "bar"', "simulation.instruments.flow", "unit 'bar' cannot be read as 'l/min'"),
+        ("sample_rate_hz = 1000", "sample_rate_hz = 0.5", "protection.block_s",
+         "at sample_rate_hz = 0.5 a sample comes each 2 s"),
         ("[protection]", "[protecton]", "protecton", "is not known here; there are: name, sample_rate_hz"),
     ],
 )  # fmt: skip

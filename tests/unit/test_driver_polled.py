@@ -13,7 +13,7 @@ from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform, joined
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, RangeError
+from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, RangeError, StoppedError
 
 RATE_HZ = 200.0
 
@@ -174,6 +174,83 @@ def test_rate_beyond_what_the_link_has_shown_is_refused() -> None:
     assert slow.promises.latency_s == pytest.approx(0.005)
     with pytest.raises(RangeError, match=r"sample rate 81 Hz: the device offers 0\.001 … 80 Hz"):
         slow.actual_rate_hz(81.0)
+
+
+def test_blocks_end_by_the_clock_where_samples_come_late() -> None:
+    device, link = timed()
+    link.takes_s = 0.02  # slower than it was when it was opened: 40 ms for a sample, 5 ms are planned
+    blocks = list(device.play(ramp(20), 20))  # a block for 0.1 s
+    assert [len(block) for block in blocks] == [3, 3, 3, 3, 3, 3, 2]
+    assert joined(blocks).late == 19 and joined(blocks).outputs["a"] == pytest.approx(ramp(20).outputs["a"])
+    assert device.promises.sample_s == pytest.approx(0.04)
+
+
+def test_whole_waveforms_are_counted_where_blocks_end_early() -> None:
+    device, link = timed()
+    link.takes_s = 0.02
+    asked: list[int] = []
+
+    def waveforms():  # type: ignore[no-untyped-def]
+        for i in range(3):
+            asked.append(i)
+            yield ramp(20)
+
+    blocks = device.stream(waveforms())
+    next(blocks)
+    assert len(asked) == 2  # one that plays, one ahead
+    assert 1 + sum(len(block) for block in blocks) > 57 and len(asked) == 3
+
+
+def test_link_that_has_become_too_slow_for_its_blocks_ends_the_task_in_words() -> None:
+    device, link = timed()
+    link.takes_s = 0.15
+    begun_s = device._clock.now_s
+    says = r"too slow: a sample takes 0\.3 s, and may take 0\.05 s where inputs are judged each 0\.1 s"
+    with pytest.raises(LinkError, match=says):
+        list(device.play(ramp(400), 20))
+    assert device._clock.now_s - begun_s == pytest.approx(1.2)
+    device.make_safe()
+    assert link.value == -1.0
+
+
+def test_one_long_stall_does_not_end_a_task() -> None:
+    device, _ = timed(takes_s=1e-4, stalls={12: 2.0})
+    assert len(joined(list(device.play(ramp(100), 20)))) == 100
+
+
+def test_link_too_slow_for_the_watchdog_of_its_device_is_refused_at_opening() -> None:
+    with pytest.raises(LinkError, match=r"loop: a sample takes 0\.2 s as measured, too long .* watchdog_s = 0\.2 s"):
+        timed(takes_s=0.1, watchdog_s=0.2)
+    device, _ = timed(takes_s=0.01, watchdog_s=0.5)
+    with pytest.raises(
+        RangeError, match=r"the device offers 2\.5 … 40 Hz: a sample takes 0\.02 s on its link, 0\.01 s"
+    ):
+        device.actual_rate_hz(2.0)
+
+
+def test_nothing_is_driven_on_after_the_computer_has_slept() -> None:
+    device, link = timed()
+    list(device.play(ramp()))
+    count = len(link.written)
+    device._clock.slept_s = 5.0  # type: ignore[misc]
+    for _ in range(2):
+        with pytest.raises(StoppedError, match="the computer slept for 5 s, and where outputs stood"):
+            list(device.play(ramp()))
+    assert len(link.written) == count
+    device.make_safe()
+    assert link.value == -1.0
+
+
+def test_nothing_is_kept_alive_after_the_computer_has_slept() -> None:
+    clock = VirtualClock()
+    link = Loop(keep_alive_s=0.01)
+    device = PolledDaq({"loop": link}, {"loop": wiring()}, clock)
+    clock.slept_s = 5.0
+    clock.sleep_until(1.0)
+    time.sleep(0.1)
+    assert not link.written
+    with pytest.raises(StoppedError, match="slept for 5 s"):
+        list(device.play(ramp()))
 
 
 def test_blocks_before_a_failure_are_handed_over_before_it_is_raised() -> None:

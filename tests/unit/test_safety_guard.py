@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -198,6 +199,33 @@ def test_ramp_that_fails_becomes_a_jump() -> None:
     guard.make_safe()
     assert wire.levels["a"] == 0.0
     assert events == ["ramp to safe failed"]
+
+
+def test_outputs_jump_to_safe_after_a_sleep_of_the_computer() -> None:
+    wire, clock = Wire(), VirtualClock()
+    guard = Guard(wire, protection(ramps={"a": 10.0}), clock=clock)
+    blocks = guard.play(wave(5.0, samples=30))
+    next(blocks)
+    clock.slept_s = 5.0
+    with pytest.raises(StoppedError, match="the computer slept for 5 s"):
+        next(blocks)
+    assert wire.levels["a"] == 0.0 and wire.log["a"][-2:] == [(5.0, RATE_HZ), (0.0, None)]
+
+
+def test_way_down_takes_its_time_and_no_longer_on_a_link_that_has_become_slow() -> None:
+    wire = Wire()
+    guard = Guard(wire, protection(ramps={"a": 5.0}))
+    list(guard.play(wave(5.0)))
+    wire.promises = replace(Wire.promises, sample_s=0.05)
+    guard.close()
+    assert wire.log["a"][-10:] == [(pytest.approx(5.0 - 0.5 * i), 10.0) for i in range(1, 11)]
+
+
+def test_sample_rate_with_less_than_a_sample_in_a_block_is_refused() -> None:
+    guard = Guard(Wire(), protection(block_s=0.1))
+    assert guard.actual_rate_hz(10.0) == 10.0
+    with pytest.raises(RangeError, match=r"sample rate 9 Hz: a sample each 0\.1111 s, and block_s = 0\.1 s promises"):
+        guard.actual_rate_hz(9.0)
 
 
 def test_limits_can_be_tightened_and_never_widened() -> None:

@@ -32,6 +32,13 @@ def test_it_must_last_also_across_blocks() -> None:
     assert watch.judge(block([2.0, 2.0], start=5)).time_s == pytest.approx(0.6)
 
 
+def test_what_is_broken_lasts_until_the_next_reading_can_come() -> None:
+    lock = Interlock("flow", "trip", Band("flow", high=1.0), for_s=0.3)
+    assert Watch(lock).judge(block([0.0, 2.0]), blind_s=0.2) is None
+    assert Watch(lock).judge(block([0.0, 2.0]), blind_s=0.3).time_s == pytest.approx(0.1)
+    assert Watch(lock).judge(block([2.0, 0.0]), blind_s=0.3) is None
+
+
 def test_a_block_in_order_ends_what_lasted() -> None:
     watch = Watch(Interlock("flow", "trip", Band("flow", high=1.0), for_s=0.3))
     assert watch.judge(block([2.0, 2.0])) is None

@@ -1,0 +1,46 @@
+"""The host's clock: what it tells of a sleep, and that a step of the wall clock is none."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from hil.clock import RealClock, VirtualClock, refuse_after_sleep
+from hil.errors import StoppedError
+
+pytestmark = pytest.mark.skipif(not hasattr(time, "CLOCK_BOOTTIME"), reason="nothing tells of a sleep here")
+
+
+def test_a_sleep_is_what_the_monotonic_clock_has_missed(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, monotonic = RealClock(), time.monotonic
+    assert clock.slept_s == 0.0
+    monkeypatch.setattr(time, "monotonic", lambda: monotonic() - 5.0)
+    assert clock.slept_s == pytest.approx(5.0, abs=0.5)
+    with pytest.raises(StoppedError, match="the computer slept for"):
+        refuse_after_sleep(clock)
+    assert RealClock().slept_s == 0.0
+
+
+def test_a_step_of_the_wall_clock_is_no_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, wall = RealClock(), time.time
+    monkeypatch.setattr(time, "time", lambda: wall() + 3600.0)
+    assert clock.slept_s == 0.0
+    refuse_after_sleep(clock)
+
+
+def test_a_look_that_takes_long_is_no_sleep(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock, monotonic = RealClock(), time.monotonic
+
+    def held_up() -> float:
+        time.sleep(0.2)
+        return monotonic()
+
+    monkeypatch.setattr(time, "monotonic", held_up)
+    assert clock.slept_s == 0.0
+
+
+def test_where_nothing_tells_nothing_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delattr(time, "CLOCK_BOOTTIME")
+    refuse_after_sleep(RealClock())
+    refuse_after_sleep(VirtualClock())

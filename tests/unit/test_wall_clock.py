@@ -1,0 +1,37 @@
+"""Somebody sets the time of day while a device is waited for: nothing waits longer than without."""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import tty
+from collections.abc import Iterator
+
+import pytest
+
+from drivers import modbus
+from hil.daq.channel import OutputChannel, Wiring
+from hil.errors import DeviceLostError, LinkError
+
+
+@pytest.fixture
+def silent_line() -> Iterator[str]:
+    """A serial line on which nobody answers."""
+    master, slave = os.openpty()
+    tty.setraw(slave)
+    yield os.ttyname(slave)
+    os.close(slave)
+    os.close(master)
+
+
+def test_answer_that_is_missing_on_a_serial_line(silent_line: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = modbus.Settings(model="wago-750", transport="rtu", address=silent_line, timeout_s=0.2)
+    wiring = Wiring({"a": OutputChannel("a", "ao0", "voltage", "V", -10.0, 10.0)}, {})
+    wall, stepped = time.time, threading.Event()
+    monkeypatch.setattr(time, "time", lambda: wall() - (3600.0 if stepped.is_set() else 0.0))
+    threading.Timer(0.05, stepped.set).start()
+    begun_s = time.monotonic()
+    with pytest.raises((LinkError, DeviceLostError)):
+        modbus.open_link(settings, wiring).standing()
+    assert stepped.is_set() and time.monotonic() - begun_s < 1.0
