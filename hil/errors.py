@@ -8,6 +8,7 @@ HilError
 │   ├── RangeError        a waveform beyond the envelope, found before the first sample
 │   ├── RehearsalError    what the rehearsal on the simulated valve refused
 │   ├── InUseError        a bench that another program drives
+│   ├── ArchiveError      the index of the archive cannot be read or written; the runs are safe in their folders
 │   └── UnknownNameError  no driver, plant, effect … of that name
 └── HardwareError         the bench failed; outputs were made safe    exit status 3
     ├── LinkError         no or garbled answer from a device
@@ -61,6 +62,10 @@ class InUseError(InputError):
     def __init__(self, text: str, pid: int | None) -> None:
         super().__init__(text)
         self.pid = pid
+
+
+class ArchiveError(InputError):
+    """The index of the archive is locked, full, away or of a newer version; the run folders are as they were."""
 
 
 class UnknownNameError(InputError):

@@ -35,8 +35,11 @@ def _assembled() -> typer.Typer:
     app.callback(invoke_without_command=True)(_options)
     for found in pkgutil.iter_modules(cli.__path__):
         module = importlib.import_module(f"{cli.__name__}.{found.name}")
+        name = found.name.rstrip("_").replace("_", "-")
         if hasattr(module, "command"):
-            app.command(name=found.name.rstrip("_").replace("_", "-"))(module.command)
+            app.command(name=name)(module.command)
+        elif hasattr(module, "group"):
+            app.add_typer(module.group, name=name)
     return app
 
 

@@ -1,0 +1,79 @@
+"""The database behind an archive: opened, brought to this program's version, or refused in one sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.resources import files
+from typing import Any
+
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from alembic.util import CommandError
+from sqlalchemy import Engine, create_engine, event
+from sqlalchemy.exc import SQLAlchemyError
+
+from hil.archive.place import Place
+from hil.errors import ArchiveError
+
+_PATIENCE_S = 2  # for a database that is locked or far away: the bench is waiting
+
+
+@contextmanager
+def opened(place: Place) -> Iterator[Engine]:
+    """The database of an archive at this program's version, made where there is none.
+
+    Raises:
+        ArchiveError: it is locked, full, away, or was made by a newer version; also what goes wrong inside.
+    """
+    try:
+        engine = _engine(place)
+    except (SQLAlchemyError, OSError, ModuleNotFoundError) as error:
+        raise _refused(place, error) from error
+    try:
+        _migrate(engine, place)
+        yield engine
+    except (SQLAlchemyError, OSError) as error:
+        raise _refused(place, error) from error
+    finally:
+        engine.dispose()
+
+
+def _engine(place: Place) -> Engine:
+    if place.folder is None:
+        wait = {"connect_timeout": _PATIENCE_S} if place.url.startswith("postgresql") else {}
+        return create_engine(place.url, connect_args=wait)
+    place.folder.mkdir(parents=True, exist_ok=True)
+    engine = create_engine(place.url, connect_args={"timeout": _PATIENCE_S})
+    event.listen(engine, "connect", _prepare_sqlite)
+    return engine
+
+
+def _prepare_sqlite(connection: Any, _record: Any) -> None:
+    """Readers do not wait for a writer, and rows that belong to a run go with it."""
+    for line in ("PRAGMA journal_mode=WAL", "PRAGMA synchronous=NORMAL", "PRAGMA foreign_keys=ON"):
+        connection.execute(line)
+
+
+def _migrate(engine: Engine, place: Place) -> None:
+    config = Config()
+    config.set_main_option("script_location", str(files("hil.archive") / "migrations"))
+    newest = ScriptDirectory.from_config(config).get_current_head()
+    with engine.begin() as connection:
+        if MigrationContext.configure(connection).get_current_revision() == newest:
+            return
+        config.attributes["connection"] = connection
+        try:
+            command.upgrade(config, "head")
+        except CommandError as error:
+            raise ArchiveError(
+                f"archive {place}: its index was made by a newer version of this program; use that one, or "
+                "`hil archive rebuild` after moving the index away"
+            ) from error
+
+
+def _refused(place: Place, error: Exception) -> ArchiveError:
+    cause = getattr(error, "orig", None) or error
+    return ArchiveError(f"archive {place}: {' '.join(str(cause).split())}")

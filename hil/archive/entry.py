@@ -1,0 +1,83 @@
+"""What the index keeps of a run folder, read from its small files alone."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from hil.errors import FileError
+from hil.findings.results import RESULTS_FILE, Value, read_results
+from hil.record.header import HEADER_FILE, read_end, read_header
+from hil.record.measurement import Verdict
+
+FINDINGS_FILE = "findings.json"
+_UNFINISHED = "not closed"
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """A run as the index knows it. `serial` and `operator` are empty where nobody stated them."""
+
+    folder: Path
+    serial: str
+    operator: str
+    procedure: str
+    bench: str
+    started_utc: datetime
+    outcome: str
+    verdict: Verdict | None
+    values: tuple[Value, ...]
+
+
+def entry_of(folder: Path) -> Entry:
+    """The entry of a run folder.
+
+    Raises:
+        FileError: not a run folder, or its results cannot be read.
+    """
+    header, end = read_header(folder), read_end(folder)
+    verdict, values = _found(folder)
+    meta = header.meta
+    valve = meta.get("valve")
+    return Entry(
+        folder=folder.resolve(),
+        serial=str(valve.get("serial") or "") if isinstance(valve, dict) else "",
+        operator=str(meta.get("operator") or ""),
+        procedure=str(meta.get("procedure") or ""),
+        bench=str(meta.get("bench") or ""),
+        started_utc=header.started_utc,
+        outcome=_UNFINISHED if end is None else end.outcome,
+        verdict=verdict,
+        values=values,
+    )
+
+
+def _found(folder: Path) -> tuple[Verdict | None, tuple[Value, ...]]:
+    """(verdict, measured values) as they were kept at the end of the run; runs of 0.1.0 kept `findings.json` alone."""
+    kept, older = folder / RESULTS_FILE, folder / FINDINGS_FILE
+    if kept.is_file():
+        results = read_results(kept)
+        return results.verdict, results.values
+    if not older.is_file():
+        return None, ()
+    try:
+        content = json.loads(older.read_bytes())
+        return content["verdict"], tuple(Value.model_validate(value) for value in content["measured"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise FileError(f"{older}: not what this program writes: {' '.join(str(error).split()):.120}") from None
+
+
+def run_folders(below: Path) -> Iterator[Path]:
+    """Every run folder in a folder, at any depth; a run folder holds no others."""
+    if (below / HEADER_FILE).is_file():
+        yield below
+        return
+    try:
+        inner = sorted(path for path in below.iterdir() if path.is_dir() and not path.is_symlink())
+    except OSError as error:
+        raise FileError(f"{below}: cannot be read: {error.strerror}") from None
+    for path in inner:
+        yield from run_folders(path)

@@ -1,0 +1,63 @@
+"""Runs that could not be entered when they ended; they are entered the next time somebody can."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from hil.archive.archive import enter
+from hil.archive.place import Place
+from hil.record.header import HEADER_FILE
+from hil.safety.latch import state_path
+
+
+def enter_or_keep(place: Place, folder: Path) -> str:
+    """Enter a run, and those that wait; what kept it from that, in one sentence, or nothing.
+
+    Never raises: a run is not lost or late because of its index.
+    """
+    waiting = [*waiting_for(place), folder.resolve()]
+    try:
+        enter(place, [path for path in waiting if (path / HEADER_FILE).is_file()])
+    except Exception as error:
+        _keep(place, waiting)
+        return f"{' '.join(str(error).split())}; the run is safe in {folder} and will be entered later"
+    _keep(place, [])
+    return ""
+
+
+def catch_up(place: Place) -> None:
+    """Enter the runs that wait.
+
+    Raises:
+        ArchiveError: the index cannot be written.
+    """
+    waiting = [path for path in waiting_for(place) if (path / HEADER_FILE).is_file()]
+    if waiting:
+        enter(place, waiting)
+    _keep(place, [])
+
+
+def waiting_for(place: Place) -> list[Path]:
+    """Folders of the runs that wait to be entered."""
+    with suppress(OSError, ValueError):
+        return [Path(folder) for folder in json.loads(_path(place).read_text(encoding="utf-8"))]
+    return []
+
+
+def _keep(place: Place, folders: Sequence[Path]) -> None:
+    path = _path(place)
+    with suppress(OSError):
+        if not folders:
+            path.unlink(missing_ok=True)
+            return
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(".part")
+        part.write_text(json.dumps(list(dict.fromkeys(map(str, folders)))), encoding="utf-8")
+        part.replace(path)
+
+
+def _path(place: Place) -> Path:
+    return state_path("archive", str(place), ".json")

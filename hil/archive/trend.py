@@ -1,0 +1,94 @@
+"""How a measured value of a unit went over time, and whether it drifts beyond what its repeatability explains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from hil.archive.entry import Entry
+from hil.findings.results import Value
+
+FALSE_ALARM_RATE = 0.01
+_FEWEST = 3  # points below which a line through them tells nothing
+_YEAR_S = 365.25 * 86400.0
+
+
+@dataclass(frozen=True, slots=True)
+class Point:
+    """A value at its date."""
+
+    run: str
+    started_utc: datetime
+    value: Value
+
+
+@dataclass(frozen=True, slots=True)
+class Drift:
+    """The slope of a straight line through the values, per year, with its standard uncertainty.
+
+    `chance`: how likely a slope so far from zero is for a unit that does not change. None of the three where the points
+    tell no slope.
+    """
+
+    per_year: float | None
+    std: float | None
+    chance: float | None
+    unit: str
+
+    @property
+    def is_drift(self) -> bool:
+        """Whether the value drifts, at the stated false-alarm rate."""
+        return self.chance is not None and self.chance < FALSE_ALARM_RATE
+
+    @property
+    def sentence(self) -> str:
+        """In words, with the rate of false alarms."""
+        if self.per_year is None or self.std is None or self.chance is None:
+            return (
+                f"No drift can be told: at least {_FEWEST} values with an uncertainty, at different times, are needed."
+            )
+        found = f"{self.per_year:+.3g} ± {2.0 * self.std:.2g} {self.unit} per year"
+        rate = f"false-alarm rate {100.0 * FALSE_ALARM_RATE:g} %"
+        return f"It drifts: {found} ({rate})." if self.is_drift else f"No drift: {found} ({rate})."
+
+
+def points_of(runs: Sequence[Entry], measurement: str) -> list[Point]:
+    """The values of one quantity, by its full name or at the only place where it was measured."""
+    found = []
+    for run in runs:
+        named = [value for value in run.values if measurement in (value.name, value.name.partition(", ")[0])]
+        found += [Point(run.folder.name, run.started_utc, value) for value in named if value.value is not None]
+    return found
+
+
+def drift_of(points: Sequence[Point]) -> Drift:
+    """Weighted straight line through values and bounds left out; the test is Student's t on its slope.
+
+    The weights are the repeatabilities: what the calibration adds is the same at all dates. Where values scatter more
+    than these say, the scatter sets the scale (Birge).
+    """
+    used = [p for p in points if p.value.relation == "=" and (_repeatability(p.value) or 0.0) > 0.0]
+    unit = used[0].value.unit if used else ""
+    years = np.array([p.started_utc.timestamp() / _YEAR_S for p in used])
+    if len(used) < _FEWEST or np.ptp(years) == 0.0:
+        return Drift(None, None, None, unit)
+    from scipy.stats import t
+
+    values = np.array([p.value.value for p in used], dtype=np.float64)
+    weights = np.array([1.0 / (_repeatability(p.value) or 1.0) ** 2 for p in used])
+    years = years - np.average(years, weights=weights)
+    spread = float(weights @ years**2)
+    slope = float(weights @ (years * values)) / spread
+    middle = float(np.average(values, weights=weights))
+    freedom = len(used) - 2
+    excess = float(weights @ (values - middle - slope * years) ** 2) / freedom
+    std = math.sqrt(max(1.0, excess) / spread)
+    return Drift(slope, std, float(2.0 * t.sf(abs(slope) / std, freedom)), unit)
+
+
+def _repeatability(value: Value) -> float | None:
+    return None if value.std is None else math.sqrt(max(value.std**2 - value.calibration_std**2, 0.0))

@@ -1,0 +1,60 @@
+"""`hil runs`: find runs again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.archive.entry import Entry
+
+ARCHIVE = typer.Option("", "--archive", metavar="DIR|URL", help="The archive; else HIL_ARCHIVE, else ./runs.")
+
+
+def command(
+    serial: str = typer.Option("", "--serial", metavar="SN", help="Runs of this unit."),
+    procedure: str = typer.Option("", "--procedure", metavar="NAME", help="Runs of this procedure."),
+    since: str = typer.Option(
+        "", "--since", metavar="DATE", help="From this local date on, as 2026-11-25 or with a time."
+    ),
+    verdict: str = typer.Option("", "--verdict", metavar="pass|fail|'cannot tell'", help="Runs with this verdict."),
+    archive: str = ARCHIVE,
+    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
+) -> None:
+    """List the runs of the archive, the oldest first."""
+    from hil.archive.archive import find_runs
+    from hil.archive.place import archive_place
+    from hil.cli.searches import search_of, up_to_date
+
+    place = archive_place(archive)
+    up_to_date(place)
+    found = find_runs(place, search_of(serial, procedure, since, verdict))
+    typer.echo(_json(found) if as_json else _table(found))
+
+
+def _json(found: Sequence[Entry]) -> str:
+    import json
+
+    rows = [
+        {
+            "run": str(run.folder), "serial": run.serial or None, "operator": run.operator or None,
+            "procedure": run.procedure, "started_utc": run.started_utc.isoformat(), "verdict": run.verdict,
+        }
+        for run in found
+    ]  # fmt: skip
+    return json.dumps(rows, indent=1, ensure_ascii=False)
+
+
+def _table(found: Sequence[Entry]) -> str:
+    if not found:
+        return "no runs"
+    rows = [("started", "serial", "procedure", "verdict", "operator", "run")]
+    for run in found:
+        started = run.started_utc.astimezone().strftime("%Y-%m-%d %H:%M:%S %z")
+        ended = run.verdict or ("" if run.outcome == "completed" else run.outcome)
+        rows.append((started, run.serial, run.procedure, ended, run.operator, str(run.folder)))
+    widths = [max(len(row[i]) for row in rows) for i in range(6)]
+    return "\n".join("  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows)

@@ -1,0 +1,85 @@
+"""`hil trend`: a measured value of a unit over time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+from hil.cli.runs import ARCHIVE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.archive.trend import Drift, Point
+
+
+def command(
+    measurement: str = typer.Argument(
+        ..., metavar="MEASUREMENT", help="Name of a measured value, as in `hil results`."
+    ),
+    serial: str = typer.Option(..., "--serial", metavar="SN", help="The unit."),
+    procedure: str = typer.Option("", "--procedure", metavar="NAME", help="Runs of this procedure alone."),
+    since: str = typer.Option("", "--since", metavar="DATE", help="From this local date on."),
+    archive: str = ARCHIVE,
+    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
+) -> None:
+    """Show how a value of a unit went over time, with its limits, and whether it drifts."""
+    from hil.archive.archive import find_runs
+    from hil.archive.place import archive_place
+    from hil.archive.trend import drift_of, points_of
+    from hil.cli.searches import search_of, up_to_date
+    from hil.errors import UnknownNameError
+
+    place = archive_place(archive)
+    up_to_date(place)
+    runs = find_runs(place, search_of(serial, procedure, since, ""), values=True)
+    points = points_of(runs, measurement)
+    if not points:
+        raise UnknownNameError(f"value of serial {serial}", measurement, {v.name for run in runs for v in run.values})
+    series = {name: [p for p in points if p.value.name == name] for name in dict.fromkeys(p.value.name for p in points)}
+    drifts = {name: drift_of(mine) for name, mine in series.items()}
+    typer.echo(_json(serial, series, drifts) if as_json else _table(series, drifts))
+
+
+_TOLD = {"name", "meaning"}
+
+
+def _json(serial: str, series: dict[str, list[Point]], drifts: dict[str, Drift]) -> str:
+    import json
+
+    made = [
+        {
+            "name": name,
+            "points": [
+                {"run": p.run, "started_utc": p.started_utc.isoformat(), **p.value.model_dump(exclude=_TOLD)}
+                for p in points
+            ],
+            "drift": {
+                "per_year": drifts[name].per_year, "std": drifts[name].std, "chance": drifts[name].chance,
+                "is_drift": drifts[name].is_drift,
+            },
+        }
+        for name, points in series.items()
+    ]  # fmt: skip
+    return json.dumps({"schema": "hil.trend/1", "serial": serial, "values": made}, indent=1, ensure_ascii=False)
+
+
+def _table(series: dict[str, list[Point]], drifts: dict[str, Drift]) -> str:
+    return "\n\n".join("\n".join([name, *_lines(points), drifts[name].sentence]) for name, points in series.items())
+
+
+def _lines(points: Sequence[Point]) -> list[str]:
+    from hil.report.number import limits_text, with_uncertainty
+
+    lines = []
+    for point in points:
+        value = point.value
+        expanded = None if value.std is None else 2.0 * value.std
+        sign = "" if value.relation == "=" else f"{value.relation} "
+        started = point.started_utc.astimezone().strftime("%Y-%m-%d %H:%M %z")
+        told = f"{sign}{with_uncertainty(value.value, expanded, value.unit)}"
+        lines.append(
+            f"{started}  {told}  {limits_text(value.low, value.high)}  {value.verdict or ''}  {point.run}".rstrip()
+        )
+    return lines

@@ -1,0 +1,250 @@
+"""The archive: folders are the truth, the index finds them; on SQLite and on a real PostgreSQL."""
+
+import json
+import shutil
+import sqlite3
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from threading import Thread
+
+import numpy as np
+import pytest
+
+from hil.archive.archive import Search, enter, find_runs, rebuild
+from hil.archive.pending import catch_up, enter_or_keep, waiting_for
+from hil.archive.place import INDEX_FILE, archive_place
+from hil.archive.trend import drift_of, points_of
+from hil.cli import app
+from hil.errors import ArchiveError
+from hil.findings.collect import results_of
+from hil.findings.results import write_results
+from hil.record.folder import write
+from hil.record.measurement import Findings, Measurement
+from hil.record.recording import Channel, Recording
+from tests.postgres import new_database, served, server_programs
+
+GAIN = Measurement("gain", "l/min per %", "amplitude ratio", low=0.8)
+FIRST = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+@pytest.fixture(scope="session")
+def postgresql():
+    programs = server_programs()
+    if programs is None:
+        pytest.skip("no PostgreSQL server is installed (apt-get install postgresql)")
+    with served(programs) as url:
+        yield url
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def place(request, tmp_path):
+    if request.param == "sqlite":
+        return archive_place(str(tmp_path / "lab"))
+    return archive_place(new_database(request.getfixturevalue("postgresql")))
+
+
+def made_run(folder, serial="A7", procedure="frequency_response", day=0, gain=0.9):
+    """A run folder with results, as `hil run` leaves it."""
+    channels = {"flow": Channel("flow", "l/min", np.zeros(3))}
+    started = (FIRST + timedelta(days=day)).isoformat()
+    meta = {
+        "procedure": procedure, "bench": "bench one", "valve": {"serial": serial}, "operator": "mk",
+        "started_utc": started, "outcome": "completed",
+    }  # fmt: skip
+    recording = Recording(str(folder), np.arange(3.0), channels, meta)
+    write(recording, folder)
+    write_results(results_of(recording, Findings((GAIN.of(gain, 0.01),))), folder)
+    return folder
+
+
+def test_runs_are_found_by_what_was_asked(place, tmp_path):
+    made = [made_run(tmp_path / "lab" / "a"), made_run(tmp_path / "lab" / "b", serial="B2", day=1, gain=0.7)]
+    enter(place, made)
+    assert [run.folder for run in find_runs(place, Search())] == made
+    assert [run.folder.name for run in find_runs(place, Search(serial="B2"))] == ["b"]
+    assert [run.folder.name for run in find_runs(place, Search(verdict="pass"))] == ["a"]
+    assert [run.folder.name for run in find_runs(place, Search(since=FIRST + timedelta(hours=1)))] == ["b"]
+    assert find_runs(place, Search(procedure="flow_curve")) == []
+    (found,) = find_runs(place, Search(serial="A7"), values=True)
+    assert (found.operator, found.started_utc, found.values[0].value) == ("mk", FIRST, 0.9)
+
+
+def test_run_that_is_entered_twice_counts_once(place, tmp_path):
+    folder = made_run(tmp_path / "lab" / "a")
+    enter(place, [folder])
+    enter(place, [folder])
+    assert len(find_runs(place, Search())) == 1
+
+
+def test_index_is_made_anew_from_folders_that_were_moved(place, tmp_path):
+    enter(place, [made_run(tmp_path / "lab" / "a")])
+    shutil.move(tmp_path / "lab" / "a", tmp_path / "lab" / "deep" / "er")
+    (tmp_path / "lab" / "broken").mkdir()
+    (tmp_path / "lab" / "broken" / "run.json").write_text("{", encoding="utf-8")
+    count, left_out = rebuild(place, [tmp_path / "lab"])
+    assert count == 1
+    assert "broken" in left_out[0]
+    assert [run.folder.name for run in find_runs(place, Search())] == ["er"]
+
+
+def test_two_benches_write_at_once(place, tmp_path):
+    benches = [[made_run(tmp_path / "lab" / f"{bench}{i}") for i in range(8)] for bench in "ab"]
+    find_runs(place, Search())
+
+    def work(folders):
+        for folder in folders:
+            enter(place, [folder])
+
+    threads = [Thread(target=work, args=(folders,)) for folders in benches]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(find_runs(place, Search())) == 16
+
+
+def test_locked_index_keeps_the_run_and_enters_it_later(tmp_path):
+    place = archive_place(str(tmp_path / "lab"))
+    enter(place, [made_run(tmp_path / "lab" / "a")])
+    with sqlite3.connect(tmp_path / "lab" / INDEX_FILE) as other:
+        other.execute("BEGIN EXCLUSIVE")
+        said = enter_or_keep(place, made_run(tmp_path / "lab" / "b"))
+        other.rollback()
+    other.close()
+    assert "locked" in said
+    assert "will be entered later" in said
+    assert [path.name for path in waiting_for(place)] == ["b"]
+    catch_up(place)
+    assert waiting_for(place) == []
+    assert {run.folder.name for run in find_runs(place, Search())} == {"a", "b"}
+
+
+@pytest.mark.parametrize(
+    ("url", "cause"),
+    [
+        ("postgresql://hil@127.0.0.1:9/none", "refused"),
+        ("sqlite:////nowhere/at/all.sqlite", "unable to open"),
+        ("oracle://host/none", ""),
+    ],
+)
+def test_database_that_is_away_never_fails_a_run(tmp_path, url, cause):
+    place = archive_place(url)
+    said = enter_or_keep(place, made_run(tmp_path / "a"))
+    assert cause in said
+    assert str(tmp_path / "a") in said
+
+
+def test_index_of_a_newer_version_is_refused_in_words(tmp_path):
+    place = archive_place(str(tmp_path / "lab"))
+    enter(place, [made_run(tmp_path / "lab" / "a")])
+    with sqlite3.connect(tmp_path / "lab" / INDEX_FILE) as other:
+        other.execute("UPDATE alembic_version SET version_num = '9999'")
+    other.close()
+    with pytest.raises(ArchiveError, match="newer version"):
+        find_runs(place, Search())
+
+
+def test_damaged_index_is_made_anew(tmp_path):
+    place = archive_place(str(tmp_path / "lab"))
+    enter(place, [made_run(tmp_path / "lab" / "a")])
+    (tmp_path / "lab" / INDEX_FILE).write_bytes(b"no database at all" * 100)
+    with pytest.raises(ArchiveError):
+        find_runs(place, Search())
+    assert rebuild(place, [tmp_path / "lab"]) == (1, [])
+    assert len(find_runs(place, Search())) == 1
+
+
+def test_run_of_the_first_version_is_entered_with_its_findings(tmp_path):
+    folder = made_run(tmp_path / "lab" / "a")
+    (folder / "results.json").unlink()
+    findings = Findings((GAIN.of(0.7, 0.01),)).as_dict()
+    (folder / "findings.json").write_text(json.dumps(findings), encoding="utf-8")
+    place = archive_place(str(tmp_path / "lab"))
+    enter(place, [folder])
+    (found,) = find_runs(place, Search(verdict="fail"), values=True)
+    assert found.values[0].value == 0.7
+
+
+def test_place_is_the_option_then_the_environment_then_runs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("HIL_ARCHIVE", raising=False)
+    assert archive_place().folder == tmp_path / "runs"
+    monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "lab"))
+    assert archive_place().folder == tmp_path / "lab"
+    assert archive_place("postgresql://hil:secret@lab/x").folder is None
+    assert "secret" not in str(archive_place("postgresql://hil:secret@lab/x"))
+
+
+def test_columns_of_the_tables_are_those_of_the_migrations(tmp_path):
+    from sqlalchemy import inspect
+
+    from hil.archive.database import opened
+    from hil.archive.tables import Base
+
+    with opened(archive_place(str(tmp_path))) as engine:
+        found = inspect(engine)
+        for table in Base.metadata.sorted_tables:
+            assert {column["name"] for column in found.get_columns(table.name)} == set(table.columns.keys())
+            assert {index["name"] for index in found.get_indexes(table.name)} >= {i.name for i in table.indexes}
+
+
+# -- trends ------------------------------------------------------------------------------------------------
+
+
+def _points(tmp_path, values):
+    place = archive_place(str(tmp_path / "lab"))
+    enter(place, [made_run(tmp_path / "lab" / str(day), day=day, gain=value) for day, value in enumerate(values)])
+    return points_of(find_runs(place, Search(), values=True), "gain")
+
+
+def test_drift_is_found_with_its_slope(tmp_path):
+    points = _points(tmp_path, 0.9 + 0.01 * np.arange(8.0))
+    drift = drift_of(points)
+    assert drift.is_drift
+    assert drift.per_year == pytest.approx(3.6525, rel=1e-6)
+    assert drift.sentence.startswith("It drifts: +3.65 ± 1.1 l/min per % per year")
+
+
+def test_false_alarms_of_the_drift_test_come_at_the_stated_rate(tmp_path):
+    points = _points(tmp_path, [0.9] * 8)
+    rng = np.random.default_rng(5)
+    alarms = 0
+    for _ in range(2000):
+        noisy = [
+            type(p)(p.run, p.started_utc, p.value.model_copy(update={"value": 0.9 + 0.01 * rng.standard_normal()}))
+            for p in points
+        ]
+        alarms += drift_of(noisy).is_drift
+    assert alarms <= 30  # 1 % of 2000 and three standard deviations, as the scale is never below the stated one
+
+
+def test_two_values_tell_no_drift(tmp_path):
+    assert "No drift can be told" in drift_of(_points(tmp_path, [0.9, 1.9])).sentence
+
+
+# -- at the prompt -----------------------------------------------------------------------------------------
+
+
+def _said(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+    return app.main(), capsys.readouterr()
+
+
+def test_commands_list_follow_and_rebuild(monkeypatch, capsys, tmp_path):
+    lab = tmp_path / "lab"
+    for day in range(4):
+        made_run(lab / str(day), day=day)
+    status, said = _said(monkeypatch, capsys, "archive", "rebuild", "--archive", lab)
+    assert (status, said.out.strip()) == (0, f"{lab}: 4 runs")
+    status, said = _said(monkeypatch, capsys, "runs", "--serial", "A7", "--archive", lab, "--json")
+    rows = json.loads(said.out)
+    assert [Path(row["run"]).name for row in rows] == ["0", "1", "2", "3"]
+    assert set(rows[0]) == {"run", "serial", "operator", "procedure", "started_utc", "verdict"}
+    status, said = _said(monkeypatch, capsys, "trend", "gain", "--serial", "A7", "--archive", lab, "--json")
+    assert len(json.loads(said.out)["values"][0]["points"]) == 4
+    status, said = _said(monkeypatch, capsys, "trend", "gian", "--serial", "A7", "--archive", lab)
+    assert status == 2
+    assert "did you mean 'gain'" in said.err
+    status, said = _said(monkeypatch, capsys, "runs", "--since", "yesterday", "--archive", lab)
+    assert status == 2
+    assert "2026-11-25" in said.err
