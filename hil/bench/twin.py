@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import BaseModel
+
 from hil.bench.device import simulation_of
+from hil.bench.examined import examined_device
 from hil.bench.read import BenchFile
 from hil.catalog import find
 from hil.daq.conformance import Subject
@@ -43,19 +47,34 @@ def serve(file: BenchFile, folder: Path, quirks: dict[str, dict[str, str]]) -> d
 
 
 @contextmanager
-def subject(file: BenchFile, folder: Path, driver: str, hardware: bool = False) -> Iterator[Subject]:
+def subject(
+    file: BenchFile,
+    folder: Path,
+    driver: str,
+    hardware: bool = False,
+    reach: float = 1.0,
+    measured_by: Mapping[str, str] | None = None,
+) -> Iterator[Subject]:
     """The first device of a bench with this driver, ready to be examined; simulated ones are served meanwhile.
 
+    Args:
+        file: the bench.
+        folder: that of the bench file.
+        driver: name of the driver.
+        hardware: the device itself is examined.
+        reach: the share of the room between safe values and limits that outputs may use.
+        measured_by: by output, the input that measures it.
+
     Raises:
-        SettingError: the bench has no device with this driver, or an output may not be moved by half its range.
+        SettingError: the bench has no device with this driver, or an input cannot measure what it is said to.
     """
     using = [name for name, device in file.bench.devices.items() if device.driver.replace("-", "_") == driver]
     if not using:
         raise SettingError(f'{file.path}: no device with driver = "{driver}"; say --bench with one that has it')
     device = file.devices[using[0]]
-    wiring = device.wiring(file.bench.channels)
+    examined = examined_device(file, device.name, reach, measured_by or {})
     if hardware:
-        yield Subject(device.module, device.settings, wiring)
+        yield examined
         return
     twin = find("devices", driver).load()
     wirings = {name: other.wiring(file.bench.channels) for name, other in file.devices.items()}
@@ -65,11 +84,17 @@ def subject(file: BenchFile, folder: Path, driver: str, hardware: bool = False) 
     def spoil(**quirks: Any) -> None:
         served.behaviour.quirks = twin.quirks(quirks)
 
-    elsewhere = device.settings.model_copy(update={"address": _elsewhere(served.where)})
     try:
-        yield Subject(device.module, device.settings, wiring, elsewhere, side, spoil)
+        yield replace(examined, elsewhere=_nowhere(device.settings, served.where), side=side, spoil=spoil, responses=())
     finally:
         served.close()
+
+
+def _nowhere(settings: BaseModel, where: str) -> BaseModel:
+    """The same settings, with which nothing is found."""
+    if "port" in type(settings).model_fields and "address" not in type(settings).model_fields:
+        return settings.model_copy(update={"port": 1})
+    return settings.model_copy(update={"address": _elsewhere(where)})
 
 
 def _elsewhere(address: str) -> str:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from typing import TYPE_CHECKING
 
 import typer
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+_REACH_ON_HARDWARE = 0.2
 
 
 def command(
@@ -17,33 +20,61 @@ def command(
         "", "--bench", metavar="BENCH.toml", help="Where the driver is used; default: an installed bench that uses it."
     ),
     hardware: bool = typer.Option(
-        False, "--hardware", help="Drive the real device of that bench: its outputs WILL MOVE through half their range."
+        False, "--hardware", help="Drive the device of that bench itself: its outputs WILL MOVE, within limits."
     ),
-) -> None:
+    reach: float = typer.Option(
+        0.0, "--reach", min=0.0, max=1.0, metavar="SHARE",
+        help="How far outputs go from their safe values towards their limits; default 0.2 on hardware, else 1.",
+    ),
+    measured_by: list[str] = typer.Option(
+        [], "--measured-by", metavar="OUTPUT=INPUT", help="An input that measures an output, such as one wired to it."
+    ),
+) -> None:  # fmt: skip
     """Check a driver against everything that the program expects of one. Exit status 1 if a check is not passed.
 
+    What was driven is asked of the device again, also over a link opened anew, and compared with what was told.
     Without `--hardware` the devices of the bench are simulated here, and their answers spoiled on purpose.
     HIL_BENCH=BENCH.toml stands for `--bench BENCH.toml --hardware`.
     """
     from hil.bench.find import find_bench
+    from hil.bench.lease import leased
     from hil.bench.read import read_bench
     from hil.bench.twin import subject
     from hil.catalog import find
-    from hil.daq.conformance import examine
+    from hil.daq.conformance import examine, left_safe
 
     name = find("drivers", driver).name
     real = os.environ.get("HIL_BENCH", "")
     path = find_bench(bench or real) if bench or real else _bench_with(name)
     hardware = hardware or bool(real and not bench)
+    reach = reach or (_REACH_ON_HARDWARE if hardware else 1.0)
+    file = read_bench(path)
     counts = {"passed": 0, "broken": 0, "left out": 0}
-    with subject(read_bench(path), path.parent, name, hardware) as examined:
+    with (
+        leased(file) if hardware else nullcontext(),
+        subject(file, path.parent, name, hardware, reach, _pairs(measured_by)) as examined,
+    ):
         typer.echo(f"{name} on {path.name}, {'REAL HARDWARE' if hardware else 'simulated'}")
-        for result in examine(examined):
-            counts[result.verdict] += 1
-            said = f": {result.text}" if result.text else ""
-            typer.echo(f"  {result.verdict:8}  {result.check.replace('_', ' ')}{said}")
+        try:
+            for result in examine(examined):
+                counts[result.verdict] += 1
+                said = f": {result.text}" if result.text else ""
+                typer.echo(f"  {result.verdict:8}  {result.check.replace('_', ' ')}{said}")
+        finally:
+            if hardware and (left := left_safe(examined)):
+                typer.echo(left)
     typer.echo(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     raise typer.Exit(1 if counts["broken"] else 0)
+
+
+def _pairs(told: list[str]) -> dict[str, str]:
+    from hil.errors import SettingError
+
+    pairs = {output: input_ for output, _, input_ in (text.partition("=") for text in told)}
+    for output, input_ in pairs.items():
+        if not output or not input_:
+            raise SettingError(f"--measured-by {output}={input_}: OUTPUT=INPUT, both names of channels of the bench")
+    return pairs
 
 
 def _bench_with(driver: str) -> Path:

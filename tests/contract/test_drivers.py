@@ -16,7 +16,7 @@ from hil.bench.read import read_bench
 from hil.bench.twin import subject
 from hil.catalog import entries
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
-from hil.daq.conformance import CHECKS, Subject, examine, verdict_of
+from hil.daq.conformance import CHECKS, Subject, Witness, examine, verdict_of
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError
 from tests.links import moved
@@ -122,8 +122,9 @@ class Link:
             device.there = True
         device.latched = False
         device.ask()
-        if fault == "moves on opening":
+        if fault in ("moves on opening", "moves to elsewhere"):
             device.value = 7.0
+        self.commands = 0
         device.armed = fault != "no watchdog"
         self.sent_s = time.monotonic()
 
@@ -138,6 +139,11 @@ class Link:
             return
         if self.fault == "does not go safe" and self.told == 0.0:
             return
+        self.commands += 1
+        if self.fault == "sticks" and self.commands > 50:
+            return
+        if self.fault == "saturates":
+            self.told = max(-8.0, min(8.0, self.told))
         if not self.device.latched:
             self.device.value = self.told * (0.5 if self.fault == "wrong scale" else 1.0)
 
@@ -239,6 +245,11 @@ BREAKS: dict[str, set[str]] = {
     "says_soon_that_nobody_is_there": {"opens anything"},
     "leaves_outputs_where_they_are": {"moves on opening", "tells other levels"},
     "drives_what_it_is_told": {"does not drive", "wrong scale"},
+    "obeys_every_command": {"sticks", "does not drive"},
+    "reaches_its_limits": {"saturates"},
+    "goes_to_its_safe_value_when_told": {"does not go safe"},
+    "stands_while_the_link_is_opened_again": {"moves to elsewhere"},
+    "an_input_sees_what_it_drives": {"does not drive", "wrong scale", "wrong reading"},
     "reads_what_is_there": {"wrong reading"},
     "tells_where_outputs_stand": {"tells other levels"},
     "one_reading_for_each_sample": {"beyond its range", "time stands still"},
@@ -263,7 +274,10 @@ WIRING = Wiring(
 def examined(fault: str) -> Subject:
     device = Device()
     here, elsewhere = (SimpleNamespace(there=there, timeout_s=0.05) for there in (True, False))
-    return Subject(driver(device, fault), here, WIRING, elsewhere, device, device.spoil)
+    witness = Witness(WIRING.inputs["b"], lambda raw: raw, 0.1)
+    return Subject(
+        driver(device, fault), here, WIRING, elsewhere, device, device.spoil, witnesses={"a": witness}, settling_s=0.1
+    )
 
 
 @pytest.mark.parametrize("check", CHECKS)

@@ -1,0 +1,76 @@
+"""Whether outputs stand where they were driven: asked of the device, never of what was told to it."""
+
+from __future__ import annotations
+
+import time
+
+from hil.daq.conformance.subject import Subject, agree, expect, undisturbed_s
+
+_COMMANDS, _COMMANDING_S = 100, 1.0  # so many, but no longer
+_KEPT_S = 0.5  # without a word
+
+
+def drives_what_it_is_told(subject: Subject) -> None:
+    """A value that is driven stands at the device, soon, on either side of the safe value."""
+    _ = subject.outputs
+    with subject.link() as link:
+        for share in (0.6, 0.25, -0.4, 0.0):
+            told = subject.levels(share)
+            subject.drive(link, told)
+            subject.stand_there(link, told)
+
+
+def obeys_every_command(subject: Subject) -> None:
+    """Of many commands in a row every one is obeyed, and what stands goes on standing."""
+    _ = subject.outputs
+    with subject.link() as link:
+        until_s = time.monotonic() + _COMMANDING_S
+        for number in range(_COMMANDS):
+            told = subject.levels(0.2 + 0.3 * (number % 3))
+            subject.drive(link, told)
+            subject.stand_there(link, told)
+            if time.monotonic() > until_s:
+                break
+        time.sleep(min(_KEPT_S, undisturbed_s(link)))
+        subject.stand_there(link, told, 0.0)
+
+
+def reaches_its_limits(subject: Subject) -> str | None:
+    """Step by step it goes to both ends of the room that the bench gives it, and its device with it."""
+    _ = subject.outputs
+    with subject.link() as link:
+        for share in (0.7, 0.85, 1.0, -0.7, -0.85, -1.0, 0.0):
+            told = {c.terminal: subject.towards(c, share) for c in subject.outputs}
+            subject.drive(link, told)
+            subject.stand_there(link, told)
+    return None if subject.reach >= 1.0 else f"tried {100.0 * subject.reach:.0f} % of the way to the bench's limits"
+
+
+def goes_to_its_safe_value_when_told(subject: Subject) -> None:
+    """The safe value is obeyed as any other, from near it and from far."""
+    _ = subject.outputs
+    with subject.link() as link:
+        for share in (0.5, 0.03, -0.5):
+            subject.drive(link, subject.levels(share))
+            subject.stand_there(link, subject.levels(share))
+            subject.drive(link, subject.safe())
+            subject.stand_there(link, subject.safe())
+
+
+def stands_while_the_link_is_opened_again(subject: Subject) -> str | None:
+    """A link that is opened anew, and so remembers nothing, finds outputs where they were driven, or safe."""
+    _ = subject.outputs
+    told = subject.levels(0.5)
+    with subject.asking() as link:
+        subject.drive(link, told)
+    with subject.link() as again:
+        found = subject.asked(again)
+    for channel in subject.outputs:
+        level, stands = told[channel.terminal], found[channel.terminal]
+        expect(
+            agree(channel, level, stands) or agree(channel, channel.safe, stands),
+            f"'{channel.name}' was driven to {level:.4g} {channel.unit}; a link that was opened anew finds it at "
+            f"{stands:.4g}",
+        )
+    safe = all(agree(c, c.safe, found[c.terminal]) for c in subject.outputs)
+    return "it was found safe: closing or opening the link makes it so" if safe else None

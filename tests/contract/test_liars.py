@@ -1,0 +1,167 @@
+"""Devices that lie are caught by a named check, as hardware is; the same device without its lie passes all."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from hil.bench.read import read_bench
+from hil.bench.twin import subject
+from hil.daq.conformance import CHECKS, Subject, examine, left_safe, verdict_of
+from hil.errors import DeviceLostError
+from tests.liars import LIES, WIRES, Port, Server
+
+BENCH = """
+name = "liar"
+sample_rate_hz = 50
+
+[valve]
+name = "v"
+plant = "brevini-hpv41"
+settling_s = 0.1
+
+[devices.io]
+DEVICE
+
+[channels.command]
+role = "command"
+device = "io"
+terminal = "OUT0"
+unit = "%"
+calibration = { slope = 10.0 }
+safe = 0.0
+
+[channels.second]
+device = "io"
+terminal = "OUT1"
+unit = "V"
+safe = 0.0
+
+[channels.flow]
+role = "response"
+device = "io"
+terminal = "IN0"
+unit = "l/min"
+calibration = { slope = 10.0 }
+
+[channels."wire of second"]
+device = "io"
+terminal = "IN1"
+unit = "V"
+"""
+DEVICES = {
+    "modbus": 'driver = "modbus"\nmodel = "wago-750"\naddress = "ADDRESS"\nwatchdog_s = 0.2',
+    "scpi": 'driver = "scpi"\nmodel = "scanner"\naddress = "ADDRESS"\nlongest_reply_s = 0.5',
+}
+TERMINALS = {"modbus": ("ao0", "ao1", "ai0", "ai1"), "scpi": ("dac4", "dac5", "in1", "in2")}
+WIRED = {"command": "flow", "second": "wire of second"}
+WATCHDOG = "has_the_watchdog_that_it_promises"
+CAUGHT = {
+    "ignores": "drives_what_it_is_told",
+    "ignores, repeats what it was told": "an_input_sees_what_it_drives",
+    "obeys a second later": "drives_what_it_is_told",
+    "obeys another channel": "drives_what_it_is_told",
+    "obeys the first channel alone": "drives_what_it_is_told",
+    "half scale": "drives_what_it_is_told",
+    "half scale, repeats what it was told": "an_input_sees_what_it_drives",
+    "wrong sign": "drives_what_it_is_told",
+    "wrong sign, repeats what it was told": "an_input_sees_what_it_drives",
+    "no negative values": "drives_what_it_is_told",
+    "offset of 2 %": "drives_what_it_is_told",
+    "jitters by 2 %": "drives_what_it_is_told",
+    "saturates at 80 %": "reaches_its_limits",
+    "sticks after 40 commands": "obeys_every_command",
+    "creeps home when nothing is said": "obeys_every_command",
+    "ignores the safe command": "goes_to_its_safe_value_when_told",
+    "forgets when somebody connects": "stands_while_the_link_is_opened_again",
+    "moves when somebody connects": "stands_while_the_link_is_opened_again",
+    "inputs stand still": "an_input_sees_what_it_drives",
+    "never times out": WATCHDOG,
+    "times out to the wrong level": WATCHDOG,
+    "times out three times too late": WATCHDOG,
+    "times out too early": WATCHDOG,
+    "says that it timed out and does not": WATCHDOG,
+}
+
+
+@contextmanager
+def lying(wire: str, lie: str, folder: Path, *, wired: bool = True, responds: bool = True) -> Iterator[Subject]:
+    """A device behind the driver, as hardware: nobody looks at it but over the wire."""
+    noticed = LIES[lie].on_connect is not LIES[""].on_connect
+    server = Server(lie, WIRES[wire]) if wire == "modbus" or noticed else Port(lie, WIRES[wire])
+    address = (
+        f"{'' if wire == 'modbus' else 'socket://'}127.0.0.1:{server.port}"
+        if isinstance(server, Server)
+        else server.name
+    )
+    text = BENCH.replace("DEVICE", DEVICES[wire]).replace("ADDRESS", address)
+    if not responds:  # the response is measured by another device than the one under examination
+        other = 'driver = "modbus"\nmodel = "iologik-e1240"\naddress = "127.0.0.1:1"'
+        text = text.replace("[channels.command]", f"[devices.meter]\n{other}\n\n[channels.command]")
+        text = text.replace('device = "io"\nterminal = "IN0"', 'device = "meter"\nterminal = "ai0"')
+    for place, terminal in zip(("OUT0", "OUT1", "IN0", "IN1"), TERMINALS[wire], strict=True):
+        text = text.replace(place, terminal)
+    path = folder / "bench.toml"
+    path.write_text(text, encoding="utf-8")
+    measured_by = WIRED if wired else {}
+    try:
+        with subject(read_bench(path), folder, wire, hardware=True, measured_by=measured_by) as examined:
+            yield examined
+    finally:
+        server.close()
+
+
+@pytest.mark.parametrize("wire", WIRES)
+def test_device_that_does_not_lie_passes_every_check(wire: str, tmp_path: Path) -> None:
+    with lying(wire, "", tmp_path) as examined:
+        results = {result.check: result for result in examine(examined)}
+        assert left_safe(examined) == "outputs stand at their safe values, read back"
+    assert {name: r.text for name, r in results.items() if r.verdict == "broken"} == {}
+    asked = {name for name, r in results.items() if r.verdict == "passed"}
+    assert set(CAUGHT.values()) - (set() if wire == "modbus" else {WATCHDOG}) <= asked
+
+
+@pytest.mark.parametrize(
+    ("wire", "lie"), [(w, lie) for w in WIRES for lie in CAUGHT if w == "modbus" or CAUGHT[lie] != WATCHDOG]
+)
+def test_lie_is_caught_by_its_check(wire: str, lie: str, tmp_path: Path) -> None:
+    with lying(wire, lie, tmp_path) as examined:
+        verdict, text = verdict_of(CHECKS[CAUGHT[lie]], examined)
+    assert verdict == "broken", text
+    assert "raised" not in text
+    assert "'command'" in text or "'second'" in text
+
+
+def test_every_lie_is_caught_and_is_in_the_guide() -> None:
+    assert set(CAUGHT) == set(LIES) - {""}
+    page = (Path(__file__).parents[2] / "docs" / "how-to" / "add-a-driver.md").read_text(encoding="utf-8")
+    table = dict(re.findall(r"^\| (\S.*?) \| `(\w+)` \|$", page, re.MULTILINE))
+    assert table == CAUGHT
+
+
+def test_what_no_channel_measures_is_left_out_and_not_passed(tmp_path: Path) -> None:
+    lie = "ignores, repeats what it was told"
+    check = CHECKS["an_input_sees_what_it_drives"]
+    with lying("modbus", lie, tmp_path, wired=False, responds=False) as examined:
+        assert verdict_of(check, examined)[0] == "left out"
+        assert "cannot tell: no channel measures it" in verdict_of(check, examined)[1]
+    with lying("modbus", lie, tmp_path, wired=False) as examined:
+        verdict, text = verdict_of(check, examined)
+        assert verdict == "broken" and "'flow' reads 0 V whether driven to one side or to the other" in text
+    with lying("modbus", "", tmp_path, wired=False) as examined:
+        verdict, text = verdict_of(check, examined)
+        assert verdict == "passed" and "'flow' answers; by how much it should is not known" in text
+
+
+def test_outputs_that_do_not_go_safe_are_said_at_the_end(tmp_path: Path) -> None:
+    with lying("modbus", "ignores the safe command", tmp_path) as examined:
+        with examined.asking() as link:
+            link.drive(examined.levels(0.5))
+        with pytest.raises(
+            DeviceLostError, match=r"outputs are not safe: 'command' .* stands at 5; .*use the emergency"
+        ):
+            left_safe(examined)

@@ -1,0 +1,264 @@
+"""Devices that lie, behind a wire: Modbus TCP as a WAGO coupler speaks it, and SCPI text. No code of `hil` is in them.
+
+Each has two outputs, each output wired to an input of the same number. Run by hand: `python tests/liars.py modbus KEY`.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import sys
+import threading
+import time
+import tty
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+FULL_V = 10.0
+
+
+@dataclass(frozen=True)
+class Lie:
+    """How a device differs from what it says. `echo`: asked for an output it repeats what it was told."""
+
+    drives: Callable[[Device, int, float], float | None] = lambda _device, _i, told: told  # None: nothing moves
+    echo: bool = False
+    late_s: float = 0.0
+    sticks_after: int = 10**9
+    creeps: bool = False
+    on_connect: Callable[[Device], None] = lambda _device: None
+    frozen_inputs: bool = False
+    watchdog: float | None = 1.0  # multiples of its time after which it acts; None: never
+    expires_to: float | None = 0.0  # None: says that it acted, and does not
+    moves: Callable[[int], int] = lambda i: i
+
+
+def _swapped(i: int) -> int:
+    return 1 - i
+
+
+def _forgotten(device: Device) -> None:
+    device.at = [1.5, 1.5]
+
+
+def _jumped(device: Device) -> None:
+    device.at = [-4.0, -4.0]
+
+
+def _jitters(device: Device, i: int, told: float) -> float:
+    return told + 0.4 * (-1) ** device.commands
+
+
+LIES: dict[str, Lie] = {
+    "": Lie(),
+    "ignores": Lie(drives=lambda _d, _i, _told: None),
+    "ignores, repeats what it was told": Lie(drives=lambda _d, _i, _told: None, echo=True),
+    "obeys a second later": Lie(late_s=1.0),
+    "obeys another channel": Lie(moves=_swapped),
+    "obeys the first channel alone": Lie(drives=lambda _d, i, told: told if i == 0 else None),
+    "half scale": Lie(drives=lambda _d, _i, told: 0.5 * told),
+    "half scale, repeats what it was told": Lie(drives=lambda _d, _i, told: 0.5 * told, echo=True),
+    "wrong sign": Lie(drives=lambda _d, _i, told: -told),
+    "wrong sign, repeats what it was told": Lie(drives=lambda _d, _i, told: -told, echo=True),
+    "no negative values": Lie(drives=lambda _d, _i, told: abs(told)),
+    "offset of 2 %": Lie(drives=lambda _d, _i, told: told + 0.4),
+    "jitters by 2 %": Lie(drives=_jitters),
+    "saturates at 80 %": Lie(drives=lambda _d, _i, told: max(-8.0, min(8.0, told))),
+    "sticks after 40 commands": Lie(sticks_after=40),
+    "creeps home when nothing is said": Lie(creeps=True),
+    "ignores the safe command": Lie(drives=lambda _d, _i, told: told or None),
+    "forgets when somebody connects": Lie(on_connect=_forgotten),
+    "moves when somebody connects": Lie(on_connect=_jumped),
+    "inputs stand still": Lie(frozen_inputs=True),
+    "never times out": Lie(watchdog=None),
+    "times out to the wrong level": Lie(expires_to=5.0),
+    "times out three times too late": Lie(watchdog=3.0),
+    "times out too early": Lie(watchdog=0.25),
+    "says that it timed out and does not": Lie(expires_to=None),
+}
+
+
+class Device:
+    """Two outputs, what was told to them, and where they stand."""
+
+    def __init__(self, lie: Lie) -> None:
+        self.lie = lie
+        self.at, self.told = [0.0, 0.0], [0.0, 0.0]
+        self.commands = 0
+        self.heard_s = self.driven_s = time.monotonic()
+        self.armed_s = 0.0
+        self._later: deque[tuple[float, int, float]] = deque()
+        self._held = [0.0, 0.0]
+
+    def drive(self, i: int, volts: float) -> None:
+        self.now()
+        self.told[i] = volts
+        self.commands += 1
+        self.driven_s = time.monotonic()
+        moved = self.lie.drives(self, i, volts)
+        if moved is not None and self.commands <= self.lie.sticks_after:
+            self._later.append((self.driven_s + self.lie.late_s, self.lie.moves(i), moved))
+        self.now()
+
+    def now(self) -> list[float]:
+        """Where outputs stand at this moment."""
+        now_s = time.monotonic()
+        while self._later and self._later[0][0] <= now_s:
+            _, i, volts = self._later.popleft()
+            self.at[i] = volts
+        if self.lie.creeps and now_s - self.driven_s > 0.08:
+            self.at = [0.0, 0.0]
+        if self.armed_s and self.lie.watchdog and now_s - self.heard_s > self.lie.watchdog * self.armed_s:
+            self.told = [0.0, 0.0]
+            if self.lie.expires_to is not None:
+                self.at = [self.lie.expires_to] * 2
+        return list(self.at)
+
+    def says(self, i: int) -> float:
+        """What it answers when it is asked for an output."""
+        now = self.now()
+        return self.told[i] if self.lie.echo or self.lie.expires_to is None else now[i]
+
+    def measures(self, i: int) -> float:
+        return self._held[i] if self.lie.frozen_inputs else self.now()[i]
+
+    def heard(self) -> None:
+        self.now()
+        self.heard_s = time.monotonic()
+
+
+class Server:
+    """A device on a port of its own; each client in a thread of its own."""
+
+    def __init__(self, lie: str, answer: Callable[[Device, bytes], tuple[bytes, int]], port: int = 0) -> None:
+        self.device, self._answer, self._lock = Device(LIES[lie]), answer, threading.Lock()
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self.port = int(self._listener.getsockname()[1])
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def close(self) -> None:
+        self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
+
+    def _accept(self) -> None:
+        try:
+            while True:
+                client, _ = self._listener.accept()
+                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                with self._lock:
+                    self.device.lie.on_connect(self.device)
+                threading.Thread(target=self._serve, args=(client,), daemon=True).start()
+        except OSError:
+            return
+
+    def _serve(self, client: socket.socket) -> None:
+        received = b""
+        with client:
+            while more := client.recv(4096):
+                received += more
+                while True:
+                    with self._lock:
+                        answer, used = self._answer(self.device, received)
+                        if used:
+                            self.device.heard()
+                    if not used:
+                        break
+                    received = received[used:]
+                    client.sendall(answer)
+
+
+class Port:
+    """A device on a serial port; who opens it is not noticed."""
+
+    def __init__(self, lie: str, answer: Callable[[Device, bytes], tuple[bytes, int]]) -> None:
+        self.device, self._answer = Device(LIES[lie]), answer
+        self._master, self._slave = os.openpty()
+        tty.setraw(self._slave)
+        self.name = os.ttyname(self._slave)
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def close(self) -> None:
+        os.close(self._slave)
+
+    def _serve(self) -> None:
+        received = b""
+        try:
+            while more := os.read(self._master, 4096):
+                received += more
+                while (answered := self._answer(self.device, received))[1]:
+                    received = received[answered[1] :]
+                    os.write(self._master, answered[0])
+        except OSError:
+            os.close(self._master)
+
+
+def modbus(device: Device, received: bytes) -> tuple[bytes, int]:
+    """A WAGO 750-352: outputs 0x0000 …, read back from 0x0200, watchdog 0x1000, 0x1008, 0x100A."""
+    if len(received) < 6 or len(received) < (whole := 6 + struct.unpack(">H", received[4:6])[0]):
+        return b"", 0
+    pdu = received[7:whole]
+    function, address, word = pdu[0], *struct.unpack(">HH", pdu[1:5])
+    answer = bytes([function | 0x80, 2])
+    if function in (3, 4):
+        words = [_word(device, function, address + k) for k in range(word)]
+        answer = struct.pack(f">BB{word}h", function, 2 * word, *words)
+    elif function in (6, 16):
+        words = [word] if function == 6 else list(struct.unpack(f">{word}H", pdu[6:]))
+        for k, each in enumerate(words):
+            _write(device, address + k, each)
+        answer = pdu[:5]
+    return received[:4] + struct.pack(">H", 1 + len(answer)) + received[6:7] + answer, whole
+
+
+def _word(device: Device, function: int, address: int) -> int:
+    if address >= 0x1000:
+        return 0
+    volts = device.measures(address % 2) if function == 4 and address < 0x0200 else device.says(address % 2)
+    return max(-0x7FFF, min(0x7FFF, round(volts / FULL_V * 0x7FFF)))
+
+
+def _write(device: Device, address: int, word: int) -> None:
+    if address == 0x1000:
+        device.tenths = word  # type: ignore[attr-defined]
+    elif address == 0x100A:
+        device.heard()
+        device.armed_s = 0.1 * getattr(device, "tenths", 100) if word else 0.0
+    elif address < 2:
+        device.drive(address, (word - 0x10000 if word >= 0x8000 else word) / 0x7FFF * FULL_V)
+
+
+def scpi(device: Device, received: bytes) -> tuple[bytes, int]:
+    """A scanner: outputs @204 and @205, inputs @101 and @102, one answer for the whole line."""
+    line, end, _ = received.partition(b"\n")
+    if not end:
+        return b"", 0
+    answers = [_said(device, unit.strip().lstrip(":").upper()) for unit in line.decode("ascii").split(";")]
+    told = ";".join(answer for answer in answers if answer is not None)
+    return (told.encode("ascii") + b"\n" if told else b""), len(line) + 1
+
+
+def _said(device: Device, unit: str) -> str | None:
+    header, _, parameters = unit.partition(" ")
+    channels = [int(text) for text in parameters.partition("@")[2].rstrip(")").split(",") if text]
+    if header == "*IDN?":
+        return "nobody,scanner,0,0"
+    if header.startswith("SYST"):
+        return '+0,"No error"'
+    if header.endswith("?") and header.startswith("SOUR"):
+        return ",".join(f"{device.says(n - 204):+.8E}" for n in channels)
+    if header.endswith("?") and header.startswith("MEAS"):
+        return ",".join(f"{device.measures(n - 101):+.8E}" for n in channels)
+    if header.startswith("SOUR"):
+        for n in channels:
+            device.drive(n - 204, float(parameters.partition(",")[0]))
+    return "1" if header == "*OPC?" else None
+
+
+WIRES = {"modbus": modbus, "scpi": scpi}
+
+if __name__ == "__main__":
+    served = Server(sys.argv[2] if len(sys.argv) > 2 else "", WIRES[sys.argv[1]], port=15599)
+    print(f"127.0.0.1:{served.port}", flush=True)
+    threading.Event().wait()
