@@ -89,6 +89,11 @@ def terminals(settings: Settings) -> dict[str, Terminal]:
     }
 
 
+def needs(_settings: Settings) -> tuple[str, ...]:
+    """Packages that must be installed."""
+    return ("serial",)
+
+
 def open_link(settings: Settings, wiring: Wiring) -> AsciiModuleLink:
     """The module, recognised, its watchdog armed."""
     return AsciiModuleLink(settings, wiring)

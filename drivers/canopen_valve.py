@@ -82,6 +82,16 @@ def terminals(_settings: Settings) -> dict[str, Terminal]:
     }
 
 
+def needs(_settings: Settings) -> tuple[str, ...]:
+    """Packages that must be installed."""
+    return ("can", "canopen")
+
+
+def watchdog_levels(_settings: Settings) -> dict[str, float]:
+    """In its fault state the valve is at its neutral position."""
+    return {"set point": 0.0}
+
+
 def open_link(settings: Settings, wiring: Wiring) -> CanopenValveLink:
     """The valve, active, its set point at the safe value."""
     return CanopenValveLink(settings, wiring)

@@ -7,6 +7,7 @@ are our choice.
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator, Mapping
 from typing import Literal
@@ -72,6 +73,16 @@ def terminals(_settings: Settings) -> dict[str, Terminal]:
         "flow command": Terminal("out", "value", "%", -100.0, 100.0),
         "estimated flow": Terminal("in", "value", "%", -125.0, 125.0),
     }
+
+
+def needs(_settings: Settings) -> tuple[str, ...]:
+    """Packages that must be installed."""
+    return ("can",)
+
+
+def watchdog_levels(settings: Settings) -> dict[str, float]:
+    """Its fail-safe state blocks it, or lets it float: then no flow command says where it is."""
+    return {"flow command": 0.0 if settings.fail_safe == "block" else math.nan}
 
 
 def open_link(settings: Settings, _wiring: Wiring) -> J1939ValveLink:

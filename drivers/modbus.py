@@ -257,6 +257,24 @@ def check_level(model: Model, wiring: Wiring) -> None:
             )
 
 
+def needs(settings: LineSettings) -> tuple[str, ...]:
+    """Packages that must be installed."""
+    is_port = settings.transport == "rtu" and not settings.address.startswith("socket://")
+    return ("pymodbus", "serial") if is_port else ("pymodbus",)
+
+
+def watchdog_levels(settings: Settings) -> dict[str, float]:
+    """Where the device's watchdog puts outputs, raw, of those of which that is known."""
+    return levels_of(MODELS[settings.model])
+
+
+def levels_of(model: Model) -> dict[str, float]:
+    """Where the watchdog of a device of this model puts its outputs, if that is always the same."""
+    if model.expires_to is None:
+        return {}
+    return {name: model.expires_to for name, register in model.registers.items() if register.direction == "out"}
+
+
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
     """The device, connected, its watchdog armed."""
     return ModbusLink(settings, wiring, MODELS[settings.model])

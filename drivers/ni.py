@@ -85,6 +85,11 @@ def terminals(settings: Settings) -> dict[str, Terminal]:
     }  # fmt: skip
 
 
+def needs(_settings: Settings) -> tuple[str, ...]:
+    """Packages that must be installed."""
+    return ("nidaqmx",)
+
+
 def open_daq(settings: Settings, wiring: Wiring) -> NiDaq:
     """The device, its outputs where they are found."""
     return NiDaq(settings, wiring)

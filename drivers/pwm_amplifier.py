@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drivers.modbus import LineSettings, ModbusLink, Model, Register, line_faults
+from drivers.modbus import needs as line_needs
 from hil.daq.channel import OutputChannel, Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import LinkError, SettingError
@@ -42,6 +43,11 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
 def terminals(_settings: Settings) -> dict[str, Terminal]:
     """The current that it drives, and what it measures at the coil: means over a period of the PWM."""
     return MODEL.terminals
+
+
+def needs(settings: Settings) -> tuple[str, ...]:
+    """Packages that must be installed."""
+    return line_needs(settings)
 
 
 def open_link(settings: Settings, wiring: Wiring) -> PwmAmplifierLink:

@@ -108,6 +108,11 @@ def terminals(settings: Settings) -> dict[str, Terminal]:
     }
 
 
+def needs(_settings: Settings) -> tuple[str, ...]:
+    """Packages that must be installed."""
+    return ("serial",)
+
+
 def open_link(settings: Settings, wiring: Wiring) -> ScpiLink:
     """The instrument, identified, its error queue empty."""
     return ScpiLink(settings, wiring)

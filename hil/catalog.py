@@ -21,6 +21,7 @@ from types import ModuleType
 from typing import Literal
 
 from hil.errors import FileError, UnknownNameError
+from hil.extras import lacking
 
 Kind = Literal["drivers", "devices", "procedures", "plants", "effects"]
 KINDS: tuple[Kind, ...] = ("drivers", "devices", "procedures", "plants", "effects")
@@ -60,9 +61,7 @@ class Entry:
         except ModuleNotFoundError as error:
             if error.name and error.name.split(".")[0] == self.module.split(".")[0]:
                 raise
-            raise FileError(
-                f"{_SINGULAR[self.kind]} '{self.name}' needs the package '{error.name}', which is not installed"
-            ) from error
+            raise FileError(f"{_SINGULAR[self.kind]} '{self.name}' needs {lacking(error.name or '?')}") from error
 
 
 @cache

@@ -186,12 +186,14 @@ class ProtectionEntry(_Strict):
     """How often inputs are judged and recorded (`block_s`), and how long a `hold` is waited for.
 
     A program that gives no sign of life for `watchdog_s` while outputs are driven is killed by its watchdog process,
-    which makes them safe; 0: there is no such process.
+    which makes them safe; 0: there is no such process. `overdue` says what becomes of a run with a calibration that was
+    due before: it carries a deviation, or is refused.
     """
 
     block_s: PositiveFloat = 0.1
     patience_s: PositiveFloat = 600.0
     watchdog_s: float = Field(default=10.0, ge=0.0)
+    overdue: Literal["deviation", "refuse"] = "deviation"
 
     @model_validator(mode="after")
     def _beats_in_time(self) -> Self:

@@ -6,12 +6,15 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from hil.bench.file import Bench
 from hil.bench.heartbeat import watched
 from hil.bench.lease import leased
+from hil.bench.nets.calibration import deviations_on
+from hil.bench.nets.packages import check_packages
 from hil.bench.protection import protection_of
 from hil.bench.read import BenchFile
 from hil.bench.recorder import Recorder
@@ -52,18 +55,21 @@ def open_rig(
 
     Raises:
         FileError: the folder exists, or the earlier run lacks a channel.
+        SettingError: a package is missing that a driver needs, or a calibration is overdue that may not be.
         InUseError: another program drives this bench.
         HardwareError: the device cannot be opened, or does not answer.
         TrippedError: an interlock is tripped and not reset.
         UnknownNameError: a reset of an interlock that has not tripped.
     """
+    check_packages(file)
+    deviations = deviations_on(file, datetime.now(UTC).date())
     with leased(file), watched(file, out) as beat, _opened(file) as daq:
         bench = file.bench
         latch = _latch(file, resets)
         columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
         columns += [Column(name=name, unit="s", source="time of the readings") for name in daq.promises.delay_names]
         rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
-        header = {**about, **conditions_of(bench), "bench_file": file.text,
+        header = {**about, **conditions_of(bench), "deviations": deviations, "bench_file": file.text,
                   "sampling": daq.promises.sampling(daq.inputs, rate_hz)}  # fmt: skip
         with RunWriter.create(out, header, columns) as writer:
             finished = _taken_over(writer, earlier)

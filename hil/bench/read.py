@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import datetime as dt
 import tomllib
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -27,14 +26,12 @@ class BenchFile:
         text: as it stood there; it goes into the header of every run.
         bench: what it says.
         devices: what drives the bench, by name, settings checked, not yet opened.
-        remarks: what is allowed but deserves a look: a calibration that is overdue, an output without limits.
     """
 
     path: Path
     text: str
     bench: Bench
     devices: Mapping[str, DeviceInUse]
-    remarks: tuple[str, ...]
 
     def open(self) -> Daq:
         """The devices as one DAQ, in raw units, the outputs where they were found. Raises `HardwareError`."""
@@ -46,12 +43,8 @@ class BenchFile:
         return all(self.bench.devices[name].simulated for name in self.devices)
 
 
-def read_bench(path: Path, today: dt.date | None = None) -> BenchFile:
+def read_bench(path: Path) -> BenchFile:
     """Read a bench file.
-
-    Args:
-        path: the file.
-        today: the day by which calibrations are due; the present one if not given.
 
     Raises:
         FileError: it cannot be read, or is not TOML (the message names the line).
@@ -73,28 +66,10 @@ def read_bench(path: Path, today: dt.date | None = None) -> BenchFile:
     if faults:
         raise _error(path, text, faults)
     bench = Bench.model_validate(content)
-    return BenchFile(path, text, bench, devices, tuple(_remarks(bench, today)))
+    return BenchFile(path, text, bench, devices)
 
 
 def _error(path: Path, text: str, faults: list[Fault]) -> BenchError:
     lines = lines_of(text)
     in_order = sorted(faults, key=lambda fault: line_at(lines, fault.place) or 0)
     return BenchError(list(dict.fromkeys(fault.described(path, lines) for fault in in_order)))
-
-
-def _remarks(bench: Bench, today: dt.date | None) -> Iterator[str]:
-    day = today or dt.datetime.now(tz=dt.UTC).date()
-    for name, channel in bench.channels.items():
-        if channel.calibration is not None and channel.calibration.date is None:
-            yield f"channel '{name}': the calibration has no date; reports will say so"
-        if channel.calibration is not None and channel.calibration.due and channel.calibration.due < day:
-            yield f"channel '{name}': the calibration was due on {channel.calibration.due}"
-        if channel.is_output and channel.limits is None:
-            yield f"channel '{name}': an output without limits may use the whole range of its terminal"
-    for instrument in bench.instruments:
-        if instrument.due and instrument.due < day:
-            yield f"instrument '{instrument.name}': its calibration was due on {instrument.due}"
-    if not bench.protection.watchdog_s and any(device.driver for device in bench.devices.values()):
-        yield "watchdog_s = 0: no process makes outputs safe when the program is killed or hangs"
-    if not bench.interlocks:
-        yield "no interlocks: nothing watches the bench but its limits"

@@ -12,6 +12,7 @@ import typer
 
 from hil import __version__, cli
 from hil.errors import HilError
+from hil.extras import EXTRAS, lacking
 
 _debug = False
 
@@ -56,6 +57,11 @@ def main() -> int:
         sys.stderr.close()
     except OSError as error:
         return _say(f"{error.filename or 'file'}: {error.strerror or error}", 2)
+    except ModuleNotFoundError as error:
+        library = (error.name or "").partition(".")[0]
+        if library not in EXTRAS:
+            raise
+        return _say(f"this needs {lacking(library)}", 2)
     except Exception as error:
         if hasattr(error, "format_message"):  # of click or of typer's own copy of it, by version
             return _say(_usage(error), 2)

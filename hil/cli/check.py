@@ -12,10 +12,14 @@ if TYPE_CHECKING:
 
 def command(
     bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+    strict: bool = typer.Option(False, "--strict", help="Exit status 2 also when there are warnings."),
 ) -> None:
-    """Check a bench file: every fault with its line and what to do about it. Nothing is driven."""
+    """Check a bench file: every fault with its line, every missing net, and what to do about it. Nothing is driven."""
+    from datetime import UTC, datetime
+
     from hil.bench.fault import BenchError
     from hil.bench.find import find_bench
+    from hil.bench.nets.missing import missing_nets
     from hil.bench.read import read_bench
     from hil.errors import FileError
 
@@ -26,7 +30,10 @@ def command(
         typer.echo("\n".join(error.faults))
         count = len(error.faults)
         raise FileError(f"{path}: {count} fault{'s' if count > 1 else ''}") from None
-    typer.echo("\n".join(_described(found)))
+    warnings = missing_nets(found, datetime.now(UTC).date())
+    typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))
+    if strict and warnings:
+        raise FileError(f"{path}: {len(warnings)} warning{'s' if len(warnings) > 1 else ''}, and --strict allows none")
 
 
 def _described(found: BenchFile) -> list[str]:
@@ -40,4 +47,4 @@ def _described(found: BenchFile) -> list[str]:
         role = "" if entry.role == "other" else f" ({entry.role})"
         lines.append(f"  {entry.terminal:5} {name}{role}: {low:g} … {high:g} {entry.unit}{allowed}")
     lines += [f"  {entry.action:8} {name}" for name, entry in bench.interlocks.items()]
-    return [*lines, *(f"note: {remark}" for remark in found.remarks)]
+    return lines

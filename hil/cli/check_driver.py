@@ -38,6 +38,7 @@ def command(
     """
     from hil.bench.find import find_bench
     from hil.bench.lease import leased
+    from hil.bench.nets.packages import check_packages
     from hil.bench.read import read_bench
     from hil.bench.twin import subject
     from hil.catalog import find
@@ -49,6 +50,7 @@ def command(
     hardware = hardware or bool(real and not bench)
     reach = reach or (_REACH_ON_HARDWARE if hardware else 1.0)
     file = read_bench(path)
+    check_packages(file)
     counts = {"passed": 0, "broken": 0, "left out": 0}
     with (
         leased(file) if hardware else nullcontext(),

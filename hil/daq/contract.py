@@ -10,6 +10,11 @@ A driver (`drivers/NAME.py`) or simulated device (`sim_devices/NAME.py`) provide
     faults(settings) -> [(place, text)]       what is wrong with them beyond their types: keys, and a remedy
     terminals(settings) -> {name: Terminal}   what it has to connect to; opens nothing
     open_daq(settings, wiring) -> Daq         the device, open, every output where it was found
+
+It may provide two more, by which `hil check` warns and a run is refused before anything is opened:
+
+    needs(settings) -> (package, …)           what must be installed, by the names under which it is imported
+    watchdog_levels(settings) -> {name: raw}  where the device's own watchdog puts outputs, as far as that is known
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from pathlib import Path
 from types import ModuleType
 
 from hil.errors import FileError
+from hil.extras import lacking
 
 
 def library(name: str, path: Path) -> ModuleType:
@@ -18,7 +19,4 @@ def library(name: str, path: Path) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        raise FileError(
-            f"{path}: '{path.suffix}' files need the package '{error.name}', which is not installed: "
-            "pip install 'valve-hil[formats]'"
-        ) from None
+        raise FileError(f"{path}: '{path.suffix}' files need {lacking(error.name or name)}") from None

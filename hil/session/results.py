@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
@@ -66,6 +67,7 @@ def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, L
         if recording.meta.get("outcome") == "completed":
             raise
         found = Findings(notes=(f"Nothing could be evaluated of this run: {error}.",))
+    found = replace(found, deviations=(*found.deviations, *recording.meta.get("deviations", ())))
     return found.with_missing(procedure.measurements).judged(limits)
 
 

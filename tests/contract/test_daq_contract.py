@@ -35,10 +35,6 @@ def sweep(daq: Daq, samples: int = 300) -> Waveform:
     return Waveform(rate_hz(daq), {name: c.low + share * (c.high - c.low) for name, c in daq.outputs.items()})
 
 
-def test_bench_file_has_neither_faults_nor_remarks(file: BenchFile) -> None:
-    assert file.remarks == ()
-
-
 def test_channels_are_those_of_the_bench(daq: Daq, file: BenchFile) -> None:
     assert {*daq.outputs, *daq.inputs} == set(file.bench.channels)
 

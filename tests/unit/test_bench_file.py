@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from pathlib import Path
 
 import pytest
@@ -139,18 +138,6 @@ def test_text_that_is_not_toml_names_the_line(tmp_path: Path) -> None:
     path.write_text('name = "a"\nvalve = ]\n', encoding="utf-8")
     with pytest.raises(FileError, match=r"not a bench file: .*line 2"):
         read_bench(path)
-
-
-def test_overdue_calibration_and_missing_protection_are_remarked(tmp_path: Path) -> None:
-    path = tmp_path / "bench.toml"
-    start, end = GOOD.index("[interlocks.over-pressure]"), GOOD.index("[protection]")
-    text = (GOOD[:start] + GOOD[end:]).replace("date = 2026-03-02", "date = 2024-03-02, due = 2025-03-02", 1)
-    path.write_text(text.replace("limits = ", "# limits = "), encoding="utf-8")
-    remarks = " ".join(read_bench(path, dt.date(2025, 3, 3)).remarks)
-    assert "channel 'command': the calibration was due on 2025-03-02" in remarks
-    assert "an output without limits" in remarks
-    assert "no interlocks" in remarks
-    assert "was due" not in " ".join(read_bench(path, dt.date(2025, 3, 2)).remarks)
 
 
 def test_model_file_is_looked_for_beside_the_bench_file(tmp_path: Path) -> None:

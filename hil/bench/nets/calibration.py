@@ -1,0 +1,53 @@
+"""Calibrations that are overdue, or have no date."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Iterator
+
+from hil.bench.file import Bench
+from hil.bench.read import BenchFile
+from hil.errors import SettingError
+
+
+def overdue(bench: Bench, day: dt.date) -> Iterator[str]:
+    """A sentence for each calibration that was due before a day: of channels, and of instruments."""
+    for name, channel in bench.channels.items():
+        given = channel.calibration
+        if given is not None and given.due is not None and given.due < day:
+            yield f"Channel '{name}': its calibration was due on {given.due}; the day of this test is {day}."
+    for instrument in bench.instruments:
+        if instrument.due is not None and instrument.due < day:
+            which = f" (serial {instrument.serial})" if instrument.serial else ""
+            yield (
+                f"Instrument '{instrument.name}'{which}: its calibration was due on {instrument.due}; the day of this "
+                f"test is {day}."
+            )
+
+
+def deviations_on(file: BenchFile, day: dt.date) -> list[str]:
+    """What of the calibrations a run on this day departs from, for its header.
+
+    Raises:
+        SettingError: something is overdue and the bench file says `overdue = "refuse"`; nothing was opened.
+    """
+    found = list(overdue(file.bench, day))
+    if found and file.bench.protection.overdue == "refuse":
+        raise SettingError(
+            f'{file.path}: {found[0].removesuffix(".")}; [protection] says overdue = "refuse": calibrate it and put '
+            f"in its new dates, or take that away"
+        )
+    return found
+
+
+def overdue_today(file: BenchFile, day: dt.date) -> Iterator[str]:
+    """What is overdue, with its remedy."""
+    for text in overdue(file.bench, day):
+        yield f"{text.partition(';')[0]}: calibrate it and put in its new dates; until then each run has a deviation"
+
+
+def undated(file: BenchFile, _day: dt.date) -> Iterator[str]:
+    """Calibrations of which nobody can say when they were made."""
+    for name, channel in file.bench.channels.items():
+        if channel.calibration is not None and channel.calibration.date is None:
+            yield f"channel '{name}': its calibration has no date: say calibration.date = YYYY-MM-DD"

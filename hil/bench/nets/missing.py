@@ -1,0 +1,30 @@
+"""Every net that a bench lacks, in one list."""
+
+from __future__ import annotations
+
+import datetime as dt
+from collections.abc import Callable, Iterator, Sequence
+
+from hil.bench.nets.calibration import overdue_today, undated
+from hil.bench.nets.channels import live_zeros, without_interlocks, without_limits
+from hil.bench.nets.devices import no_watchdog, no_watchdog_process, open_to_others, watchdog_elsewhere, watchdog_off
+from hil.bench.nets.packages import packages_lacking
+from hil.bench.nets.times import too_hasty
+from hil.bench.read import BenchFile
+
+Rule = Callable[[BenchFile, dt.date], Iterator[str]]
+
+
+def _packages(file: BenchFile, _day: dt.date) -> Iterator[str]:
+    yield from packages_lacking(file)
+
+
+RULES: Sequence[Rule] = (
+    _packages, watchdog_off, no_watchdog, watchdog_elsewhere, no_watchdog_process, too_hasty, open_to_others,
+    without_interlocks, live_zeros, without_limits, undated, overdue_today,
+)  # fmt: skip
+
+
+def missing_nets(file: BenchFile, today: dt.date) -> list[str]:
+    """What a bench without faults still lacks, a sentence each with its remedy; `today` judges calibrations."""
+    return [text for rule in RULES for text in rule(file, today)]

@@ -1,0 +1,33 @@
+"""Libraries that not every installation has, and the extra of this package that brings each."""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping
+
+EXTRAS: Mapping[str, str] = {
+    **dict.fromkeys(("pymodbus", "serial", "can", "canopen"), "links"),
+    **dict.fromkeys(("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl"), "formats"),
+    **dict.fromkeys(("dask", "distributed"), "cluster"),
+    "nidaqmx": "ni", "control": "control",
+}  # fmt: skip
+"""By the name under which a library is imported."""
+
+
+def is_installed(library: str) -> bool:
+    """Whether a library can be imported; it is not imported for that."""
+    try:
+        return importlib.util.find_spec(library) is not None
+    except (ModuleNotFoundError, ValueError):
+        return False
+
+
+def remedy(library: str) -> str:
+    """How to get a library."""
+    extra = EXTRAS.get(library)
+    return f"pip install 'valve-hil[{extra}]'" if extra else f"install {library}"
+
+
+def lacking(library: str) -> str:
+    """That a library is not there, and how to get it."""
+    return f"the package '{library}', which is not installed: {remedy(library)}"

@@ -1,0 +1,174 @@
+"""Missing nets: every rule speaks where its net is missing, with its remedy, and is silent on the shipped benches."""
+
+from __future__ import annotations
+
+import datetime as dt
+import importlib.util
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.nets import calibration, channels, devices, packages, times
+from hil.bench.nets.missing import RULES, missing_nets
+from hil.bench.read import BenchFile, read_bench
+from hil.cli.app import main
+from hil.daq.contract import Waveform
+from hil.errors import HardwareError
+from tests.links import served
+
+DAY = dt.date(2026, 7, 1)
+TCP, SERIAL, NI, EFC = "hpv41-modbus-tcp", "hpv41-serial", "hpv41-usb-6211", "cummins-efc-acceptance"
+ADDRESS = 'address = "127.0.0.1:15502"'
+TO_SCANNER = (
+    '[devices.module]\ndriver = "ascii_module"\nmodel = "adam-4024"\naddress = "socket://127.0.0.1:14001"\n'
+    "watchdog_s = 1.0\n\n"
+)
+SPEAKS = {
+    "own watchdog off": (devices.watchdog_off, TCP, [("watchdog_s = 1.0\n", "")],
+                         "device 'io': its own watchdog is off", "say watchdog_s = … under [devices.io]"),
+    "NI without an enable line": (devices.no_watchdog, NI, [("on = 1.0\n", "")],
+                                  "device 'daq': driver 'ni' has no watchdog", "output with safe = 0 and on = 1"),
+    "SCPI source": (devices.no_watchdog, SERIAL,
+                    [(TO_SCANNER, ""), ('"module"\nterminal = "ao0"', '"scanner"\nterminal = "dac4"')],
+                    "device 'scanner': driver 'scpi' has no watchdog", "put a relay into the valve's supply"),
+    "neutral at 5 V": (devices.watchdog_elsewhere, TCP,
+                       [("calibration = { slope = 10.0, uncertainty = 0.05",
+                         "calibration = { slope = 20.0, offset = -100.0, uncertainty = 0.05")],
+                       "the watchdog of device 'io' puts it at 0 V, but its safe value is 5 V", "connect the valve so"),
+    "floating valve": (devices.watchdog_elsewhere, "hpv41-j1939", [("valve = 1\n", 'valve = 1\nfail_safe = "float"\n')],
+                       "the watchdog of device 'valve' lets it float", "take another device"),
+    "no watchdog process": (devices.no_watchdog_process, TCP, [("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0")],
+                            "no process makes outputs safe", "take it away from [protection]"),
+    "hasty watchdog process": (times.too_hasty, TCP, [("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 5")],
+                               "the way to the safe values takes up to 7.2 s", "say watchdog_s = 9 under [protection]"),
+    "listens to all": (devices.open_to_others, TCP, [(ADDRESS, 'address = "0.0.0.0:15502"')],
+                       "0.0.0.0 is this computer as others see it", "say 127.0.0.1"),
+    "CAN hub for all": (devices.open_to_others, "hpv41-canopen",
+                        [("socketcand:127.0.0.1:29536", "socketcand:0.0.0.0:29536")],
+                        "device 'valve': 0.0.0.0", "say 127.0.0.1"),
+    "live zero, 2 … 10 V": (channels.live_zeros, TCP,
+                            [("calibration = { slope = 25.0,", "calibration = { slope = 31.25, offset = -62.5,")],
+                            "channel 'supply pressure': its zero is at 2 V, so that a broken wire reads -62.5 bar",
+                            'raw_low = 1.8 and action = "stop"'),
+    "live zero that is only indicated": (channels.live_zeros, EFC,
+                                         [('raw_low = 0.2\nfor_s = 0.05\naction = "stop"',
+                                           'raw_low = 0.2\nfor_s = 0.05\naction = "indicate"')],
+                                         "channel 'pressure': its zero is at 2.5 V", "raw_low = 2.2"),
+    "no interlocks": (channels.without_interlocks, NI, "interlocks", "nothing watches the bench", "[interlocks.NAME]"),
+    "no limits": (channels.without_limits, NI, [("limits = ", "# limits = ")],
+                  "channel 'command': an output without limits", "say limits = { low = …, high = … }"),
+    "no date": (calibration.undated, NI, [(" date = 2026-03-02,", "")],
+                "channel 'command': its calibration has no date", "say calibration.date = YYYY-MM-DD"),
+    "overdue channel": (calibration.overdue_today, NI, [("date = 2026-03-02,", "date = 2025-06-30, due = 2026-06-30,")],
+                        "Channel 'flow': its calibration was due on 2026-06-30", "put in its new dates"),
+    "overdue instrument": (calibration.overdue_today, NI,
+                           [('channel = "flow"\n\n[simulation]',
+                             'channel = "flow"\nserial = "4711"\ndue = 2026-06-30\n\n[simulation]')],
+                           "Instrument 'Parker SCQ-150' (serial 4711): its calibration was due on 2026-06-30",
+                           "each run has a deviation"),
+}  # fmt: skip
+
+
+def changed(tmp_path: Path, name: str, changes: list[tuple[str, str]] | str) -> BenchFile:
+    text = benches()[name].read_text(encoding="utf-8")
+    if changes == "interlocks":
+        changes = [(text[text.index("[interlocks.") : text.index("[protection]")], "")]
+    for old, new in changes:
+        assert old in text, old
+        text = text.replace(old, new)
+    path = tmp_path / f"{name}.toml"
+    path.write_text(text, encoding="utf-8")
+    return read_bench(path)
+
+
+@pytest.mark.parametrize("case", SPEAKS)
+def test_missing_net_is_told_with_its_remedy(case: str, tmp_path: Path) -> None:
+    rule, bench, changes, what, remedy = SPEAKS[case]
+    found = list(rule(changed(tmp_path, bench, changes), DAY))
+    assert any(what in text and remedy in text for text in found), found
+    assert not any("\n" in text for text in found)
+
+
+def test_every_rule_has_a_bench_on_which_it_speaks() -> None:
+    spoken = {rule.__name__ for rule, *_ in SPEAKS.values()}
+    assert {rule.__name__ for rule in RULES} - spoken == {"_packages"}  # below
+
+
+@pytest.mark.parametrize("bench", sorted(benches()))
+def test_no_shipped_bench_lacks_a_net(bench: str) -> None:
+    assert missing_nets(read_bench(benches()[bench]), DAY) == []
+
+
+def test_simulated_bench_is_not_warned_of_what_it_cannot_have(tmp_path: Path) -> None:
+    file = changed(tmp_path, "brevini-hpv41", [("[protection]\n", "[protection]\nwatchdog_s = 0\n")])
+    assert missing_nets(file, DAY) == []
+
+
+def test_package_that_is_not_installed_is_told_with_its_extra(monkeypatch: pytest.MonkeyPatch) -> None:
+    there = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name in ("can", "canopen") else there(name))
+    mixed = list(packages.packages_lacking(read_bench(benches()["hpv41-mixed"])))
+    assert mixed == [f"device 'valve': driver 'canopen_valve' needs the package '{name}', which is not installed: "
+                     f"pip install 'valve-hil[links]'" for name in ("can", "canopen")]  # fmt: skip
+    assert list(packages.packages_lacking(read_bench(benches()[TCP]))) == []
+
+
+def test_live_zero_is_watched_by_a_low_limit_too(tmp_path: Path) -> None:
+    zero = ("calibration = { slope = 25.0,", "calibration = { slope = 31.25, offset = -62.5,")
+    low = ("high = 140.0\n", "low = -10.0\nhigh = 140.0\n")
+    assert list(channels.live_zeros(changed(tmp_path, TCP, [zero, low]), DAY)) == []
+    lvdt = ("calibration = { slope = 12.5,", "calibration = { slope = 25.0, offset = -125.0,")  # mid-stroke at 5 V
+    assert list(channels.live_zeros(changed(tmp_path, TCP, [lvdt]), DAY)) == []
+
+
+def test_calibration_is_good_on_the_day_it_is_due(tmp_path: Path) -> None:
+    file = changed(tmp_path, NI, [("date = 2026-03-02,", "date = 2025-07-01, due = 2026-07-01,")])
+    assert list(calibration.overdue_today(file, DAY)) == []
+    assert list(calibration.overdue_today(file, DAY + dt.timedelta(days=1))) != []
+
+
+def test_address_of_somebody_else_is_no_listener(tmp_path: Path) -> None:
+    for address in ("192.0.2.10:502", "plc.example:502", "127.0.0.2:502"):
+        assert list(devices.open_to_others(changed(tmp_path, TCP, [(ADDRESS, f'address = "{address}"')]), DAY)) == []
+
+
+def test_way_to_safe_takes_no_longer_than_is_said(tmp_path: Path) -> None:
+    """A coupler that falls silent while it is driven: asked again, made safe in vain, let go of."""
+    quick = ('transport = "rtu"\n', 'transport = "rtu"\ntimeout_s = 0.1\nlongest_reply_s = 0.3\n')
+    with served("hpv41-modbus-rtu", tmp_path, quick) as (file, twins):
+        says_s = times.way_to_safe_s(file)
+        daq = file.open()
+        half = Waveform(20.0, {"command": np.full(200, 5.0)})
+        blocks = daq.play(half, 2)
+        next(blocks)
+        twins["io"].behaviour.quirks = twins["io"].behaviour.quirks.model_copy(update={"silent": True})
+        begun_s = time.monotonic()
+        with pytest.raises(HardwareError):
+            list(blocks)
+        for act in (lambda: list(daq.play(half)), daq.make_safe, daq.close):
+            try:
+                act()
+            except HardwareError:
+                continue
+        took_s = time.monotonic() - begun_s
+    assert says_s == pytest.approx(6 * 0.4)
+    assert took_s <= says_s + 0.2  # of a computer that is busy
+
+
+def test_check_tells_warnings_and_with_strict_they_are_exit_status_2(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def check(*arguments: str) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["hil", "check", *arguments])
+        return main(), *capsys.readouterr()
+
+    path = changed(tmp_path, TCP, [("watchdog_s = 1.0\n", ""), (ADDRESS, 'address = "0.0.0.0:15502"')]).path
+    status, out, err = check(str(path))
+    assert (status, err) == (0, "") and out.count("warning: ") == 2 and "no faults" in out
+    status, out, err = check(str(path), "--strict")
+    assert status == 2 and out.count("warning: ") == 2 and "2 warnings, and --strict allows none" in err
+    assert check(TCP, "--strict")[0] == 0

@@ -1,0 +1,107 @@
+"""Without an extra, each command that needs it names it in one line and exits 2; nothing was driven."""
+
+from __future__ import annotations
+
+import re
+import sys
+import tomllib
+from importlib.machinery import ModuleSpec
+from importlib.metadata import packages_distributions
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from hil.cli.app import main
+from hil.extras import EXTRAS, is_installed, remedy
+
+
+class Hiding:
+    """A finder of modules that does not find those of some packages, as if they were not installed."""
+
+    def __init__(self, finder: Any, names: tuple[str, ...]) -> None:
+        self._finder, self._names = finder, names
+
+    def find_spec(self, fullname: str, path: Any = None, target: Any = None) -> ModuleSpec | None:
+        if fullname.partition(".")[0] in self._names:
+            return None
+        found: ModuleSpec | None = self._finder.find_spec(fullname, path, target)
+        return found
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._finder, name)
+
+
+@pytest.fixture
+def lean(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = tuple(EXTRAS)
+    for name in [name for name in sys.modules if name.partition(".")[0] in names]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setattr(sys, "meta_path", [Hiding(finder, names) for finder in sys.meta_path])
+
+
+def write_recording() -> None:
+    rows = "".join(f"{0.01 * i:g},{i % 7},{i % 5}\n" for i in range(50))
+    Path("a.csv").write_text(f"time [s],command [%],flow [l/min]\n{rows}", encoding="utf-8")
+    for name in ("a.mf4", "a.tdms", "a.h5", "a.parquet"):
+        Path(name).write_bytes(b"anything")
+
+
+COMMANDS = [
+    *((("run", "step_response", "--bench", bench, "--out", "run"), package) for bench, package in (
+        ("hpv41-modbus-tcp", "pymodbus"), ("hpv41-modbus-rtu", "pymodbus"), ("hpv41-serial", "serial"),
+        ("hpv41-canopen", "can"), ("hpv41-j1939", "can"), ("hpv41-mixed", "can"), ("cummins-efc-modbus", "pymodbus"),
+        ("hpv41-usb-6211", "nidaqmx"),
+    )),
+    (("devices", "hpv41-canopen"), "can"),
+    (("check-driver", "modbus"), "pymodbus"),
+    (("check-driver", "canopen_valve"), "can"),
+    *((("convert", source, "b.csv"), package) for source, package in (
+        ("a.mf4", "asammdf"), ("a.tdms", "nptdms"), ("a.h5", "h5py"), ("a.parquet", "pyarrow"),
+    )),
+    *((("convert", "a.csv", target), package) for target, package in (
+        ("b.mf4", "asammdf"), ("b.tdms", "nptdms"), ("b.h5", "h5py"), ("b.parquet", "pyarrow"),
+    )),
+]  # fmt: skip
+
+
+@pytest.mark.usefixtures("lean")
+@pytest.mark.parametrize(
+    ("arguments", "package"), COMMANDS, ids=lambda value: " ".join(value[:4]) if isinstance(value, tuple) else value
+)
+def test_command_names_the_extra_in_one_line(
+    arguments: tuple[str, ...], package: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_recording()
+    monkeypatch.setattr(sys, "argv", ["hil", *arguments])
+    status, err = main(), capsys.readouterr().err
+    assert status == 2, err
+    assert f"needs the package '{package}'" in err.replace("files need ", "files needs ")
+    assert remedy(package) in err and len(err.splitlines()) == 1
+    assert sorted(path.name for path in Path().iterdir()) == ["a.csv", "a.h5", "a.mf4", "a.parquet", "a.tdms"]
+
+
+@pytest.mark.usefixtures("lean")
+def test_what_needs_no_extra_works(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    assert not any(is_installed(package) for package in EXTRAS)
+    for arguments in (["list"], ["check", "brevini-hpv41", "--strict"], ["check", "hpv41-mixed"]):
+        monkeypatch.setattr(sys, "argv", ["hil", *arguments])
+        assert main() == 0
+    out = capsys.readouterr().out
+    assert out.count("which is not installed: pip install 'valve-hil[links]'") == 4
+    monkeypatch.setattr(sys, "argv", ["hil", "check", "hpv41-mixed", "--strict"])
+    assert main() == 2
+
+
+def test_every_library_of_every_extra_is_known() -> None:
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text("utf-8"))["project"]
+    of_package: dict[str, set[str]] = {}
+    for imported, packages in packages_distributions().items():
+        for package in packages:
+            of_package.setdefault(package.lower(), set()).add(imported)
+    for extra in set(project["optional-dependencies"]) - {"all", "dev", "bench"}:
+        for wanted in project["optional-dependencies"][extra]:
+            package = re.split(r"[<>=\[;]", wanted)[0].lower()
+            named = {name for name, of in EXTRAS.items() if of == extra}
+            assert of_package[package] & named, f"{package} of the extra {extra}"

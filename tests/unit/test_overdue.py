@@ -1,0 +1,80 @@
+"""A run with a calibration that is overdue on its day carries a deviation, or is refused with nothing driven."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.nets import calibration
+from hil.bench.read import read_bench
+from hil.cli.app import main
+from hil.record.folder import read
+from hil.session.results import report_again
+
+TODAY = dt.datetime.now(dt.UTC).date()
+YESTERDAY, TOMORROW = TODAY - dt.timedelta(days=1), TODAY + dt.timedelta(days=1)
+
+
+@pytest.fixture(autouse=True)
+def here(stranger: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+
+
+def bench(due: dt.date, more: str = "") -> Path:
+    text = benches()["brevini-hpv41"].read_text(encoding="utf-8")
+    meter = f'[[instruments]]\nname = "flow meter"\nserial = "4711"\nchannel = "flow"\ndue = {due}\n\n'
+    text = text.replace("[[instruments]]\n", f"{meter}[[instruments]]\n", 1)
+    path = Path("bench.toml")
+    path.write_text(text.replace("[protection]\n", f"[protection]\n{more}", 1), encoding="utf-8")
+    return path
+
+
+def run(path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
+    monkeypatch.setattr(sys, "argv", ["hil", "run", "tiny_step", "--bench", str(path), "--out", "run"])
+    return main()
+
+
+def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    when = f"its calibration was due on {YESTERDAY}; the day of this test is {TODAY}."
+    text = f"Instrument 'flow meter' (serial 4711): {when}"
+    assert run(bench(YESTERDAY), monkeypatch) == 0
+    assert f"deviation: {text}" in capsys.readouterr().out
+    assert json.loads(Path("run/run.json").read_text("utf-8"))["meta"]["deviations"] == [text]
+    assert text in json.loads(Path("run/findings.json").read_text("utf-8"))["deviations"]
+    assert f"was due on {YESTERDAY}" in Path("run/report.html").read_text("utf-8")
+    assert report_again(Path("run")).findings.deviations.count(text) == 1  # the day is that of the run
+
+
+def test_overdue_channel_is_one_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    path = bench(TOMORROW)
+    text = path.read_text("utf-8").replace("date = 2026-03-02", f"date = 2020-03-02, due = {YESTERDAY}", 1)
+    path.write_text(text, encoding="utf-8")
+    assert run(path, monkeypatch) == 0
+    (deviation,) = read(Path("run")).meta["deviations"]
+    assert deviation.startswith(f"Channel 'command': its calibration was due on {YESTERDAY};")
+
+
+@pytest.mark.parametrize("due", [TODAY, TOMORROW])
+def test_what_is_due_today_or_later_is_none(due: dt.date, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(bench(due, 'overdue = "refuse"\n'), monkeypatch) == 0
+    assert read(Path("run")).meta["deviations"] == []
+
+
+def test_overdue_run_is_refused_where_the_bench_file_says_so(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run(bench(YESTERDAY, 'overdue = "refuse"\n'), monkeypatch) == 2
+    assert f"'flow meter' (serial 4711): its calibration was due on {YESTERDAY}" in capsys.readouterr().err
+    assert not Path("run").exists()
+
+
+@pytest.mark.parametrize("name", sorted(benches()))
+def test_no_shipped_bench_ever_falls_due(name: str) -> None:
+    assert list(calibration.overdue(read_bench(benches()[name]).bench, dt.date.max)) == []
