@@ -7,71 +7,27 @@ but on floats in two registers each; put those of the meter's manual in its plac
 
 from __future__ import annotations
 
-import logging
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal, NoReturn
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
+from drivers._edge import edge, quiet, wire_log
+from drivers._registers import Format, Register, Stretch, WordOrder, float32, stretches
 from drivers._watchdog import DeviceWatchdog
-from hil.daq.channel import Direction, Kind, Terminal, Wiring
+from hil.daq.channel import Direction, Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError, SettingError
 
-Format = Literal["u16", "s16", "f32"]
-WordOrder = Literal["big", "little"]
+__all__ = [
+    "Format", "LineSettings", "ModbusLink", "Model", "Register", "Settings", "Stretch", "WordOrder", "faults",
+    "float32", "line_faults", "open_daq", "open_link", "stretches", "terminals",
+]  # fmt: skip
+
 _CHECK_S = 0.5  # how often outputs are read back: another master, or a device that restarted
-_IMPLAUSIBLE = 10.0  # a float so many times its full scale, or so small, was put together in the wrong order
-
-
-@dataclass(frozen=True, slots=True)
-class Register:
-    """Where a terminal stands in the registers of a device: value = slope · count + offset.
-
-    Attributes:
-        table: `input` (read by function 4) or `holding` (3, 6, 16).
-        address: counted from 0, as it stands on the wire.
-        read_back: address of an output's read-back in the holding registers, where that is another one.
-    """
-
-    direction: Direction
-    kind: Kind
-    unit: str
-    low: float
-    high: float
-    table: Literal["input", "holding"]
-    address: int
-    format: Format = "u16"
-    slope: float = 1.0
-    offset: float = 0.0
-    read_back: int | None = None
-
-    @property
-    def words(self) -> int:
-        """Registers that it takes."""
-        return 2 if self.format == "f32" else 1
-
-    def count_of(self, value: float) -> int:
-        """A value as the register takes it, 0 … 65535."""
-        count = round((value - self.offset) / self.slope)
-        return max(-0x8000, min(0x7FFF, count)) & 0xFFFF if self.format == "s16" else max(0, min(0xFFFF, count))
-
-    def value_of(self, words: Sequence[int], order: WordOrder) -> float:
-        """What registers say."""
-        if self.format == "f32":
-            return float32(words, order)
-        count = words[0] - 0x10000 if self.format == "s16" and words[0] >= 0x8000 else words[0]
-        return self.slope * count + self.offset
-
-
-def float32(words: Sequence[int], order: WordOrder) -> float:
-    """Two registers as a floating-point number, the high word first (`big`) or last."""
-    from pymodbus.client.mixin import ModbusClientMixin as Mixin
-
-    return float(Mixin.convert_from_registers(list(words), Mixin.DATATYPE.FLOAT32, word_order=order))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +141,10 @@ class LineSettings(BaseModel):
             and is not taken for the next one. No answer may come later than that.
         watchdog_s: the device makes its outputs safe after so long without a request. Armed by this driver where
             the device allows it; else it says how the device was set.
-        word_order: of floats: `big` is the high word first.
+        word_order: of numbers in two registers: `big` (or `ABCD`) is the high word first, `little` (`CDAB`) the low
+            one; `BADC` and `DCBA` have the bytes of each word swapped.
+        echo: what is sent on a serial line comes back before the answer, as some RS-485 adapters do.
+        pause_s: so long nothing is asked after an answer, for devices and converters that need to turn around.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -199,6 +158,8 @@ class LineSettings(BaseModel):
     longest_reply_s: PositiveFloat = 1.0
     watchdog_s: PositiveFloat | None = None
     word_order: WordOrder | None = None
+    echo: bool = False
+    pause_s: float = Field(0.0, ge=0.0, le=1.0)
 
 
 class Settings(LineSettings):
@@ -226,6 +187,8 @@ def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[st
     if settings.watchdog_s is not None and not _counted(settings.watchdog_s * per_second, bool(model.watchdog)):
         steps = f"{1.0 / per_second:g} … {0xFFFF / per_second:g} s in steps of {1.0 / per_second:g} s"
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the device counts {steps}"
+    if settings.echo and settings.transport == "tcp":
+        yield ("echo",), "only a serial line echoes; take this away"
     if settings.longest_reply_s < settings.timeout_s:
         yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
 
@@ -249,7 +212,7 @@ def check_level(model: Model, wiring: Wiring) -> None:
     for name, channel in wiring.outputs.items():
         register = model.registers[channel.terminal]
         goes_to = channel.safe if model.expires_to is None else model.expires_to
-        if register.count_of(goes_to) != register.count_of(channel.safe):
+        if register.words_of(goes_to, "big") != register.words_of(channel.safe, "big"):
             raise SettingError(
                 f"watchdog_s: when it expires the device puts {channel.terminal} at {goes_to:g} {register.unit}, but "
                 f"'{name}' is safe at {channel.safe:g} {register.unit}; take watchdog_s away, or connect the valve so "
@@ -285,32 +248,13 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
     return PolledDaq({settings.model: open_link(settings, wiring)}, {settings.model: wiring})
 
 
-@dataclass(slots=True)
-class Stretch:
-    """Neighbouring registers that go in one request."""
-
-    first: int
-    terminals: dict[str, Register] = field(default_factory=dict)
-
-    @property
-    def count(self) -> int:
-        """Registers from the first to the last."""
-        last = max(self.terminals.values(), key=lambda register: register.address)
-        return last.address + last.words - self.first
-
-
-def stretches(registers: Mapping[str, Register]) -> list[Stretch]:
-    """Registers in as few requests as possible without asking for any that lie between (some devices refuse)."""
-    found: list[Stretch] = []
-    for name, register in sorted(registers.items(), key=lambda item: item[1].address):
-        if not found or found[-1].first + found[-1].count != register.address:
-            found.append(Stretch(register.address))
-        found[-1].terminals[name] = register
-    return found
-
-
+@edge
 class ModbusLink:
     """A device on Modbus (see `hil.daq.polled.Link`).
+
+    Attributes:
+        identity: maker, product and version as the device tells them (function 43/14), empty when it does not. Only
+            asked on TCP: on a serial line a device that keeps silent would keep an output waiting.
 
     Raises:
         DeviceLostError: nothing answers at the address.
@@ -327,21 +271,25 @@ class ModbusLink:
         chosen = {name: register for name, register in model.registers.items() if name in used}
         self._out = stretches({name: r for name, r in chosen.items() if r.direction == "out"})
         self._in = stretches({name: r for name, r in chosen.items() if r.direction == "in"})
-        self._driven: dict[str, int] = {}
+        self._driven: dict[str, tuple[int, ...]] = {}
+        self._before: dict[str, float] = {}
         self._checked_s = time.monotonic()
-        self._quiet_until_s = 0.0
-        self._client = _client(settings)
+        self._quiet_until_s = self._rest_until_s = 0.0
+        self._sent = self._heard = b""
+        self._log = wire_log("modbus", settings.address)
+        self._client = _client(settings, self._trace)
         try:
             self._connect()
             self._arm(self.watchdog_s, {c.terminal: c.safe for c in wiring.outputs.values()})
             self._leave_safe_mode({c.terminal: c.safe for c in wiring.outputs.values()})
+            self.identity = self._identity()
         except BaseException:
             self.close()
             raise
 
     def standing(self) -> dict[str, float]:
         """Where the outputs stand, read back."""
-        return {name: register.value_of([count], self._order) for name, register, count in self._read_back()}
+        return {name: register.value_of(words, self._order) for name, register, words in self._read_back()}
 
     def drive(self, values: Mapping[str, float]) -> None:
         """Write the outputs, neighbours in one request.
@@ -353,20 +301,17 @@ class ModbusLink:
         if late:  # a safe value shall not wait: sent at once, and once more when the line is clean
             self._write_blindly(values)
         self._watchdog_has_not_expired()
-        for stretch, counts in self._counts(values):
-            self._ask(16, stretch.first, values=counts)
-            self._driven.update(dict(zip(stretch.terminals, counts, strict=True)))
+        for stretch, words in self._words(values):
+            self._ask(16, stretch.first, values=words)
+            self._driven.update(stretch.split(words))
 
     def read(self) -> dict[str, float]:
-        """Every input, and now and then whether outputs still stand where they were driven."""
+        """Every input, NaN where it has no measurement; now and then also whether outputs still stand as driven."""
         self._watchdog_has_not_expired()
         readings: dict[str, float] = {}
         for stretch in self._in:
-            function = 4 if next(iter(stretch.terminals.values())).table == "input" else 3
-            words = self._ask(function, stretch.first, count=stretch.count)
-            for name, register in stretch.terminals.items():
-                at = register.address - stretch.first
-                readings[name] = self._plausible(name, register, words[at : at + register.words])
+            words = stretch.split(self._ask(stretch.function, stretch.first, count=stretch.count))
+            readings |= {name: self._measured(name, r, words[name]) for name, r in stretch.terminals.items()}
         if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
             self._outputs_stand()
         return readings
@@ -386,14 +331,29 @@ class ModbusLink:
             elif value in _PER_SECOND:
                 self._ask(6, address, values=[max(1, round(_PER_SECOND[value] * (time_s or 0.0)))])
             elif (terminal := _safe_of(value)) in safe:
-                self._ask(6, address, values=[self._model.registers[terminal].count_of(safe[terminal])])
+                words = self._model.registers[terminal].words_of(safe[terminal], self._order)
+                self._ask(6 if len(words) == 1 else 16, address, values=words)
+
+    def _identity(self) -> str:
+        """What the device says of itself; most that say nothing refuse the question at once."""
+        from pymodbus.exceptions import ModbusException
+
+        if self._settings.transport != "tcp":
+            return ""
+        try:
+            answer = self._client.read_device_information(device_id=self._settings.unit_id)
+            told: Mapping[int, bytes] = {} if answer.isError() else answer.information
+        except (ModbusException, OSError):  # the next question begins on a new connection
+            self._client.close()
+            return ""
+        return " ".join(part.decode("ascii", "replace").strip() for part in told.values() if isinstance(part, bytes))
 
     def _leave_safe_mode(self, safe: Mapping[str, float]) -> None:
         """A device that made its outputs safe in an earlier run takes commands again, from the safe values on."""
         if self._model.safe_status is None or self._model.clear_safe is None or not self._in_safe_mode():
             return
-        for stretch, counts in self._counts(safe):
-            self._ask(16, stretch.first, values=counts)
+        for stretch, words in self._words(safe):
+            self._ask(16, stretch.first, values=words)
         for stretch in self._out:
             for register in stretch.terminals.values():
                 self._ask(5, self._model.clear_safe + register.address - self._first_output, values=[1])
@@ -412,19 +372,18 @@ class ModbusLink:
             flagged += [name for name, flag in zip(stretch.terminals, flags, strict=False) if flag]
         return flagged
 
-    def _counts(self, values: Mapping[str, float]) -> Iterable[tuple[Stretch, list[int]]]:
+    def _words(self, values: Mapping[str, float]) -> Iterable[tuple[Stretch, list[int]]]:
         """What to write; an output that is not given keeps what was driven before."""
         for stretch in self._out:
-            counts = {name: self._driven.get(name, 0) for name in stretch.terminals}
-            counts |= {name: r.count_of(values[name]) for name, r in stretch.terminals.items() if name in values}
-            yield stretch, list(counts.values())
+            words = {name: self._driven.get(name, (0,) * r.words) for name, r in stretch.terminals.items()}
+            words |= {name: tuple(r.words_of(values[name], self._order)) for name, r in stretch.terminals.items()
+                      if name in values}  # fmt: skip
+            yield stretch, [word for name in stretch.terminals for word in words[name]]
 
-    def _read_back(self) -> Iterator[tuple[str, Register, int]]:
+    def _read_back(self) -> Iterator[tuple[str, Register, tuple[int, ...]]]:
         for stretch in self._out:
-            first = next(iter(stretch.terminals.values()))
-            at = stretch.first if first.read_back is None else first.read_back
-            counts = self._ask(3, at, count=stretch.count)
-            yield from ((name, r, count) for (name, r), count in zip(stretch.terminals.items(), counts, strict=True))
+            words = stretch.split(self._ask(3, stretch.read_back, count=stretch.count))
+            yield from ((name, register, words[name]) for name, register in stretch.terminals.items())
 
     def _outputs_stand(self) -> None:
         self._checked_s = time.monotonic()
@@ -432,9 +391,9 @@ class ModbusLink:
             raise LinkError(
                 f"{', '.join(safe)}: the device itself has made it safe; its watchdog expired, or it was told to"
             )
-        for name, register, count in self._read_back():
-            if name in self._driven and count != self._driven[name]:
-                stands, driven = (register.value_of([c], self._order) for c in (count, self._driven[name]))
+        for name, register, words in self._read_back():
+            if name in self._driven and words != self._driven[name]:
+                stands, driven = (register.value_of(w, self._order) for w in (words, self._driven[name]))
                 raise LinkError(
                     f"{name} stands at {stands:.4g} {register.unit}, not at {driven:.4g} as it was driven: the device "
                     f"restarted, its watchdog expired, or another master writes to it"
@@ -444,32 +403,29 @@ class ModbusLink:
         if self._driven:
             self._watchdog.check()
 
-    def _plausible(self, name: str, register: Register, words: Sequence[int]) -> float:
-        """A reading within the terminal's range; what is a little beyond stands at its end.
+    def _measured(self, name: str, register: Register, words: Sequence[int]) -> float:
+        """A reading, NaN when it is none.
 
         Raises:
-            LinkError: not a number, or one that only the wrong word order explains.
+            LinkError: it is none from the first on: then the bench file is wrong, or the sensor dead.
         """
-        value = register.value_of(words, self._order)
-        full = max(abs(register.low), abs(register.high))
-        if register.format == "f32":
-            denormal = value != 0.0 and abs(value) < 1e-20
-            if math.isnan(value):
-                raise LinkError(f"{name} reads NaN: no valid measurement, or check word_order (now {self._order})")
-            if denormal or abs(value) > _IMPLAUSIBLE * full:
-                raise LinkError(
-                    f"{name} reads {value:.3g} {register.unit}, beyond anything plausible: check word_order "
-                    f"(now {self._order})"
-                )
-        return min(max(value, register.low), register.high)
+        said = register.value_of(words, self._order)
+        value = register.measured(said, self._before.get(name))
+        if math.isnan(value) and name not in self._before:
+            raise LinkError(
+                f"{name} reads {said:.3g} {register.unit}, no measurement: a dead sensor, or check word_order (now "
+                f"{self._order})"
+            )
+        self._before[name] = value
+        return value
 
     def _write_blindly(self, values: Mapping[str, float]) -> None:
         """Send values without waiting for what the device says to them."""
         try:
             self._connect()
-            for stretch, counts in self._counts(values):
+            for stretch, words in self._words(values):
                 self._client.write_registers(
-                    stretch.first, counts, device_id=self._settings.unit_id, no_response_expected=True
+                    stretch.first, words, device_id=self._settings.unit_id, no_response_expected=True
                 )
         except Exception:  # the checked writing that follows says what is wrong
             pass
@@ -478,15 +434,16 @@ class ModbusLink:
 
     def _ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
         """One request and its answer, which is checked to be the answer to just this request."""
-        from pymodbus.exceptions import ConnectionException, ModbusException
+        from pymodbus.exceptions import ConnectionException
 
         self._wait_until_clean()
+        self._heard = b""
         try:
             answer = _request(self._client, function, address, count, values, self._settings.unit_id)
         except ConnectionException as error:
             self._fail(error, DeviceLostError, "the connection is lost")
-        except (ModbusException, OSError) as error:
-            self._fail(error, LinkError, f"no valid answer within {self._settings.timeout_s:g} s")
+        except Exception as error:  # whatever the library makes of what came
+            self._fail(error, LinkError, f"no valid answer within {self._settings.timeout_s:g} s{self._what_came()}")
         self._watchdog.heard()
         if answer.isError():
             raise LinkError(
@@ -495,11 +452,41 @@ class ModbusLink:
             )
         if not _belongs(answer, function, address, count, values):
             self._fail(None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}")
+        if self._settings.pause_s:
+            self._rest_until_s = time.monotonic() + self._settings.pause_s
         return [int(bit) for bit in answer.bits[:count]] if function == 1 else list(answer.registers)
 
+    def _what_came(self) -> str:
+        """What can be said of an answer that was none."""
+        if not self._heard:
+            return ""
+        if self._settings.transport == "tcp" and self._heard[:2] != self._sent[:2]:
+            came, sent = (int.from_bytes(frame[:2], "big") for frame in (self._heard, self._sent))
+            return (
+                f": one came, but with transaction number {came} instead of {sent}: a gateway that numbers by itself, "
+                f"which cannot be used, or answers that come late"
+            )
+        if self._settings.transport == "rtu" and self._heard.startswith(self._sent):
+            return ": what was sent came back: the adapter echoes, say echo = true"
+        return f": what came is none ({self._heard[:20].hex(' ')})"
+
+    def _trace(self, sending: bool, frame: bytes) -> bytes:
+        if sending:
+            self._sent = frame
+        else:
+            self._heard = frame
+        self._log.debug("%s %s", "→" if sending else "←", frame.hex(" "))
+        return frame if sending or self._settings.transport == "tcp" else self._from_the_answer_on(frame)
+
+    def _from_the_answer_on(self, frame: bytes) -> bytes:
+        """What came on a serial line without the noise of its turning around, which the library takes for an answer."""
+        unit_id, function = self._sent[:2]
+        starts = (i for i in range(len(frame) - 1) if frame[i] == unit_id and frame[i + 1] & 0x7F == function)
+        return frame[next(starts, 0) :]
+
     def _wait_until_clean(self) -> None:
-        """On a serial line, let a late answer pass before the next request, then begin with an empty buffer."""
-        wait_s = self._quiet_until_s - time.monotonic()
+        """Let a late answer pass on a serial line, and a device its pause, before the next request."""
+        wait_s = max(self._quiet_until_s, self._rest_until_s) - time.monotonic()
         if wait_s > 0.0:
             time.sleep(wait_s)
         self._quiet_until_s = 0.0
@@ -525,21 +512,24 @@ _EXCEPTIONS = {
 }
 
 
-def _client(settings: LineSettings) -> Any:
+def _client(settings: LineSettings, trace: Callable[[bool, bytes], bytes] | None = None) -> Any:
     from pymodbus import FramerType
     from pymodbus.client import ModbusTcpClient
 
     from drivers._steady_serial import SteadySerialClient
 
-    logging.getLogger("pymodbus.logging").addHandler(logging.NullHandler())  # what matters is raised
-    common: dict[str, Any] = {"timeout": settings.timeout_s, "retries": 0}
+    quiet("pymodbus.logging")
+    common: dict[str, Any] = {"timeout": settings.timeout_s, "retries": 0, "trace_packet": trace}
     if settings.transport == "tcp":
         host, port = _host_and_port(settings.address) or ("", 0)
         return ModbusTcpClient(host, port=port, **common)
     if settings.address.startswith("socket://"):
         host, port = _host_and_port(settings.address.removeprefix("socket://")) or ("", 0)
-        return ModbusTcpClient(host, port=port, framer=FramerType.RTU, **common)
-    return SteadySerialClient(settings.address, baudrate=settings.baud, parity=settings.parity, **common)
+        client: Any = ModbusTcpClient(host, port=port, framer=FramerType.RTU, **common)
+    else:
+        client = SteadySerialClient(settings.address, baudrate=settings.baud, parity=settings.parity, **common)
+    client.comm_params.handle_local_echo = client.transaction.comm_params.handle_local_echo = settings.echo
+    return client
 
 
 def _request(client: Any, function: int, address: int, count: int, values: Sequence[int], unit_id: int) -> Any:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from drivers._edge import edge
 from drivers.modbus import LineSettings, ModbusLink, Model, Register, line_faults
 from drivers.modbus import needs as line_needs
 from hil.daq.channel import OutputChannel, Terminal, Wiring
@@ -60,6 +61,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
     return PolledDaq({"amplifier": open_link(settings, wiring)}, {"amplifier": wiring})
 
 
+@edge
 class PwmAmplifierLink(ModbusLink):
     """An amplifier (see `hil.daq.polled.Link`). It makes the dither by itself, so that polling need not be fast.
 

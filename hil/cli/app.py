@@ -18,11 +18,15 @@ _debug = False
 
 
 def _options(
-    debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error."),
+    debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error, and the frames of every link."),
     version: bool = typer.Option(False, "--version", is_eager=True, help="Show the version and exit."),
 ) -> None:
     global _debug
     _debug = debug
+    if debug:
+        from hil.cli.frames import show_frames
+
+        show_frames()
     if version:
         typer.echo(f"hil {__version__}")
         raise typer.Exit

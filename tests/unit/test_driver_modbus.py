@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import struct
 import threading
@@ -367,6 +368,10 @@ def test_float_in_the_wrong_word_order_is_not_believed() -> None:
         time.sleep(0.003)
         assert link.read()["flow"] == pytest.approx(33.0, rel=1e-3)
         served.behaviour.quirks = Quirks(word_order=True)
+        assert math.isnan(link.read()["flow"])
+    with linked(METER, Quirks(word_order=True), model="flow-meter") as (link, _, terminals):
+        terminals.drive({"ao0": 3.3})
+        time.sleep(0.003)
         with pytest.raises(LinkError, match=r"flow reads .* check word_order \(now big\)"):
             link.read()
 
@@ -381,7 +386,7 @@ def test_float_in_the_word_order_of_the_bench_file() -> None:
 def test_no_number_is_no_reading() -> None:
     with (
         linked(METER, Quirks(not_a_number=True), model="flow-meter") as (link, _, _),
-        pytest.raises(LinkError, match="flow reads NaN"),
+        pytest.raises(LinkError, match="flow reads nan l/min, no measurement: a dead sensor"),
     ):
         link.read()
 

@@ -1,0 +1,78 @@
+"""The edge between a driver and the libraries under it: whatever these raise leaves it as an error of this program."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+from hil.errors import DeviceLostError, HardwareError, HilError, LinkError
+
+_T = TypeVar("_T", bound=type)
+_RAISING = ("__init__", "standing", "drive", "read")
+
+
+def named(error: Exception, where: str) -> HardwareError:
+    """An error of a library, of which nothing is known but its type and text, as one of a device.
+
+    Args:
+        error: what was raised.
+        where: the device: its address.
+
+    Returns:
+        `DeviceLostError` for what the operating system says of the connection, else `LinkError`.
+    """
+    text = " ".join(str(error).split())
+    kind = DeviceLostError if isinstance(error, OSError | EOFError) else LinkError
+    return kind(f"{where}: {type(error).__name__}{f': {text}' if text else ''}")
+
+
+def edge(link: _T) -> _T:
+    """A class of links whose methods raise errors of `hil.errors` alone, and whose `close` raises nothing.
+
+    The first argument of its `__init__` are the settings, whose `address` says which device it is.
+    """
+    for name in _RAISING:
+        setattr(link, name, _named_errors(getattr(link, name)))
+    link.close = _silent(link.close)  # type: ignore[attr-defined]
+    return link
+
+
+def wire_log(driver: str, address: str) -> logging.Logger:
+    """The log of one link, `hil.link.DRIVER.ADDRESS`: frames at DEBUG, nothing above. Silent unless it is asked for."""
+    return logging.getLogger(f"hil.link.{driver}.{address.replace('.', '_')}")
+
+
+def quiet(*names: str) -> None:
+    """Libraries that would write to the terminal when nobody listens to their logs: what matters is raised."""
+    for name in names:
+        log = logging.getLogger(name)
+        if not log.handlers:
+            log.addHandler(logging.NullHandler())
+
+
+def _named_errors(method: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(method)
+    def call(self: Any, *args: Any, **more: Any) -> Any:
+        if method.__name__ == "__init__" and args:
+            self.where = str(getattr(args[0], "address", ""))
+        try:
+            return method(self, *args, **more)
+        except HilError:
+            raise
+        except Exception as error:
+            raise named(error, getattr(self, "where", "")) from error
+
+    return call
+
+
+def _silent(method: Callable[..., Any]) -> Callable[..., Any]:
+    @wraps(method)
+    def call(self: Any) -> None:
+        try:
+            method(self)
+        except Exception as error:
+            logging.getLogger("hil.link").debug("%s: closing: %r", getattr(self, "where", ""), error)
+
+    return call

@@ -1,0 +1,303 @@
+"""The Modbus driver against devices that share nothing with it: tables, formats, byte orders, lines that misbehave."""
+
+from __future__ import annotations
+
+import logging
+import math
+import struct
+import time
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers import modbus
+from drivers.modbus import LineSettings, ModbusLink, Model, Register
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
+from tests.foreign_line import ForeignLine, Tables
+
+ORDERS = {
+    "big": "42 35 33 33", "ABCD": "42 35 33 33", "little": "33 33 42 35", "CDAB": "33 33 42 35",
+    "BADC": "35 42 33 33", "DCBA": "33 33 35 42",
+}  # fmt: skip
+"""45.3 as a float, by byte order."""
+
+
+def registers(*data: str) -> list[int]:
+    return list(struct.unpack(f">{len(bytes.fromhex(data[0])) // 2}H", bytes.fromhex(data[0])))
+
+
+def float_at(address: int, value: float) -> dict[int, int]:
+    return dict(enumerate(struct.unpack(">HH", struct.pack(">f", value)), address))
+
+
+def gauge(form: Any = "f32", table: Any = "input", at: int = 0, slope: float = 1.0) -> Register:
+    return Register("in", "value", "degC", -50.0, 200.0, table, at, form, slope)
+
+
+def wired(*inputs: str, outputs: tuple[str, ...] = ()) -> Wiring:
+    return Wiring(
+        {name: OutputChannel(name, name, "value", "bar", -500.0, 500.0) for name in outputs},
+        {name: InputChannel(name, name, "value", "degC", -50.0, 200.0) for name in inputs},
+    )
+
+
+def opened(line: ForeignLine, model: Model, wiring: Wiring, **more: Any) -> ModbusLink:
+    rtu = more.get("transport") == "rtu"
+    told = {"timeout_s": 0.1, "longest_reply_s": 0.15, **more}
+    address = f"{'socket://' if rtu else ''}127.0.0.1:{line.port}"
+    return ModbusLink(LineSettings.model_validate({"address": address, **told}), wiring, model)
+
+
+def test_neighbouring_addresses_of_two_tables_are_two_requests() -> None:
+    """Address 0 of the input registers and 1 of the holding registers are no neighbours."""
+    device = Tables(holding={0: 111, 1: 222}, inputs={0: 444, 1: 333})
+    model = Model({"a": gauge("u16", "input", 0), "b": gauge("u16", "holding", 1)})
+    with ForeignLine(device.on_tcp) as line:
+        link = opened(line, model, wired("a", "b"))
+        assert link.read() == {"a": 444.0, "b": 222.0}
+        link.close()
+
+
+@pytest.mark.parametrize(("order", "data"), ORDERS.items())
+def test_byte_orders_by_name(order: Any, data: str) -> None:
+    device = Tables(inputs=dict(enumerate(registers(data))))
+    with ForeignLine(device.on_tcp) as line:
+        link = opened(line, Model({"t": gauge()}), wired("t"), word_order=order)
+        assert link.read()["t"] == pytest.approx(45.3, rel=1e-6)
+        link.close()
+
+
+@pytest.mark.parametrize("data", [d for name, d in ORDERS.items() if name in ("CDAB", "BADC", "DCBA")])
+def test_a_float_in_another_byte_order_is_no_measurement(data: str) -> None:
+    device = Tables(inputs=dict(enumerate(registers(ORDERS["ABCD"]))))
+    with ForeignLine(device.on_tcp) as line:
+        link = opened(line, Model({"t": gauge()}), wired("t"))
+        assert link.read()["t"] == pytest.approx(45.3, rel=1e-6)
+        device.inputs.update(enumerate(registers(data)))
+        assert math.isnan(link.read()["t"]) and math.isnan(link.read()["t"])
+        link.close()
+        again = opened(line, Model({"t": gauge()}), wired("t"))
+        with pytest.raises(LinkError, match=r"t reads .* degC, no measurement: .* check word_order \(now big\)"):
+            again.read()
+        again.close()
+
+
+@pytest.mark.parametrize(
+    ("readings", "measured"),
+    [
+        ([0.0, 3e-9, -2e-8, 0.3], [True, True, True, True]),  # through zero, or dying away towards it
+        ([45.3, 1e-40, 45.3], [True, False, True]),
+        ([45.3, math.nan, 3e-7, 1e-8], [True, False, False, False]),
+        ([45.3, 2e4, 250.0, math.inf], [True, False, True, True]),  # beyond the range is not for the driver to judge
+    ],
+)
+def test_what_counts_as_a_reading(readings: list[float], measured: list[bool]) -> None:
+    device = Tables()
+    with ForeignLine(device.on_tcp) as line:
+        link = opened(line, Model({"t": gauge()}), wired("t"))
+        for reading, good in zip(readings, measured, strict=True):
+            device.inputs.update(float_at(0, reading))
+            assert math.isnan(link.read()["t"]) is not good, reading
+        link.close()
+
+
+@pytest.mark.parametrize(
+    ("form", "words", "value"),
+    [("u16", [0xFFFE], 65.534), ("s16", [0xFFFE], -0.002), ("u32", [0x0001, 0xE240], 123.456),
+     ("s32", [0x0001, 0xE240], 123.456), ("s32", [0xFFFE, 0x1DC0], -123.456)],
+)  # fmt: skip
+def test_formats_of_whole_numbers(form: Any, words: list[int], value: float) -> None:
+    device = Tables(inputs=dict(enumerate(words)))
+    with ForeignLine(device.on_tcp) as line:
+        link = opened(line, Model({"t": gauge(form, slope=1e-3)}), wired("t"))
+        assert link.read()["t"] == pytest.approx(value)
+        link.close()
+
+
+@pytest.mark.parametrize(("key", "said"), [("format", "f64"), ("format", "int16"), ("table", "coil")])
+def test_an_unknown_format_or_table_is_no_register(key: str, said: str) -> None:
+    with pytest.raises(SettingError, match=rf"register 0x0004: {key} '{said}' is not known: "):
+        gauge(**{"at": 4, "form" if key == "format" else key: said})
+    with pytest.raises(SettingError, match="an output is a holding register"):
+        Register("out", "value", "bar", 0.0, 9.0, "input", 4)
+
+
+@pytest.mark.parametrize("form", ["f32", "s32"])
+def test_outputs_in_two_registers_are_driven_and_read_back(form: Any) -> None:
+    device = Tables(holding={8: 0, 9: 0, 10: 0})
+    model = Model({
+        "p": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, form, 1.0 if form == "f32" else 1e-3),
+        "q": Register("out", "value", "bar", -500.0, 500.0, "holding", 10, "s16"),
+    })  # fmt: skip
+    with ForeignLine(device.on_tcp) as line:
+        link = opened(line, model, wired(outputs=("p", "q")))
+        link.drive({"p": -123.5, "q": 7.0})
+        expected = struct.pack(">f", -123.5) if form == "f32" else struct.pack(">i", -123500)
+        assert struct.pack(">HH", device.holding[8], device.holding[9]) == expected
+        assert device.holding[10] == 7
+        assert link.standing() == {"p": -123.5, "q": 7.0}
+        device.holding[9] ^= 0x4000
+        link._checked_s = 0.0  # as after half a second
+        with pytest.raises(LinkError, match=r"p stands at .* bar, not at -123.5 as it was driven"):
+            link.read()
+        link.close()
+
+
+@given(value=st.floats(-500.0, 500.0, width=32), order=st.sampled_from(list(ORDERS)))
+def test_what_is_written_is_what_is_read(value: float, order: Any) -> None:
+    register = Register("out", "value", "bar", -500.0, 500.0, "holding", 0, "f32")
+    assert register.value_of(register.words_of(value, order), order) == value
+
+
+def test_a_gateway_that_numbers_by_itself_is_told_apart_from_silence() -> None:
+    device = Tables(inputs=float_at(0, 45.3))
+    with ForeignLine(lambda frame: b"\x99\x02" + device.on_tcp(frame)[2:]) as line:
+        link = opened(line, Model({"t": gauge()}), wired("t"))
+        with pytest.raises(
+            LinkError, match=r"came, but with transaction number 39170 instead of \d+: a gateway that num"
+        ):
+            link.read()
+        link.close()
+
+
+def test_an_adapter_that_echoes_is_named_and_a_setting_helps() -> None:
+    device = Tables(inputs={0: 453})
+    model, wiring = Model({"t": gauge("u16")}), wired("t")
+    with ForeignLine(lambda frame: frame + device.on_serial(frame)) as line:
+        link = opened(line, model, wiring, transport="rtu")
+        with pytest.raises(LinkError, match="what was sent came back: the adapter echoes, say echo = true"):
+            link.read()
+        link.close()
+        link = opened(line, model, wiring, transport="rtu", echo=True)
+        assert [link.read()["t"] for _ in range(3)] == [453.0] * 3
+        link.close()
+
+
+def test_echo_belongs_to_a_serial_line() -> None:
+    settings = LineSettings(address="127.0.0.1:502", echo=True)
+    assert [place for place, _ in modbus.line_faults(settings, Model({"t": gauge()}))] == [("echo",)]
+
+
+def test_a_device_that_needs_a_pause_between_frames_gets_it() -> None:
+    device = Tables(inputs={0: 453})
+    answered_s = [0.0]
+
+    def slow(frame: bytes) -> bytes:
+        if time.monotonic() - answered_s[0] < 0.05:
+            return b""
+        answered_s[0] = time.monotonic()
+        return device.on_serial(frame)
+
+    with ForeignLine(slow) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu", pause_s=0.06)
+        assert [link.read()["t"] for _ in range(3)] == [453.0] * 3
+        link.close()
+
+
+def test_noise_before_an_answer_on_a_serial_line_is_passed_over() -> None:
+    device = Tables(inputs={0: 453})
+    with ForeignLine(lambda frame: b"\x00\xff" + device.on_serial(frame)) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu")
+        assert link.read()["t"] == 453.0
+        link.close()
+
+
+@pytest.mark.parametrize("spoiled", [b"", b"\x00", b"\xff" * 99, b"\x01\x84\x02", b"\x01\x04\xff\x00", b"\x01\x2b\x0e"])
+@pytest.mark.parametrize("transport", ["tcp", "rtu"])
+def test_whatever_comes_back_is_a_reading_or_a_link_error(transport: str, spoiled: bytes) -> None:
+    device = Tables(inputs={0: 453})
+    answer = device.on_tcp if transport == "tcp" else device.on_serial
+    spoil = [False]
+
+    def sometimes(frame: bytes) -> bytes:
+        good = answer(frame)
+        return (good[:6] if transport == "tcp" else b"") + spoiled if spoil[0] else good
+
+    with ForeignLine(sometimes) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport=transport)
+        assert link.read()["t"] == 453.0
+        spoil[0] = True
+        with pytest.raises(HardwareError):
+            link.read()
+        spoil[0] = False
+        assert link.read()["t"] == 453.0
+        link.close()
+
+
+class Broken:
+    """A client of which every use raises."""
+
+    def __init__(self, error: BaseException) -> None:
+        self._error = error
+
+    def __getattr__(self, name: str) -> Any:
+        def use(*_args: Any, **_more: Any) -> Any:
+            raise self._error
+
+        return use
+
+
+ANYTHING = (
+    OSError(5, "Input/output error"), ConnectionResetError(), struct.error("unpack requires a buffer of 4 bytes"),
+    ValueError("garbled"), KeyError("x"), IndexError(), AttributeError("gone"), TypeError("None"), EOFError(),
+    UnicodeDecodeError("ascii", b"\xff", 0, 1, "ordinal not in range"), RuntimeError("bus-off"), TimeoutError(),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("error", ANYTHING, ids=lambda e: type(e).__name__)
+def test_whatever_the_library_raises_is_a_named_error(error: Exception) -> None:
+    device = Tables(inputs={0: 453}, holding={8: 0})
+    model = Model({"t": gauge("u16"), "q": Register("out", "value", "bar", -500.0, 500.0, "holding", 8, "s16")})
+    with ForeignLine(device.on_tcp) as line:
+        link = opened(line, model, wired("t", outputs=("q",)))
+        link._client.close()
+        link._client = Broken(error)
+        for call in (link.read, link.standing, lambda: link.drive({"q": 1.0})):
+            with pytest.raises(HardwareError) as told:
+                call()
+            assert str(told.value)
+        link.close()
+
+
+def test_a_connection_that_is_closed_is_a_lost_device() -> None:
+    device = Tables(inputs={0: 453})
+    closing = [False]
+    with ForeignLine(lambda frame: None if closing[0] else device.on_tcp(frame)) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"))
+        closing[0] = True
+        with pytest.raises(DeviceLostError):
+            link.read()
+        link.close()
+
+
+@pytest.mark.parametrize("said", ["Moxa E1241 V3.2", ""])
+def test_what_a_device_says_of_itself(said: str) -> None:
+    with ForeignLine(Tables(inputs={0: 453}, identity=said).on_tcp) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"))
+        assert link.identity == said
+        assert link.read()["t"] == 453.0
+        link.close()
+
+
+def test_frames_are_logged_for_who_listens_and_nobody_else(
+    caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
+) -> None:
+    levels = {name: logging.getLogger(name).level for name in ("pymodbus", "pymodbus.logging")}
+    with ForeignLine(Tables(inputs={0: 453}).on_tcp) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"))
+        link.read()
+        assert not caplog.records
+        with caplog.at_level(logging.DEBUG, logger="hil.link"):
+            link.read()
+        link.close()
+        link = opened(line, Model({"t": gauge("u16", at=9)}), wired("t"))
+        with pytest.raises(LinkError, match=r"exception 2 \(no such register\)"):
+            link.read()
+        link.close()
+    sent, came = (record for record in caplog.records if record.name.startswith("hil.link.modbus.127_0_0_1:"))
+    assert sent.getMessage().startswith("→ ") and came.getMessage().endswith("01 c5")
+    assert {name: logging.getLogger(name).level for name in levels} == levels
+    assert capfd.readouterr().err == ""
