@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from pydantic import BaseModel
@@ -15,7 +16,7 @@ from hil.bench.examined import examined_device
 from hil.bench.read import BenchFile
 from hil.catalog import find
 from hil.daq.conformance import Subject
-from hil.errors import SettingError
+from hil.errors import SettingError, UnknownNameError
 
 
 def serve(file: BenchFile, folder: Path, quirks: dict[str, dict[str, str]]) -> dict[str, Any]:
@@ -31,7 +32,7 @@ def serve(file: BenchFile, folder: Path, quirks: dict[str, dict[str, str]]) -> d
                 f"device '{name}' is simulated = \"{device.simulated}\", within the program that runs the bench; only "
                 f'devices with driver = "…" are served'
             )
-    twins = {name: find("devices", device.driver).load() for name, device in devices.items()}
+    twins = {name: _twin_of(device.driver) for name, device in devices.items()}
     wirings = {name: device.wiring(file.bench.channels) for name, device in file.devices.items()}
     world = next(iter(twins.values())).world(simulation_of(list(devices), file.bench, folder), wirings)
     served: dict[str, Any] = {}
@@ -76,7 +77,7 @@ def subject(
     if hardware:
         yield examined
         return
-    twin = find("devices", driver).load()
+    twin = _twin_of(driver)
     wirings = {name: other.wiring(file.bench.channels) for name, other in file.devices.items()}
     side = twin.world(simulation_of(list(file.devices), file.bench, folder), wirings).side(using[0])
     served = twin.serve(file.bench.devices[using[0]].settings, side, twin.quirks({}))
@@ -88,6 +89,16 @@ def subject(
         yield replace(examined, elsewhere=_nowhere(device.settings, served.where), side=side, spoil=spoil, responses=())
     finally:
         served.close()
+
+
+def _twin_of(driver: str) -> ModuleType:
+    try:
+        return find("devices", driver).load()
+    except UnknownNameError:
+        raise SettingError(
+            f"driver '{driver}' has no simulated device: nothing is served for it; `hil run … --rehearse` plays a run "
+            f"without the device, `hil check-driver … --hardware` examines the device itself"
+        ) from None
 
 
 def _nowhere(settings: BaseModel, where: str) -> BaseModel:

@@ -26,11 +26,15 @@ class Bench:
         self._told = {"NI_BOARD": str(self.board), "HIL_STATE_DIR": str(folder / "state"),
                       "PYTHONPATH": os.pathsep.join(str(HERE / part) for part in ("stand_in", "stranger"))}  # fmt: skip
 
+    def hil(self, *arguments: str) -> subprocess.Popen[str]:
+        pipe, environment = subprocess.PIPE, {**os.environ, **self._told}
+        return subprocess.Popen(
+            [sys.executable, "-m", "hil", *arguments], env=environment, text=True, stdout=pipe, stderr=pipe
+        )
+
     def start(self, hold_s: float) -> subprocess.Popen[str]:
-        command = [sys.executable, "-m", "hil", "run", "tiny_step", "--bench", "hpv41-usb-6211", "--out",
-                   str(self.folder / "run"), "--set", "levels=50", "--set", f"hold_s={hold_s}"]  # fmt: skip
-        pipe = subprocess.PIPE
-        return subprocess.Popen(command, env={**os.environ, **self._told}, text=True, stdout=pipe, stderr=pipe)
+        return self.hil("run", "tiny_step", "--bench", "hpv41-usb-6211", "--out", str(self.folder / "run"),
+                        "--set", "levels=50", "--set", f"hold_s={hold_s}")  # fmt: skip
 
     def level(self, terminal: str) -> float | None:
         """Where an output stands, as the board has it."""
@@ -92,3 +96,24 @@ def test_board_is_unplugged_and_found_again_by_the_watchdog_process(bench: Bench
     assert "(-200324)" in err and "could not be made safe" in err and "use the emergency stop" in err
     assert bench.watchdog()["safe_after_s"] >= 0.0
     assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
+
+
+def test_board_itself_is_examined(bench: Bench) -> None:
+    out, err = bench.hil("check-driver", "ni", "--bench", "hpv41-usb-6211", "--hardware").communicate(
+        timeout=PATIENCE_S
+    )
+    lines = [line.split(maxsplit=1) for line in out.splitlines()[1:-1]]
+    verdicts = {text.partition(":")[0]: verdict for verdict, text in lines}
+    assert "broken" not in verdicts.values(), out + err
+    passed = {check for check, verdict in verdicts.items() if verdict == "passed"}
+    assert {"leaves outputs where they are", "tells where outputs stand", "keeps the rate",
+            "goes safe at once and again"} <= passed  # fmt: skip
+    assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("command", [("devices", "hpv41-usb-6211"), ("check-driver", "ni")])
+def test_nothing_is_served_for_a_board(bench: Bench, command: tuple[str, str]) -> None:
+    process = bench.hil(*command)
+    _, err = process.communicate(timeout=PATIENCE_S)
+    assert process.returncode == 2
+    assert err.startswith("hil: driver 'ni' has no simulated device: nothing is served for it") and err.count("\n") == 1

@@ -158,7 +158,9 @@ class Subject:
         }
 
     def towards(self, channel: OutputChannel, share: float) -> float:
-        """So far from safe towards the farther end of its room; below zero to the other side."""
+        """So far from safe towards the farther end of its room; below zero to the other side. A line is off or on."""
+        if channel.kind == "digital":
+            return 1.0 - channel.safe if share > 0.0 else channel.safe
         low, high = self.room.get(channel.name, (channel.low, channel.high))
         share *= self.reach
         up = high - channel.safe >= channel.safe - low

@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from hil.daq.channel import OutputChannel
 from hil.daq.conformance.subject import SOON_S, Broken, LeftOut, Subject, agree, expect
 from hil.daq.contract import Block, Daq, Waveform, joined
 from hil.errors import RangeError
+from hil.record.recording import Array
 
 _RATE_HZ = 50.0
 
@@ -119,15 +121,21 @@ def far(subject: Subject, daq: Daq, samples: int) -> dict[str, Any]:
     ]
     ramp = np.linspace(0.0, 1.0, 2 + math.ceil(max(ramps, default=0.0)))[1:-1]
     shares = np.append(ramp, np.ones(samples))
-    return {name: c.safe + shares * (subject.towards(c, 0.5) - c.safe) for name, c in daq.outputs.items()}
+    return {name: _path(c, subject.towards(c, 0.5), shares) for name, c in daq.outputs.items()}
 
 
 def _swept(daq: Daq, subject: Subject) -> Block:
     if not subject.wiring.outputs:
         raise LeftOut("a device without outputs is played together with one that has some")
     samples = 15
-    values = {n: np.linspace(c.safe, subject.towards(c, 0.1), samples) for n, c in daq.outputs.items()}
+    shares = np.linspace(0.0, 1.0, samples)
+    values = {name: _path(c, subject.towards(c, 0.1), shares) for name, c in daq.outputs.items()}
     return joined(list(daq.play(Waveform(rate_of(daq), values), 4)))
+
+
+def _path(channel: OutputChannel, target: float, shares: Array) -> Array:
+    """From the safe value to a target; a line is there at once."""
+    return channel.safe + (np.ones_like(shares) if channel.kind == "digital" else shares) * (target - channel.safe)
 
 
 def _is_safe(subject: Subject, daq: Daq) -> None:
