@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -53,6 +54,7 @@ class BenchRig:
         self._recorder = recorder
         self._columns = {column.name: column for column in columns}
         self._progress = progress
+        self._rates_hz: set[float] = set()
         self._roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
 
     @property
@@ -72,7 +74,7 @@ class BenchRig:
     @property
     def rate_hz(self) -> float:
         """The sample rate that the bench file asks for, as the device really makes it."""
-        return self._guard.actual_rate_hz(self._bench.sample_rate_hz)
+        return self.actual_rate_hz(self._bench.sample_rate_hz)
 
     @property
     def settling_s(self) -> float:
@@ -90,8 +92,12 @@ class BenchRig:
         return self._sampling(self.rate_hz)
 
     def actual_rate_hz(self, asked_hz: float) -> float:
-        """The sample rate that will really be used when one is asked for. Raises `RangeError`."""
-        return self._guard.actual_rate_hz(asked_hz)
+        """The sample rate that will really be used when one is asked for; another one is noted. Raises `RangeError`."""
+        made_hz = self._guard.actual_rate_hz(asked_hz)
+        if asked_hz not in self._rates_hz and not math.isclose(made_hz, asked_hz, rel_tol=1e-6):
+            self.note("the device makes another sample rate", asked_hz=asked_hz, made_hz=made_hz)
+        self._rates_hz.add(asked_hz)
+        return made_hz
 
     def tighten(self, low: float, high: float, slew_per_s: float | None = None) -> None:
         """Narrow the limits of the command for the rest of the run; they never become wider."""
@@ -157,7 +163,7 @@ class BenchRig:
         return self._guard.levels[self.command.name]
 
     def _rate(self, asked_hz: float | None) -> float:
-        return self._guard.actual_rate_hz(self._bench.sample_rate_hz if asked_hz is None else asked_hz)
+        return self.actual_rate_hz(self._bench.sample_rate_hz if asked_hz is None else asked_hz)
 
     def _waveform(self, command: Array, rate_hz: float | None) -> Waveform:
         return Waveform(self._rate(rate_hz), {self.command.name: np.asarray(command, dtype=np.float64)})

@@ -226,6 +226,16 @@ def test_rate_is_coerced_to_what_the_device_has(tmp_path: Path) -> None:
             rig.play(np.zeros(10), 5000.0)
 
 
+def test_rate_that_the_device_makes_differently_is_noted_once(tmp_path: Path) -> None:
+    with rig_of(tmp_path) as rig:
+        rig.hold(0.1, 300.0)
+        rig.hold(0.1, 300.0)
+        rig.hold(0.1)
+    noted = [event["details"] for event in read_recording(tmp_path / "run").meta["events"]
+             if event["event"] == "the device makes another sample rate"]  # fmt: skip
+    assert noted == [{"asked_hz": 300.0, "made_hz": pytest.approx(1000.0 / 3.0)}]
+
+
 def test_over_pressure_trips(tmp_path: Path) -> None:
     pressure = ("seed = 1", "seed = 1\nparameters = { supply_pressure = 150.0 }")
     with (
