@@ -26,9 +26,13 @@ def too_hasty(file: BenchFile, _day: dt.date) -> Iterator[str]:
 
 
 def way_to_safe_s(file: BenchFile) -> float:
-    """How long a program can take to make outputs safe when no device answers [s]."""
+    """How long a program can be silent on its way to the safe values when no device answers [s]."""
     waits_s = {name: _longest_s(device) for name, device in file.devices.items()}
-    return _ASKED * max(waits_s.values(), default=0.0) + _DRIVEN * sum(waits_s[name] for name, _ in driving(file))
+    return (
+        file.bench.protection.block_s
+        + _ASKED * max(waits_s.values(), default=0.0)
+        + _DRIVEN * sum(waits_s[name] for name, _ in driving(file))
+    )
 
 
 def _longest_s(device: DeviceInUse) -> float:
