@@ -2,20 +2,30 @@
 
 One valve, one run, from the coil's resistance to the verdict. What would make the rest meaningless or unsafe ends
 the run early: a coil that is open or shorted, a pressure that does not follow the current, a type mistaken. The
-condition (good, malfunctioned, severely malfunctioned) is judged from friction, rise time and leakage against a
-simulated population; limits without a source in the thesis are settings of this project and can be changed per bench.
+condition (good, malfunctioned, severely malfunctioned) is judged from friction, rise time, leakage and −3 dB frequency
+against a simulated population: how probable the class good is, how usual the valve would be among good ones, and
+whether its rise and its −3 dB frequency are theirs. Limits without a source in the thesis are settings of this project
+and can be changed per bench.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal
 
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.efc_condition import Condition, condition, evaluated_test, reference_steps
+from hil.identification.efc_condition import (
+    FREQUENCIES_HZ,
+    ValveTest,
+    condition,
+    evaluated_test,
+    good_reference,
+    reference_steps,
+)
 from hil.identification.pressure_curve import PressureCurve, Sweep
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
@@ -39,16 +49,20 @@ from procedures._scale import check_at_least
 FUNCTION = Measurement(
     "function", "psi", "rise of pressure from the closing to the opening current, in the direction of the type", 100.0
 )
-GOOD = Measurement("probability_good", "%", "that the valve is good, from friction, rise time and leakage", 80.0)
+GOOD = Measurement("probability_good", "%", "that the valve is good, if it is of one of the classes", 80.0)
 MALFUNCTIONED = Measurement("probability_malfunctioned", "%", "that it is malfunctioned")
 SEVERE = Measurement("probability_severe", "%", "that it is severely malfunctioned")
+USUAL = Measurement("usual_among_good", "%", "good valves that lie farther from their middle than this one", 1.0)
+RISE_RATIO = Measurement("rise_over_good", "1", "rise to 1.6 A over that of the good reference")
+BANDWIDTH_RATIO = Measurement(
+    "bandwidth_over_good", "1", "−3 dB frequency at the medium level over that of the good reference"
+)
+_CONDITION = (GOOD, MALFUNCTIONED, SEVERE, USUAL, RISE_RATIO, BANDWIDTH_RATIO)
 COMPLETE = Measurement("parts_completed", "1", "parts of the test that were completed, of six", 6.0)
 MEASUREMENTS = (
     COMPLETE,
     FUNCTION,
-    GOOD,
-    MALFUNCTIONED,
-    SEVERE,
+    *_CONDITION,
     *electrical_check.MEASUREMENTS,
     *leakage_check.MEASUREMENTS,
     *pressure_current.MEASUREMENTS,
@@ -66,8 +80,8 @@ _PARTS: tuple[tuple[str, str, Any], ...] = (
 )
 _ENDED, _LEFT_OUT = "ended early", "level left out"
 _OPENING_A, _FOLLOWS_PSI = 1.8, 50.0
-_FREQUENCIES_HZ = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
-_CLASS_STEP_A = {"low": 1.4, "high": 1.6}
+_CLASS_STEP_A, _CLASS_LEVEL = {"low": 1.4, "high": 1.6}, "medium"
+_AWAY = "distances in standard deviations"
 
 
 def run(
@@ -77,7 +91,7 @@ def run(
     normally_open: bool = False,
     top_current: float = 2.0,
     sweep_s: float = 20.0,
-    frequencies: tuple[float, ...] = _FREQUENCIES_HZ,
+    frequencies: tuple[float, ...] = FREQUENCIES_HZ,
     levels: tuple[Literal["low", "medium", "high"], ...] = ("low", "medium", "high"),
     rate_hz: float | None = None,
 ) -> None:
@@ -199,22 +213,53 @@ def _steps(top_current: float) -> tuple[float, ...]:
 # -- condition ---------------------------------------------------------------------------------------------
 
 
-def _condition(recording: Recording, done: dict[str, Findings]) -> tuple[list[Measured], list[str]]:
-    """Probabilities of the classes; None where the tests that they need are missing."""
-    try:
-        found = _judged_condition(recording, done)
-    except InputError as error:
-        return [m.of(None) for m in (GOOD, MALFUNCTIONED, SEVERE)], [f"Condition cannot be told: {error}."]
-    shares = [round(100.0 * share, 1) for share in found.probabilities.values()]
-    notes = [f"Condition: {found.verdict} ({max(shares):.1f} %), against a simulated population of EFC valves."]
+def judged_condition(
+    test: ValveTest, frequencies_hz: tuple[float, ...], normally_open: bool
+) -> tuple[list[Measured], list[str]]:
+    """What the numbers of a test say of the valve's condition, each with its verdict, and what to read beside them.
+
+    Args:
+        test: friction, rise, leakage and −3 dB frequency.
+        frequencies_hz: of the sines that the −3 dB frequency was read from.
+        normally_open: the type, which the population is of as well.
+    """
+    found = condition(test, frequencies_hz, normally_open)
+    good = good_reference(frequencies_hz, normally_open)
+    shares: list[float | None] = [round(100.0 * share, 1) for share in found.probabilities.values()]
+    away = ", ".join(f"{name} {distance:.1f}" for name, distance in found.distances.items())
     if found.unlike:
-        notes.append("The valve is unlike any class of that population: read its numbers, not its class.")
-        return [m.of(None) for m in (GOOD, MALFUNCTIONED, SEVERE)], notes
-    return [m.of(share, 0.0) for m, share in zip((GOOD, MALFUNCTIONED, SEVERE), shares, strict=True)], notes
+        shares = [None] * len(shares)
+        notes = [f"Condition: unlike every class of a simulated population of EFC valves; {_AWAY}: {away}."]
+    else:
+        likely = 100.0 * found.probabilities[found.verdict]
+        notes = [f"Condition: {found.verdict} ({likely:.1f} %), against a simulated population; {_AWAY}: {away}."]
+    notes.append(
+        f"Good reference: rise to 1.6 A {1e3 * good.rise_s:.0f} ms, one good valve in forty above "
+        f"{1e3 * good.longest_rise_s:.0f} ms; −3 dB at the medium level {good.bandwidth_hz:.2f} Hz, one in forty below "
+        f"{good.least_bandwidth_hz:.2f} Hz. This valve: {1e3 * test.rise_s:.0f} ms, {test.bandwidth_hz:.2f} Hz."
+    )
+    rise, bandwidth = test.rise_s / good.rise_s, test.bandwidth_hz / good.bandwidth_hz
+    longest, least = good.longest_rise_s / good.rise_s, good.least_bandwidth_hz / good.bandwidth_hz
+    return [
+        *(m.of(share, 0.0) for m, share in zip(_CONDITION[:3], shares, strict=True)),
+        USUAL.of(round(100.0 * found.usual["good"], 2), 0.0),
+        replace(RISE_RATIO, high=round(longest, 3)).of(rise, test.rise_std_s / good.rise_s),
+        replace(BANDWIDTH_RATIO, low=round(least, 3)).of(bandwidth, test.bandwidth_std_hz / good.bandwidth_hz),
+    ], notes
 
 
-def _judged_condition(recording: Recording, done: dict[str, Findings]) -> Condition:
-    needed = ("leakage", "pressure over current", "steps")
+def _condition(recording: Recording, done: dict[str, Findings]) -> tuple[list[Measured], list[str]]:
+    """The condition; not determined where the tests that it needs are missing."""
+    try:
+        test = _valve_test(recording, done)
+    except InputError as error:
+        return [m.of(None) for m in _CONDITION], [f"Condition cannot be told: {error}."]
+    settings = recording.meta["settings"]
+    return judged_condition(test, tuple(settings["frequencies"]), bool(settings["normally_open"]))
+
+
+def _valve_test(recording: Recording, done: dict[str, Findings]) -> ValveTest:
+    needed = ("leakage", "pressure over current", "steps", "frequency response")
     missing = [name for name in needed if name not in done]
     if missing:
         raise InputError(f"not measured: {', '.join(missing)}")
@@ -226,7 +271,8 @@ def _judged_condition(recording: Recording, done: dict[str, Findings]) -> Condit
               for part, s in part_recordings(recording, pressure_current.KIND)]  # fmt: skip
     steps = {level: _step_samples(recording, current, command.name, response.name)
              for level, current in _CLASS_STEP_A.items()}  # fmt: skip
-    return condition(evaluated_test(sweeps, steps, leakage.value, reference_steps()))
+    bandwidth = efc_frequency_response.bandwidth_at(recording, done["frequency response"], _CLASS_LEVEL)
+    return evaluated_test(sweeps, steps, leakage.value, bandwidth, reference_steps())
 
 
 def _step_samples(recording: Recording, current: float, command: str, response: str) -> Array:

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
-from hil.errors import SettingError
+from hil.errors import InputError, SettingError
 from hil.identification.pressure_curve import PressureCurve
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
@@ -105,6 +105,25 @@ def evaluate(recording: Recording) -> Findings:
         for one in told
     )
     return replace(found, notes=(*notes, *found.notes))
+
+
+def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[float, float]:
+    """−3 dB frequency at a level and its standard uncertainty, in Hz; the top frequency where it was not reached.
+
+    Raises:
+        InputError: the level was not measured, or the uncertainty is not known.
+    """
+    told = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
+    swings = [(one["low_a"], one["high_a"]) for one in told if one["level"] == level]
+    if not swings:
+        raise InputError(f"the frequency response at the {level} level was not measured")
+    low, high = swings[-1]
+    curve = min(found.curves["responses"], key=lambda c: abs(c["bias"] - (low + high) / 2.0))
+    if curve["bandwidth_3db_hz"] is None:
+        return float(curve["frequency_hz"][-1]), 0.0
+    if curve["bandwidth_3db_std_hz"] is None:
+        raise InputError(f"the −3 dB frequency at the {level} level lies at the lowest frequency or below")
+    return float(curve["bandwidth_3db_hz"]), float(curve["bandwidth_3db_std_hz"])
 
 
 def _general_settings() -> dict[str, Any]:

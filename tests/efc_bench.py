@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hil.bench.find import benches
 from hil.bench.read import read_bench
+from hil.physics.published.efc_population import SETS
 from hil.record.measurement import Findings
 from hil.session.outcome import Outcome
 from hil.session.procedure import load_procedure
@@ -14,7 +15,7 @@ from hil.session.run import run_procedure
 
 BENCH = benches()["cummins-efc-acceptance"].read_text(encoding="utf-8")
 STUCK = {"pressure = { noise = 0.5 }": "pressure = { value = 60.0, noise = 0.01 }"}
-_NEW = '{ name = "friction", parameters = { coulomb = 0.004 } }'
+_NEW = '{ name = "friction", parameters = { coulomb = 0.001 } }'
 _WORLD = f"[simulation]\nseed = 1\neffects = [{_NEW}]\n"
 
 
@@ -26,6 +27,15 @@ def valve(parameters: str = "", effects: str = _NEW) -> dict[str, str]:
 def friction(coulomb_a: float, stiction: float = 1.2) -> str:
     """An effect as a bench file has it."""
     return f'{{ name = "friction", parameters = {{ coulomb = {coulomb_a}, stiction = {stiction} }} }}'
+
+
+def published(name: str) -> dict[str, str]:
+    """Changes that put a set of the thesis on the bench: `good`, `prototype` or `return`."""
+    one = SETS[name]
+    parameters = {"rotor_frequency": one.rotor_frequency, "rotor_damping": one.rotor_damping,
+                  "leakage": one.leakage_ml_min}  # fmt: skip
+    text = ", ".join(f"{key} = {value}" for key, value in parameters.items())
+    return valve(text, f'{{ name = "friction", parameters = {{ coulomb = {one.friction_a} }} }}')
 
 
 def outcome(folder: Path, procedure: str, changes: Mapping[str, str] | None = None, **settings: object) -> Outcome:

@@ -1,8 +1,10 @@
 """Classes of ordered condition from a few measured numbers: with probability, honestly counted.
 
-A Gaussian class model with one covariance for all classes (linear discriminant analysis): few numbers to learn,
-probabilities that mean something, and a distance that tells a unit unlike any class. Beside it, thresholds on one
-number, as the EFC thesis classifies. Both are evaluated by leaving out the unit that is judged.
+A Gaussian model of each class with its own covariance (quadratic discriminant analysis), so that the scatter of worn
+units does not excuse a unit that lies far from the good ones. It gives the probability of each class among them, and
+how usual the unit would be in each: probabilities alone are relative, and call a unit that is like no class by the
+nearest one. Beside it, thresholds on one number, as the EFC thesis classifies. Both are evaluated by leaving out the
+unit that is judged.
 """
 
 from __future__ import annotations
@@ -19,7 +21,7 @@ from hil.record.recording import Array
 
 Labels = NDArray[np.int64]
 
-_UNLIKE = 1e-3  # share of units of a class that lie farther from its mean than an outlier
+_UNLIKE = 1e-3  # share of the units of a class that lie farther from its mean than one that is unlike it
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,13 +30,15 @@ class GaussianClasses:
 
     Attributes:
         names: of the classes, in order.
-        means: shape (k, f). `covariance`: of every class, shape (f, f).
+        means: shape (k, f). `covariances`: of each class, shape (k, f, f).
+        counts: units that each class was learnt from, shape (k,).
         priors: share of each class that is expected, shape (k,).
     """
 
     names: tuple[str, ...]
     means: Array
-    covariance: Array
+    covariances: Array
+    counts: Labels
     priors: Array
 
     def distances(self, features: Array, measured: Array | None = None) -> Array:
@@ -42,25 +46,37 @@ class GaussianClasses:
 
         `measured`: covariance of the features by measurement, shape (f, f), beyond that of those learnt from.
         """
-        covariance = self.covariance if measured is None else self.covariance + measured
         away = np.atleast_2d(features)[:, None, :] - self.means
-        made: Array = np.einsum("nkf,fg,nkg->nk", away, np.linalg.inv(covariance), away)
+        made: Array = np.einsum("nkf,kfg,nkg->nk", away, np.linalg.inv(self._covariances(measured)), away)
         return made
 
     def probabilities(self, features: Array, measured: Array | None = None) -> Array:
-        """Probability of each class, shape (n, k)."""
-        score = np.log(self.priors) - 0.5 * self.distances(features, measured)
+        """Probability of each class if the unit is of one of them, shape (n, k)."""
+        size = np.linalg.slogdet(self._covariances(measured))[1]
+        score = np.log(self.priors) - 0.5 * (self.distances(features, measured) + size)
         score -= score.max(axis=1, keepdims=True)
         share = np.exp(score)
         made: Array = share / share.sum(axis=1, keepdims=True)
         return made
 
+    def usual(self, features: Array, measured: Array | None = None) -> Array:
+        """Share of each class's units that lie farther from its middle than these features, shape (n, k).
+
+        By Hotelling's T² of a new unit: means and covariances are known from `counts` units only.
+        """
+        from scipy.stats import f
+
+        n, features_known = self.counts, self.means.shape[1]
+        scale = n * (n - features_known) / ((n**2 - 1.0) * features_known)
+        made: Array = f.sf(scale * self.distances(features, measured), features_known, n - features_known)
+        return made
+
     def is_unlike(self, features: Array, measured: Array | None = None) -> NDArray[np.bool_]:
         """Whether features lie farther from every class than all but one in a thousand of its units."""
-        from scipy.stats import chi2
+        return np.asarray(self.usual(features, measured).max(axis=1) < _UNLIKE, dtype=np.bool_)
 
-        nearest = self.distances(features, measured).min(axis=1)
-        return np.asarray(nearest > chi2.ppf(1.0 - _UNLIKE, self.means.shape[1]), dtype=np.bool_)
+    def _covariances(self, measured: Array | None) -> Array:
+        return self.covariances if measured is None else self.covariances + measured
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +114,7 @@ def wilson(right: int, of: int, z: float = 1.959964) -> tuple[float, float]:
 
 
 def learn(features: Array, labels: Labels, names: Sequence[str], priors: Array | None = None) -> GaussianClasses:
-    """Means and common covariance of classes.
+    """Mean and covariance of each class.
 
     Args:
         features: shape (n, f).
@@ -107,17 +123,19 @@ def learn(features: Array, labels: Labels, names: Sequence[str], priors: Array |
         priors: share of each class that is expected; alike when None, whatever the rows' shares are.
 
     Raises:
-        InputError: a class with fewer than two rows, or fewer rows than classes and features.
+        InputError: a class with no more rows than features and one.
     """
     count = np.bincount(labels, minlength=len(names))
-    if count.min() < 2 or len(features) <= len(names) + features.shape[1]:
+    if count.min() <= features.shape[1] + 1:
         few = ", ".join(f"{name} {n}" for name, n in zip(names, count, strict=True))
         raise InputError(f"classes: {few} units with {features.shape[1]} features; each class needs more")
-    means = np.array([features[labels == k].mean(axis=0) for k in range(len(names))])
-    left = features - means[labels]
-    covariance = left.T @ left / (len(features) - len(names))
+    rows = [features[labels == k] for k in range(len(names))]
     return GaussianClasses(
-        tuple(names), means, covariance, np.full(len(names), 1.0 / len(names)) if priors is None else priors
+        tuple(names),
+        np.array([row.mean(axis=0) for row in rows]),
+        np.array([np.atleast_2d(np.cov(row, rowvar=False)) for row in rows]),
+        count,
+        np.full(len(names), 1.0 / len(names)) if priors is None else priors,
     )
 
 

@@ -1,21 +1,24 @@
 """Condition of an EFC valve: good, malfunctioned or severely malfunctioned, from physics that its test measures.
 
 Friction comes from the loop of the pressure curve, rise time from steps to 1.6 A, leakage from the flow through the
-closed valve; a model of the classes is learnt from a simulated population. Beside it stands the way of the EFC thesis:
-the error between a step and the simulated step of a good valve (eq. 4.1), and thresholds on it.
+closed valve, the −3 dB frequency from sines at the medium level; a model of the classes is learnt from a simulated
+population, and what is usual among its good valves is the reference that rise and −3 dB are held against. Beside it
+stands the way of the EFC thesis: the error between a step and the simulated step of a good valve (eq. 4.1), and
+thresholds on it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import numpy as np
 
 from hil.cores import spread
 from hil.errors import InputError
+from hil.identification.bandwidth import Crossing, magnitude_crossing
 from hil.identification.classification import (
     Accuracy,
     GaussianClasses,
@@ -25,23 +28,29 @@ from hil.identification.classification import (
     leave_one_out,
     leave_one_out_thresholds,
 )
+from hil.identification.frequency_response import from_table
 from hil.identification.pressure_curve import Sweep, pressure_curve
+from hil.identification.sine_test import SineTest, sine_test
 from hil.identification.step_response import step_figures
 from hil.physics.model import Model
 from hil.physics.published.efc_population import population, valve
-from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, rms_error
+from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI, rms_error
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array
 from hil.signals.ramps import triangle
 
-FEATURES = ("friction", "rise", "leakage")
+FEATURES = ("friction", "rise", "leakage", "bandwidth")
+FREQUENCIES_HZ = (0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0)
 
 _RATE_HZ = 1000.0
 _CYCLES_S = (10.0, 20.0)
 _TOP_A, _HOLD_S, _REPEATS = 2.0, 1.0, 3
-_LEAST_FRICTION_A = 5e-4  # what a test can tell from none
+_LEAST_FRICTION_A = 2e-4  # what a test can tell from none
 _SMOOTHED_S = 0.009
-_LEARNT_FROM, _SEED = 200, 1979
+_SAMPLE_STD_S = 1.0 / _RATE_HZ / math.sqrt(6.0)  # of a time between two samples
+_SINE_S, _SINE_PERIODS = 2.0, 3  # that the acceptance test measures at each frequency
+_LEARNT_FROM, _SEED = 300, 1979
+_BEYOND = 0.025  # share of good valves that lie beyond a limit of the good reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,20 +59,26 @@ class ValveTest:
 
     Attributes:
         friction_a: half the width of the loop that no speed explains.
-        rise_s: 10 % to 90 % of a step from no current to 1.6 A, mean of the repeats.
+        rise_s: 10 % to 90 % of a step from no current to 1.6 A, mean of the repeats. `rise_std_s`: of that mean.
         leakage_ml_min: through the closed valve at 220 psi.
+        bandwidth_hz: −3 dB at the medium level, the top frequency where it was not reached. `bandwidth_std_hz`.
         error_psi: root mean square difference to a good valve's step, by current level.
     """
 
     friction_a: float
     rise_s: float
     leakage_ml_min: float
+    bandwidth_hz: float
     error_psi: Mapping[str, float]
+    rise_std_s: float = 0.0
+    bandwidth_std_hz: float = 0.0
 
     @property
     def features(self) -> Array:
-        """Logarithms of the three physical numbers."""
-        return np.log([max(self.friction_a, _LEAST_FRICTION_A), self.rise_s, max(self.leakage_ml_min, 1.0)])
+        """Logarithms of the four physical numbers."""
+        return np.log([
+            max(self.friction_a, _LEAST_FRICTION_A), self.rise_s, max(self.leakage_ml_min, 1.0), self.bandwidth_hz
+        ])  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,11 +101,15 @@ class Condition:
     """A verdict with what it is worth.
 
     Attributes:
-        probabilities: by class.
-        unlike: the valve is unlike any class; then the probabilities say little.
+        probabilities: by class, if the valve is of one of them.
+        usual: by class, the share of its valves that lie farther from its middle than this one.
+        distances: by class, to its middle in standard deviations.
+        unlike: the valve is unlike every class; then the probabilities say little.
     """
 
     probabilities: Mapping[str, float]
+    usual: Mapping[str, float]
+    distances: Mapping[str, float]
     unlike: bool
 
     @property
@@ -100,11 +119,21 @@ class Condition:
 
 
 @dataclass(frozen=True, slots=True)
+class GoodReference:
+    """What is usual among good valves: medians, and limits that one in forty of them lies beyond."""
+
+    rise_s: float
+    longest_rise_s: float
+    bandwidth_hz: float
+    least_bandwidth_hz: float
+
+
+@dataclass(frozen=True, slots=True)
 class Comparison:
     """Both ways on one population, every valve judged by what the others taught.
 
     Attributes:
-        physics: friction, rise and leakage.
+        physics: friction, rise, leakage and bandwidth.
         by_error: eq. 4.1 with its best thresholds, by current level.
         confident: of the verdicts that the physics gives at least 95 %.
     """
@@ -114,31 +143,68 @@ class Comparison:
     confident: Accuracy
 
 
-def condition(test: ValveTest) -> Condition:
-    """The class of a valve, learnt from a simulated population (drawn once, in some seconds)."""
-    model = reference_classes()
+def condition(
+    test: ValveTest, frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False
+) -> Condition:
+    """The class of a valve, learnt from a simulated population of its type that was tested at the same frequencies.
+
+    It is drawn once, in some seconds.
+    """
+    model = reference_classes(frequencies_hz, normally_open)
     features = test.features[None, :]
-    shares = model.probabilities(features)[0]
-    return Condition(dict(zip(model.names, shares.tolist(), strict=True)), bool(model.is_unlike(features)[0]))
+
+    def by_class(values: Array) -> dict[str, float]:
+        return dict(zip(model.names, values[0].tolist(), strict=True))
+
+    return Condition(
+        by_class(model.probabilities(features)), by_class(model.usual(features)),
+        by_class(np.sqrt(model.distances(features))), bool(model.is_unlike(features)[0]),
+    )  # fmt: skip
+
+
+def good_reference(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False) -> GoodReference:
+    """Rise and −3 dB of good valves, logarithms taken as normal; limits know how many they were learnt from."""
+    from scipy.stats import t
+
+    model = reference_classes(frequencies_hz, normally_open)
+    good = model.names.index("good")
+    count = int(model.counts[good])
+    reach = float(t.isf(_BEYOND, count - 1)) * math.sqrt(1.0 + 1.0 / count)
+    means, stds = model.means[good], np.sqrt(np.diag(model.covariances[good]))
+    rise, bandwidth = FEATURES.index("rise"), FEATURES.index("bandwidth")
+    return GoodReference(
+        math.exp(means[rise]), math.exp(means[rise] + reach * stds[rise]),
+        math.exp(means[bandwidth]), math.exp(means[bandwidth] - reach * stds[bandwidth]),
+    )  # fmt: skip
 
 
 @cache
-def reference_classes() -> GaussianClasses:
+def reference_classes(
+    frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False
+) -> GaussianClasses:
     """What a simulated population teaches about the classes."""
-    tests, labels = simulated_tests(_LEARNT_FROM, _SEED)
+    tests, labels = simulated_tests(_LEARNT_FROM, _SEED, frequencies_hz=frequencies_hz, normally_open=normally_open)
     return learn(np.array([test.features for test in tests]), labels, CLASSES)
 
 
 def simulated_tests(
-    count: int, seed: int, instruments: Instruments | None = None
+    count: int,
+    seed: int,
+    instruments: Instruments | None = None,
+    frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ,
+    normally_open: bool = False,
 ) -> tuple[tuple[ValveTest, ...], Labels]:
     """A population, every valve tested with noise; simulations run side by side."""
-    valves, labels = population(count, seed)
+    valves, labels = population(count, seed, normally_open)
     seeds = np.random.SeedSequence(seed).spawn(count)
     given = instruments or Instruments()
     reference = reference_steps()
     pairs = zip(valves, seeds, strict=True)
-    return tuple(spread(lambda pair: tested(pair[0], np.random.default_rng(pair[1]), given, reference), pairs)), labels
+
+    def one(pair: tuple[Model, np.random.SeedSequence]) -> ValveTest:
+        return tested(pair[0], np.random.default_rng(pair[1]), given, reference, frequencies_hz)
+
+    return tuple(spread(one, pairs)), labels
 
 
 def compared(tests: Sequence[ValveTest], labels: Labels) -> Comparison:
@@ -159,9 +225,13 @@ def compared(tests: Sequence[ValveTest], labels: Labels) -> Comparison:
 
 
 def tested(
-    model: Model, rng: np.random.Generator, instruments: Instruments, reference: Mapping[str, Array]
+    model: Model,
+    rng: np.random.Generator,
+    instruments: Instruments,
+    reference: Mapping[str, Array],
+    frequencies_hz: tuple[float, ...],
 ) -> ValveTest:
-    """The test of one simulated valve: sweeps at two speeds, steps, leakage."""
+    """The test of one simulated valve: sweeps at two speeds, steps, leakage, sines at the medium level."""
     command, places = _programme()
     output = simulate(model.definition, model.values, Drive(command[None, :], math.nan, 1.0 / _RATE_HZ),
                       model.active_effects)  # fmt: skip
@@ -169,16 +239,58 @@ def tested(
     pressure = (
         gain * output[0] + instruments.offset_psi * rng.normal() + instruments.noise_psi * rng.normal(size=len(command))
     )
-    leakage = float(output[4, 0]) * (1.0 + instruments.leakage * rng.normal())
+    leakage = float(output[4].min()) * (1.0 + instruments.leakage * rng.normal())
+    sweeps = [Sweep(command[at], pressure[at], 2.0 * _TOP_A / s)
+              for at, s in zip(places["sweep"], _CYCLES_S, strict=True)]  # fmt: skip
+    curve = pressure_curve("sweeps", sweeps)
+    reached = sorted((float(curve.nominal[0]), float(curve.nominal[-1])))  # a slow valve falls short of a pressure
+    swing = tuple(curve.current_at(float(np.clip(psi, *reached))) for psi in SWEEPS_PSI["medium"])
+    bandwidth_hz = _bandwidth_hz(model, swing, frequencies_hz, rng, instruments.noise_psi)
     return evaluated_test(
-        [Sweep(command[at], pressure[at], 2.0 * _TOP_A / s) for at, s in zip(places["sweep"], _CYCLES_S, strict=True)],
-        {level: np.array([pressure[at] for at in places[level]]) for level in CLASSIFIED_CURRENT_A},
-        leakage, reference,
+        sweeps, {level: np.array([pressure[at] for at in places[level]]) for level in CLASSIFIED_CURRENT_A},
+        leakage, (bandwidth_hz, 0.0), reference,
     )  # fmt: skip
 
 
+def _bandwidth_hz(
+    model: Model,
+    swing_a: tuple[float, ...],
+    frequencies_hz: tuple[float, ...],
+    rng: np.random.Generator,
+    noise_psi: float,
+) -> float:
+    """−3 dB of a simulated valve between two currents, the sensor's lag taken out as on the bench."""
+    low, high = sorted(swing_a)
+    test = _scaled(_unit_sines(frequencies_hz), (high - low) / 2.0, (low + high) / 2.0)
+    h = test.response(model.definition, model.values | {"sensor_lag": 0.0}, model.active_effects)
+    samples = _RATE_HZ * np.maximum(_SINE_S, _SINE_PERIODS / test.frequency_hz)
+    stds = noise_psi * np.sqrt(2.0 / samples) / test.amplitude
+    h = h + stds * (rng.normal(size=len(h)) + 1j * rng.normal(size=len(h)))
+    table = from_table("sines", test.frequency_hz, 20.0 * np.log10(np.abs(h)), np.degrees(np.unwrap(np.angle(h))))
+    return bandwidth_of(magnitude_crossing(table, -3.0))
+
+
+@cache
+def _unit_sines(frequencies_hz: tuple[float, ...]) -> SineTest:
+    return sine_test(frequencies_hz, 1.0, 0.0)
+
+
+def _scaled(unit: SineTest, amplitude: float, bias: float) -> SineTest:
+    readings = tuple((part, row / amplitude) for part, row in unit.readings)
+    return replace(unit, amplitude=amplitude, bias=bias, command=bias + amplitude * unit.command, readings=readings)
+
+
+def bandwidth_of(crossing: Crossing) -> float:
+    """The frequency of a crossing, the top frequency where the response does not get there."""
+    return crossing.beyond_hz if crossing.frequency_hz is None else crossing.frequency_hz
+
+
 def evaluated_test(
-    sweeps: Sequence[Sweep], steps: Mapping[str, Array], leakage_ml_min: float, reference: Mapping[str, Array]
+    sweeps: Sequence[Sweep],
+    steps: Mapping[str, Array],
+    leakage_ml_min: float,
+    bandwidth: tuple[float, float],
+    reference: Mapping[str, Array],
 ) -> ValveTest:
     """The numbers of one test.
 
@@ -186,23 +298,35 @@ def evaluated_test(
         sweeps: of the current at two speeds.
         steps: by level, pressure from the step of the current on at 1 kHz, shape (repeats, n).
         leakage_ml_min: at 220 psi.
+        bandwidth: −3 dB at the medium level and its standard uncertainty, in Hz.
         reference: by level, the step of a good valve, shape (m,).
 
     Raises:
         InputError: the pressure does not follow the current.
     """
     curve = pressure_curve("sweeps", sweeps)
-    high = steps["high"].mean(axis=0)
-    width = round(_SMOOTHED_S * _RATE_HZ)
-    smooth = np.convolve(np.pad(high, width // 2, mode="edge"), np.full(width, 1.0 / width), "valid")
-    if abs(smooth[-1] - smooth[0]) < 10.0:
-        raise InputError("a step to 1.6 A changes the pressure by less than 10 psi: there is no rise time to judge")
-    figures = step_figures(np.arange(len(smooth)) / _RATE_HZ, smooth, start=float(smooth[:5].mean()))
+    rises = np.array([_rise_s(run) for run in steps["high"]])
+    rise_std_s = max(float(rises.std(ddof=1)) if len(rises) > 1 else 0.0, _SAMPLE_STD_S) / math.sqrt(len(rises))
     errors = {}
     for level, runs in steps.items():
         samples = min(runs.shape[1], len(reference[level]))
         errors[level] = float(np.mean([rms_error(run[:samples], reference[level][:samples]) for run in runs]))
-    return ValveTest(curve.hysteresis_a / 2.0, figures.rise_s, leakage_ml_min, errors)
+    return ValveTest(
+        curve.hysteresis_a / 2.0, float(rises.mean()), leakage_ml_min, bandwidth[0], errors, rise_std_s, bandwidth[1]
+    )
+
+
+def _rise_s(pressure: Array) -> float:
+    """10 % to 90 % of one step.
+
+    Raises:
+        InputError: the pressure hardly moves.
+    """
+    width = round(_SMOOTHED_S * _RATE_HZ)
+    smooth = np.convolve(np.pad(pressure, width // 2, mode="edge"), np.full(width, 1.0 / width), "valid")
+    if abs(smooth[-1] - smooth[0]) < 10.0:
+        raise InputError("a step to 1.6 A changes the pressure by less than 10 psi: there is no rise time to judge")
+    return step_figures(np.arange(len(smooth)) / _RATE_HZ, smooth, start=float(smooth[:5].mean())).rise_s
 
 
 @cache

@@ -19,10 +19,12 @@ from hil.identification.classification import (
 )
 from hil.identification.efc_condition import (
     FEATURES,
+    FREQUENCIES_HZ,
     Instruments,
     ValveTest,
     compared,
     evaluated_test,
+    good_reference,
     reference_steps,
     simulated_tests,
 )
@@ -72,6 +74,21 @@ def test_a_unit_unlike_any_is_flagged():
     assert model.is_unlike(np.array([[2.0, 8.0]])).all()
     assert model.is_unlike(features).mean() < 0.02
     assert not model.is_unlike(np.array([[2.0, 8.0]]), measured=100.0 * np.eye(2)).any()
+
+
+def test_the_scatter_of_worn_units_does_not_excuse_one_far_from_the_good():
+    rng = np.random.default_rng(5)
+    labels = np.repeat([0, 1], 200)
+    features = np.concatenate((0.1 * rng.normal(size=(200, 2)), 5.0 + 3.0 * rng.normal(size=(200, 2))))
+    usual = learn(features, labels, ("good", "worn")).usual(np.array([[0.6, 0.0]]))[0]
+    assert usual[0] < 1e-6 and usual[1] > 0.01
+
+
+def test_how_usual_is_the_share_that_lies_farther():
+    rng = np.random.default_rng(6)
+    shares = [learn(rng.normal(size=(20, 2)), np.zeros(20, dtype=np.int64), ("one",)).usual(rng.normal(size=(50, 2)))
+              for _ in range(60)]  # fmt: skip
+    assert np.mean(np.array(shares) < 0.1) == pytest.approx(0.1, abs=0.02)
 
 
 def test_priors_move_the_verdict():
@@ -129,7 +146,7 @@ def test_wilson_needs_a_share():
 
 def test_a_test_finds_what_the_valve_has():
     model = valve("return", friction_a=0.02)
-    found = run_test(model, np.random.default_rng(0), Instruments(), reference_steps())
+    found = run_test(model, np.random.default_rng(0), Instruments(), reference_steps(), FREQUENCIES_HZ)
     assert found.friction_a == pytest.approx(0.02, rel=0.15)
     assert found.leakage_ml_min == pytest.approx(100.0, rel=0.03)
     assert len(found.features) == len(FEATURES)
@@ -137,10 +154,10 @@ def test_a_test_finds_what_the_valve_has():
 
 def test_a_good_valve_without_noise_is_its_own_reference():
     silent = Instruments(0.0, 0.0, 0.0, 0.0, 0.0)
-    found = run_test(valve("good"), np.random.default_rng(0), silent, reference_steps())
+    found = run_test(valve("good"), np.random.default_rng(0), silent, reference_steps(), FREQUENCIES_HZ)
     assert max(found.error_psi.values()) < 1.0
-    worse = run_test(valve("return"), np.random.default_rng(0), silent, reference_steps())
-    assert worse.error_psi["high"] > 5.0 and worse.rise_s > found.rise_s
+    worse = run_test(valve("return"), np.random.default_rng(0), silent, reference_steps(), FREQUENCIES_HZ)
+    assert worse.error_psi["high"] > 5.0 and worse.rise_s > found.rise_s and worse.bandwidth_hz < found.bandwidth_hz
 
 
 def test_a_pressure_that_stands_has_no_condition():
@@ -148,7 +165,7 @@ def test_a_pressure_that_stands_has_no_condition():
     sweep = [Sweep(np.concatenate((np.linspace(0, 2, 4000), np.linspace(2, 0, 4000))), np.full(8000, 60.0), speed)
              for speed in (0.4, 0.2)]  # fmt: skip
     with pytest.raises(InputError, match="less than 10 psi"):
-        evaluated_test(sweep, {"low": still, "high": still}, 80.0, reference_steps())
+        evaluated_test(sweep, {"low": still, "high": still}, 80.0, (6.0, 0.1), reference_steps())
 
 
 def test_populations_repeat_and_differ():
@@ -165,9 +182,11 @@ def test_physics_separates_200_valves_and_the_thesis_s_error_does_not():
     assert found.physics.share > 0.9
     assert found.physics.low > max(way.high for way in found.by_error.values())
     assert found.confident.share > 0.95 and found.confident.of > 120
+    found_s, stated_s = (np.array([t.rise_s for t in tests])[labels == 0], good_reference())
+    assert np.mean(found_s > stated_s.longest_rise_s) < 0.08  # one in forty, from 67
     assert [np.count_nonzero(labels == k) for k in range(len(CLASSES))] == [67, 67, 66]
 
 
 def test_features_are_logarithms_with_a_floor():
-    silent = ValveTest(-1e-4, 0.05, 0.0, {})
+    silent = ValveTest(-1e-4, 0.05, 0.0, 6.0, {})
     assert np.isfinite(silent.features).all()
