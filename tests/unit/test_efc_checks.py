@@ -28,6 +28,11 @@ def std(findings: Findings, name: str) -> float:
     return found.std
 
 
+def said(findings: Findings) -> tuple[str, ...]:
+    """Its notes, but for the leakage meter, which is at the end of its range while the valve is open."""
+    return tuple(note for note in findings.notes if not note.startswith("'through flow' was not measured"))
+
+
 def verdict(findings: Findings, name: str) -> str | None:
     (found,) = (m for m in findings.measured if m.name == name)
     return found.verdict
@@ -196,7 +201,7 @@ def test_curve_that_is_none(tmp_path: Path, changes: dict[str, str], says: str) 
 
 def test_valve_that_current_closes_passes_as_such(tmp_path: Path) -> None:
     found = run(tmp_path, "pressure_current", valve("normally_open = 1"), cycle_s=8.0, normally_open=True)
-    assert (found.verdict, found.notes) == ("pass", ())
+    assert (found.verdict, said(found)) == ("pass", ())
     assert (value(found, "slope_largest") or 0.0) < 0.0
 
 
@@ -220,7 +225,8 @@ def test_frequency_response_finds_the_currents_of_its_level(tmp_path: Path) -> N
                 measure_s=0.5)  # fmt: skip
     gains = [m.value for m in found.measured if m.quantity == "gain"]
     assert len(gains) == 2
-    assert found.notes[0].startswith("Level high: 133 to 147 psi") and found.notes[1].startswith("Level medium: 20 to")
+    high, medium, *_ = said(found)
+    assert high.startswith("Level high: 133 to 147 psi") and medium.startswith("Level medium: 20 to")
     sines = [part for part in read_recording(tmp_path / "run").meta["parts"] if part["kind"] == "sine"]
     assert [round(part["amplitude"], 2) for part in sines] == [0.04, 0.04, 0.16, 0.16]
 
