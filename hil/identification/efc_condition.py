@@ -243,8 +243,8 @@ def tested(
     sweeps = [Sweep(command[at], pressure[at], 2.0 * _TOP_A / s)
               for at, s in zip(places["sweep"], _CYCLES_S, strict=True)]  # fmt: skip
     curve = pressure_curve("sweeps", sweeps)
-    reached = sorted((float(curve.nominal[0]), float(curve.nominal[-1])))  # a slow valve falls short of a pressure
-    swing = tuple(curve.current_at(float(np.clip(psi, *reached))) for psi in SWEEPS_PSI["medium"])
+    least, most = sorted((float(curve.nominal[0]), float(curve.nominal[-1])))  # a slow valve falls short of a pressure
+    swing = tuple(curve.current_at(min(max(psi, least), most)) for psi in SWEEPS_PSI["medium"])
     bandwidth_hz = _bandwidth_hz(model, swing, frequencies_hz, rng, instruments.noise_psi)
     return evaluated_test(
         sweeps, {level: np.array([pressure[at] for at in places[level]]) for level in CLASSIFIED_CURRENT_A},

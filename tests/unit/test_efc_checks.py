@@ -13,6 +13,7 @@ from efc_bench import BENCH, STUCK, friction, outcome, value, valve
 from hil.errors import InputError, RangeError, SettingError, TrippedError
 from hil.identification.coil import CoilReadings, copper_factor, fit_coil
 from hil.identification.pressure_curve import Sweep, pressure_curve
+from hil.record.folder import read
 from hil.record.measurement import Findings
 from hil.record.read import read_recording
 from hil.signals.ramps import triangle
@@ -227,7 +228,7 @@ def test_frequency_response_finds_the_currents_of_its_level(tmp_path: Path) -> N
     assert len(gains) == 2
     high, medium, *_ = said(found)
     assert high.startswith("Level high: 133 to 147 psi") and medium.startswith("Level medium: 20 to")
-    sines = [part for part in read_recording(tmp_path / "run").meta["parts"] if part["kind"] == "sine"]
+    sines = [part for part in read(tmp_path / "run").meta["parts"] if part["kind"] == "sine"]
     assert [round(part["amplitude"], 2) for part in sines] == [0.04, 0.04, 0.16, 0.16]
 
 
