@@ -70,6 +70,8 @@ def entries(kind: Kind) -> tuple[Entry, ...]:
     found: dict[str, Entry] = {}
     group = _GROUP.get(kind, f"hil.{kind}")
     for point in sorted(entry_points(group=group), key=lambda point: (point.name != "hil", point.name)):
+        if point.name == "hil":
+            _check_not_hidden(point.value)
         for entry in _package_entries(kind, point.value):
             if entry.name in found and found[entry.name].module != entry.module:
                 raise FileError(
@@ -91,6 +93,18 @@ def find(kind: Kind, name: str) -> Entry:
         if entry.name == wanted:
             return entry
     raise UnknownNameError(_SINGULAR[kind], name, (entry.name for entry in entries(kind)))
+
+
+def _check_not_hidden(package: str) -> None:
+    """Refuse to list somebody else's folder as a package of this program: they lie beside each other."""
+    home = Path(__file__).resolve().parents[1]
+    spec = importlib.util.find_spec(package)
+    found = [Path(folder).resolve() for folder in (spec.submodule_search_locations or ())] if spec else []
+    if found and home / package.replace(".", "/") not in found:
+        raise FileError(
+            f"{found[0]}: this folder hides the package '{package}' of valve-hil, which then cannot be found; rename "
+            f"the folder, or start from another one (`hil`, not `python -m hil`)"
+        )
 
 
 def _package_entries(kind: Kind, package: str) -> Iterator[Entry]:

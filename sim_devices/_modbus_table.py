@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from sim_devices._field import Side
@@ -32,6 +32,18 @@ class Place:
         return ((count - 0x10000 if self.signed and count >= 0x8000 else count) - self.zero) / self.per_unit
 
 
+@dataclass(frozen=True, slots=True)
+class Timer:
+    """A watchdog that is armed over the wire: the holding register of its time, and counts in a second.
+
+    `safe` are registers with the counts to which outputs go, by address of the output.
+    """
+
+    register: int
+    per_second: float
+    safe: Mapping[int, int] = field(default_factory=dict)
+
+
 class Table:
     """Registers of a device as its manual lists them.
 
@@ -39,8 +51,11 @@ class Table:
         side: its terminals.
         outputs: by address among the holding registers (functions 3, 6, 16).
         inputs: by address among the input registers (function 4).
-        watchdog_s: outputs go to `safe` when nothing is asked for so long; None: it has no watchdog.
+        watchdog_s: outputs go to `safe` when nothing is asked for so long, as somebody set it at the device itself;
+            None: nobody did. A twin of a device that its driver arms has a `timer` instead: one that is armed whatever
+            the driver does says nothing about the driver.
         safe: count to which they go then.
+        timer: its watchdog, where the driver arms it.
     """
 
     def __init__(
@@ -50,9 +65,12 @@ class Table:
         inputs: Mapping[int, Place],
         watchdog_s: float | None = None,
         safe: int = 0,
+        timer: Timer | None = None,
     ) -> None:
         self._side, self._outputs, self._inputs = side, outputs, inputs
-        self._watchdog_s, self._safe = watchdog_s, safe
+        self._watchdog_s, self._timer = watchdog_s, timer
+        self._safe = dict.fromkeys(outputs, safe)
+        self._settable = {register: output for output, register in timer.safe.items()} if timer else {}
         self._counts = {address: place.count_of(side.standing(place.terminal)) for address, place in outputs.items()}
         self._heard_s: float | None = None
 
@@ -65,6 +83,10 @@ class Table:
 
     def holding(self, address: int) -> int:
         """An output, as it stands."""
+        if address in self._settable:
+            return self._safe[self._settable[address]]
+        if self._timer is not None and address == self._timer.register:
+            return round((self._watchdog_s or 0.0) * self._timer.per_second)
         if address not in self._outputs:
             raise Refused(2)
         return self._counts[address]
@@ -74,12 +96,19 @@ class Table:
         raise Refused(1)
 
     def may_write(self, address: int, count: int) -> None:
-        """Any count, where there is an output."""
-        if address not in self._outputs or not 0 <= count <= 0xFFFF:
+        """Any count, where there is an output or a register of the watchdog."""
+        known = {*self._outputs, *self._settable} | ({self._timer.register} if self._timer else set())
+        if address not in known or not 0 <= count <= 0xFFFF:
             raise Refused(2)
 
     def write(self, address: int, count: int) -> None:
-        """Set an output."""
+        """Set an output, or the watchdog."""
+        if address in self._settable:
+            self._safe[self._settable[address]] = count
+            return
+        if self._timer is not None and address == self._timer.register:
+            self._watchdog_s = count / self._timer.per_second if count else None
+            return
         self._counts[address] = count
         place = self._outputs[address]
         self._side.drive({place.terminal: place.value_of(count)})
@@ -93,8 +122,10 @@ class Table:
         self._heard_s = self._side.clock.now_s
 
     def restart(self) -> None:
-        """Outputs at their safe count."""
+        """Outputs at their safe count; what was armed over the wire is not any more."""
         self._make_safe()
+        if self._timer is not None:
+            self._watchdog_s = None
 
     def tick(self) -> None:
         """Look at the watchdog."""
@@ -105,7 +136,7 @@ class Table:
 
     def _make_safe(self) -> None:
         for address in self._outputs:
-            self.write(address, self._safe)
+            self.write(address, self._safe[address])
 
 
 def serve_registers(registers: Any, settings: Mapping[str, Any], side: Side, quirks: Quirks) -> StreamServer:

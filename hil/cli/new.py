@@ -1,174 +1,182 @@
-"""`hil new driver`: the files of a driver for a device with a register table, which pass from the start."""
+"""`hil new`: begin a driver, device, plant, effect, procedure, bench or package, with a test that passes at once."""
 
 from __future__ import annotations
 
+import importlib.util
+import tomllib
+from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import typer
 
-_DRIVER = '''"""NAME: what the device is and does, in one line; `hil list drivers` prints it."""
+from hil.errors import FileError, SettingError
 
-from __future__ import annotations
-
-from collections.abc import Iterator
-
-from drivers.modbus import LineSettings, ModbusLink, Model, Register, line_faults
-from hil.daq.channel import Terminal, Wiring
-from hil.daq.polled import PolledDaq
-
-# The register table of the manual. Addresses as they stand on the wire, counted from 0: a manual's 40001 is holding
-# register 0, its 30001 input register 0. value = slope * count + offset; formats: u16, s16, f32 (two registers).
-MODEL = Model(
-    {
-        "out": Register("out", "voltage", "V", -10.0, 10.0, "holding", 0x0000, "s16", slope=10.0 / 32000),
-        "in": Register("in", "voltage", "V", -10.0, 10.0, "input", 0x0000, "s16", slope=10.0 / 32000),
-    },
-    word_order="big",
-)
+_TEMPLATES = Path(__file__).parent / "templates"
+_GROUPS = {
+    "driver": "hil.drivers", "device": "hil.sim_devices", "bench": "hil.sim_devices", "procedure": "hil.procedures",
+    "plant": "hil.plants", "effect": "hil.effects",
+}  # fmt: skip
+_KINDS = (*_GROUPS, "package")
+_FOLDERS = {"hil.drivers": "drivers", "hil.sim_devices": "sim_devices", "hil.procedures": "procedures",
+            "hil.plants": "plants", "hil.effects": "effects"}  # fmt: skip
 
 
-class Settings(LineSettings):
-    """What `[devices.NAME]` of a bench file may say: how the device is reached."""
+@dataclass(frozen=True, slots=True)
+class Home:
+    """Where files are added: the module and folder of the package of each group, and the tests."""
 
+    root: Path
+    modules: Mapping[str, str]
 
-def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
-    """What is wrong with the settings beyond their types."""
-    yield from line_faults(settings, MODEL)
+    def module(self, group: str) -> str:
+        """The package that holds this group.
 
+        Raises:
+            SettingError: the package has none; says which lines are missing.
+        """
+        if group not in self.modules:
+            raise SettingError(
+                f'{self.root / "pyproject.toml"}: has no [project.entry-points."{group}"]; add it with one line, '
+                f'NAME = "PACKAGE", that names the package for it, and install again'
+            )
+        return self.modules[group]
 
-def terminals(_settings: Settings) -> dict[str, Terminal]:
-    """What can be connected to the device."""
-    return MODEL.terminals
+    def folder(self, group: str) -> Path:
+        """Its folder."""
+        below = Path(*self.module(group).split("."))
+        for place in (self.root / below, self.root / "src" / below):
+            if place.is_dir():
+                return place
+        raise FileError(f"{self.root / below}: no such folder; say --in with the folder that has it")
 
-
-def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
-    """The device, connected."""
-    return ModbusLink(settings, wiring, MODEL)
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The device alone as a DAQ."""
-    return PolledDaq({"NAME": open_link(settings, wiring)}, {"NAME": wiring})
-'''
-
-_TWIN = '''"""The simulated NAME with a plant behind its registers; the twin of the driver."""
-
-from __future__ import annotations
-
-from collections.abc import Mapping
-from typing import Any
-
-from sim_devices._field import Side
-from sim_devices._modbus_table import Place, Table, serve_registers
-from sim_devices._quirks import Quirks
-from sim_devices._stream import StreamServer
-from sim_devices._twin import Twin, TwinSettings, quirks, world
-
-__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
-
-# Type the table again from the manual, do not copy it from the driver: then a slip in one of them is found.
-OUTPUTS = {0x0000: Place("out", per_unit=3200.0, signed=True)}
-INPUTS = {0x0000: Place("in", per_unit=3200.0, signed=True)}
-
-
-def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
-    """Serve the device where the driver will look for it."""
-    watchdog_s = settings.get("watchdog_s")
-    return serve_registers(Table(side, OUTPUTS, INPUTS, watchdog_s), settings, side, behave)
-
-
-_twin = Twin("NAME", serve, example="127.0.0.1:1502", free="127.0.0.1:0")
-Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
-'''
-
-_TEST = '''"""The driver NAME passes every check on its twin, and says what the manual says."""
-
-from __future__ import annotations
-
-import socket
-from pathlib import Path
-
-from drivers import NAME
-from hil.bench.read import read_bench
-from hil.bench.twin import subject
-from hil.daq.conformance import examine
-
-BENCH = """
-name = "Bench of NAME"
-sample_rate_hz = 50
-
-[valve]
-name = "Brevini HPV41 with MHPED"
-plant = "brevini-hpv41"
-
-[devices.device]
-driver = "NAME"
-address = "127.0.0.1:PORT"
-timeout_s = 0.1
-longest_reply_s = 0.2
-
-[channels.command]
-role = "command"
-device = "device"
-terminal = "out"
-unit = "%"
-calibration = { slope = 10.0 }
-safe = 0.0
-
-[channels."spool position"]
-role = "response"
-device = "device"
-terminal = "in"
-unit = "%"
-calibration = { slope = 12.5 }
-"""
-
-
-def test_driver_passes_every_check(tmp_path: Path) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    path = tmp_path / "bench.toml"
-    path.write_text(BENCH.replace("PORT", str(port)), encoding="utf-8")
-    with subject(read_bench(path), tmp_path, "NAME") as examined:
-        results = list(examine(examined))
-    assert [f"{result.check}: {result.text}" for result in results if result.verdict == "broken"] == []
-
-
-def test_counts_of_the_manual() -> None:
-    """Replace these by numbers that the manual prints: they are what driver and twin cannot both get wrong."""
-    register = NAME.MODEL.registers["out"]
-    assert [register.count_of(volts) for volts in (10.0, 0.0, -10.0)] == [32000, 0, 0x10000 - 32000]
-'''
+    @property
+    def tests(self) -> Path:
+        """Where its tests are."""
+        unit = self.root / "tests" / "unit"
+        return unit if unit.is_dir() else self.root / "tests"
 
 
 def command(
-    kind: str = typer.Argument(..., metavar="driver", help="What to begin: a driver."),
+    kind: str = typer.Argument(..., metavar="|".join(_KINDS), help="What to begin."),
     name: str = typer.Argument(..., metavar="NAME", help="Its name: lower-case letters, digits and _."),
-    folder: Path = typer.Option(Path(), "--in", help="Folder with the packages `drivers` and `sim_devices`."),
+    folder: Path | None = typer.Option(
+        None, "--in", help="Folder of the package that it is added to; default: the one that this folder is in."
+    ),
 ) -> None:
-    """Begin a driver for a device with a register table: the driver, its simulated twin, its test. All pass as written.
+    """Begin a driver, device, plant, effect, procedure, bench or package, with a test that passes as written.
 
-    docs/how-to/add-a-driver.md goes on from there.
+    A driver is one for a device with a register table, and has its simulated twin beside it; a device is the twin
+    alone where the driver is there. Inside a package (a folder whose pyproject.toml has entry points of the program)
+    files are added there.
     """
-    from hil.errors import FileError, SettingError
+    if kind not in _KINDS:
+        raise SettingError(f"'{kind}' cannot be begun here; there are: {', '.join(_KINDS)}")
+    plain = name.replace("-", "_") if kind in ("plant", "bench", "package") else name
+    if not plain.isidentifier() or plain != plain.lower() or plain.startswith("_"):
+        raise SettingError(f"'{name}' is no name of a {kind}: lower-case letters, digits and _, a letter first")
+    if kind == "package":
+        files, after = _package(plain, folder or Path())
+    elif kind == "bench" and folder is None and _package_around(Path.cwd()) is None:
+        files, after = (
+            {Path(f"{name}.toml"): _filled("bench.txt", plain, FILE=f"{name}.toml")},
+            f"hil check {name}.toml",
+        )
+    else:
+        files, after = _added(kind, plain, _home(kind, name, folder))
+    _written(files)
+    typer.echo(f"next: {after}")
 
-    if kind != "driver":
-        raise SettingError(f"'{kind}' cannot be begun here; there is: driver")
-    if not name.isidentifier() or name != name.lower() or name.startswith("_"):
-        raise SettingError(f"'{name}' is no name of a driver: lower-case letters, digits and _, a letter first")
-    tests = folder / "tests" / "unit" if (folder / "tests" / "unit").is_dir() else folder / "tests"
-    files = {
-        folder / "drivers" / f"{name}.py": _DRIVER,
-        folder / "sim_devices" / f"{name}.py": _TWIN,
-        tests / f"test_driver_{name}.py": _TEST,
-    }
+
+def _written(files: Mapping[Path, str]) -> None:
+    """Write all of them or none."""
     for path in files:
         if path.exists():
             raise FileError(f"{path}: is there already; nothing was written")
-        if not path.parent.is_dir():
-            raise FileError(f"{path.parent}: no such folder; say --in with the folder that has it")
     for path, text in files.items():
-        path.write_text(text.replace("NAME", name), encoding="utf-8")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
         typer.echo(path)
-    typer.echo(f"next: put the manual's register table into both, then pytest {tests / f'test_driver_{name}.py'}")
+
+
+def _added(kind: str, name: str, home: Home) -> tuple[dict[Path, str], str]:
+    """The files of a new entry, and what to do next."""
+    test = home.tests / f"test_{kind}_{name}.py"
+    group = _GROUPS[kind]
+    if kind == "bench":
+        bench = home.folder(group) / "benches" / f"{name}.toml"
+        return {
+            bench: _filled("bench.txt", name, FILE=name),
+            test: _filled("bench_test.txt", name),
+        }, f"hil check {name}"
+    if kind == "device" and not (home.folder("hil.drivers") / f"{name}.py").exists():
+        return _added("driver", name, home)  # a twin without its driver is nothing that could be tried
+    modules = {"DRIVERS": home.modules.get("hil.drivers", "")}
+    files = {home.folder(group) / f"{name}.py": _filled(f"{kind}.txt", name, **modules)}
+    if kind == "driver":
+        files[home.folder("hil.sim_devices") / f"{name}.py"] = _filled("device.txt", name, **modules)
+    files[test] = _filled(f"{kind}_test.txt", name, **modules)
+    todo = {
+        "driver": "put the manual's register table into both",
+        "device": "put the manual's register table into it",
+        "procedure": "say what it drives and what it measures", "plant": "write its equations",
+        "effect": "write its law",
+    }[kind]  # fmt: skip
+    return files, f"{todo}, then pytest {test}"
+
+
+def _package(name: str, folder: Path) -> tuple[dict[Path, str], str]:
+    """A package with a driver, its twin, a bench and a test."""
+    if importlib.util.find_spec(name) is not None:
+        raise SettingError(f"'{name}': a package of that name is installed already; take another name")
+    root = folder / name.replace("_", "-")
+    modules = {"DRIVERS": f"{name}.drivers"}
+    about = {"": "For valve-hil", "drivers": "Drivers", "devices": "Simulated devices", "procedures": "Procedures",
+             "plants": "Plants", "effects": "Effects", "devices/benches": "Benches"}  # fmt: skip
+    return {
+        root / "pyproject.toml": _filled("package/pyproject.txt", name),
+        root / "README.md": _filled("package/README.txt", name),
+        **{root / name / part / "__init__.py": f'"""{text}."""\n' for part, text in about.items()},
+        root / name / "drivers" / f"{name}.py": _filled("driver.txt", name, **modules),
+        root / name / "devices" / f"{name}.py": _filled("device.txt", name, **modules),
+        root / name / "devices" / "benches" / f"{name}.toml": _filled("package/bench.txt", name),
+        root / "tests" / f"test_driver_{name}.py": _filled("driver_test.txt", name, **modules),
+    }, f"pip install -e {root} && pytest {root}"
+
+
+def _filled(template: str, name: str, **more: str) -> str:
+    dashed = name.replace("_", "-")
+    text = (_TEMPLATES / template).read_text(encoding="utf-8")
+    for key, value in {"NAME": name, "DASHED": dashed, "TITLE": dashed.replace("-", " "), **more}.items():
+        text = text.replace(f"@{key}@", value)
+    return text
+
+
+def _home(kind: str, name: str, folder: Path | None) -> Home:
+    if folder is None:
+        if (found := _package_around(Path.cwd())) is None:
+            raise SettingError(
+                f"there is no package here (no pyproject.toml with entry points of valve-hil in {Path.cwd()} or above "
+                f"it): begin one with `hil new package NAME`, then `hil new {kind} {name}` in it; or say --in FOLDER"
+            )
+        return found
+    if not folder.is_dir():
+        raise FileError(f"{folder}: no such folder")
+    return _package_in(folder) or Home(folder, _FOLDERS)
+
+
+def _package_around(folder: Path) -> Home | None:
+    return next((home for place in (folder, *folder.parents) if (home := _package_in(place))), None)
+
+
+def _package_in(folder: Path) -> Home | None:
+    """The package whose pyproject.toml lies in a folder, if it has entry points of ours."""
+    path = folder / "pyproject.toml"
+    if not path.is_file():
+        return None
+    try:
+        points = tomllib.loads(path.read_text(encoding="utf-8")).get("project", {}).get("entry-points", {})
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise FileError(f"{path}: not a pyproject file: {error}") from None
+    modules = {group: next(iter(named.values())) for group, named in points.items() if group in _FOLDERS and named}
+    return Home(folder, modules) if modules else None

@@ -1,4 +1,4 @@
-"""The reference of drivers says every setting, model and quirk; the how-to's driver works."""
+"""The reference of drivers says every setting, model and quirk; the driver of the guide works."""
 
 from __future__ import annotations
 
@@ -6,17 +6,20 @@ import re
 import socket
 import threading
 from pathlib import Path
-from types import ModuleType
-from typing import Any
 
 import pytest
 
 from hil.bench.find import benches
-from hil.catalog import entries
+from hil.bench.read import read_bench
+from hil.bench.twin import subject
+from hil.catalog import entries, find
 from hil.daq.channel import InputChannel, Wiring
-from hil.daq.conformance import CHECKS
+from hil.daq.conformance import CHECKS, examine
 from hil.errors import DeviceLostError, LinkError
-from sim_devices._quirks import Quirks
+from sim_devices import kit
+from sim_devices.kit import Quirks
+from tests.conftest import Install
+from tests.links import moved
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGE = (DOCS / "reference" / "drivers.md").read_text(encoding="utf-8")
@@ -37,41 +40,60 @@ def test_every_quirk_and_bench_is_in_the_reference() -> None:
     assert f"{len(CHECKS)} checks" in PAGE
 
 
+PAGE_OF_THE_GUIDE = (DOCS / "how-to" / "add-a-driver.md").read_text(encoding="utf-8")
+
+
+def blocks(language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", PAGE_OF_THE_GUIDE, re.DOTALL)
+
+
 @pytest.fixture
-def gauge() -> Any:
-    (code,) = re.findall(r"```python\n(.*?)```", (DOCS / "how-to" / "add-a-driver.md").read_text("utf-8"), re.DOTALL)
-    module = ModuleType("gauge")
-    module.__dict__["__name__"] = "gauge"
-    import sys
+def guide(install_package: Install, tmp_path: Path) -> Path:
+    """The driver, the twin and the bench of the guide, word for word, installed; yields the bench file."""
+    driver, twin = blocks("python")
+    install_package("hil.drivers", "g_drivers", {"gauge.py": driver})
+    install_package("hil.sim_devices", "g_devices", {"gauge.py": twin})
+    (told,) = (block for block in blocks("toml") if "[devices.gauge]" in block)
+    bench = benches()["hpv41-modbus-tcp"].read_text(encoding="utf-8")
+    place = bench.index('[channels."supply pressure"]'), bench.index("[interlocks.over-pressure]")
+    path = tmp_path / "bench.toml"
+    path.write_text(moved(bench[: place[0]] + told + bench[place[1] :], tmp_path), encoding="utf-8")
+    return path
 
-    sys.modules["gauge"] = module  # where pydantic looks for the names of annotations
-    exec(compile(code, "add-a-driver.md", "exec"), module.__dict__)
-    yield module
-    del sys.modules["gauge"]
+
+def test_the_driver_of_the_guide_passes_every_check_on_the_twin_of_the_guide(guide: Path) -> None:
+    with subject(read_bench(guide), guide.parent, "gauge") as examined:
+        results = list(examine(examined))
+    assert {r.check: r.text for r in results if r.verdict == "broken"} == {}
+    passed = {r.check for r in results if r.verdict == "passed"}
+    assert {"reads_what_is_there", "does_not_believe_half_an_answer", "says_that_no_answer_came"} <= passed
 
 
-def test_the_driver_of_the_how_to(gauge: Any) -> None:
+def test_the_driver_of_the_guide_when_the_gauge_goes_away(guide: Path) -> None:
+    driver = find("drivers", "gauge").load()
     wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 400.0)})
-    answers = [b"12.5\n", b"nonsense\n", b"13.5\n"]
-
-    def serve(listener: socket.socket) -> None:
-        while answers:
-            client, _ = listener.accept()
-            with client:
-                while answers and client.recv(64):
-                    client.sendall(answers.pop(0))
-
     with socket.create_server(("127.0.0.1", 0)) as listener:
-        thread = threading.Thread(target=serve, args=(listener,))
+
+        def serve() -> None:
+            client, _ = listener.accept()
+            client.recv(64)
+            client.sendall(b"12.5\n")
+            client.recv(64)
+            listener.close()
+            client.close()
+
+        thread = threading.Thread(target=serve)
         thread.start()
-        settings = gauge.Settings(host="127.0.0.1", port=listener.getsockname()[1])
-        assert list(gauge.faults(settings)) == []
-        link = gauge.open_link(settings, wiring)
+        link = driver.open_link(driver.Settings(address=f"127.0.0.1:{listener.getsockname()[1]}"), wiring)
         assert link.read() == {"pressure": 12.5}
         with pytest.raises(LinkError, match="no pressure"):
             link.read()
-        assert link.read() == {"pressure": 13.5}
+        with pytest.raises(DeviceLostError):
+            link.read()
         link.close()
         thread.join()
-    with pytest.raises(DeviceLostError):
-        gauge.open_daq(gauge.Settings(host="127.0.0.1", port=1), wiring)
+
+
+def test_every_name_of_the_kit_is_explained() -> None:
+    page = str(kit.__doc__)
+    assert [name for name in kit.__all__ if name not in page and not getattr(kit, name).__doc__] == []

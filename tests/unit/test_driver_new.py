@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import importlib.util
+import os
+import subprocess
 import sys
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -67,10 +70,77 @@ def test_name_that_is_none_is_told(name: str, folder: Path) -> None:
 
 
 def test_other_kinds_and_folders_are_told(folder: Path, tmp_path: Path) -> None:
-    with pytest.raises(SettingError, match="there is: driver"):
+    with pytest.raises(SettingError, match="there are: driver, device, "):
         hil("new", "valve", "acme_7", "--in", str(folder))
     with pytest.raises(FileError, match="no such folder"):
         hil("new", "driver", "acme_7", "--in", str(tmp_path / "nowhere"))
+    with pytest.raises(SettingError, match="installed already; take another name"):
+        hil("new", "package", "hil", "--in", str(folder))
+
+
+def test_folder_without_a_package_offers_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(SettingError, match=r"no package here .* `hil new package NAME`, then `hil new driver acme_7`"):
+        hil("new", "driver", "acme_7")
+    assert list(tmp_path.iterdir()) == []
+    hil("new", "bench", "acme_7")  # a file by itself
+    assert "no faults" in hil("check", "acme_7.toml")
+
+
+def test_package_without_a_group_says_what_is_missing(tmp_path: Path) -> None:
+    (tmp_path / "pyproject.toml").write_text('[project.entry-points."hil.drivers"]\nx = "x"\n', encoding="utf-8")
+    (tmp_path / "x").mkdir()
+    with pytest.raises(SettingError, match=r'has no \[project\.entry-points\."hil\.procedures"\]; add it'):
+        hil("new", "procedure", "quick", "--in", str(tmp_path))
+
+
+def run_tests(root: Path, *tests: str) -> str:
+    """The tests of a package that is installed beside the program, in a program of their own."""
+    project = tomllib.loads((root / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    about = root / f"{project['name']}-{project['version']}.dist-info"
+    about.mkdir(exist_ok=True)
+    told = f"Metadata-Version: 2.1\nName: {project['name']}\nVersion: {project['version']}\n"
+    (about / "METADATA").write_text(told, encoding="utf-8")
+    points = "".join(
+        f"[{group}]\n" + "".join(f"{name} = {value}\n" for name, value in named.items())
+        for group, named in project["entry-points"].items()
+    )
+    (about / "entry_points.txt").write_text(points, encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "-p", "no:xdist", *tests]
+    done = subprocess.run(
+        command, cwd=root, env=os.environ | {"PYTHONPATH": str(root)}, capture_output=True, text=True, check=False
+    )
+    return done.stdout + done.stderr
+
+
+def test_package_passes_its_tests_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    hil("new", "package", "acme")
+    monkeypatch.chdir(tmp_path / "acme" / "acme")  # anywhere in it
+    for kind in ("device", "procedure", "bench"):
+        hil("new", kind, f"my_{kind}")
+    (tmp_path / "acme" / "tests" / "test_driver_my_device.py").unlink()  # the same as that of the package's own driver
+    assert "4 passed" in run_tests(tmp_path / "acme")
+
+
+@pytest.mark.slow
+def test_plant_and_effect_of_a_package_pass_their_tests(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    hil("new", "package", "acme")
+    hil("new", "plant", "relief-valve", "--in", "acme")
+    hil("new", "effect", "edge_wear", "--in", "acme")
+    names = [f"tests/test_{kind}.py" for kind in ("plant_relief_valve", "effect_edge_wear")]
+    assert "2 passed" in run_tests(tmp_path / "acme", *names)
+
+
+def test_folder_that_hides_a_package_of_ours_is_one_sentence(tmp_path: Path) -> None:
+    for name in ("drivers", "procedures"):
+        (tmp_path / name).mkdir()
+        command = [sys.executable, "-m", "hil", "list", name]
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert done.stderr.startswith(f"hil: {tmp_path / name}: this folder hides the package '{name}' of valve-hil")
+        assert len(done.stderr.splitlines()) == 1
 
 
 def test_driver_that_is_not_installed_is_told() -> None:

@@ -56,7 +56,7 @@ def _seen(
     witness: Witness, channel: OutputChannel, level: float, read: Callable[[], float], longest_s: float, after: str
 ) -> None:
     until_s = time.monotonic() + longest_s
-    while abs((reads := read()) - witness.expected(level)) > witness.allowed:
+    while not abs((reads := read()) - witness.expected(level)) <= witness.allowed:  # NaN is no measurement
         if time.monotonic() > until_s:
             raise Broken(
                 f"'{channel.name}' was {after}; '{witness.channel.name}', which measures it, reads {reads:.4g} "
