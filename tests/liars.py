@@ -199,8 +199,8 @@ def modbus(device: Device, received: bytes) -> tuple[bytes, int]:
     if len(received) < 6 or len(received) < (whole := 6 + struct.unpack(">H", received[4:6])[0]):
         return b"", 0
     pdu = received[7:whole]
-    function, address, word = pdu[0], *struct.unpack(">HH", pdu[1:5])
-    answer = bytes([function | 0x80, 2])
+    function, answer = pdu[0], bytes([pdu[0] | 0x80, 1])
+    address, word = struct.unpack(">HH", pdu[1:5].ljust(4, b"\0"))
     if function in (3, 4):
         words = [_word(device, function, address + k) for k in range(word)]
         answer = struct.pack(f">BB{word}h", function, 2 * word, *words)
