@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 # Spellings that benches use and pint does not know.
 _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute", "GPM": "gallon/minute",
-              "lpm": "l/min", "psig": "psi", "counts": "count"}  # fmt: skip
+              "lpm": "l/min", "LPM": "l/min", "psig": "psi", "PSI": "psi", "BAR": "bar", "counts": "count",
+              "Nm": "N*m", "pct": "%", "l/mn": "l/min", "L/MIN": "l/min"}  # fmt: skip
 
 
 @cache
@@ -36,7 +37,10 @@ def _unit(text: str) -> pint.Unit:
     registry = _registry()
     try:
         spelt = re.sub(r"(?<=[A-Za-z])([23])(?=$|[/*· ])", r"^\1", text.strip())  # m3/h is m^3/h, mmH2O is not
-        return registry.parse_units(_SPELLINGS.get(spelt, spelt))
+        spelt = _SPELLINGS.get(spelt, spelt)
+        if spelt[1:2].islower() and spelt[:1].isupper() and spelt not in registry:
+            spelt = spelt.casefold()  # written out as loggers do: Volts, Newtons
+        return registry.parse_units(spelt)
     except Exception as error:  # pint raises several unrelated types for bad text
         raise UnitError(f"unknown unit '{text}'; examples: %, V, mA, l/min, bar, psi, mm, N, s, Hz, °C, 1") from error
 

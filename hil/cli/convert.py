@@ -7,49 +7,73 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
+
 if TYPE_CHECKING:
+    from hil.record.reading import Reading
     from hil.record.recording import Recording
 
 
 def command(
-    source: Path = typer.Argument(..., metavar="SRC", help="Recording or run folder to read."),
+    source: Path = typer.Argument(..., metavar="SRC", help="Recording, table or run folder to read."),
     target: Path = typer.Argument(..., metavar="DST", help="File to write; its ending says the format."),
-    unit: list[str] = typer.Option([], "--unit", metavar="NAME=UNIT", help="State a channel's unit, as in flow=l/min."),
+    time: Time = "",
+    interval: Interval = 0.0,
+    unit: Unit = [],  # noqa: B006 — typer makes a new one
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+    gaps: Gaps = False,
     overwrite: bool = typer.Option(False, "--overwrite", help="Replace DST if it exists."),
 ) -> None:
     """Convert a recording between formats; DST without an ending becomes a run folder."""
     from hil.cli.places import check_file
+    from hil.cli.reading import reading_of
     from hil.errors import FileError
-    from hil.record.read import read_recording, write_recording
+    from hil.record.read import read_any, write_recording
+    from hil.record.response_table import ResponseTable, write_response_table
 
     if target.exists() and not overwrite:
         raise FileError(f"{target}: exists already; --overwrite replaces it")
     if not target.is_dir():  # a run folder that exists is refused where it would be made
         check_file(target)
-    read = read_recording(source)
-    found = read.with_units(_pairs(unit))
-    write_recording(found, target)
-    channels = ", ".join(channel.heading for channel in found.channels.values())
-    typer.echo(f"{target}: {len(found)} samples, {found.duration_s:g} s, {channels}")
-    missing = [f"no unit is stated for '{name}', taken as 1" for name in found.meta.get("units_missing", ())]
-    for sentence in (*found.meta.get("assumed", ()), *missing, *_restated(read, found)):
+    reading = reading_of(time, interval, unit, rename, columns, gaps)
+    found = read_any(source, reading)
+    if isinstance(found, ResponseTable):
+        write_response_table(found, target)
+        typer.echo(f"{target}: {len(found)} frequencies, {found.frequency_hz[0]:g} to {found.frequency_hz[-1]:g} Hz")
+        notes = list(found.meta.get("assumed", ()))
+    else:
+        write_recording(found, target)
+        channels = ", ".join(channel.heading for channel in found.channels.values())
+        typer.echo(f"{target}: {len(found)} samples, {found.duration_s:g} s, {channels}")
+        notes = _notes(found, source, reading)
+    for sentence in notes:
         typer.echo(f"note: {sentence}")
 
 
-def _restated(read: Recording, found: Recording) -> list[str]:
+def _notes(found: Recording, source: Path, reading: Reading) -> list[str]:
+    missing = [f"no unit is stated for '{name}', taken as 1" for name in found.meta.get("units_missing", ())]
+    said = [*found.meta.get("assumed", ()), *found.meta.get("unmeasured", ())]
+    return [*said, *missing, *_restated(found, source, reading)]
+
+
+def _restated(found: Recording, source: Path, reading: Reading) -> list[str]:
     """What `--unit` says of a channel whose unit the file stated: its numbers stay as they are."""
+    if not reading.units:
+        return []
+    from dataclasses import replace
+
+    from hil.errors import HilError
+    from hil.record.read import read_any
+    from hil.record.recording import Recording
+
+    try:
+        read = read_any(source, replace(reading, units={}))
+    except HilError:  # it can only be read with the units
+        return []
     without = read.meta.get("units_missing", ())
     return [
-        f"'{name}' was in {channel.unit} and is now said to be in {found.channel(name).unit}; its numbers are the same"
-        for name, channel in read.channels.items()
-        if name not in without and channel.unit != found.channel(name).unit
+        f"'{name}' was in {channel.unit} and is now said to be in {found.channels[name].unit}; its numbers are the same"
+        for name, channel in (read.channels.items() if isinstance(read, Recording) else ())
+        if name in found.channels and name not in without and channel.unit != found.channels[name].unit
     ]
-
-
-def _pairs(texts: list[str]) -> dict[str, str]:
-    from hil.errors import SettingError
-
-    for text in texts:
-        if not all(text.partition("=")):
-            raise SettingError(f"--unit {text}: NAME=UNIT was expected, as in 'flow=l/min'")
-    return {name.strip(): unit.strip() for name, _, unit in (text.partition("=") for text in texts)}

@@ -3,58 +3,75 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
+
+from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
+
+if TYPE_CHECKING:
+    from hil.record.reading import Reading
 
 
 def command(
     recordings: list[Path] = typer.Argument(None, metavar="RECORDING...", help="Recordings of the unit."),
     model: Path | None = typer.Option(None, "--model", help="Nominal model file."),
     out: Path = typer.Option(..., "--out", help="Folder for diagnosis.json, corrected.json and report.html."),
-    input_name: str = typer.Option("", "--input", help="Input channel, if not the model's own."),
-    output_name: str = typer.Option("", "--output", help="Output channel, if not the model's own."),
+    input_name: Inputs = [],  # noqa: B006 — typer makes a new one
+    output_name: Output = "",
     bench: str = typer.Option(
         "", "--bench", metavar="BENCH.toml", help="Run the tests that are still needed on this bench, and conclude."
     ),
-    budget_s: float = typer.Option(60.0, "--budget", min=0.0, help="Bench time that those tests may take, in s."),
-    units: list[Path] = typer.Option(
+    bench_budget_s: float = typer.Option(
+        60.0, "--bench-budget", metavar="S", min=0.0, help="Bench time that those tests may take, in s."
+    ),
+    fleet: list[Path] = typer.Option(
         [],
-        "--unit",
+        "--fleet",
         metavar="FOLDER",
-        help="Instead of recordings: a unit's folder of CSV files, with its own "
+        help="Instead of recordings: a valve's folder of CSV files, with its own "
         "nominal.json or the --model; may be given again. Each gets a folder of its own in --out.",
     ),
-    scheduler: str = typer.Option("", "--scheduler", metavar="tcp://…", help="Dask scheduler that does the units."),
+    scheduler: str = typer.Option("", "--scheduler", metavar="tcp://…", help="Dask scheduler that does the fleet."),
+    time: Time = "",
+    interval: Interval = 0.0,
+    unit: Unit = [],  # noqa: B006
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+    gaps: Gaps = False,
 ) -> None:
     """Locate a mismatch, name the physics that was left out, model it, and show the fit improve."""
     from hil.cli.places import check_distinct, check_folder
+    from hil.cli.reading import notes_on, read_all, reading_of, say
 
     check_folder(out)
-    if units:
-        _diagnose_units(units, model, out, scheduler)
+    reading = reading_of(time, interval, unit, rename, columns, gaps)
+    if fleet:
+        _diagnose_fleet(fleet, model, out, scheduler, reading)
         return
     if model is None or not recordings:
-        raise typer.BadParameter("give --model and recordings, or units by --unit")
+        raise typer.BadParameter("give --model and recordings, or folders by --fleet")
     if scheduler:
         raise typer.BadParameter(
-            "spreads units (--unit) over machines; one unit is done on this one", param_hint="--scheduler"
+            "spreads a fleet (--fleet) over machines; one valve is done on this one", param_hint="--scheduler"
         )
     check_distinct(recordings)
     from hil.cli.progress import shown
     from hil.diagnosis.diagnose import diagnose
     from hil.identification.experiment import for_model
     from hil.physics.model import load_model
-    from hil.record.read import read_recording
     from hil.session.diagnosis import conclude, write_diagnosis
 
     nominal = load_model(model)
-    experiments = [for_model(nominal, read_recording(path), input_name, output_name) for path in recordings]
+    read = read_all(recordings, reading)
+    experiments = [for_model(nominal, one, input_name, output_name) for one in read]
+    say(notes_on(read, experiments))
     with shown() as progress:
         if bench:
             from hil.bench.find import find_bench
             from hil.bench.read import read_bench
 
-            found = conclude(nominal, experiments, read_bench(find_bench(bench)), budget_s, out, progress)
+            found = conclude(nominal, experiments, read_bench(find_bench(bench)), bench_budget_s, out, progress)
         else:
             found = diagnose(nominal, experiments, progress)
     report = write_diagnosis(found, out)
@@ -62,14 +79,16 @@ def command(
     typer.echo(f"report: {report}")
 
 
-def _diagnose_units(folders: list[Path], model: Path | None, out: Path, scheduler: str) -> None:
+def _diagnose_fleet(folders: list[Path], model: Path | None, out: Path, scheduler: str, reading: Reading) -> None:
     from hil.cli.progress import shown
+    from hil.cli.reading import notes_on, say
     from hil.physics.model import load_model
     from hil.session.diagnosis import write_diagnosis
     from hil.session.fleet import diagnose_units, read_unit
 
     nominal = load_model(model) if model is not None else None
-    units = [read_unit(folder, nominal) for folder in folders]
+    units = [read_unit(folder, nominal, reading=reading) for folder in folders]
+    say(notes_on([one for unit in units for one in unit.recordings]))
     with shown() as progress:
         answers = list(diagnose_units(units, scheduler, progress))
     failed = 0

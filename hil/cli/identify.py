@@ -6,29 +6,41 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
+
 
 def command(
-    recordings: list[Path] = typer.Argument(..., metavar="RECORDING...", help="Recordings, fitted together."),
+    recordings: list[Path] = typer.Argument(
+        ..., metavar="RECORDING...", help="Recordings or tables of a frequency response, fitted together."
+    ),
     plant: str = typer.Option(..., "--plant", help="Name of a plant, or a model file to start from."),
     out: Path = typer.Option(..., "--out", help="Model file to write."),
-    input_name: str = typer.Option("", "--input", help="Input channel, if not the plant's own name."),
-    output_name: str = typer.Option("", "--output", help="Output channel, if not the plant's own name."),
-    free: list[str] = typer.Option([], "--free", help="Also estimate this parameter, held fixed otherwise."),
+    input_name: Inputs = [],  # noqa: B006 — typer makes a new one
+    output_name: Output = "",
+    free: list[str] = typer.Option(
+        [], "--free", metavar="NAME,…", help="Also estimate these, held fixed otherwise; friction.coulomb of an effect."
+    ),
+    part: str = typer.Option("", "--part", metavar="NAME", help="Of a run with several frequency responses, this one."),
+    time: Time = "",
+    interval: Interval = 0.0,
+    unit: Unit = [],  # noqa: B006
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+    gaps: Gaps = False,
 ) -> None:
     """Fit a plant's parameters to all recordings together and write a model file."""
     from hil.cli.places import check_distinct, check_file
-    from hil.identification.experiment import experiment
-    from hil.identification.grey_box import fit_plant, starting_model
+    from hil.cli.reading import notes_on, reading_of, say
     from hil.physics.model import save_model
-    from hil.record.read import read_recording
+    from hil.record.response_table import ResponseTable
+    from hil.session.identification import identified, read_for
 
     check_distinct(recordings)
     check_file(out, recordings)
-    start = starting_model(plant, free)
-    experiments = [
-        experiment(read_recording(path), start.definition, input_name or None, output_name or None)
-        for path in recordings
-    ]
-    found = fit_plant(start, experiments, free)
+    read = read_for(plant, recordings, reading_of(time, interval, unit, rename, columns, gaps), part)
+    asked = [name for names in free for name in names.split(",") if name]
+    found = identified(plant, read, asked, input_name, output_name)
     save_model(found.model, out)
-    typer.echo(found.summary())
+    experiments = () if isinstance(read[0], ResponseTable) else found.experiments
+    say(notes_on(read, experiments))
+    typer.echo(found.text)

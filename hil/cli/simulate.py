@@ -6,19 +6,31 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
+
 
 def command(
     model: Path = typer.Option(..., "--model", help="Model file."),
     recording: Path = typer.Option(..., "--input", help="Recording whose input drives the model."),
     out: Path = typer.Option(..., "--out", help="File to write: time and output, the same rows."),
-    input_name: str = typer.Option("", "--input-name", help="Input channel, if not the plant's own name."),
-    output_name: str = typer.Option("", "--output-name", help="Output channel, if not the plant's own name."),
+    input_name: list[str] = typer.Option(
+        [], "--input-name", metavar="NAME", help="Input channel, if not called so; again for a second one."
+    ),
+    output_name: str = typer.Option("", "--output-name", metavar="NAME", help="Output channel, if not called so."),
+    time: Time = "",
+    interval: Interval = 0.0,
+    unit: Unit = [],  # noqa: B006 — typer makes a new one
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+    gaps: Gaps = False,
 ) -> None:
     """Simulate a model on a recording's input.
 
-    Of the recording's output only the first sample is used, to set the initial state.
+    Of the recording's output only the first sample is used, to set the initial state. Where the output was sampled at
+    times of its own, the rows are those.
     """
     from hil.cli.places import check_file
+    from hil.cli.reading import notes_on, reading_of, say
     from hil.identification.experiment import for_model
     from hil.physics.model import load_model
     from hil.record.read import read_recording, write_recording
@@ -26,7 +38,8 @@ def command(
 
     check_file(out, (model, recording))
     loaded = load_model(model)
-    read = read_recording(recording)
+    read = read_recording(recording, reading_of(time, interval, unit, rename, columns, gaps))
     bound = for_model(loaded, read, input_name, output_name, output_needed=False)
     simulated = bound.respond(loaded.definition, loaded.values, loaded.active_effects)[0]
-    write_recording(make(str(out), read.time_s, {loaded.output: simulated}), out)
+    write_recording(make(str(out), bound.time_s, {loaded.output: simulated}), out)
+    say(notes_on([read], [bound]))

@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.errors import FileError
+from hil.errors import FileError, SettingError
+from hil.identification.time_base import held_grid, missing_of_even
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
-from hil.record.recording import Array, Channel, Recording, split_heading
+from hil.record.recording import Array, Channel, Recording, Samples, split_heading
 
 _GRID_PER_UNEVEN_SAMPLE = 8
 DEAD = "a dead sensor, no supply or a wrong column"
@@ -39,6 +40,7 @@ class Experiment:
         read_s: where the recording knows when every single sample was read: those instants for the output and the
             plant's inner signals, shape (1 + observed, n), else None. They lie on the time of `grid_s` then, and
             `drive.read_at` says nothing.
+        notes: what of the recording is used in another way than it was sampled, in words.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Experiment:
     ignored: NDArray[np.bool_] | None = None
     lost: NDArray[np.bool_] | None = None
     read_s: Array | None = None
+    notes: tuple[str, ...] = ()
 
     def respond(
         self,
@@ -180,21 +183,33 @@ def _either(known: NDArray[np.bool_] | None, more: NDArray[np.bool_]) -> NDArray
 def experiment(
     recording: Recording,
     plant: Plant,
-    input_name: str | None = None,
+    input_name: str | Sequence[str] | None = None,
     output_name: str | None = None,
     read_at: float | None = None,
 ) -> Experiment:
     """Bind a recording to a plant by channel names.
 
+    A command holds between its samples; the output is compared when it was sampled.
+
+    Args:
+        recording: what was measured.
+        plant: what it is bound to.
+        input_name: of the command, or of the plant's inputs in their order, if not the plant's own names.
+        output_name: of the response, likewise.
+        read_at: the reading instant, if it is known.
+
     Raises:
         FileError: a channel is missing, or the input never changes.
         UnitError: a channel's unit does not convert to the plant's.
     """
-    names = [input_name or plant.inputs[0].name, *(signal.name for signal in plant.inputs[1:])]
-    _check_named(recording, plant, names[0], output_name or plant.output.name)
+    names = _input_names(plant, input_name)
+    output_name = output_name or plant.output.name
+    _check_named(recording, plant, names[0], output_name)
     units = _input_units(plant, recording, names[0])
+    if any(name in recording.own for name in (*names, output_name, *(signal.name for signal in plant.observed))):
+        return _on_own_stamps(recording, plant, names, units, output_name, read_at)
     inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
-    measured = recording.channel(output_name or plant.output.name)
+    measured = recording.channel(output_name)
     output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
     output = recording.values(measured.name, output_unit)
     observed = {
@@ -214,6 +229,69 @@ def experiment(
     )  # fmt: skip
 
 
+def _input_names(plant: Plant, given: str | Sequence[str] | None) -> list[str]:
+    """Channels of the plant's inputs: those given, in the plant's order, then its own names."""
+    named = [given] if isinstance(given, str) else list(given or ())
+    if len(named) > len(plant.inputs):
+        raise SettingError(f"{plant.name} has {len(plant.inputs)} inputs, {len(named)} were named: {', '.join(named)}")
+    return [
+        *(name for name in named if name),
+        *(signal.name for signal in plant.inputs[len([n for n in named if n]) :]),
+    ]
+
+
+def _on_own_stamps(
+    recording: Recording, plant: Plant, names: Sequence[str], units: Sequence[str], output_name: str,
+    read_at: float | None,
+) -> Experiment:  # fmt: skip
+    """An experiment of channels that were sampled at different times: commands are held, the output stays as it was."""
+    measured = recording.channel(output_name)
+    output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
+    given = [recording.samples(name, unit) for name, unit in zip(names, units, strict=True)]
+    output = recording.samples(measured.name, output_unit)
+    first, last = max(one.time_s[0] for one in given), recording.time_s[-1]
+    kept = (output.time_s >= first - 1e-9) & (output.time_s <= last + recording.interval_s)
+    if np.count_nonzero(kept) < FEWEST_SAMPLES:
+        raise FileError(
+            f"{recording.name}: '{output_name}' has {np.count_nonzero(kept)} samples while '{names[0]}' is known; at "
+            f"least {FEWEST_SAMPLES} are needed"
+        )
+    output = Samples(output.time_s[kept], output.values[kept])
+    grid_s, interval_s = held_grid(given, output.time_s)
+    inputs = np.ascontiguousarray([one.held_at(grid_s) for one in given])
+    ignored = missing_of_even(grid_s, output.time_s, interval_s)
+    observed, said = _inner(recording, plant, output.time_s)
+    notes = [f"{recording.name}: {sentence}" for sentence in said]
+    at = declared_read_at(recording) if read_at is None else read_at
+    headings = f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]"
+    at_rest = _at_rest(np.array([one.held_at(output.time_s) for one in given]), output.values)
+    drive = Drive(inputs, at_rest, interval_s, at or 0.0)
+    if ignored is not None and not observed:
+        values = output.held_at(grid_s)
+        return Experiment(
+            recording.name, *headings, grid_s, drive, None, values, {}, at is not None, ignored, notes=tuple(notes)
+        )
+    on_grid = len(grid_s) == len(output.time_s) and bool(np.all(np.abs(grid_s - output.time_s) < 1e-3 * interval_s))
+    return Experiment(
+        recording.name, *headings, output.time_s, drive, None if on_grid else grid_s, output.values, observed,
+        at is not None, notes=tuple(notes),
+    )  # fmt: skip
+
+
+def _inner(recording: Recording, plant: Plant, output_s: Array) -> tuple[dict[str, Array], list[str]]:
+    """Inner signals at the times of the output; slower ones, which would count more than once, are left out."""
+    found, said = {}, []
+    for signal in plant.observed:
+        if signal.name not in recording.channels:
+            continue
+        taken = recording.samples(signal.name, signal.unit)
+        if np.median(np.diff(taken.time_s)) > 1.05 * np.median(np.diff(output_s)):
+            said.append(f"'{signal.name}' is sampled more slowly than the output and is not compared")
+        else:
+            found[signal.name] = np.interp(output_s, taken.time_s, taken.values)
+    return found, said
+
+
 def _at_rest(inputs: Array, output: Array) -> float:
     """Where the output stands at the start: its mean while no input has moved and it shows no motion; else its first.
 
@@ -231,7 +309,12 @@ def _at_rest(inputs: Array, output: Array) -> float:
 
 
 def for_model(
-    model: Model, recording: Recording, input_name: str = "", output_name: str = "", *, output_needed: bool = True
+    model: Model,
+    recording: Recording,
+    input_name: str | Sequence[str] = "",
+    output_name: str = "",
+    *,
+    output_needed: bool = True,
 ) -> Experiment:
     """Bind a recording to a model: its channels (other names may be given) and its reading instant.
 
@@ -251,7 +334,8 @@ def for_model(
     if output_name not in recording.channels and not output_needed:
         nothing = Channel(output_name, plant.output.unit, np.full(len(recording), np.nan))
         recording = replace(recording, channels={**recording.channels, output_name: nothing})
-    input_name = input_name or split_heading(model.input)[0]
+    named = [input_name] if isinstance(input_name, str) else list(input_name)
+    input_name = [named[0] if named and named[0] else split_heading(model.input)[0], *named[1:]]
     return experiment(recording, plant, input_name, output_name, model.read_at)
 
 
@@ -271,7 +355,7 @@ def _check_named(recording: Recording, plant: Plant, input_name: str, output_nam
         hint = f", did you mean '{alike[0]}'?" if alike else ";"
         raise FileError(
             f"{recording.name}: no channel '{name}', the {role} of {plant.name}{hint} it has: {have or 'none'}; "
-            f"say which is the {role}"
+            f"say which is the {role} with --{role} NAME (of hil simulate: --{role}-name NAME)"
         )
 
 

@@ -202,6 +202,28 @@ def from_table(
     )  # fmt: skip
 
 
+def from_polar(
+    name: str,
+    frequency_hz: Array,
+    response: Complex,
+    gain_std: Array | None = None,
+    phase_std_rad: Array | None = None,
+    units: tuple[str, str] = ("1", "1"),
+) -> FrequencyResponse:
+    """A frequency response from complex lines at rising frequencies, with the standard uncertainties of both parts.
+
+    `gain_std` is relative; where one of them is not known, nothing is taken to be known of the noise.
+    """
+    n = len(frequency_hz)
+    unknown = np.full(n, math.nan)
+    known = gain_std is not None and phase_std_rad is not None
+    covariance = _rotated(response, gain_std**2, phase_std_rad**2) if known else np.full((n, 2, 2), math.nan)  # type: ignore[operator]
+    return FrequencyResponse(
+        name, np.asarray(frequency_hz, dtype=np.float64), np.asarray(response, dtype=np.complex128), covariance, *units,
+        math.nan, math.nan, unknown, unknown, unknown, unknown, np.zeros((n, 0), dtype=np.complex128),
+    )  # fmt: skip
+
+
 def average(responses: Sequence[FrequencyResponse]) -> FrequencyResponse:
     """The mean of responses on the same frequencies: of their dB and of their unwrapped phases.
 

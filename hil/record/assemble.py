@@ -1,4 +1,4 @@
-"""A recording from the tables of a file: time bases found and joined, what is no signal left out.
+"""A recording from the tables of a file: time bases found and kept, what is no signal left out.
 
 Whatever had to be assumed or changed on the way is said in `meta["assumed"]`, a sentence each. Channels without
 a stated unit get 1 and are named in `meta["units_missing"]`.
@@ -6,117 +6,330 @@ a stated unit get 1 and are named in `meta["units_missing"]`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.errors import FileError, UnitError
 from hil.record.columns import Column, Table
-from hil.record.recording import Array, Channel, Recording, check
+from hil.record.named import named
+from hil.record.reading import AS_IT_IS, Reading
+from hil.record.recording import Array, Channel, Recording, Samples, check
+from hil.record.response_table import ResponseTable, looks_like_responses, refuse_mislabelled, response_table
+from hil.units import check_unit
+
+_SAME_STAMP = 1e-3  # of an interval
+
+
+def assemble(
+    name: str,
+    tables: Sequence[Table],
+    meta: Mapping[str, Any] | None = None,
+    reading: Reading = AS_IT_IS,
+    place: Callable[[int], str] | None = None,
+) -> Recording | ResponseTable:
+    """One recording from tables; a frequency response where they hold one.
+
+    Channels of several time bases share the one with the most samples, within the time that all of them cover; those
+    that were sampled at other times keep their own samples in `own`, and in between the last one is held. A value that
+    is not there (NaN) is a sample that was not taken. A table without a time takes that of another one of its length.
+
+    Args:
+        name: of the file.
+        tables: what is in it.
+        meta: what it says besides.
+        reading: what its user says.
+        place: where a row stands, for messages.
+
+    Raises:
+        FileError: no time, no signal, or samples that are no recording (see `recording.check`).
+    """
+    read = named(name, tables, reading)
+    if looks_like_responses(read) and not reading.time and not reading.interval_s:
+        return response_table(name, read, meta)
+    timed = [one for one in _timed(name, read, reading) if len(one.time_s)]
+    if not timed:
+        raise FileError(f"{name}: {_nothing(read)}")
+    refuse_mislabelled(name, [column for one in timed for column in one.signals])
+    taken, assumed = _without_blanks(name, timed, place, reading.gaps)
+    base = max(taken, key=lambda one: len(one.time_s))
+    for one in taken:
+        _check_stamps(name, one, place)
+    time_s, said = _common(name, base, taken)
+    assumed += said
+    channels: dict[str, Channel] = {}
+    own: dict[str, Samples] = {}
+    units_missing = []
+    for one in taken:
+        wanted = one.column.name_and_unit[0]
+        label = _free_name(wanted, one.table, channels)
+        if wanted and label != wanted:
+            assumed.append(f"another channel is called '{wanted}'; this one is '{label}'")
+        unit = one.column.name_and_unit[1]
+        values, apart = _on(time_s, one, base)
+        channels[label] = Channel(label, unit or "1", values, one.column.source, one.column.calibration)
+        if apart is not None:
+            own[label] = apart
+            assumed.append(_sampled_apart(label, one, base))
+        units_missing += [] if unit else [label]
+    said_of_file: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
+    assumed = [*dict.fromkeys(sentence for one in timed for sentence in one.assumed), *assumed]
+    if assumed:
+        said_of_file["assumed"] = [*said_of_file.get("assumed", ()), *assumed]
+    found = Recording(name, time_s, channels, said_of_file, own)
+    check(found, place=place if place and len(time_s) == len(timed[0].time_s) else _sample)
+    return found
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Timed:
     """Signals of one table on its own time base, and what was assumed to get there."""
 
-    name: str
+    table: str
     time_s: Array
     signals: tuple[Column, ...]
     assumed: tuple[str, ...] = ()
 
 
-def assemble(name: str, tables: Sequence[Table], meta: Mapping[str, Any] | None = None) -> Recording:
-    """One recording from tables.
+@dataclass(frozen=True, slots=True, eq=False)
+class _Taken:
+    """One channel with the stamps of its samples."""
 
-    Channels of several time bases are brought to the one with the most samples, within the time that all of
-    them cover: real numbers along straight lines, whole numbers (states, counters) held. A table without a
-    time takes that of another one of its length.
-
-    Raises:
-        FileError: no time, no signal, or samples that are no recording (see `recording.check`).
-    """
-    timed = list(_timed(name, tables))
-    if not timed:
-        have = ", ".join(f"'{column.heading}'" for table in tables for column in table.columns)
-        there = f"no signal with a time was found, but {have}" if have else "no signal was found"
-        raise FileError(f"{name}: {there}; call the column of the time 'time [s]'")
-    timed = [table for table in timed if len(table.time_s)] or timed[:1]
-    base = max(timed, key=lambda table: len(table.time_s))
-    time_s = _common(name, base.time_s, timed)
-    channels: dict[str, Channel] = {}
-    units_missing = []
-    for table in timed:
-        for column in table.signals:
-            heading, unit = column.name_and_unit
-            label = _free_name(heading, table.name, channels)
-            values = _at(time_s, table.time_s, column.values)
-            channels[label] = Channel(label, unit or "1", values, column.source, column.calibration)
-            units_missing += [] if unit else [label]
-    assumed = [sentence for table in timed for sentence in table.assumed]
-    assumed += [_joined(table, base) for table in timed if not np.array_equal(table.time_s, base.time_s)]
-    said: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
-    if assumed:
-        said["assumed"] = assumed
-    found = Recording(name, time_s, channels, said)
-    check(found)
-    return found
+    table: str
+    column: Column
+    time_s: Array
+    values: Array
 
 
-def _timed(name: str, tables: Sequence[Table]) -> Iterator[_Timed]:
-    found = [(table, *_time(name, table)) for table in tables]
-    by_length = {len(time_s): time_s for _, time_s, _ in reversed(found) if time_s is not None}
-    for table, own_s, assumed in found:
-        clock = next((column for column in table.columns if column.is_time), None) if table.time_s is None else None
-        signals = tuple(column for column in table.columns if column.is_number and column is not clock)
-        other = [column.heading for column in table.columns if not column.is_number and column is not clock]
+def _nothing(tables: Sequence[Table]) -> str:
+    have = ", ".join(f"'{column.heading}'" for table in tables for column in table.columns)
+    there = f"no signal with a time was found, but {have}" if have else "no signal was found"
+    return (
+        f"{there}; say which of them is the time with --time NAME, or how far the samples are apart with --interval S "
+        "(in seconds)"
+    )
+
+
+def _timed(name: str, tables: Sequence[Table], reading: Reading) -> Iterator[_Timed]:
+    found = [piece for table in tables for piece in _pieces(name, table, reading)]
+    by_length = {len(time_s): time_s for _, time_s, _, _ in reversed(found) if time_s is not None}
+    for table, own_s, columns, assumed in found:
+        signals = tuple(column for column in columns if column.is_number)
+        other = [column.heading for column in columns if not column.is_number]
         left_out = (f"left out, not one number per sample: {', '.join(other)}",) if other else ()
         length = len(signals[0].values) if signals else 0
         time_s = by_length.get(length) if own_s is None else own_s
         if signals and time_s is not None:
-            yield _Timed(table.name, time_s, signals, (*assumed, *left_out))
+            if len(time_s) != length:
+                raise FileError(
+                    f"{name}: channel '{signals[0].heading}' has {length} samples, its time has {len(time_s)}"
+                )
+            yield _Timed(table, np.ascontiguousarray(time_s, dtype=np.float64), signals, (*assumed, *left_out))
 
 
-def _time(name: str, table: Table) -> tuple[Array | None, tuple[str, ...]]:
+_Piece = tuple[str, Array | None, Sequence[Column], tuple[str, ...]]
+
+
+def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
+    """The table, cut at its columns of time: each holds for those to its right, the first for those before it too."""
     said = (table.assumed,) if table.assumed else ()
-    if table.time_s is not None:
-        return table.time_s, said
-    for column in table.columns:
-        if column.is_time:
-            try:
-                time_s, assumed = column.seconds()
-            except UnitError as error:
-                raise FileError(f"{name}: time column '{column.heading}': {error}") from None
-            return time_s, (*said, assumed) if assumed else said
-    return None, said
+    clocks = [] if table.time_s is not None and not reading.time else _clocks(table, reading)
+    if reading.interval_s:
+        signals = [column for column in table.columns if column not in clocks and not column.is_dated]
+        yield from _even(table, signals, reading.interval_s)
+        return
+    if not clocks:
+        counter = next((c for c in table.columns if c.counts_rows), None) if table.time_s is None else None
+        if (
+            counter is not None
+            and counter is table.columns[0]
+            and counter.heading.strip().casefold().startswith("sampl")
+        ):
+            time_s = counter.values.astype(np.float64) - float(counter.values[0])
+            yield (
+                table.name,
+                time_s,
+                table.columns[1:],
+                (*said, "sample number; 1 s per sample assumed, --interval S says otherwise"),
+            )
+            return
+        yield table.name, table.time_s, table.columns, said
+        return
+    columns = [c for c in table.columns if c in clocks or not c.counts_rows]
+    if len(columns) < len(table.columns):
+        said = (*said, "a column that only numbers the rows is left out")
+    at = [columns.index(clock) for clock in clocks]
+    for k, (start, clock) in enumerate(zip(at, clocks, strict=True)):
+        stop = at[k + 1] if k + 1 < len(at) else len(columns)
+        others = [*(columns[: at[0]] if k == 0 else ()), *columns[start + 1 : stop]]
+        time_s, assumed = _seconds(name, clock, reading)
+        kept = [column for column in others if len(column.values) == len(time_s) or column.is_number]
+        yield table.name, time_s, kept, (*said, assumed) if assumed else said
 
 
-def _common(name: str, time_s: Array, timed: Sequence[_Timed]) -> Array:
-    if len(timed) == 1:
-        return time_s
-    start, stop = max(table.time_s[0] for table in timed), min(table.time_s[-1] for table in timed)
-    common: Array = time_s[(time_s >= start) & (time_s <= stop)]
+def _even(table: Table, signals: Sequence[Column], interval_s: float) -> Iterator[_Piece]:
+    lengths = dict.fromkeys(len(column.values) for column in signals)
+    for length in lengths:
+        columns = [c for c in signals if len(c.values) == length and not c.counts_rows]
+        time_s = interval_s * np.arange(length, dtype=np.float64)
+        yield table.name, time_s, columns, (f"even time base of {interval_s:g} s, as --interval says",)
+
+
+def _clocks(table: Table, reading: Reading) -> list[Column]:
+    """The columns of time: the one that is named, else all that must be, with those that may be where there are two."""
+    if reading.time:
+        named_so = [c for c in table.columns if c.name_and_unit[0] == reading.time or c.heading.strip() == reading.time]
+        return named_so[:1]
+    sure = [column for column in table.columns if column.is_time]
+    if not sure:
+        return [column for column in table.columns if column.may_be_time][:1]
+    if len(table.columns) < 4:
+        return _without_twins(table.columns, sure)
+    both = [column for column in table.columns if column in sure or column.may_be_time]
+    return _without_twins(table.columns, both)
+
+
+def _without_twins(columns: Sequence[Column], clocks: Sequence[Column]) -> list[Column]:
+    """Clocks side by side, or one at the end, tell the same time: numbers are taken before dates."""
+    kept: list[Column] = []
+    for clock in clocks:
+        beside = kept and columns.index(clock) - columns.index(kept[-1]) == 1
+        at_end = kept and columns.index(clock) == len(columns) - 1
+        if beside or at_end or (kept and clock.is_dated):
+            if kept[-1].is_dated and not clock.is_dated:
+                kept[-1] = clock
+        else:
+            kept.append(clock)
+    return kept
+
+
+def _seconds(name: str, clock: Column, reading: Reading) -> tuple[Array, str]:
+    label = clock.name_and_unit[0]
+    stated = reading.units.get(label, "") or reading.units.get("time", "")
+    try:
+        if stated:
+            check_unit(stated)
+        return clock.seconds(stated)
+    except UnitError as error:
+        raise FileError(
+            f"{name}: time column '{clock.heading}': {error}; say its unit with --unit '{label}=s', or name the column "
+            "of the time with --time NAME"
+        ) from None
+
+
+def _without_blanks(
+    name: str, timed: Sequence[_Timed], place: Callable[[int], str] | None, gaps: bool
+) -> tuple[list[_Taken], list[str]]:
+    taken, said, empty = [], [], []
+    for one in timed:
+        for column in one.signals:
+            values = np.ascontiguousarray(column.values, dtype=np.float64)
+            missing = np.isnan(values) | np.isnan(one.time_s)
+            kept = ~missing
+            if not kept.any():
+                empty.append(column.heading)
+                continue
+            if missing.any():
+                said += _blanks(name, column, missing, place or _sample, gaps)
+                taken.append(_Taken(one.table, column, one.time_s[kept], values[kept]))
+            else:
+                taken.append(_Taken(one.table, column, one.time_s, values))
+    single = [t.column.heading for t in taken if len(t.time_s) < 2]
+    if single and len(single) < len(taken):
+        said.append(f"left out, a single sample: {', '.join(single)}")
+        taken = [t for t in taken if len(t.time_s) > 1]
+    if named_empty := [heading for heading in empty if heading.strip()]:
+        said.append(f"left out, without a sample: {', '.join(named_empty)}")
+    if not taken:
+        raise FileError(f"{name}: no channel has a sample")
+    return taken, said
+
+
+def _blanks(
+    name: str, column: Column, missing: NDArray[np.bool_], place: Callable[[int], str], gaps: bool
+) -> list[str]:
+    """Scattered samples that are missing, in words; a channel of a rate of its own is spoken of elsewhere."""
+    at = np.flatnonzero(missing)
+    if at.size > len(missing) // 2 or missing[at[0] :].all():
+        return []
+    label = column.name_and_unit[0]
+    if not gaps:
+        raise FileError(
+            f"{name}: {place(int(at[0]))}, channel '{label}': no value ({at.size} such of {len(missing)}); with --gaps "
+            "that is a sample that was not taken, and --columns can leave the channel out"
+        )
+    return [f"'{label}' has no value in {at.size} of {len(missing)} rows, the first at {place(int(at[0]))}"]
+
+
+def _check_stamps(name: str, one: _Taken, place: Callable[[int], str] | None) -> None:
+    plain = Recording(name, one.time_s, {"value": Channel(one.column.heading, "1", one.values)})
+    label, unit = one.column.name_and_unit
+    plain = replace(plain, channels={label: Channel(label, unit or "1", one.values)} if label != "time" else {})
+    check(plain, place=place or _sample)
+
+
+def _sample(index: int) -> str:
+    return f"sample {index}"
+
+
+def _interval_s(time_s: Array) -> float:
+    return float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
+
+
+def _is_even(time_s: Array) -> bool:
+    steps = np.diff(time_s)
+    return len(steps) > 4 and bool(np.all(np.abs(steps - np.median(steps)) <= 0.05 * np.median(steps)))
+
+
+def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, list[str]]:
+    """The stamps of the base within the time that all channels cover: one sampled on change holds on to the end."""
+    starts = {float(one.time_s[0]) for one in taken}
+    stops = [float(one.time_s[-1]) + (_interval_s(one.time_s) if _is_even(one.time_s) else np.inf) for one in taken]
+    time_s, slack = base.time_s, _SAME_STAMP * _interval_s(base.time_s)
+    stop = min(stops)
+    if len(starts) == 1 and stop >= time_s[-1] - slack:
+        return time_s, []
+    common: Array = time_s[(time_s >= max(starts) - slack) & (time_s < max(stop, time_s[0]) - slack)]
     if len(common) < 2:
-        raise FileError(f"{name}: its time bases have no time in common: {', '.join(table.name for table in timed)}")
-    return common
+        names = ", ".join(dict.fromkeys(one.table for one in taken))
+        raise FileError(f"{name}: its time bases have no time in common: {names}")
+    said = []
+    for start in sorted(starts)[1:]:
+        names = ", ".join(one.column.name_and_unit[0] for one in taken if one.time_s[0] == start)
+        if start - min(starts) > slack:
+            said.append(f"{names} begins {start - min(starts):.6g} s after the first channel, as the file says")
+    return common, said
 
 
-def _at(time_s: Array, own_s: Array, values: Array) -> Array:
-    real = np.ascontiguousarray(values, dtype=np.float64)
-    if np.array_equal(time_s, own_s) or len(values) != len(own_s):
-        return real  # a wrong length is said by `check`, with the channel's name
-    if values.dtype.kind == "f":
-        return np.interp(time_s, own_s, real)
-    held: Array = real[np.searchsorted(own_s, time_s, side="right") - 1]
-    return held
+def _on(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples | None]:
+    """The values at these times, and the samples as they were taken where that was at other times."""
+    if len(time_s) == len(one.time_s) and np.array_equal(one.time_s, base.time_s):
+        return one.values, None
+    slack = _SAME_STAMP * _interval_s(base.time_s)
+    at = np.clip(np.searchsorted(one.time_s, time_s - slack), 0, len(one.time_s) - 1)
+    taken = Samples(one.time_s, one.values)
+    within = (one.time_s >= time_s[0] - slack) & (one.time_s <= time_s[-1] + slack)
+    if np.count_nonzero(within) == len(time_s) and np.all(np.abs(one.time_s[at] - time_s) <= slack):
+        return one.values[at], None
+    return taken.held_at(time_s), taken
 
 
-def _joined(table: _Timed, base: _Timed) -> str:
-    names = ", ".join(column.name_and_unit[0] for column in table.signals)
-    return f"{names}: brought from {len(table.time_s)} samples to the times of the {len(base.time_s)} of {base.name}"
+def _sampled_apart(label: str, one: _Taken, base: _Taken) -> str:
+    count = len(one.time_s)
+    if _is_even(one.time_s):
+        rate = f"every {_interval_s(one.time_s):.6g} s from {one.time_s[0]:.6g} s on"
+    else:
+        rate = "at times of its own"
+    return (
+        f"{label}: {count} samples {rate}, beside {len(base.time_s)} of {base.column.name_and_unit[0]}; its last value "
+        "holds until the next as a command, and as a response it is compared at its own times"
+    )
 
 
 def _free_name(wanted: str, table: str, taken: Mapping[str, Any]) -> str:
+    wanted = wanted or "channel"
     candidates = (wanted, f"{wanted} ({table})", *(f"{wanted} ({table}, {i})" for i in range(2, len(taken) + 3)))
     return next(name for name in candidates if name not in taken and name != "time")

@@ -1,8 +1,7 @@
-"""Columns as other programs write them: headings, units and times read with some goodwill."""
+"""Columns as other programs write them, and the tables that they stand in."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -10,16 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.errors import UnitError
+from hil.record import heading as headings
 from hil.record.recording import Array
-from hil.units import check_unit, convert
+from hil.units import convert
 
-_TIME_NAMES = frozenset({"time", "t", "timestamp", "timestamps", "zeit"})
-_INTERVALS = frozenset({"ts", "dt", "delta_t", "sample_time", "sampling_time", "sampling_interval", "wf_increment"})
-_RATES = frozenset({"fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "rate_hz"})
 _MOST_COLUMNS = 256
-_SQUARE = re.compile(r"^\s*(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
-_LOOSE = re.compile(r"^\s*(?P<name>.*\S)(\s*\((?P<round>[^()]+)\)|\s+/\s+(?P<over>\S+))\s*$")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,17 +28,12 @@ class Column:
 
     @property
     def name_and_unit(self) -> tuple[str, str]:
-        """What it is called; the unit is empty when none is stated.
-
-        `flow [l/min]`, and where the bracket holds a unit also `flow (l/min)` and `flow / l/min`.
-        """
-        if match := _SQUARE.match(self.heading):
-            return match["name"], self.unit or match["unit"].strip()
-        if not self.unit and (match := _LOOSE.match(self.heading)):
-            unit = (match["round"] or match["over"]).strip()
-            if _is_unit(unit):
-                return match["name"], unit
-        return self.heading.strip(), self.unit
+        """What it is called; the unit is empty when none is stated (see `heading.split`)."""
+        unit = headings.unit_text(self.unit)
+        if unit and "[" not in self.heading:
+            return self.heading.strip(), unit
+        name, stated = headings.split(self.heading)
+        return name, unit or stated
 
     @property
     def is_number(self) -> bool:
@@ -52,22 +41,48 @@ class Column:
         return self.values.ndim == 1 and self.values.dtype.kind in "biuf"
 
     @property
-    def is_time(self) -> bool:
-        """Whether it holds the time."""
-        dated = self.values.ndim == 1 and self.values.dtype.kind in "mM"
-        return dated or (self.is_number and is_time(self.name_and_unit[0]))
+    def is_dated(self) -> bool:
+        """Whether it holds stamps of a calendar or a clock."""
+        return self.values.ndim == 1 and self.values.dtype.kind in "mM"
 
-    def seconds(self) -> tuple[Array, str]:
-        """The time in seconds, and what had to be assumed for it.
+    @property
+    def is_time(self) -> bool:
+        """Whether it holds the time, by its name."""
+        name, unit = self.name_and_unit
+        if self.is_dated:
+            return True
+        surely = headings.plain_name(name) == "time"  # with another unit it is refused, not taken for a signal
+        return self.is_number and headings.is_time(name) and (surely or not unit or headings.is_time_unit(unit))
+
+    @property
+    def may_be_time(self) -> bool:
+        """Whether it holds a time of its own: by its name's first word, its unit, and values that increase."""
+        name, unit = self.name_and_unit
+        if not (self.is_number and headings.may_be_time(name) and headings.is_time_unit(unit or "s")):
+            return False
+        real = self.values[~np.isnan(self.values)] if self.values.dtype.kind == "f" else self.values
+        return len(real) > 1 and bool(np.all(np.diff(real) > 0))
+
+    @property
+    def counts_rows(self) -> bool:
+        """Whether it does nothing but number the rows."""
+        name, unit = self.name_and_unit
+        if not (self.is_number and headings.is_counter(name) and unit in ("", "1") and len(self.values) > 1):
+            return False
+        return bool(np.all(np.diff(self.values.astype(np.float64)) == 1.0))
+
+    def seconds(self, unit: str = "") -> tuple[Array, str]:
+        """The time in seconds, and what had to be assumed for it; `unit` instead of the one that is stated.
 
         Raises:
             UnitError: its unit measures something else.
         """
-        name, unit = self.name_and_unit
-        if self.values.dtype.kind in "mM":
+        name, stated = self.name_and_unit
+        if self.is_dated:
             second = np.timedelta64(1, "s")
             start = f"time counts from {self.values[0]}" if self.values.size and self.values.dtype.kind == "M" else ""
             return (self.values - self.values[:1]) / second, start
+        unit = headings.spelt_time_unit(unit or stated or headings.time_unit(name))
         assumed = "" if unit else f"no unit is stated for '{name}'; taken as seconds"
         return convert(self.values.astype(np.float64), unit or "s", "s"), assumed
 
@@ -90,7 +105,7 @@ def even_table(name: str, columns: Sequence[Column], numbers: Mapping[str, float
     if any(column.is_time for column in columns) or not columns:
         return Table(name, columns)
     for key, value in numbers.items():
-        interval_s = value if key.casefold() in _INTERVALS else 1.0 / value if key.casefold() in _RATES else 0.0
+        interval_s = headings.interval_of(key, value)
         if interval_s > 0:
             time_s = interval_s * np.arange(len(columns[0].values), dtype=np.float64)
             return Table(name, columns, time_s, f"even time base from {key} = {value:g}")
@@ -114,16 +129,3 @@ def by_length(columns: Sequence[Column]) -> list[list[Column]]:
     for column in columns:
         groups.setdefault(len(column.values), []).append(column)
     return list(groups.values())
-
-
-def is_time(name: str) -> bool:
-    """Whether a column of this name holds the time."""
-    return name.strip().casefold() in _TIME_NAMES
-
-
-def _is_unit(text: str) -> bool:
-    try:
-        check_unit(text)
-    except UnitError:
-        return False
-    return True

@@ -10,7 +10,12 @@ from types import ModuleType
 
 from hil.errors import FileError, StorageError
 from hil.record import exchange
+from hil.record.named import as_said
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable
+
+_LONGEST_BEGINNING = 32
 
 
 @cache
@@ -21,6 +26,16 @@ def formats() -> dict[str, ModuleType]:
         for found in pkgutil.iter_modules(exchange.__path__)
     ]
     return {suffix: module for module in modules for suffix in module.SUFFIXES}
+
+
+def _by_content(path: Path) -> ModuleType | None:
+    """The module of a file that says by its first bytes what it is, whatever its name says."""
+    with path.open("rb") as file:
+        start = file.read(_LONGEST_BEGINNING)
+    for module in formats().values():
+        if any(start.startswith(beginning) for beginning in getattr(module, "BEGINNINGS", ())):
+            return module
+    return None
 
 
 def format_of(path: Path) -> ModuleType:
@@ -36,24 +51,43 @@ def format_of(path: Path) -> ModuleType:
     raise FileError(f"{path}: unknown kind of recording; known endings: {', '.join(sorted(endings))}")
 
 
-def read_recording(path: str | Path) -> Recording:
+def read_recording(path: str | Path, reading: Reading = AS_IT_IS) -> Recording:
     """Read a recording from a file or a run folder, of measurements alone (see `hil.record.unmeasured.measured_rows`).
 
+    Args:
+        path: of it.
+        reading: what its user says about its time, names and units.
+
     Raises:
-        FileError: it does not exist or is not what its name says; names file, line or channel.
+        FileError: it does not exist or is not what its name says; names file, line or channel, and what helps.
+    """
+    found = read_any(path, reading)
+    if isinstance(found, ResponseTable):
+        raise FileError(
+            f"{path}: a table of a frequency response, not samples in time; `hil identify`, `hil compare` and "
+            "`hil convert` take such tables, with the plant 'transfer-function'"
+        )
+    return found
+
+
+def read_any(path: str | Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
+    """Read a recording, or the table of a frequency response.
+
+    Raises:
+        FileError: as `read_recording`.
     """
     path = Path(path)
     if path.is_dir():
         from hil.record.folder import read
         from hil.record.unmeasured import measured_rows
 
-        return measured_rows(read(path))
+        return as_said(measured_rows(read(path)), reading)
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
-    form = format_of(path)
+    form = _by_content(path) or format_of(path)
     if not path.stat().st_size:
         raise FileError(f"{path}: the file is empty")
-    found: Recording = form.read(path)
+    found: Recording | ResponseTable = form.read(path, reading)
     return found
 
 
@@ -73,6 +107,8 @@ def write_recording(recording: Recording, path: str | Path) -> None:
         write(recording, path)
         return
     form = format_of(path)
+    if not hasattr(form, "write"):
+        raise FileError(f"{path}: recordings of this kind are read but not written; write .csv, .tdms or .mf4 instead")
     part = path.with_name(f".part-{path.name}")
     try:
         form.write(recording, part)

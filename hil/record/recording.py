@@ -47,6 +47,22 @@ class Channel:
         return f"{self.name} [{self.unit}]"
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Samples:
+    """What was sampled, and when: stamps in s and values, both of shape (n,)."""
+
+    time_s: Array
+    values: Array
+
+    def held_at(self, time_s: Array) -> Array:
+        """The last value at or before each of these times; the first one before there was any."""
+        # a stamp that differs by its rounding alone is the same one
+        step = 1e-6 * float(np.min(np.diff(self.time_s))) if len(self.time_s) > 1 else 0.0
+        reached = np.searchsorted(self.time_s, time_s + step, side="right")
+        held: Array = self.values[np.clip(reached - 1, 0, len(self.values) - 1)]
+        return held
+
+
 @dataclass(frozen=True, slots=True)
 class Recording:
     """Channels on one time base.
@@ -56,12 +72,15 @@ class Recording:
         time_s: time stamps the samples really had, strictly increasing, not necessarily even. Shape (n,).
         channels: by name, each of shape (n,).
         meta: what else is known: procedure, settings, conditions, hold, device promises (JSON values).
+        own: the samples as they were taken of channels that were sampled at other times than `time_s`, in the channel's
+            unit. In `channels` their last value is held.
     """
 
     name: str
     time_s: Array
     channels: Mapping[str, Channel]
     meta: Mapping[str, Any] = field(default_factory=dict)
+    own: Mapping[str, Samples] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.time_s)
@@ -102,8 +121,26 @@ class Recording:
             return convert(channel.values, channel.unit, unit)
         except UnitError as error:
             missing = channel.name in self.meta.get("units_missing", ())
-            remedy = f"; the file states no unit: hil convert SRC DST --unit '{channel.name}={unit}'" if missing else ""
-            raise UnitError(f"{self.name}: channel '{channel.heading}': {error}{remedy}") from None
+            if missing:
+                raise UnitError(
+                    f"{self.name}: no unit is stated for channel '{channel.name}', and '{unit}' is needed; say it with "
+                    f"--unit '{channel.name}={unit}' if that is what it is"
+                ) from None
+            raise UnitError(
+                f"{self.name}: channel '{channel.heading}': {error}; if the heading is wrong, say the right unit with "
+                f"--unit '{channel.name}=UNIT'"
+            ) from None
+
+    def samples(self, name: str, unit: str | None = None) -> Samples:
+        """A channel as it was sampled, converted to `unit` when one is given."""
+        values = self.values(name, unit)
+        label = self.channel(name).name
+        if label not in self.own:
+            return Samples(self.time_s, values)
+        taken = self.own[label]
+        return Samples(
+            taken.time_s, taken.values if unit is None else convert(taken.values, self.channel(name).unit, unit)
+        )
 
     def stamps(self, name: str) -> Array:
         """When each sample of a channel was taken: `time_s`, and later where a link was asked for it afterwards.
@@ -131,7 +168,8 @@ class Recording:
         keep = slice(first, first + count)
         channels = {name: replace(c, values=c.values[keep]) for name, c in self.channels.items()}
         time_s = self.time_s[keep]
-        return replace(self, time_s=time_s, channels=channels, meta=cut(self.meta, first, time_s))
+        own = {name: _between(taken, time_s) for name, taken in self.own.items()} if len(time_s) else {}
+        return replace(self, time_s=time_s, channels=channels, meta=cut(self.meta, first, time_s), own=own)
 
     def with_units(self, units: Mapping[str, str]) -> Recording:
         """The same values with stated units for some channels, whatever the file said; nothing is converted.
@@ -147,6 +185,13 @@ class Recording:
         missing = [name for name in self.meta.get("units_missing", ()) if name not in units]
         meta = {key: value for key, value in self.meta.items() if key != "units_missing"}
         return replace(self, channels=channels, meta={**meta, "units_missing": missing} if missing else meta)
+
+
+def _between(taken: Samples, time_s: Array) -> Samples:
+    """The samples within a stretch of time, and the one before that still holds at its start."""
+    first = max(int(np.searchsorted(taken.time_s, time_s[0], side="right")) - 1, 0)
+    keep = slice(first, max(int(np.searchsorted(taken.time_s, time_s[-1], side="right")), first + 1))
+    return Samples(taken.time_s[keep], taken.values[keep])
 
 
 def recording(
@@ -190,8 +235,21 @@ def check(recording: Recording, *, place: Callable[[int], str] = _sample, measur
         i = int(late[0]) + 1
         raise FileError(
             f"{recording.name}: {place(i)}: time {recording.time_s[i]:.12g} s does not come after "
-            f"{recording.time_s[i - 1]:.12g} s; time must increase"
+            f"{recording.time_s[i - 1]:.12g} s; time must increase{_repeated(recording.time_s)}"
         )
+
+
+def _repeated(time_s: Array) -> str:
+    """What helps where stamps are rounded so that several samples share one."""
+    steps = np.diff(time_s)
+    moves = steps[steps != 0.0]
+    if not moves.size or moves.min() < 0.0 or moves.size > 0.8 * steps.size:
+        return ". If the samples are evenly spaced, --interval S gives their distance in seconds"
+    apart_s = (time_s[-1] - time_s[0]) / steps.size
+    return (
+        f". About {steps.size / moves.size:.3g} samples share each stamp, as when stamps were rounded; if they are "
+        f"evenly spaced, --interval S gives their distance in seconds, here about {apart_s:.2g}"
+    )
 
 
 def _check_lengths(recording: Recording) -> None:

@@ -18,6 +18,7 @@ from hil.errors import FileError, HilError, InputError
 from hil.identification.experiment import for_model
 from hil.physics.model import Model, load_model
 from hil.record.read import read_recording
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 
 NOMINAL_FILE = "nominal.json"
@@ -35,7 +36,7 @@ class Unit:
     recordings: tuple[Recording, ...]
 
 
-def read_unit(folder: Path, model: Model | None, pattern: str = "*.csv*") -> Unit:
+def read_unit(folder: Path, model: Model | None, pattern: str = "*.csv*", reading: Reading = AS_IT_IS) -> Unit:
     """The unit of a folder: its recordings, and its own `nominal.json` or else the model given.
 
     Raises:
@@ -48,7 +49,7 @@ def read_unit(folder: Path, model: Model | None, pattern: str = "*.csv*") -> Uni
     if not own.is_file() and model is None:
         raise FileError(f"{folder}: no {NOMINAL_FILE}, and no --model given")
     return Unit(folder.name, load_model(own) if own.is_file() or model is None else model,
-                tuple(read_recording(path) for path in paths))  # fmt: skip
+                tuple(read_recording(path, reading) for path in paths))  # fmt: skip
 
 
 def diagnose_units(

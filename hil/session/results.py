@@ -17,6 +17,7 @@ from hil.report.run_page import write_run_report
 from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome, write_findings
 from hil.session.procedure import Procedure, load_procedure
+from hil.session.responses import write_responses
 from hil.session.resting import measured_findings
 
 
@@ -79,6 +80,7 @@ def write_outcome(recording: Recording, findings: Findings, folder: Path) -> Out
     """
     write_findings(findings, folder)
     write_results(results_of(recording, findings), folder)
+    write_responses(findings, folder)
     write_run_report(recording, findings, folder / REPORT_FILE)
     return Outcome(folder, findings, folder / REPORT_FILE)
 

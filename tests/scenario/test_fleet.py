@@ -47,7 +47,7 @@ def answers(out: Path, units: list[Path]) -> list[Any]:
 
 
 def test_a_cluster_and_this_machine_agree_bit_for_bit(units: list[Path], tmp_path: Path) -> None:
-    chosen = [argument for unit in units for argument in ("--unit", str(unit))]
+    chosen = [argument for unit in units for argument in ("--fleet", str(unit))]
     here, there = tmp_path / "here", tmp_path / "there"
     script = tmp_path / "cluster.py"
     script.write_text(CLUSTER)

@@ -59,8 +59,8 @@ def test_what_was_assumed_is_said(tmp_path: Path) -> None:
         (("made.csv", "made.csv"), "made.csv: exists already; --overwrite replaces it"),
         (("no.csv", "x.h5"), "no.csv: no such file or folder"),
         (("made.csv", "x.docx"), "x.docx: unknown kind of recording"),
-        (("made.csv", "x.h5", "--unit", "flow"), "--unit flow: NAME=UNIT was expected"),
-        (("made.csv", "x.h5", "--unit", "p=bar"), "no channel 'p'; it has: u [1], flow [l/min]"),
+        (("made.csv", "x.h5", "--unit", "flow"), "--unit flow: NAME=VALUE was expected, as in 'flow=l/min'"),
+        (("made.csv", "x.h5", "--unit", "p=bar"), "--unit p: no channel 'p'; it has: time [s], u [1], flow [l/min]"),
         (("made.csv", "x.h5", "--unit", "u=furlong per"), "unknown unit 'furlong per'"),
     ],
 )

@@ -17,14 +17,17 @@ from hil.record.about import KEY, about, parse_about
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table, by_length, even_table, from_matrix
 from hil.record.extra import library
+from hil.record.flat import flat
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
 _MATLAB_INSIDES = ("#refs#", "#subsystem#")
 _UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string")
 
 
-def read(path: Path) -> Recording:
+def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     """Read a recording.
 
     Raises:
@@ -34,14 +37,14 @@ def read(path: Path) -> Recording:
     try:
         with h5py.File(path, "r") as file:
             meta, channels = parse_about(file[KEY][()] if KEY in file else None)
-            return assemble(str(path), list(tables(file, path.stem, channels)), meta)
+            return assemble(str(path), list(tables(file, path.stem, channels)), meta, reading)
     except (OSError, RuntimeError) as error:
         raise FileError(f"{path}: cannot be read as HDF5: {error}") from None
 
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording."""
-    h5py = library("h5py", path)
+    h5py, recording = library("h5py", path), flat(recording)
     with h5py.File(path, "w", track_order=True) as file:
         file[KEY] = about(recording)
         file.create_dataset("time", data=recording.time_s).attrs["unit"] = "s"

@@ -18,7 +18,10 @@ from hil.record.about import about, parse_about
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table, by_length, even_table, from_matrix
 from hil.record.exchange import hdf5
+from hil.record.flat import flat
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable
 
 SUFFIXES = (".mat",)
 _INDEX, _ABOUT = "channels", "valve_hil"
@@ -27,7 +30,7 @@ _MOST_BYTES = 1 << 31
 _LONGEST_NAME = 63
 
 
-def read(path: Path) -> Recording:
+def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     """Read a recording.
 
     Raises:
@@ -39,13 +42,13 @@ def read(path: Path) -> Recording:
     try:
         content = loadmat(path, simplify_cells=True)
     except NotImplementedError:
-        return hdf5.read(path)
+        return hdf5.read(path, reading)
     except (MatReadError, OSError, ValueError, TypeError) as error:
         raise FileError(f"{path}: cannot be read as MAT: {error}") from None
     meta, channels = parse_about(content.pop(_ABOUT, None))
     known = _index(content)
     signals = {key: value for key, value in content.items() if not key.startswith("__") and key != _INDEX * bool(known)}
-    return assemble(str(path), list(_tables(path.stem, signals, known, channels)), meta)
+    return assemble(str(path), list(_tables(path.stem, signals, known, channels)), meta, reading)
 
 
 def write(recording: Recording, path: Path) -> None:
@@ -56,6 +59,7 @@ def write(recording: Recording, path: Path) -> None:
     """
     from scipy.io import savemat
 
+    recording = flat(recording)
     if recording.time_s.nbytes >= _MOST_BYTES:
         raise FileError(f"{path}: {len(recording)} samples; MATLAB 5 holds 2 GB per channel at most, write .h5 instead")
     variables: dict[str, Any] = {"time": recording.time_s}

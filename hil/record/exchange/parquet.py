@@ -9,12 +9,15 @@ from hil.record.about import KEY, about, parse_about
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table
 from hil.record.extra import library
+from hil.record.flat import flat
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable
 
 SUFFIXES = (".parquet", ".pq")
 
 
-def read(path: Path) -> Recording:
+def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     """Read a recording.
 
     Raises:
@@ -30,12 +33,13 @@ def read(path: Path) -> Recording:
     for heading, values in zip(table.column_names, table.columns, strict=True):
         bare = Column(heading, values.to_numpy())
         columns.append(Column(heading, bare.values, "", **channels.get(bare.name_and_unit[0], {})))
-    return assemble(str(path), [Table(path.stem, columns)], meta)
+    return assemble(str(path), [Table(path.stem, columns)], meta, reading)
 
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording."""
     pyarrow, parquet = library("pyarrow", path), library("pyarrow.parquet", path)
+    recording = flat(recording)
     columns = {"time [s]": recording.time_s, **{c.heading: c.values for c in recording.channels.values()}}
     table = pyarrow.table(columns).replace_schema_metadata({KEY: about(recording)})
     parquet.write_table(table, path)

@@ -16,14 +16,18 @@ from hil.record.about import KEY, about, parse_about
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table, by_length
 from hil.record.extra import library
+from hil.record.flat import flat
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable
 
 SUFFIXES = (".tdms",)
 _UNIT_KEYS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 _GROUP = "recording"
+_NOT_SET = np.datetime64("1904-01-02")
 
 
-def read(path: Path) -> Recording:
+def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     """Read a recording.
 
     Raises:
@@ -35,12 +39,14 @@ def read(path: Path) -> Recording:
     except Exception as error:  # nptdms raises what its parser happens to stumble over
         raise FileError(f"{path}: cannot be read as TDMS: {error}") from None
     meta, channels = parse_about(file.properties.get(KEY))
-    return assemble(str(path), [table for group in file.groups() for table in _tables(group, channels)], meta)
+    first = _first_start(file)
+    tables = [table for group in file.groups() for table in _tables(group, channels, first)]
+    return assemble(str(path), tables, meta, reading)
 
 
 def write(recording: Recording, path: Path) -> None:
     """Write a recording as one group."""
-    nptdms = library("nptdms", path)
+    nptdms, recording = library("nptdms", path), flat(recording)
     with nptdms.TdmsWriter(path) as file:
         file.write_segment([
             nptdms.RootObject({KEY: about(recording)}),
@@ -53,14 +59,32 @@ def write(recording: Recording, path: Path) -> None:
         ])  # fmt: skip
 
 
-def _tables(group: Any, channels: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
+def _first_start(file: Any) -> np.datetime64 | None:
+    """When the first waveform began; None unless all say when they did: then they count from one moment."""
+    waves = [c for group in file.groups() for c in group.channels() if len(c) and c.properties.get("wf_increment")]
+    starts = [_start(wave) for wave in waves]
+    return None if not starts or None in starts else min(start for start in starts if start is not None)
+
+
+def _start(wave: Any) -> np.datetime64 | None:
+    start = wave.properties.get("wf_start_time")
+    # the origin of the format's calendar stands for "not set", as with a time that is relative
+    return None if start is None or np.datetime64(start) <= _NOT_SET else np.datetime64(start)
+
+
+def _clock(wave: Any, first: np.datetime64 | None) -> tuple[float, float]:
+    """Interval and first stamp of a waveform, in s."""
+    late_s = 0.0 if first is None else float((_start(wave) - first) / np.timedelta64(1, "s"))  # type: ignore[operator]
+    return float(wave.properties.get("wf_increment", 0.0)), float(wave.properties.get("wf_start_offset", 0.0)) + late_s
+
+
+def _tables(group: Any, channels: Mapping[str, Mapping[str, Any]], first: np.datetime64 | None) -> Iterator[Table]:
     waves = [channel for channel in group.channels() if len(channel)]
     columns = [_column(channel, channels) for channel in waves]
     if any(column.is_time for column in columns):
         yield _cut_to_shortest(group.name, columns)
         return
-    clocks = [(float(wave.properties.get("wf_increment", 0.0)), float(wave.properties.get("wf_start_offset", 0.0)))
-              for wave in waves]  # fmt: skip
+    clocks = [_clock(wave, first if wave.properties.get("wf_increment") else None) for wave in waves]
     for clock in dict.fromkeys(clocks):
         for found in by_length([column for column, own in zip(columns, clocks, strict=True) if own == clock]):
             interval_s, start_s = clock

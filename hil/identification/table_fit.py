@@ -1,0 +1,185 @@
+"""A transfer function from tables of a frequency response, as a model; and a model held against such a table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hil.errors import FileError, InputError
+from hil.identification.factored import model_of
+from hil.identification.frequency_response import FrequencyResponse, from_polar
+from hil.identification.linear_evidence import doubts
+from hil.identification.order_choice import fit_transfer_function
+from hil.identification.transfer_function import TransferFunctionFit, fit_percent
+from hil.physics.model import Covariance, Model, Value
+from hil.physics.plants.transfer_function import PLANT
+from hil.physics.transfer_function import from_parameters
+from hil.record.recording import Array
+from hil.record.response_table import ResponseTable
+
+_STEP = 1e-4  # of a parameter's standard uncertainty, for slopes
+_WORST = 3
+
+
+@dataclass(frozen=True, slots=True)
+class TableFit:
+    """A transfer function fitted to lines of a frequency response, and the model that it makes."""
+
+    model: Model
+    fit: TransferFunctionFit
+    notes: tuple[str, ...]
+
+    def summary(self) -> str:
+        """Coefficients with 95 % intervals, the model's parameters, fit and notes, for a terminal."""
+        rows = [self.fit.summary(), f"{self.model.plant}"]
+        for name, found in self.model.parameters.items():
+            std = "held" if found.std is None else f"± {1.96 * found.std:.2g}"
+            rows.append(f"  {name:18} {found.value:12.6g} {std:12} {found.unit}")
+        return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+
+def fit_tables(tables: Sequence[ResponseTable], input_name: str = "", output_name: str = "") -> TableFit:
+    """The transfer function of all lines together, its orders and dead time chosen by evidence.
+
+    Raises:
+        FileError: tables whose gains have different units.
+        InputError: too few lines, or a response that no stable transfer function has.
+    """
+    response = as_response(tables)
+    fit = fit_transfer_function(response)
+    given, answer = _headings(tables[0].unit, input_name, output_name)
+    made = fit.model.to_model(given, answer)
+    names, covariance = _covariance(fit, made)
+    stds = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))
+    values = {name: Value(v.value, v.unit, stds.get(name)) for name, v in made.parameters.items()}
+    low, high = float(response.frequency_hz[0]), float(response.frequency_hz[-1])
+    origin = {
+        "recordings": [table.name for table in tables],
+        "fit_percent": {t.name: fit_percent(t.response, fit.model.at(t.frequency_hz)) for t in tables},
+        "lines": len(response), "band_hz": [low, high],
+    }  # fmt: skip
+    model = Model(
+        PLANT.name, values, (), given, answer, covariance=Covariance(names, tuple(map(tuple, covariance.tolist()))),
+        origin=origin,
+    )  # fmt: skip
+    return TableFit(model, fit, tuple(f"the lines do not bear it out: {why}" for why in doubts(fit)))
+
+
+def as_response(tables: Sequence[ResponseTable]) -> FrequencyResponse:
+    """The lines of tables, those of all of them together, as what a transfer function is fitted to.
+
+    Raises:
+        FileError: gains of different units.
+    """
+    first = tables[0]
+    for other in tables[1:]:
+        if other.unit != first.unit:
+            raise FileError(f"{other.name}: its gain is in {other.unit}, that of {first.name} in {first.unit}")
+    frequency_hz = np.concatenate([table.frequency_hz for table in tables])
+    order = np.argsort(frequency_hz, kind="stable")
+    known = all(table.gain_std is not None and table.phase_std_rad is not None for table in tables)
+    stds = [(table.gain_std, table.phase_std_rad) for table in tables] if known else []
+    along, across = (
+        (np.concatenate([s for s in each if s is not None])[order] for each in zip(*stds, strict=True))
+        if known
+        else (None, None)
+    )
+    given, answer = _units(first.unit)
+    return from_polar(
+        first.name, frequency_hz[order], np.concatenate([table.response for table in tables])[order], along, across,
+        (given, answer),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True, slots=True)
+class TableComparison:
+    """A model on a table: complex fit in %, rms errors of gain and phase, the lines with the largest errors."""
+
+    name: str
+    fit: float
+    gain_error_db: float
+    phase_error_deg: float
+    worst_hz: tuple[float, ...]
+    misfit: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        return {
+            "file": self.name, "kind": "frequency response", "fit": self.fit, "gain_error_db": self.gain_error_db,
+            "phase_error_deg": self.phase_error_deg, "worst_hz": list(self.worst_hz), "misfit": self.misfit,
+        }  # fmt: skip
+
+    def as_text(self) -> str:
+        """As lines for a terminal."""
+        worst = ", ".join(f"{hz:.4g} Hz" for hz in self.worst_hz)
+        noise = "" if self.misfit is None else f"\n  {self.misfit:.3g} times the stated uncertainty (rms)"
+        return (
+            f"{self.name}\n  fit {self.fit:.2f} %, rms error {self.gain_error_db:.3g} dB and "
+            f"{self.phase_error_deg:.3g}°{noise}\n  largest errors at {worst}"
+        )
+
+
+def compare_table(model: Model, table: ResponseTable) -> TableComparison:
+    """How well a model's frequency response agrees with a table.
+
+    Raises:
+        InputError: a model of another plant, or with effects, has no frequency response of its own.
+    """
+    if model.plant != PLANT.name or model.effects:
+        raise InputError(
+            f"{table.name}: a frequency response is compared with a model of the plant '{PLANT.name}' without effects; "
+            f"this one is of {model.plant}; simulate it on sines and compare that"
+        )
+    found = from_parameters(model.values).at(table.frequency_hz)
+    ratio = found / table.response
+    error = np.abs(found - table.response) / np.abs(table.response)
+    worst = table.frequency_hz[np.argsort(-error)[:_WORST]]
+    misfit = None
+    if table.gain_std is not None and table.phase_std_rad is not None:
+        squares = (np.log(np.abs(ratio)) / table.gain_std) ** 2 + (np.angle(ratio) / table.phase_std_rad) ** 2
+        misfit = float(np.sqrt(np.mean(squares) / 2.0))
+    return TableComparison(
+        table.name, fit_percent(table.response, found), _rms(20.0 * np.log10(np.abs(ratio))),
+        _rms(np.degrees(np.angle(ratio))), tuple(worst.tolist()), misfit,
+    )  # fmt: skip
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(values**2)))
+
+
+def _units(unit: str) -> tuple[str, str]:
+    """Units of input and output, of a gain in `unit`: `l/min/%` is l/min over %."""
+    above, _, below = unit.rpartition("/")
+    return (below, above) if above else ("1", unit)
+
+
+def _headings(unit: str, input_name: str, output_name: str) -> tuple[str, str]:
+    given, answer = _units(unit)
+    return f"{input_name or 'input'} [{given}]", f"{output_name or 'output'} [{answer}]"
+
+
+def _covariance(fit: TransferFunctionFit, made: Model) -> tuple[tuple[str, ...], Array]:
+    """Of the plant's parameters, from that of the fit's factors, by central differences."""
+    spread = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
+    slopes = []
+    for k, std in enumerate(spread.tolist()):
+        step = _STEP * (std or abs(float(fit.parameters[k])) or 1.0)
+        high, low = (_parameters(fit, k, sign * step) for sign in (1.0, -1.0))
+        slopes.append({name: (high[name] - low[name]) / (2.0 * step) for name in high})
+    moving = [name for name in made.parameters if any(slope.get(name, 0.0) for slope in slopes)]
+    matrix = np.array([[slope[name] for slope in slopes] for name in moving])
+    found: Array = matrix @ fit.covariance @ matrix.T
+    return tuple(moving), found
+
+
+def _parameters(fit: TransferFunctionFit, k: int, step: float) -> dict[str, float]:
+    moved = fit.parameters.copy()
+    moved[k] += step
+    try:
+        return model_of(fit.form, moved).to_parameters()
+    except InputError:
+        return model_of(fit.form, fit.parameters).to_parameters()

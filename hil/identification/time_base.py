@@ -1,0 +1,50 @@
+"""Channels sampled at different times on one even grid: where commands change, and where an output has no sample."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.record.recording import Array, Samples
+
+_GRID_PER_UNEVEN_SAMPLE = 8
+# A stamp that is off its place by less than this share of an interval is on it; so many have a sample nearly all.
+_OFF_GRID, _NEARLY_ALL = 0.01, 0.8
+
+
+def held_grid(given: Sequence[Samples], output_s: Array) -> tuple[Array, float]:
+    """An even grid on which every command changes where it did, and its interval: the finest time base if that will do.
+
+    Else one that is finer. It begins with the first sample of the output.
+    """
+    bases = [stamps for stamps in (output_s, *(one.time_s for one in given)) if _evenly(stamps)]
+    fine = min(bases, key=lambda stamps: float(np.median(np.diff(stamps))), default=output_s)
+    interval_s = float(np.median(np.diff(fine)))
+    changes = np.concatenate([one.time_s[np.flatnonzero(np.diff(one.values)) + 1] for one in given])
+    off = np.abs((changes - fine[0]) / interval_s - np.rint((changes - fine[0]) / interval_s))
+    on_base = bool(bases) and bool(np.all(off < _OFF_GRID))
+    start, stop = output_s[0], output_s[-1]
+    if not on_base:
+        interval_s /= _GRID_PER_UNEVEN_SAMPLE
+    else:  # in step with the base
+        start = fine[0] + interval_s * np.floor((start - fine[0]) / interval_s + _OFF_GRID)
+    count = int(np.ceil((stop - start) / interval_s - _OFF_GRID)) + 1
+    return start + interval_s * np.arange(count), interval_s
+
+
+def _evenly(stamps: Array) -> bool:
+    steps = np.diff(stamps)
+    return len(steps) > 8 and bool(np.quantile(np.abs(steps - np.median(steps)), 0.8) <= _OFF_GRID * np.median(steps))
+
+
+def missing_of_even(grid_s: Array, output_s: Array, interval_s: float) -> NDArray[np.bool_] | None:
+    """Which places of the grid have no sample of an output that has one nearly everywhere; None for other outputs."""
+    at = np.rint((output_s - grid_s[0]) / interval_s).astype(np.intp)
+    off = np.abs(grid_s[0] + at * interval_s - output_s) > _OFF_GRID * interval_s
+    if off.any() or len(output_s) < _NEARLY_ALL * len(grid_s) or len(output_s) == len(grid_s):
+        return None
+    missing = np.ones(len(grid_s), dtype=np.bool_)
+    missing[at] = False
+    return missing

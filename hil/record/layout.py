@@ -1,0 +1,282 @@
+"""How a text file is laid out: encoding, separator, decimal mark, the lines of headings and units, the first row."""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import re
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+from typing import IO, Literal
+
+from hil.errors import FileError
+from hil.record import heading as headings
+from hil.record.tokens import decimal_and_thousands, is_blank, is_number, is_stamp
+
+WHITESPACE = r"\s+"
+_SEPARATORS = ("\t", ";", ",", "|", WHITESPACE)
+_LOOKED_AT = 600
+_JUDGED = 60
+_LEAST_NUMERIC = 0.2
+_GZIP_LEVEL = 3  # noise shrinks by 3 % more at level 9, for more than twice the time
+_NAME_LABELS = frozenset({"tagname", "tag", "name", "names", "channel", "channels", "signal", "signals", "variable"})
+_UNIT_LABELS = frozenset({"unit", "units", "einheit", "einheiten", "eu", "unité"})
+_TYPES = frozenset({"float", "double", "single", "int", "integer", "real", "float64", "float32", "number", "f8"})
+
+Kind = Literal["number", "stamp", "text"]
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """How a text file is laid out.
+
+    Attributes:
+        separator: between fields, or `WHITESPACE`.
+        headings, units: of the columns, empty texts where none are stated.
+        heading_line: its number, from 1; 0 where there is none.
+        first_row: number of the first line with samples.
+        kinds: of the columns.
+        rows: how many there are, None up to the end.
+    """
+
+    encoding: str
+    separator: str
+    decimal: str
+    thousands: str
+    headings: tuple[str, ...]
+    units: tuple[str, ...]
+    heading_line: int
+    first_row: int
+    kinds: tuple[Kind, ...]
+    rows: int | None = None
+
+    def split(self, line: str) -> list[str]:
+        """The fields of a line."""
+        return split(line, self.separator)
+
+
+def open_text(path: Path, encoding: str, mode: Literal["rt", "wt"] = "rt") -> IO[str]:
+    """A text file, compressed or not; bytes that are no text in a remark do no harm."""
+    errors = "replace" if mode == "rt" else "strict"
+    if path.suffix.lower() == ".gz":
+        return gzip.open(path, mode, _GZIP_LEVEL, encoding=encoding, errors=errors)
+    return path.open(mode, encoding=encoding, errors=errors)
+
+
+def encoding_of(path: Path) -> str:
+    """UTF-8 or UTF-16 by its mark; what spreadsheets write in Western Europe where the beginning is no UTF-8."""
+    with gzip.open(path) if path.suffix.lower() == ".gz" else path.open("rb") as file:
+        start = file.read(1 << 16)
+    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
+        return "utf-16"
+    whole = start[: start.rfind(b"\n") + 1] or start
+    try:
+        whole.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1252"
+    return "utf-8-sig"
+
+
+def split(line: str, separator: str) -> list[str]:
+    """The fields of a line, without the blanks around them."""
+    if separator == WHITESPACE:
+        return line.split()
+    return [field.strip() for field in next(csv.reader([line.strip("\r\n")], delimiter=separator), [])]
+
+
+def layout(path: Path, named: bool = False) -> Layout:
+    """The layout of a file; `named`: its columns get names, whatever its headings say.
+
+    Raises:
+        FileError: no rows of numbers, or headings that do not belong to them; says what helps.
+    """
+    encoding = encoding_of(path)
+    with open_text(path, encoding) as file:
+        lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
+        more = bool(file.readline())
+    found = _as_contract(encoding, lines) if not named else None
+    return found or _guessed(path, encoding, lines, more, named)
+
+
+def _as_contract(encoding: str, lines: Sequence[str]) -> Layout | None:
+    """The layout of a file whose first line is `name [unit]` in every column: nothing is guessed about it."""
+    hinted = bool(lines) and lines[0].lower().startswith("sep=")
+    at = 1 if hinted else 0
+    if len(lines) <= at:
+        return None
+    for mark in ",;\t":
+        cells = split(lines[at], mark)
+        while len(cells) > 1 and not cells[-1]:
+            cells.pop()
+        if len(cells) > 1 and all(cell.count("[") == 1 and cell.endswith("]") for cell in cells):
+            rows = [split(line, mark) for line in lines[at + 1 :] if line.strip()]
+            kinds = tuple(_kind([row[i] for row in rows if len(row) > i]) for i in range(len(cells)))
+            decimal, thousands = _marks(mark, rows)
+            units = ("",) * len(cells)
+            return Layout(encoding, mark, decimal, thousands, tuple(cells), units, at + 1, at + 2, kinds)
+    return None
+
+
+def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named: bool) -> Layout:
+    filled = [line for line in lines if line.strip() and not line.lstrip().startswith(("#", "%"))]
+    judged = filled[-_JUDGED:]
+    separator, count = _separator(judged)
+    rows = [split(line, separator) for line in judged]
+    if count > 1 and all(len(row) < count or not row[-1] for row in rows):  # a mark at the end of each line
+        count -= 1
+    kinds = tuple(_kind([row[i] for row in rows if len(row) >= count]) for i in range(count))
+    first = _first_row(lines, separator, count, kinds)
+    if first is None:
+        raise FileError(f"{path}: {_no_rows(filled, more)}")
+    rows = [split(line, separator) for line in lines[first:] if line.strip()]
+    decimal, thousands = _marks(separator, rows)
+    if decimal == "." and separator != "," and more and not any("." in cell for row in rows for cell in row):
+        decimal, thousands = _marks_further_on(path, encoding, first)
+    above = list(_above(lines[:first], separator, count))
+    at, cells, units = (0, ("",) * count, ("",) * count) if named else _headings(above, count)
+    if not at and not named:
+        raise FileError(f"{path}: {_unnamed(lines[:first], separator, count)}")
+    return Layout(encoding, separator, decimal, thousands, cells, units, at, first + 1, kinds)
+
+
+def _separator(lines: Sequence[str]) -> tuple[str, int]:
+    """The mark that leaves the most fields numbers or stamps, and the number of fields then."""
+    best, score = (",", 1), -1.0
+    for mark in _SEPARATORS:
+        rows = [split(line, mark) for line in lines]
+        count = Counter(len(row) for row in rows).most_common(1)[0][0] if rows else 0
+        cells = [cell for row in rows if len(row) == count for cell in row]
+        told = sum(is_blank(cell) or is_number(cell) or is_stamp(cell) for cell in cells)
+        share = told / len(cells) * sum(len(row) == count for row in rows) / len(rows) if cells else 0.0
+        if count > 1 and share > score + 1e-9 and share >= _LEAST_NUMERIC:
+            best, score = (mark, count), share
+    return best
+
+
+def _kind(cells: Sequence[str]) -> Kind:
+    filled = [cell for cell in cells if not is_blank(cell)]
+    numbers, dates = sum(map(is_number, filled)), sum(map(is_stamp, filled))
+    if 2 * numbers >= len(filled):
+        return "number"
+    return "stamp" if 2 * dates >= len(filled) else "text"
+
+
+def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence[Kind]) -> int | None:
+    def is_row(line: str) -> bool:
+        cells = split(line, separator)
+        if len(cells) == count + 1 and not cells[-1]:
+            cells.pop()
+        if len(cells) != count or not any(is_number(cell) or is_stamp(cell) for cell in cells):
+            return False
+        pairs = zip(cells, kinds, strict=True)
+        return all(
+            is_blank(c) or (is_number(c) if kind == "number" else is_stamp(c))
+            for c, kind in pairs if kind != "text"
+        )  # fmt: skip
+
+    return next((i for i, line in enumerate(lines) if line.strip() and is_row(line)), None)
+
+
+def _marks(separator: str, rows: Sequence[Sequence[str]]) -> tuple[str, str]:
+    cells = [cell for row in rows for cell in row]
+    if separator == ",":
+        grouped = any("," in cell and is_number(cell) and "." in cell for cell in cells)
+        return ".", "," if grouped else ""
+    return decimal_and_thousands(cells)
+
+
+def _marks_further_on(path: Path, encoding: str, first: int) -> tuple[str, str]:
+    """Where whole numbers alone stand at the beginning."""
+    with open_text(path, encoding) as file:
+        for line in islice(file, first, None):
+            if "," in line or "." in line:
+                return (",", ".") if "," in line and "." not in line else (".", "")
+    return ".", ""
+
+
+def _above(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[int, list[str]]]:
+    """Numbers and cells of the lines above the rows that have a cell for each column."""
+    for number, line in enumerate(lines, 1):
+        for text in (line, line.lstrip("#% ")):
+            cells = _heading_cells(text, separator, count)
+            if len(cells) == count and any(cells):
+                yield number, cells
+                break
+
+
+def _heading_cells(text: str, separator: str, count: int) -> list[str]:
+    if separator != WHITESPACE:
+        cells = split(text, separator)
+        return cells if len(cells) != count + 1 or cells[-1] else cells[:-1]
+    tries = (re.split(r"\t|\s{2,}", text.strip()), re.split(r"\s+(?![\[(])", text.strip()), text.split())
+    return next((cells for cells in tries if len(cells) == count), [])
+
+
+def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
+    """Line, headings and units; line 0 where there are none."""
+    texts = [(number, cells) for number, cells in above if not all(is_number(c) or is_blank(c) for c in cells)]
+    texts = [(number, cells) for number, cells in texts if not all(c.casefold() in _TYPES or not c for c in cells)]
+    if not texts:
+        return 0, ("",) * count, ("",) * count
+    chosen = next((i for i, (_, cells) in enumerate(texts) if _is_heading(cells)), None)
+    if chosen is None:
+        plain = [i for i, (_, cells) in enumerate(texts) if i == 0 or not _is_units(cells)]
+        chosen = plain[-1]
+    number, cells = texts[chosen]
+    units = next((found for _, found in texts[chosen + 1 :] if _is_units(found)), [""] * count)
+    bare = ["" if unit.casefold() in _UNIT_LABELS else headings.unit_text(unit) for unit in units]
+    bare = ["" if is_time_format(unit) else unit for unit in bare]
+    return number, tuple(cells), tuple(bare)
+
+
+def _is_heading(cells: Sequence[str]) -> bool:
+    names = [headings.split(cell)[0] for cell in cells]
+    timed = any(headings.is_time(name) or headings.is_date(name) for name in names)
+    labelled = cells[0].casefold() in _NAME_LABELS
+    return timed or labelled or sum("[" in cell for cell in cells) * 2 > len(cells)
+
+
+def _is_units(cells: Sequence[str]) -> bool:
+    if cells[0].casefold() in _UNIT_LABELS:
+        return True
+    filled = [cell for cell in cells if cell]
+    return bool(filled) and all(
+        headings.is_unit(cell) or headings.is_time_unit(headings.unit_text(cell)) or cell in ("-", "1", "[1]", "(1)")
+        or is_time_format(cell)
+        for cell in filled
+    )  # fmt: skip
+
+
+def is_time_format(text: str) -> bool:
+    """Whether a text describes stamps, as `hh:mm:ss` does."""
+    return bool(
+        re.fullmatch(r"[\[(]?(y+|d+|m+|h+|s+|f+)([\W_T]+(y+|d+|m+|h+|s+|f+))+[\])]?", text.strip(), re.IGNORECASE)
+    )
+
+
+def _no_rows(filled: Sequence[str], more: bool) -> str:
+    if len(filled) <= 1 and not more:
+        return "no rows after the header"
+    return (
+        "no rows of numbers were found; each row holds one number per column, separated by commas, semicolons, tabs or "
+        "blanks"
+    )
+
+
+def _unnamed(above: Sequence[str], separator: str, count: int) -> str:
+    example = ",".join(["time", "command", "flow"][:count] if count > 2 else ["command", "flow"][:count])
+    even = "" if count > 2 else ", and --interval S for the seconds between samples"
+    option = f"name the {count} columns with --columns, as in --columns {example}{even}"
+    filled = [(i, line) for i, line in enumerate(above, 1) if line.strip()]
+    if not filled:
+        return f"the columns have no headings; {option}"
+    number, line = filled[-1]
+    cells = len(split(line, separator))
+    hint = "; with decimal commas, put semicolons between the columns" if count == 2 * cells else ""
+    return (
+        f"line {number + 1} has {count} values, the header names {cells} columns in line {number}{hint}. If that line "
+        f"is no header, {option}"
+    )

@@ -1,0 +1,32 @@
+"""How a recording is to be read: what its user knows and its file does not say, or says otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+LEFT_OUT = "-"
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """Options that every reader takes.
+
+    Attributes:
+        time: name of the column that holds the time.
+        interval_s: the samples lie so far apart, whatever the file says; 0 leaves it to the file.
+        units: of channels by name, whatever the file says; nothing is converted. `time` is the time's.
+        renamed: new names of channels by their old ones.
+        gaps: whether a single field that is empty, or a line that is cut off, is a sample that was not taken.
+        columns: names of the columns in their order, for files without headings; `-` leaves one out.
+    """
+
+    time: str = ""
+    interval_s: float = 0.0
+    units: Mapping[str, str] = field(default_factory=dict)
+    renamed: Mapping[str, str] = field(default_factory=dict)
+    columns: tuple[str, ...] = ()
+    gaps: bool = False
+
+
+AS_IT_IS = Reading()

@@ -1,0 +1,249 @@
+"""Frequency responses as tables: frequency, gain and phase, or real and imaginary part; a recording of its own kind."""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import FileError, StorageError, UnitError
+from hil.record import heading as headings
+from hil.record.columns import Column, Table
+from hil.record.recording import Array
+from hil.units import convert
+
+Complex = NDArray[np.complex128]
+
+_WORDS = {
+    "frequency": {"frequency", "freq", "f", "frequenz", "fréquence", "frecuencia", "omega", "ω", "w", "hz", "f hz"},
+    "gain": {"gain", "magnitude", "mag", "amplitude", "ampl", "amp", "ratio", "r", "betrag", "verstärkung", "level",
+             "amplitude ratio", "gain ratio", "abs", "modulus"},
+    "phase": {"phase", "ph", "theta", "θ", "arg", "argument", "angle", "phi", "φ", "phasewinkel", "phasengang",
+              "phase angle", "phase shift", "phase lag"},
+    "real": {"real", "re", "real part", "realteil", "x"},
+    "imaginary": {"imaginary", "imag", "im", "imaginary part", "imaginärteil", "y"},
+}  # fmt: skip
+_STD = re.compile(r"\b(std|sigma|sd|uncertainty|std dev|u)\b")
+_FREQUENCY_UNITS = frozenset({"Hz", "kHz", "mHz", "MHz", "rad/s", "hertz", "1/s", "rpm"})
+_ANGLES = frozenset({"deg", "°", "rad", "mrad", "degree", "degrees", "grad", "Deg"})
+_DECIBEL = frozenset({"db", "decibel"})
+_DB = 20.0 / math.log(10.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ResponseTable:
+    """A frequency response as somebody measured it.
+
+    Attributes:
+        name: of the file.
+        frequency_hz: rising, shape (n,).
+        response: output over input in `unit`, shape (n,).
+        unit: of the gain; 1 for a ratio.
+        in_db: whether the gain is written in decibels.
+        gain_std, phase_std_rad: standard uncertainty of each line, the gain's relative; None where nothing is said.
+        meta: what else is known, and what was assumed.
+    """
+
+    name: str
+    frequency_hz: Array
+    response: Complex
+    unit: str = "1"
+    in_db: bool = False
+    gain_std: Array | None = None
+    phase_std_rad: Array | None = None
+    meta: Mapping[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.frequency_hz)
+
+
+def looks_like_responses(tables: Sequence[Table]) -> bool:
+    """Whether the tables hold no samples in time but lines of a frequency response."""
+    return any(_parts(table.columns) for table in tables)
+
+
+def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] | None = None) -> ResponseTable:
+    """The frequency response of a table.
+
+    Raises:
+        FileError: a unit is missing or no unit of what it should be, or lines that are no frequency response.
+    """
+    table = next(table for table in tables if _parts(table.columns))
+    parts = _parts(table.columns)
+    said = [table.assumed] if table.assumed else []
+    frequency_hz = _frequency_hz(name, parts["frequency"])
+    stds = dict(_stds(table.columns))
+    if "real" in parts:
+        response = _real(parts["real"]) + 1j * _real(parts["imaginary"])
+        unit, in_db = parts["real"].name_and_unit[1] or "1", False
+    else:
+        gain, unit, in_db = _gain(name, parts["gain"], said)
+        phase_rad = _phase_rad(name, parts["phase"], said)
+        response = gain * np.exp(1j * phase_rad)
+    order = np.argsort(frequency_hz, kind="stable")
+    kept = order[np.isfinite(response[order]) & (frequency_hz[order] > 0.0)]
+    if len(kept) < len(order):
+        said.append(f"{len(order) - len(kept)} lines without a value or at no frequency are left out")
+    found = frequency_hz[kept]
+    if len(found) < 2 or np.any(np.diff(found) <= 0.0):
+        twice = found[1:][np.diff(found) <= 0.0]
+        why = f"frequency {twice[0]:g} Hz stands in it twice" if twice.size else f"{len(found)} frequencies"
+        raise FileError(f"{name}: {why}; a frequency response has at least two, each once")
+    gain_std = _gain_std(stds.get("gain"), np.abs(response), in_db)
+    phase_std = None if "phase" not in stds else _angle(name, stds["phase"])
+    about = {**(meta or {}), **({"assumed": said} if said else {})}
+    return ResponseTable(
+        name, found, np.asarray(response[kept], dtype=np.complex128), unit, in_db,
+        None if gain_std is None else gain_std[kept], None if phase_std is None else phase_std[kept], about,
+    )  # fmt: skip
+
+
+def refuse_mislabelled(name: str, columns: Sequence[Column]) -> None:
+    """Raise `FileError` for samples in time that are gains and phases: their first column is a frequency."""
+    units = [column.name_and_unit[1] for column in columns]
+    levels, angles = [u.casefold() in _DECIBEL for u in units], [u in _ANGLES for u in units]
+    if any(levels) and any(angles) and all(a or b for a, b in zip(levels, angles, strict=True)):
+        raise FileError(
+            f"{name}: its columns are in dB and in degrees, as those of a frequency response, but the first is "
+            "called a time; if it is a frequency, say so with --rename time=frequency --unit frequency=Hz"
+        )
+
+
+def write_response_table(table: ResponseTable, path: Path) -> None:
+    """Write a table as CSV: `frequency [Hz]`, `gain […]`, `phase [deg]`, and their standard uncertainties if known.
+
+    Raises:
+        FileError: another ending than `.csv`. StorageError: it cannot be written.
+    """
+    if path.suffix.lower() != ".csv":
+        raise FileError(f"{path}: a frequency response is written as .csv")
+    size = np.abs(table.response)
+    unit = "dB" if table.in_db else table.unit
+    columns = {
+        "frequency [Hz]": table.frequency_hz,
+        f"gain [{unit}]": 20.0 * np.log10(size) if table.in_db else size,
+        "phase [deg]": np.degrees(np.unwrap(np.angle(table.response))),
+    }
+    if table.gain_std is not None:
+        columns[f"gain std [{unit}]"] = table.gain_std * (_DB if table.in_db else size)
+    if table.phase_std_rad is not None:
+        columns["phase std [deg]"] = np.degrees(table.phase_std_rad)
+    try:
+        with path.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(columns)
+            writer.writerows(np.column_stack(list(columns.values())).tolist())
+    except OSError as error:
+        raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _parts(columns: Sequence[Column]) -> dict[str, Column]:
+    """The columns of a frequency response by what they hold; empty where there is none."""
+    found: dict[str, Column] = {}
+    for column in columns:
+        what = _what(column)
+        if what and column.is_number and what not in found:
+            found[what] = column
+    if "frequency" not in found or any(column.is_time for column in columns):
+        return {}
+    if {"gain", "phase"} <= found.keys() or {"real", "imaginary"} <= found.keys():
+        return found
+    return {}
+
+
+def _what(column: Column) -> str:
+    name, unit = column.name_and_unit
+    bare = headings.plain_name(name)
+    if _STD.search(bare):
+        return ""
+    if unit in _FREQUENCY_UNITS and (bare in _WORDS["frequency"] or "freq" in bare):
+        return "frequency"
+    named = next((what for what, words in _WORDS.items() if bare in words), "")
+    if named:
+        return named
+    if unit.casefold() in _DECIBEL:
+        return "gain"
+    if unit in _ANGLES or bare.startswith("phase"):
+        return "phase"
+    return "frequency" if "freq" in bare else "gain" if bare.startswith(("gain", "magnitude", "mag ")) else ""
+
+
+def _stds(columns: Sequence[Column]) -> Iterator[tuple[str, Column]]:
+    for column in columns:
+        bare = headings.plain_name(column.name_and_unit[0])
+        if _STD.search(bare) and column.is_number:
+            yield ("phase" if "phase" in bare or column.name_and_unit[1] in _ANGLES else "gain"), column
+
+
+def _real(column: Column) -> Array:
+    return column.values.astype(np.float64)
+
+
+def _frequency_hz(name: str, column: Column) -> Array:
+    label, unit = column.name_and_unit
+    if not unit:
+        raise FileError(
+            f"{name}: no unit is stated for '{label}'; say it with --unit {label}=Hz or --unit {label}=rad/s"
+        )
+    if unit == "rad/s":
+        return _real(column) / (2.0 * math.pi)
+    try:
+        return convert(_real(column), unit, "Hz")
+    except UnitError as error:
+        raise FileError(f"{name}: column '{column.heading}': {error}") from None
+
+
+def _gain(name: str, column: Column, said: list[str]) -> tuple[Array, str, bool]:
+    label, unit = column.name_and_unit
+    values = _real(column)
+    if not unit and np.nanmin(values) < 0.0:
+        said.append(f"no unit is stated for '{label}', which goes below 0; taken as dB")
+        unit = "dB"
+    if not unit:
+        raise FileError(f"{name}: no unit is stated for '{label}'; say it with --unit {label}=dB or --unit {label}=1")
+    if unit.casefold() in _DECIBEL:
+        return 10.0 ** (values / 20.0), "1", True
+    if np.nanmin(values) < 0.0:
+        raise FileError(
+            f"{name}: '{column.heading}' goes below 0; a gain does not, if it is in decibels say --unit {label}=dB"
+        )
+    return (values / 100.0, "1", False) if unit == "%" else (values, unit, False)
+
+
+def _phase_rad(name: str, column: Column, said: list[str]) -> Array:
+    label, _ = column.name_and_unit
+    values = _angle(name, column)
+    if "lag" in headings.plain_name(label) and np.nanmedian(values) > 0.0:
+        said.append(f"'{label}' is positive and taken as a lag, so its sign is turned")
+        return -values
+    return values
+
+
+def _angle(name: str, column: Column) -> Array:
+    label, unit = column.name_and_unit
+    if not unit:
+        raise FileError(
+            f"{name}: no unit is stated for '{label}'; say it with --unit {label}=deg or --unit {label}=rad"
+        )
+    try:
+        return convert(_real(column), {"°": "deg", "Deg": "deg"}.get(unit, unit), "rad")
+    except UnitError as error:
+        raise FileError(f"{name}: column '{column.heading}': {error}") from None
+
+
+def _gain_std(column: Column | None, size: Array, in_db: bool) -> Array | None:
+    """Of the gain, relative to it."""
+    if column is None:
+        return None
+    values = _real(column)
+    unit = column.name_and_unit[1]
+    if unit == "%":
+        return values / 100.0
+    return values / _DB if unit.casefold() in _DECIBEL or (not unit and in_db) else values / size

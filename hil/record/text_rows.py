@@ -1,0 +1,168 @@
+"""The rows of a text file of a known layout, as columns; what is wrong in them is named by line and column."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.errors import FileError
+from hil.record.columns import Column
+from hil.record.layout import Layout, open_text
+from hil.record.tokens import BLANKS, is_blank, is_date_only, is_number, joined, stamps
+
+
+def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column], str]:
+    """The columns, and what had to be left out, in words; `gaps`: lines that are cut off are taken as far as they go.
+
+    Raises:
+        FileError: names the line and the column, and what was found there.
+    """
+    import pandas as pd
+
+    table = _table(pd, path, found)
+    if not len(table):
+        raise FileError(f"{path}: no rows after the header")
+    if (table[len(found.headings)].fillna("") != "").any():
+        raise FileError(f"{path}: {_explained(path, found)}")
+    said = ""
+    if _may_be_cut(table, found):
+        table, said = _without_cut_line(path, found, table, gaps)
+    made: list[Column] = []
+    for i, (heading, unit, kind) in enumerate(zip(found.headings, found.units, found.kinds, strict=True)):
+        values = table[i].to_numpy()
+        if kind == "stamp":
+            values = _stamps(path, found, i, [str(text) for text in values])
+        made.append(Column(heading, values, unit))
+    return _with_days(made, found, table), said
+
+
+def _table(pd: Any, path: Path, found: Layout) -> Any:
+    wanted = len(found.headings)
+    names = list(range(wanted + 1))  # one more, which a mark at the end of a line leaves empty
+    kinds = {i: np.float64 if kind == "number" else str for i, kind in enumerate(found.kinds)}
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", pd.errors.ParserWarning)  # that fields were dropped
+            return pd.read_csv(
+            path, sep=found.separator, decimal=found.decimal, thousands=found.thousands or None,
+            skiprows=found.first_row - 1, header=None, names=names, index_col=False, dtype={**kinds, wanted: str},
+            na_values={i: list(BLANKS) for i, kind in enumerate(found.kinds) if kind == "number"},
+            keep_default_na=False, skipinitialspace=True, encoding=found.encoding, encoding_errors="replace",
+            engine="c", skip_blank_lines=True, nrows=found.rows,
+        )  # fmt: skip
+    except pd.errors.EmptyDataError:
+        raise FileError(f"{path}: no rows after the header") from None
+    except (
+        ValueError,
+        pd.errors.ParserError,
+        pd.errors.ParserWarning,
+    ) as error:  # what is wrong is looked for only then
+        raise FileError(f"{path}: {_explained(path, found) or error}") from None
+
+
+def _lines(path: Path, found: Layout) -> Iterator[tuple[int, list[str]]]:
+    """Numbers and fields of the lines with samples."""
+    with open_text(path, found.encoding) as file:
+        for number, line in enumerate(islice(file, found.first_row - 1, None), found.first_row):
+            if line.strip():
+                yield number, found.split(line)
+
+
+def _explained(path: Path, found: Layout) -> str:
+    """The first field that is no number, or the first line of too many, in words."""
+    wanted = len(found.headings)
+    for number, cells in _lines(path, found):
+        filled = cells[:-1] if len(cells) == wanted + 1 and not cells[-1] else cells
+        if len(filled) > wanted:
+            return f"line {number} {_miscounted(len(filled), found)}"
+        for i, cell in enumerate(cells[:wanted]):
+            if found.kinds[i] == "number" and not is_blank(cell) and not _reads(cell, found):
+                return (
+                    f"line {number}, column {i + 1} ('{found.headings[i]}'): '{cell}' is not a number; mend or cut it "
+                    "out, or leave the column out with --columns"
+                )
+    return ""
+
+
+def _reads(cell: str, found: Layout) -> bool:
+    bare = cell.replace(found.thousands, "") if found.thousands else cell
+    bare = bare.replace(found.decimal, ".")
+    return is_number(bare) and "," not in bare
+
+
+def _miscounted(count: int, found: Layout) -> str:
+    wanted = len(found.headings)
+    hint = "; with decimal commas, put semicolons between the columns" if count == 2 * wanted else ""
+    return f"has {count} values, the header names {wanted} columns{hint}"
+
+
+def _may_be_cut(table: Any, found: Layout) -> bool:
+    """Whether a row may have fewer fields than columns: its last number is missing."""
+    last = len(found.headings) - 1
+    if found.kinds[last] != "number":
+        return False
+    missing = np.isnan(table[last].to_numpy())
+    return bool(missing.any() and not missing.all())
+
+
+def _without_cut_line(path: Path, found: Layout, table: Any, gaps: bool) -> tuple[Any, str]:
+    """The table without a last line that was cut off.
+
+    Raises:
+        FileError: a line has too few fields, and nothing was said about gaps.
+    """
+    wanted = len(found.headings)
+    short = [
+        (row, number, len(cells)) for row, (number, cells) in enumerate(_lines(path, found)) if len(cells) < wanted
+    ]
+    if not short:
+        return table, ""
+    row, number, count = short[0]
+    if not gaps:
+        raise FileError(f"{path}: line {number} {_miscounted(count, found)}; --gaps leaves out what is not there")
+    if row < len(table) - 1:
+        return table, ""
+    return table.iloc[:-1], f"line {number}, the last, is cut off ({count} of {wanted} values) and left out"
+
+
+def _stamps(path: Path, found: Layout, column: int, texts: list[str]) -> Any:
+    try:
+        return stamps(texts)
+    except (ValueError, OverflowError):
+        for number, cells in _lines(path, found):
+            try:
+                stamps([cells[column]] if len(cells) > column else [""])
+            except (ValueError, OverflowError):
+                raise FileError(
+                    f"{path}: line {number}, column {column + 1} ('{found.headings[column]}'): "
+                    f"'{cells[column] if len(cells) > column else ''}' is no date or time of the day; --interval S "
+                    "reads evenly spaced samples without it"
+                ) from None
+        raise FileError(
+            f"{path}: column {column + 1} ('{found.headings[column]}'): its stamps cannot be read; --interval S reads "
+            "evenly spaced samples without them"
+        ) from None
+
+
+def _with_days(columns: list[Column], found: Layout, table: Any) -> list[Column]:
+    """A column of days and one of times of the day as one column of stamps."""
+    dated = [i for i, kind in enumerate(found.kinds) if kind == "stamp"]
+    days = [i for i in dated if len(table) and is_date_only(str(table[i].iloc[0]))]
+    clocks = [i for i in dated if columns[i].values.dtype.kind == "m"]
+    if not (days and clocks):
+        return [c for i, c in enumerate(columns) if i not in days] if len(days) < len(dated) else columns
+    day, clock = days[0], clocks[0]
+    both = replace(columns[clock], values=joined(columns[day].values, columns[clock].values))
+    return [both if i == clock else column for i, column in enumerate(columns) if i not in days]
+
+
+def place(path: Path, found: Layout, row: int) -> str:
+    """Where a row of samples stands."""
+    number = next((number for i, (number, _) in enumerate(_lines(path, found)) if i == row), 0)
+    return f"line {number}" if number else f"sample {row}"

@@ -1,0 +1,87 @@
+"""Single fields of a text file: numbers, stamps of a calendar or a clock, and what stands for nothing."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+BLANKS = ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "#N/A", "-nan(ind)", "1.#QNAN")
+
+_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?$|[+-]?(inf|infinity)$", re.IGNORECASE)
+_GROUPED = re.compile(r"[+-]?\d{1,3}(?P<group>[.,' ])\d{3}((?P=group)\d{3})*([.,]\d*)?$")
+_DATE = re.compile(r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})$")
+_STAMP = re.compile(r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})[ T]+\d{1,2}:\d{2}")
+_CLOCK = re.compile(r"\d{1,3}:\d{2}(:\d{2})?([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE)
+_DAY = np.timedelta64(1, "D")
+
+
+def is_blank(field: str) -> bool:
+    """Whether a field says nothing."""
+    return field.strip() in BLANKS
+
+
+def is_number(field: str) -> bool:
+    """Whether a field is a number, with a decimal point or comma, its thousands grouped or not."""
+    return bool(_NUMBER.match(field) or _GROUPED.match(field))
+
+
+def is_stamp(field: str) -> bool:
+    """Whether a field is a date, a time of the day, or both."""
+    return bool(_DATE.match(field) or _STAMP.match(field) or _CLOCK.match(field))
+
+
+def decimal_and_thousands(fields: Sequence[str]) -> tuple[str, str]:
+    """The marks in numbers that are not separated by commas; (".", "") where nothing tells."""
+    numbers = [field for field in fields if is_number(field)]
+    both = next((field for field in numbers if "," in field and "." in field), "")
+    if both:
+        return (",", ".") if both.rindex(",") > both.rindex(".") else (".", ",")
+    if any("," in field for field in numbers):
+        return ",", "."
+    return ".", ""
+
+
+def stamps(texts: Sequence[str]) -> NDArray[Any]:
+    """Fields with dates or clocks as numpy times; a clock that passes midnight goes on.
+
+    Raises:
+        ValueError: one cannot be read.
+    """
+    import pandas as pd
+
+    first = next((text for text in texts if text.strip()), "")
+    if _CLOCK.match(first.strip()):
+        return _clock(pd, [text.strip().replace(",", ".") for text in texts])
+    day_first = bool(re.match(r"\d{1,2}\.", first.strip()))
+    cleaned = pd.Series([re.sub(r",(\d+)", r".\1", text.strip()) for text in texts])
+    form = {"format": "ISO8601"} if re.match(r"\d{4}-", first.strip()) else {"dayfirst": day_first, "format": "mixed"}
+    found = pd.to_datetime(cleaned, utc=True, **form)
+    made: NDArray[Any] = found.dt.tz_localize(None).to_numpy().astype("M8[ns]")
+    return made
+
+
+def joined(days: NDArray[Any], clocks: NDArray[Any]) -> NDArray[Any]:
+    """Days and times of the day as stamps."""
+    made: NDArray[Any] = days + (clocks - clocks.astype("m8[D]"))
+    return made
+
+
+def is_date_only(text: str) -> bool:
+    """Whether a field is a day without a time."""
+    return bool(_DATE.match(text.strip()))
+
+
+def _clock(pd: Any, texts: list[str]) -> NDArray[Any]:
+    if re.search("[AP]M$", texts[0], re.IGNORECASE):
+        moments = pd.to_datetime(pd.Series(texts), format="mixed").to_numpy().astype("M8[ns]")
+        found = moments - moments.astype("M8[D]")
+    else:
+        whole = [text if text.count(":") == 2 else f"0:{text}" for text in texts]
+        found = pd.to_timedelta(pd.Series(whole)).to_numpy().astype("m8[ns]")
+    midnight = np.cumsum(np.diff(found, prepend=found[:1]) < -_DAY // 2)
+    made: NDArray[Any] = found + midnight * _DAY.astype("m8[ns]")
+    return made

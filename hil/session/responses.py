@@ -1,0 +1,89 @@
+"""Frequency responses of a run as tables: written beside its samples, and taken from there to be identified."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.errors import FileError
+from hil.record.folder import read
+from hil.record.header import HEADER_FILE
+from hil.record.measurement import Findings
+from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable, write_response_table
+from hil.session.procedure import load_procedure
+from hil.session.resting import measured_findings
+
+_KINDS = ("sine", "multisine")
+_FILE = "frequency_response"
+
+
+def response_tables(findings: Findings, name: str) -> dict[str, ResponseTable]:
+    """Every frequency response of findings, by its label (see docs/reference/procedures.md, `responses`)."""
+    found = findings.curves.get("responses", ())
+    return {entry["label"]: _table(f"{name}, {entry['label']}", entry) for entry in found if _is_response(entry)}
+
+
+def write_responses(findings: Findings, folder: Path) -> list[Path]:
+    """Write every frequency response of findings as CSV into the run folder.
+
+    Raises:
+        StorageError: one cannot be written.
+    """
+    written = []
+    for label, table in response_tables(findings, folder.name).items():
+        path = folder / f"{_FILE} {re.sub(r'[^0-9A-Za-z.+-]+', ' ', label).strip()}.csv"
+        write_response_table(table, path)
+        written.append(path)
+    return written
+
+
+def holds_responses(path: Path) -> bool:
+    """Whether this is the folder of a run that measured frequency responses."""
+    if not (path / HEADER_FILE).is_file():
+        return False
+    meta = read(path).meta
+    return bool(meta.get("procedure")) and any(part.get("kind") in _KINDS for part in meta.get("parts", ()))
+
+
+def response_of_run(path: Path, part: str) -> ResponseTable:
+    """The frequency response of a run, as its procedure measured it; the one called `part` where there are several.
+
+    Raises:
+        FileError: there is none of that name, or none was named where there are several; says which there are.
+    """
+    recording: Recording = read(path)
+    procedure = load_procedure(str(recording.meta["procedure"]))
+    found = response_tables(measured_findings(procedure.evaluate, recording), str(path))
+    if part in found:
+        return found[part]
+    if part or len(found) != 1:
+        names = ", ".join(f"'{label}'" for label in found) or "none"
+        raise FileError(
+            f"{path}: the run measured {len(found)} frequency responses, {names}; a transfer function describes one "
+            "amplitude about one bias: name it with --part"
+        )
+    return next(iter(found.values()))
+
+
+def _is_response(entry: Any) -> bool:
+    return isinstance(entry, Mapping) and {"label", "frequency_hz", "gain", "phase_deg"} <= entry.keys()
+
+
+def _table(name: str, entry: Mapping[str, Any]) -> ResponseTable:
+    gain = np.asarray(entry["gain"], dtype=np.float64)
+    phase_rad = np.radians(np.asarray(entry["phase_deg"], dtype=np.float64))
+    above, below = (str(entry.get(key) or "1") for key in ("response_unit", "command_unit"))
+    unit = above if below == "1" else f"{above}/{below}"
+    stds = [entry.get("gain_std"), entry.get("phase_std_deg")]
+    known = all(std is not None and np.isfinite(np.asarray(std, dtype=np.float64)).all() for std in stds)
+    response = np.asarray(gain * np.exp(1j * phase_rad), dtype=np.complex128)
+    return ResponseTable(
+        name, np.asarray(entry["frequency_hz"], dtype=np.float64), response, unit,
+        gain_std=np.asarray(stds[0], dtype=np.float64) / gain if known else None,
+        phase_std_rad=np.radians(np.asarray(stds[1], dtype=np.float64)) if known else None,
+    )  # fmt: skip
