@@ -6,8 +6,10 @@ import time
 from contextlib import suppress
 from typing import Any
 
+from drivers._edge import wire_log
 from hil.errors import DeviceLostError, LinkError
 
+_NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
 _LOOK_S = 0.02  # how often the clock is looked at while an answer is waited for
 _LONGEST = 4096  # an answer without an end
 
@@ -24,15 +26,23 @@ class Line:
         end: of requests and answers.
         timeout_s: an answer that takes longer counts as none.
         longest_reply_s: no answer comes later than that.
+        driver: whose line it is, for the log of its frames.
+        echo: what is sent comes back first.
+        pause_s: so long nothing is asked after an answer.
 
     Raises:
         DeviceLostError: the port cannot be opened.
     """
 
-    def __init__(self, address: str, baud: int, end: str, timeout_s: float, longest_reply_s: float) -> None:
+    def __init__(
+        self, address: str, baud: int, end: str, timeout_s: float, longest_reply_s: float, *, driver: str,
+        echo: bool = False, pause_s: float = 0.0,
+    ) -> None:  # fmt: skip
         self._address, self._baud, self._end = address, baud, end.encode("ascii")
         self._timeout_s, self._longest_reply_s = timeout_s, longest_reply_s
-        self._quiet_until_s = 0.0
+        self._echo, self._pause_s = echo, pause_s
+        self._log = wire_log(driver, address)
+        self._quiet_until_s = self._rest_until_s = 0.0
         self._port: Any = None
         self._open()
 
@@ -44,12 +54,16 @@ class Line:
             DeviceLostError: the port is gone.
         """
         self._wait_until_clean()
-        self._send(request)
-        answer = self._received(time.monotonic() + self._timeout_s)
+        until_s = time.monotonic() + self._timeout_s
+        answer = self._received(self._send(request, until_s), until_s)
+        self._rest_until_s = time.monotonic() + self._pause_s
         try:
-            return answer.decode("ascii")
+            text = answer.decode("ascii")
         except UnicodeDecodeError:
             raise self.failed(f"garbled answer {answer!r} to {request}") from None
+        if text == request:
+            raise self.failed("what was sent came back: the adapter echoes, say echo = true")
+        return text
 
     def ask_first(self, request: str) -> str:
         """Like `ask`, for the first request on a line: what an earlier program left on it may come in between."""
@@ -62,7 +76,8 @@ class Line:
         """Send what has no answer, at once: also while a late answer may still come."""
         if self._port is None:
             self._open()
-        self._send(request)
+        self._send(request, time.monotonic() + self._timeout_s)
+        self._rest_until_s = time.monotonic() + self._pause_s
 
     @property
     def is_clean(self) -> bool:
@@ -79,7 +94,7 @@ class Line:
         port, self._port = self._port, None
         if port is not None:
             behind = getattr(port, "_socket", None)  # pyserial leaves it open when the other side is gone
-            with suppress(OSError):
+            with suppress(Exception):
                 port.close()
             if behind is not None:
                 behind.close()
@@ -94,34 +109,48 @@ class Line:
         except (OSError, ValueError) as error:
             raise DeviceLostError(f"{self._address}: cannot be opened: {error}") from None
 
-    def _send(self, request: str) -> None:
+    def _send(self, request: str, until_s: float) -> bytes:
+        """Send; returns what has come of the answer while the echo was waited for."""
+        sent = request.encode("ascii") + self._end
         try:
             if self._port.in_waiting:
                 self._port.reset_input_buffer()  # nobody asked for it
-            self._port.write(request.encode("ascii") + self._end)
-        except OSError as error:
-            self.close()
-            raise DeviceLostError(f"{self._address}: the line is gone: {error}") from None
+            self._port.write(sent)
+        except Exception as error:  # pyserial raises its own, those of the system, and those of its protocols
+            raise self._gone(error) from error
+        self._log.debug("→ %r", sent)
+        came = b""
+        while self._echo and came != sent and sent.startswith(came) and time.monotonic() < until_s:
+            came += self._read(len(sent) - len(came))
+        return b"" if came == sent else came
 
-    def _received(self, until_s: float) -> bytes:
-        received = b""
-        while self._end not in received:
+    def _received(self, received: bytes, until_s: float) -> bytes:
+        """What comes up to the end of the answer, without noise around it."""
+        end = self._end[-1:]  # an answer may end with it alone
+        while end not in received.lstrip(_NOISE):
             left_s = until_s - time.monotonic()
             if left_s <= 0.0 or len(received) > _LONGEST:
                 cut = f", only {received!r}" if received else ""
                 raise self.failed(f"no answer within {self._timeout_s:g} s{cut}")
-            try:
-                received += self._port.read(max(1, self._port.in_waiting))
-            except OSError as error:
-                self.close()
-                raise DeviceLostError(f"{self._address}: the line is gone: {error}") from None
-        answer, _, more = received.partition(self._end)
-        if more:
+            received += self._read(_LONGEST)
+        self._log.debug("← %r", received)
+        answer, _, more = received.lstrip(_NOISE).partition(end)
+        if more.strip(_NOISE):
             raise self.failed(f"more came than was asked for: {received!r}")
-        return answer
+        return answer.removesuffix(b"\r")  # some instruments end with CR LF whatever they are told
+
+    def _read(self, most: int) -> bytes:
+        try:
+            return bytes(self._port.read(max(1, min(most, self._port.in_waiting))))
+        except Exception as error:
+            raise self._gone(error) from error
+
+    def _gone(self, error: Exception) -> DeviceLostError:
+        self.close()
+        return DeviceLostError(f"{self._address}: the line is gone: {error or type(error).__name__}")
 
     def _wait_until_clean(self) -> None:
-        wait_s = self._quiet_until_s - time.monotonic()
+        wait_s = max(self._quiet_until_s, self._rest_until_s) - time.monotonic()
         if wait_s > 0.0:
             time.sleep(wait_s)
         if self._port is None:

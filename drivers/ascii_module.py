@@ -8,6 +8,7 @@ that does not take this cannot be opened with `watchdog_s`. The last value that 
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Iterator, Mapping
@@ -16,6 +17,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
+from drivers._edge import edge
 from drivers._line import Line
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
@@ -23,8 +25,12 @@ from hil.daq.polled import PolledDaq
 from hil.errors import LinkError
 
 _CHECK_S = 0.5  # how often outputs are read back
-_VALUE = re.compile(r"[+-]\d+\.\d+")
+_VALUE = re.compile(r"[+-]\d\d\.\d{3}")  # as the manual has it for ±10 V: one byte less is no answer
+_BEYOND = {"+9999": math.inf, "-0000": -math.inf, "-9999": -math.inf, "+9999.9": math.inf, "-9999.9": -math.inf}
 _VOLTS = "32"  # code of an output type: −10 … +10 V; 30 and 31 are currents
+_INPUTS_VOLTS = "08"  # code of an input type: −10 … +10 V
+_INPUT_TYPES = {"07": "4 … 20 mA", "09": "±5 V", "0A": "±1 V", "0B": "±500 mV", "0C": "±150 mV", "0D": "±20 mA"}
+_FORMATS = {0: "engineering units", 1: "% of full scale", 2: "hexadecimal", 3: "ohms"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,6 +61,8 @@ class Settings(BaseModel):
         timeout_s: an answer that takes longer counts as none. A module does not answer what it does not understand.
         longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
         watchdog_s: the module makes its outputs safe when it hears nothing for so long, 0.1 … 999.9 s.
+        echo: what is sent comes back before the answer, as some RS-485 adapters do.
+        pause_s: so long nothing is asked after an answer, for adapters that need to turn around.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -66,6 +74,8 @@ class Settings(BaseModel):
     timeout_s: PositiveFloat = 0.2
     longest_reply_s: PositiveFloat = 1.0
     watchdog_s: PositiveFloat | None = None
+    echo: bool = False
+    pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -104,19 +114,27 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
     return PolledDaq({settings.model: open_link(settings, wiring)}, {settings.model: wiring})
 
 
+@edge
 class AsciiModuleLink:
     """A module on its line (see `hil.daq.polled.Link`).
 
+    Attributes:
+        identity: the name that the module gives itself, and its address.
+
     Raises:
-        LinkError: another module answers than the one that was named.
+        LinkError: another module answers than the one that was named, or one that is set otherwise.
     """
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         self._model = MODELS[settings.model]
         self._watchdog = DeviceWatchdog(settings.watchdog_s, "module")
         self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
-        self._line = Line(settings.address, settings.baud, "\r", settings.timeout_s, settings.longest_reply_s)
+        self._line = Line(
+            settings.address, settings.baud, "\r", settings.timeout_s, settings.longest_reply_s,
+            driver="ascii_module", echo=settings.echo, pause_s=settings.pause_s,
+        )  # fmt: skip
         self._at = f"{settings.module:02X}"
+        self.identity = f"{self._model.name} at {self._at}"
         self._inputs = [channel.terminal for channel in wiring.inputs.values()]
         self._outputs = [channel.terminal for channel in wiring.outputs.values()]
         self._driven: dict[str, float] = {}
@@ -124,7 +142,7 @@ class AsciiModuleLink:
         try:
             self._recognise()
             if self.watchdog_s is not None:
-                self._ask(f"$%X{round(10.0 * self.watchdog_s):04d}", "!%")
+                self._done(f"$%X{round(10.0 * self.watchdog_s):04d}")
         except BaseException:
             self.close()
             raise
@@ -141,19 +159,22 @@ class AsciiModuleLink:
                 self._line.tell(request.replace("%", self._at))
         self._watchdog_has_not_expired()
         for name, request in requests.items():
-            self._ask(request, "!%")
+            self._done(request)
             self._driven[name] = float(request[-7:])
 
     def read(self) -> dict[str, float]:
-        """All inputs in one answer, and now and then whether outputs still have what they were told."""
+        """All inputs in one answer, and now and then whether outputs still have what they were told.
+
+        An input is infinite where the module says that it is beyond its range.
+        """
         self._watchdog_has_not_expired()
         readings: dict[str, float] = {}
         if self._inputs:
-            numbers = _VALUE.findall(self._ask("#%", ">"))
+            text = self._ask("#%", ">")
+            numbers = [self._number(part, text) for part in re.findall("[+-][^+-]*|^[^+-]+", text)]
             if len(numbers) != self._model.count:
-                raise self._line.failed(f"{len(numbers)} readings of {self._model.count}: {' '.join(numbers)}")
-            values = {f"ai{i}": float(number) for i, number in enumerate(numbers)}
-            readings = {name: min(max(values[name], self._model.low), self._model.high) for name in self._inputs}
+                raise self._line.failed(f"{len(numbers)} readings of {self._model.count}: '{text}'")
+            readings = {name: numbers[int(name[2:])] for name in self._inputs}
         if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
             self.check_outputs()
         return readings
@@ -185,17 +206,45 @@ class AsciiModuleLink:
         if name != self._model.name:
             raise LinkError(f"module {self._at} is a '{name}', not a {self._model.name}")
 
+        if self._inputs:
+            self._check_settings()
         for output in self._outputs:
             if (kind := self._ask(f"$%8C{output[2:]}", f"!%C{output[2:]}")[-2:]) != _VOLTS:
                 raise LinkError(
                     f"{output} is of output type {kind}, not {_VOLTS} (−10 … +10 V): set it with $AA7CnR{_VOLTS}"
                 )
 
+    def _check_settings(self) -> None:
+        """See that inputs are read in volts, as their terminals say: the module tells numbers without a unit."""
+        text = self._ask("$%2", "!%")
+        if not re.fullmatch("[0-9A-F]{6}", text):
+            raise self._line.failed(f"'{text}' is not the settings of a module (type, baud rate, format)")
+        kind, form = text[:2], int(text[4:], 16)
+        if kind != _INPUTS_VOLTS or form & 0b11:
+            raise LinkError(
+                f"module {self._at} is set to input type {kind}{_in_words(_INPUT_TYPES.get(kind))} and format "
+                f"{_FORMATS[form & 0b11]}; this driver reads type {_INPUTS_VOLTS} (±10 V) in {_FORMATS[0]}: set it "
+                f"with %{self._at}{self._at}{_INPUTS_VOLTS}{text[2:4]}{form & ~0b11:02X}"
+            )
+
+    def _number(self, part: str, text: str) -> float:
+        """A reading in the one form that the module has, or what it says beyond its range."""
+        if part in _BEYOND:
+            return _BEYOND[part]
+        if not _VALUE.fullmatch(part):
+            raise self._line.failed(f"'{part}' in the answer '{text}' is no reading of the form +00.000")
+        return float(part)
+
     def _read_back(self, name: str) -> float:
         text = self._ask(f"$%6C{name[2:]}", "!%")
         if not _VALUE.fullmatch(text):
-            raise self._line.failed(f"no number in the read-back '{text}'")
+            raise self._line.failed(f"'{text}' is no read-back of the form +00.000")
         return float(text)
+
+    def _done(self, request: str) -> None:
+        """A request that is acknowledged with nothing but the module's address."""
+        if more := self._ask(request, "!%"):
+            raise self._line.failed(f"'{more}' behind the acknowledgement of {request}")
 
     def _ask(self, request: str, begins: str) -> str:
         """The answer without its beginning; `%` stands for the module's address."""
@@ -211,3 +260,7 @@ class AsciiModuleLink:
     def _watchdog_has_not_expired(self) -> None:
         if self._driven:
             self._watchdog.check()
+
+
+def _in_words(text: str | None) -> str:
+    return f" ({text})" if text else ""

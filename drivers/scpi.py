@@ -7,22 +7,28 @@ ranges they have is ours. For a real instrument, put what its manual says in the
 
 from __future__ import annotations
 
+import math
 import re
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
+from drivers._edge import edge
 from drivers._line import Line
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import LinkError
 
 _CHECK_S = 0.5  # how often outputs are asked where they stand
-_NOT_A_NUMBER = 9.91e37  # as SCPI writes it; 9.9e37 is infinity
-_ERROR = re.compile(r'([+-]?\d+),"(.*)"')
+_RESOLUTION = 1e-3  # of what is set, in its unit; coarser instruments say `step`
+_NO_NUMBER, _BEYOND = 9.91e37, 9.9e37  # not a number, and infinity, as SCPI writes them
+_WORDS = {"NAN": math.nan, "OL": math.inf, "OVLD": math.inf, "OVERLOAD": math.inf, "INF": math.inf}
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")  # NR1, NR2 and NR3
+_UNIT = re.compile(r'(?:"(?:[^"]|"")*"|[^;"])+')  # up to a semicolon that no text has in it
+_ERROR = re.compile(r'\s*([+-]?\d+)\s*,\s*"(.*)"\s*')
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +89,10 @@ class Settings(BaseModel):
         baud: of a serial port.
         timeout_s: an answer that takes longer counts as none.
         longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
+        end: of what is sent: `LF`, `CRLF` or `CR`; answers may end with CR LF where LF is said.
+        step: in which outputs are set, in their unit, where the instrument has no finer ones.
+        echo: what is sent comes back before the answer.
+        pause_s: so long nothing is asked after an answer.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -92,6 +102,10 @@ class Settings(BaseModel):
     baud: PositiveInt = 115200
     timeout_s: PositiveFloat = 0.5
     longest_reply_s: PositiveFloat = 2.0
+    end: Literal["LF", "CRLF", "CR"] = "LF"
+    step: float = Field(default=0.0, ge=0.0)
+    echo: bool = False
+    pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -123,10 +137,14 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
     return PolledDaq({settings.model: open_link(settings, wiring)}, {settings.model: wiring})
 
 
+@edge
 class ScpiLink:
     """An instrument that speaks SCPI (see `hil.daq.polled.Link`). It has no watchdog.
 
     Every message ends with `SYST:ERR?`, so that each has an answer, and one that says whether it was understood.
+
+    Attributes:
+        identity: maker, model, serial number and version as `*IDN?` tells them.
 
     Raises:
         LinkError: what answers is no SCPI instrument.
@@ -137,15 +155,21 @@ class ScpiLink:
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         model = MODELS[settings.model]
-        self._line = Line(settings.address, settings.baud, "\n", settings.timeout_s, settings.longest_reply_s)
+        self._step = settings.step
+        self._line = Line(
+            settings.address, settings.baud, _ENDS[settings.end], settings.timeout_s, settings.longest_reply_s,
+            driver="scpi", echo=settings.echo, pause_s=settings.pause_s,
+        )  # fmt: skip
         self._outputs = {c.terminal: model.outputs[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: model.inputs[c.terminal] for c in wiring.inputs.values()}
         self._driven: dict[str, float] = {}
         self._checked_s = time.monotonic()
         try:
-            identity = self._line.ask_first("*CLS;*IDN?")
-            if identity.count(",") != 3:
-                raise LinkError(f"'{identity}' is not the identity of a SCPI instrument (maker,model,serial,version)")
+            self.identity = self._line.ask_first("*CLS;*IDN?").strip()
+            if self.identity.count(",") != 3:
+                raise LinkError(
+                    f"'{self.identity}' is not the identity of a SCPI instrument (maker,model,serial,version)"
+                )
         except BaseException:
             self.close()
             raise
@@ -153,6 +177,8 @@ class ScpiLink:
     def standing(self) -> dict[str, float]:
         """Where the outputs stand, as the instrument tells."""
         values = self._numbers([output.ask for output in self._outputs.values()])
+        if not all(map(math.isfinite, values)):
+            raise self._line.failed(f"no number in where outputs stand: {values}")
         return dict(zip(self._outputs, values, strict=True))
 
     def drive(self, values: Mapping[str, float]) -> None:
@@ -164,16 +190,14 @@ class ScpiLink:
         self._driven.update(values)
 
     def read(self) -> dict[str, float]:
-        """Measure every input, in one message, and now and then see that outputs stand where they were driven."""
+        """Measure every input, in one message, and now and then see that outputs stand where they were driven.
+
+        A reading without a measurement is NaN, an overload infinite.
+        """
         if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
             self._outputs_stand()
         values = self._numbers([place.ask for place in self._inputs.values()])
-        readings: dict[str, float] = {}
-        for (name, place), value in zip(self._inputs.items(), values, strict=True):
-            if not abs(value) < _NOT_A_NUMBER:
-                raise LinkError(f"{name} reads no number: the instrument has no valid measurement")
-            readings[name] = min(max(value, place.terminal.low), place.terminal.high)
-        return readings
+        return dict(zip(self._inputs, values, strict=True))
 
     def close(self) -> None:
         """Close the line."""
@@ -183,25 +207,25 @@ class ScpiLink:
         self._checked_s = time.monotonic()
         for name, stands in self.standing().items():
             driven = self._driven.get(name, stands)
-            if abs(stands - driven) > 1e-3:
+            if abs(stands - driven) > max(_RESOLUTION, self._step):
                 raise LinkError(
-                    f"{name} stands at {stands:.4g}, not at {driven:.4g} as it was driven: the instrument "
-                    f"restarted, or somebody else uses it"
+                    f"{name} stands at {stands:.4g}, not at {driven:.4g} as it was driven: the instrument restarted, "
+                    f"somebody else uses it, or it sets in steps: then say step (now {self._step:g})"
                 )
 
     def _numbers(self, queries: list[str]) -> list[float]:
         texts = self._asked(queries)
         if len(texts) != len(queries):
             raise self._line.failed(f"{len(texts)} answers to {len(queries)} questions: {';'.join(texts)}")
-        try:
-            return [float(text) for text in texts]
-        except ValueError:
-            raise self._line.failed(f"no number in the answer {';'.join(texts)}") from None
+        values = [_number(text.strip()) for text in texts]
+        if None in values:
+            raise self._line.failed(f"no number in the answer {';'.join(texts)}")
+        return [value for value in values if value is not None]
 
     def _asked(self, messages: list[str]) -> list[str]:
         """The answers to messages that are sent together; an error of the instrument is raised."""
         answer = self._line.ask(";:".join([*messages, "SYST:ERR?"]))
-        *texts, error = answer.split(";")
+        *texts, error = _UNIT.findall(answer) or [""]
         found = _ERROR.fullmatch(error)
         if found is None:
             raise self._line.failed(f"{error!r} is not an entry of the error queue")
@@ -209,3 +233,19 @@ class ScpiLink:
             self._line.tell("*CLS")
             raise LinkError(f"the instrument refused {';'.join(messages)}: {found[1]} {found[2]}")
         return texts
+
+
+_ENDS = {"LF": "\n", "CRLF": "\r\n", "CR": "\r"}
+
+
+def _number(text: str) -> float | None:
+    """A number as SCPI writes it, NaN or infinite where it says so; None when it is none."""
+    word = text.lstrip("+-").upper()
+    if word in _WORDS:
+        return -_WORDS[word] if text.startswith("-") else _WORDS[word]
+    if not _NUMBER.fullmatch(text):
+        return None
+    value = float(text)
+    if abs(value) >= _NO_NUMBER:
+        return math.nan
+    return math.copysign(math.inf, value) if abs(value) >= _BEYOND else value

@@ -56,6 +56,8 @@ class Module(TextDevice):
     def _answered(self, lead: str, body: str) -> str | None:
         if lead == "$" and body == "M":
             return f"!{self._at}{self._name}"
+        if lead == "$" and body == "2":  # input type ±10 V, 9600 baud, engineering units
+            return f"!{self._at}{'08' if self._inputs else '00'}0600"
         if lead == "$" and (found := re.fullmatch(r"X(\d{4})", body)):
             self._watchdog_s = 0.1 * int(found[1])
             return f"!{self._at}"
