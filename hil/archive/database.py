@@ -17,6 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from hil.archive.place import Place
 from hil.errors import ArchiveError
+from hil.extras import lacking
 
 _PATIENCE_S = 2  # for a database that is locked or far away: the bench is waiting
 
@@ -75,5 +76,7 @@ def _migrate(engine: Engine, place: Place) -> None:
 
 
 def _refused(place: Place, error: Exception) -> ArchiveError:
+    if isinstance(error, ModuleNotFoundError):
+        return ArchiveError(f"archive {place}: its database needs {lacking(error.name or '?')}")
     cause = getattr(error, "orig", None) or error
     return ArchiveError(f"archive {place}: {' '.join(str(cause).split())}")

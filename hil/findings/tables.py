@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import InputError, StorageError
+from hil.extras import lacking
 from hil.findings.results import Curve, Results
 
 if TYPE_CHECKING:
@@ -56,7 +57,7 @@ def write_xlsx(results: Results, path: Path) -> None:
     try:
         from openpyxl import Workbook
     except ModuleNotFoundError as error:
-        raise InputError("--xlsx needs openpyxl: pip install 'valve-hil[formats]'") from error
+        raise InputError(f"--xlsx needs {lacking('openpyxl')}") from error
     book = Workbook()
     book.remove(book.worksheets[0])
     _fill(book.create_sheet("values"), VALUE_HEADS, _value_rows(results))

@@ -19,4 +19,5 @@ def library(name: str, path: Path) -> ModuleType:
     try:
         return importlib.import_module(name)
     except ModuleNotFoundError as error:
-        raise FileError(f"{path}: '{path.suffix}' files need {lacking(error.name or name)}") from None
+        asked = path.with_name(path.name.removeprefix(".part-"))  # of a file that is being written
+        raise FileError(f"{asked}: '{path.suffix}' files need {lacking(error.name or name)}") from None

@@ -55,6 +55,7 @@ COMMANDS = [
         ("hpv41-usb-6211", "nidaqmx"),
     )),
     (("devices", "hpv41-canopen"), "can"),
+    (("runs", "--archive", "postgresql://localhost/archive"), "psycopg"),
     (("check-driver", "modbus"), "pymodbus"),
     (("check-driver", "canopen_valve"), "can"),
     *((("convert", source, "b.csv"), package) for source, package in (
@@ -78,7 +79,7 @@ def test_command_names_the_extra_in_one_line(
     status, err = main(), capsys.readouterr().err
     assert status == 2, err
     assert f"needs the package '{package}'" in err.replace("files need ", "files needs ")
-    assert remedy(package) in err and len(err.splitlines()) == 1
+    assert remedy(package) in err and ".part" not in err and len(err.splitlines()) == 1
     assert sorted(path.name for path in Path().iterdir()) == ["a.csv", "a.h5", "a.mf4", "a.parquet", "a.tdms"]
 
 
