@@ -63,6 +63,24 @@ def scale_and_offset(unit: str, to: str) -> tuple[float, float]:
     return one - zero, zero
 
 
+def in_base_units(unit: str) -> tuple[float, float, dict[str, int]]:
+    """(factor, offset, exponents of kg, m, s, A, K) with SI value = factor · value + offset.
+
+    Raises:
+        UnitError: the unit is unknown, or has a power that is no whole number.
+    """
+    registry, parsed = _registry(), _unit(unit)
+    powers = {_BASE.get(name, ""): float(str(power)) for name, power in parsed.dimensionality.items()}
+    if "" in powers or any(power != round(power) for power in powers.values()):
+        raise UnitError(f"unit '{unit}' is no product of whole powers of kg, m, s, A and K")
+    zero = float(registry.Quantity(0.0, parsed).to_base_units().magnitude)
+    one = float(registry.Quantity(1.0, parsed).to_base_units().magnitude)
+    return one - zero, zero, {name: round(power) for name, power in powers.items()}
+
+
+_BASE = {"[mass]": "kg", "[length]": "m", "[time]": "s", "[current]": "A", "[temperature]": "K"}
+
+
 def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float64]:
     """Values given in `unit`, expressed in `to`; the same array when nothing changes."""
     a, b = scale_and_offset(unit, to)

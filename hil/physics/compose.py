@@ -90,8 +90,18 @@ class Kernel:
     @cached_property
     def run(self) -> Callable[..., None]:
         """The plant with every effect that fits it, compiled at its first use on a machine."""
-        loaded: Callable[..., None] = _load(_Page(self).source(), _stamp(self.plant, self.sites)).kernel
+        loaded: Callable[..., None] = _load(self.source, _stamp(self.plant, self.sites)).kernel
         return loaded
+
+    @property
+    def source(self) -> str:
+        """The text of the generated module."""
+        return _Page(self).source()
+
+    def with_sites(self, keys: Collection[tuple[str, str]]) -> Kernel:
+        """The same plant with these effects alone."""
+        sites = tuple(site for site in self.sites if site.key in keys)
+        return _kernel_of(self.plant, sites, self.coefficients)
 
 
 @cache
@@ -119,10 +129,14 @@ def kernel(name: str) -> Kernel:
     """The kernel of a plant with every effect that fits it."""
     chosen = plant(name)
     sites = tuple(Site(effect, hook) for hook in chosen.hooks for effect in effects() if hook.name in effect.hooks)
+    widths = {n: getattr(value, "size", 0) for n, value in chosen.coefficients(chosen.typical, math.inf).items()}
+    return _kernel_of(chosen, sites, widths)
+
+
+def _kernel_of(chosen: Plant, sites: tuple[Site, ...], coefficients: Mapping[str, int]) -> Kernel:
     arguments = tuple(site.arguments for site in sites)
     return Kernel(
-        chosen, sites, tuple(chosen.states),
-        {name: getattr(value, "size", 0) for name, value in chosen.coefficients(chosen.typical, math.inf).items()},
+        chosen, sites, tuple(chosen.states), coefficients,
         {site.key: i for i, site in enumerate(sites)}, arguments, (0, *accumulate(map(len, arguments))),
     )  # fmt: skip
 

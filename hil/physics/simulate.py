@@ -211,8 +211,8 @@ def _arrays(
     return _Arrays(
         step_s,
         steps,
-        _flat(plant.coefficients(parameters, math.inf)),
-        _flat(plant.coefficients(parameters, step_s)),
+        flat(plant.coefficients(parameters, math.inf)),
+        flat(plant.coefficients(parameters, step_s)),
         _initial_states(plant, parameters, drive),
         on,
         values,
@@ -229,7 +229,8 @@ def _observer(plant: Plant, parameters: Mapping[str, float], interval_s: float) 
     return np.array([gains.get(name, 0.0) for name in plant.scalars])
 
 
-def _flat(coefficients: Mapping[str, float | Array]) -> Array:
+def flat(coefficients: Mapping[str, float | Array]) -> Array:
+    """A plant's coefficients as its kernel takes them, in their order, arrays row by row."""
     values: list[float] = []
     for value in coefficients.values():
         if isinstance(value, np.ndarray):
