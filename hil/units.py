@@ -32,6 +32,11 @@ def _registry() -> pint.UnitRegistry[Any]:
     return pint.UnitRegistry()
 
 
+def units_ready() -> None:
+    """Read the tables of units now, not when two units first differ."""
+    _registry()
+
+
 @cache
 def _unit(text: str) -> pint.Unit:
     registry = _registry()

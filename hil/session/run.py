@@ -21,6 +21,7 @@ from hil.record.samples import ROWS_FILE
 from hil.safety.interrupt import terminable
 from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import Outcome
+from hil.session.preload import preload
 from hil.session.procedure import Procedure
 from hil.session.rehearsal import Rehearsal, rehearse
 from hil.session.results import evaluated, write_outcome
@@ -63,6 +64,8 @@ def run_procedure(
     if earlier is not None:
         about["resumes"] = earlier.name
     new = not out.exists()
+    if not bench.is_simulated:  # whose time stands still meanwhile
+        preload(procedure.run)
     try:
         with terminable(), open_rig(bench, out, about, progress, resets, earlier) as rig:
             procedure.run(rig, **values)

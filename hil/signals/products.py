@@ -10,14 +10,17 @@ from contextlib import AbstractContextManager
 from typing import Any, cast
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 
+from hil.kernel import kernel
+
 Array = NDArray[np.float64]
 
+_MATRICES = "f8[:,::1](f8[:,::1], f8[:,::1])"
 
-@njit(cache=True, nogil=True, fastmath=True)
+
+@kernel(_MATRICES, fastmath=True)
 def _rows_by_rows(a: Any, b: Any) -> Any:
     out = np.empty((a.shape[0], b.shape[0]))
     for i in range(a.shape[0]):
@@ -29,7 +32,7 @@ def _rows_by_rows(a: Any, b: Any) -> Any:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel(_MATRICES)
 def _rows_by_columns(a: Any, b: Any) -> Any:
     out = np.zeros((a.shape[0], b.shape[1]))
     for i in range(a.shape[0]):

@@ -1,0 +1,43 @@
+"""Nothing is imported or compiled while a procedure drives: it would hold the program while a valve is open."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+WATCHER = Path(__file__).parents[1] / "driven_imports.py"
+QUICK = "frequency_response brevini-hpv41 frequencies=0.5,1,2,4 amplitudes=4 measure_s=1 biases=60"
+ALL = [
+    "flow_curve brevini-hpv41 cycle_s=12",
+    "multisine_response brevini-hpv41 low_hz=0.5 high_hz=4.5 base_hz=0.5 amplitudes=4 periods=3 biases=60",
+    "step_response brevini-hpv41 levels=40,80",
+    "large_sine brevini-hpv41 frequencies=0.5 cycles=1",
+    "efc_acceptance cummins-efc-acceptance",
+    "efc_frequency_response cummins-efc",
+    "efc_step_response cummins-efc",
+    "leakage_check cummins-efc-acceptance",
+    "pressure_current cummins-efc",
+    "electrical_check cummins-efc-acceptance",
+    "cylinder_drift hydraforce-open-loop",
+    "velocity_steps hydraforce-open-loop",
+    "sine_position hydraforce-open-loop frequency_rad_s=8",
+]
+
+
+@pytest.mark.parametrize("case", [QUICK, *(pytest.param(case, marks=pytest.mark.slow) for case in ALL)])
+def test_everything_is_there_before_the_first_output_moves(case: str) -> None:
+    told = subprocess.run([sys.executable, str(WATCHER), *case.split()], capture_output=True, text=True, check=True)
+    seen = json.loads(told.stdout)
+    assert seen["imported"] == [] and seen["compiled"] == []
+    assert seen["kernels"][0] == seen["kernels"][1]
+
+
+def test_all_procedures_are_watched() -> None:
+    from hil.catalog import entries
+
+    ours = {entry.name for entry in entries("procedures") if entry.module.startswith("procedures.")}
+    assert ours == {case.split()[0] for case in (QUICK, *ALL)}
