@@ -220,8 +220,13 @@ def check_level(model: Model, wiring: Wiring) -> None:
             )
 
 
-def needs(settings: LineSettings) -> tuple[str, ...]:
+def needs(settings: Settings) -> tuple[str, ...]:
     """Packages that must be installed."""
+    return line_needs(settings)
+
+
+def line_needs(settings: LineSettings) -> tuple[str, ...]:
+    """Packages that must be installed for a device that is reached so."""
     is_port = settings.transport == "rtu" and not settings.address.startswith("socket://")
     return ("pymodbus", "serial") if is_port else ("pymodbus",)
 

@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from drivers._edge import edge
-from drivers.modbus import LineSettings, ModbusLink, Model, Register, line_faults
-from drivers.modbus import needs as line_needs
+from drivers.modbus import LineSettings, ModbusLink, Model, Register, line_faults, line_needs
 from hil.daq.channel import OutputChannel, Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import LinkError, SettingError
