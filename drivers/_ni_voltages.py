@@ -42,8 +42,12 @@ class Voltages:
             task.write(written if len(written) > 1 else written[0], auto_start=True)
 
     def standing(self) -> dict[str, float]:
-        """Where they stand, over the device's internal connection to its inputs; NaN where it has none."""
-        return {name: min(max(self._measured(c), c.low), c.high) for name, c in self.outputs.items()}
+        """Where they stand, within their ranges; NaN where the device cannot be asked."""
+        return {n: min(max(at, self.outputs[n].low), self.outputs[n].high) for n, at in self.measured().items()}
+
+    def measured(self) -> dict[str, float]:
+        """What is at their terminals, over the device's internal connections to its inputs; NaN where it has none."""
+        return {name: self._measured(channel) for name, channel in self.outputs.items()}
 
     def _measured(self, channel: OutputChannel) -> float:
         import nidaqmx

@@ -19,7 +19,7 @@ from drivers._ni_lines import Lines
 from drivers._ni_voltages import Voltages
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
-from hil.daq.contract import Block, Promises, Waveform
+from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Waveform
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from hil.record.recording import Array
 
@@ -164,7 +164,7 @@ class NiDaq:
         """Stop what plays, and put every output at its safe value at once: digital lines first, then voltages.
 
         Raises:
-            DeviceLostError: an output could not be reached; says where it stood.
+            DeviceLostError: an output could not be reached.
         """
         self._end_tasks()
         if self._closed or not self.outputs:
@@ -183,10 +183,22 @@ class NiDaq:
             with self._told():
                 group.drive(safe)
         except HardwareError as error:
-            stood = ", ".join(_stood(self.outputs[name], self.levels[name]) for name in safe)
-            return f"{error}; its outputs could not be made safe ({stood}): use the emergency stop"
+            return str(error)
         self.levels = {**self.levels, **safe}
         return None
+
+    def read_back(self) -> Mapping[str, ReadBack]:
+        """Voltages over the device's connections within, lines as it has them; a counter cannot be asked."""
+        told: dict[str, ReadBack] = dict.fromkeys(self._counters.channels, CANNOT_BE_ASKED)
+        for group, asked in ((self._lines, self._lines.standing), (self._voltages, self._voltages.measured)):
+            try:
+                with self._told():
+                    answers = asked()
+            except Exception as error:
+                told |= dict.fromkeys(group.outputs, ReadBack(why=str(error)))
+            else:
+                told |= {n: CANNOT_BE_ASKED if math.isnan(at) else ReadBack(at) for n, at in answers.items()}
+        return told
 
     def close(self) -> None:
         """Make safe and let go of the device."""
@@ -411,12 +423,6 @@ def _packed(rows: list[Array]) -> Array:
 def _of_kind(channels: Mapping[str, _Channel], prefix: str) -> dict[str, _Channel]:
     """The channels on terminals of one kind: `ao`, `ctr`, `do`, `ai`, `di`."""
     return {name: channel for name, channel in channels.items() if channel.terminal.rstrip("0123456789") == prefix}
-
-
-def _stood(channel: OutputChannel, level: float) -> str:
-    if math.isnan(level):
-        return f"{channel.name} stood where nobody knows"
-    return f"{channel.name} stood at {level:g}{'' if channel.unit == '1' else f' {channel.unit}'}"
 
 
 def _check_counters(outputs: Mapping[str, OutputChannel]) -> None:

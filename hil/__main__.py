@@ -2,8 +2,10 @@
 
 import os
 import sys
+from contextlib import suppress
 
 from hil.cli.app import main as run
+from hil.safety.interrupt import ignore_signals, terminable
 
 # Fits multiply small matrices in threads of their own. A threaded BLAS beneath them waits for cores that are
 # busy: with other work on both cores one fit took 18 s instead of 1. Read when numpy is first imported.
@@ -12,7 +14,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 def main() -> None:
     """Entry point of the console script."""
-    sys.exit(run())
+    with terminable():
+        status = run()
+        ignore_signals()
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(OSError, ValueError, AttributeError):
+            stream.flush()
+    sys.exit(status)
 
 
 if __name__ == "__main__":

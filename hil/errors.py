@@ -10,13 +10,14 @@ HilError
 │   ├── InUseError        a bench that another program drives
 │   ├── ArchiveError      the index of the archive cannot be read or written; the runs are safe in their folders
 │   └── UnknownNameError  no driver, plant, effect … of that name
-└── HardwareError         the bench failed; outputs were made safe    exit status 3
+└── HardwareError         the bench failed                            exit status 3
     ├── LinkError         no or garbled answer from a device
     ├── DeviceLostError   the device is gone
     ├── OutputUnderflowError the output ran out of samples
     ├── OverrunError      input samples were overwritten before they were read
     ├── StorageError      the recording could not be written (disk full)
     ├── StoppedError      an interlock ended the run
+    ├── NotSafeError      nobody knows that all outputs are safe
     └── TrippedError      an interlock tripped; latched until reset by name
 """
 
@@ -80,7 +81,7 @@ class UnknownNameError(InputError):
 
 
 class HardwareError(HilError):
-    """The bench failed; outputs were made safe before this was raised."""
+    """The bench failed. Making outputs safe was tried before this is raised; its notes say what came of it."""
 
     exit_status = 3
 
@@ -109,5 +110,26 @@ class StoppedError(HardwareError):
     """An interlock ended the run; the next one may start."""
 
 
+class NotSafeError(HardwareError):
+    """An output is driven, or nobody knows where it stands."""
+
+
 class TrippedError(HardwareError):
     """An interlock tripped. Latched: it needs a reset by name."""
+
+
+def marked(error: BaseException, status: int, text: str) -> None:
+    """Give an error the exit status of the run that it ends, and a sentence about the outputs, once."""
+    error.__dict__["exit_status"] = status
+    if text and text not in getattr(error, "__notes__", ()):
+        error.add_note(text)
+
+
+def told(error: BaseException) -> str:
+    """An error and what has been noted about it since, in one line."""
+    return "; ".join(filter(None, (" ".join(str(error).split()), *getattr(error, "__notes__", ()))))
+
+
+def exit_status_of(error: BaseException) -> int:
+    """The exit status with which an error ends the program."""
+    return int(getattr(error, "exit_status", HilError.exit_status))

@@ -10,7 +10,7 @@ import numpy as np
 from hil.clock import Clock, clock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
-from hil.daq.contract import Block, Promises, Waveform
+from hil.daq.contract import Block, Promises, ReadBack, Waveform
 from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError, OverrunError
 from hil.record.recording import Array
 from sim_devices._chain import InputStages, OutputStage
@@ -79,11 +79,17 @@ class SimulatedDaq:
         """Put every output at its safe value.
 
         Raises:
-            DeviceLostError: the device is gone; its outputs stand where they stood.
+            DeviceLostError: the device is gone; nobody reaches its outputs.
         """
         self._refuse_if_lost()
         self._catch_up()
         self.levels = {name: channel.safe for name, channel in self.outputs.items()}
+
+    def read_back(self) -> Mapping[str, ReadBack]:
+        """Where the outputs of the device stand, unless it is gone."""
+        if self._lost:
+            return dict.fromkeys(self.outputs, ReadBack(why="the simulated device is gone"))
+        return {name: ReadBack(level) for name, level in self.levels.items()}
 
     def close(self) -> None:
         """Make safe; a device that is gone is let go of as it is."""
@@ -135,7 +141,7 @@ class SimulatedDaq:
             return None
         fault, self._fault = self._fault, None
         self._lost = fault.kind == "lost"
-        return _error(fault, self._samples, self.levels)
+        return _error(fault, self._samples)
 
     def _driven(self, outputs: Mapping[str, Array], every: int, first_tick: int) -> dict[str, Array]:
         tick_s = 1.0 / self._settings.clock_hz
@@ -162,7 +168,7 @@ class SimulatedDaq:
 
     def _refuse_if_lost(self) -> None:
         if self._lost:
-            raise _error(Fault(kind="lost", after=0), self._samples, self.levels)
+            raise _error(Fault(kind="lost", after=0), self._samples)
 
 
 def _promises(settings: Settings, inputs: int) -> Promises:
@@ -183,13 +189,9 @@ def _next(waveforms: Iterator[Waveform]) -> tuple[Waveform | None, Exception | N
         return None, error
 
 
-def _error(fault: Fault, samples: int, levels: Mapping[str, float]) -> HardwareError:
+def _error(fault: Fault, samples: int) -> HardwareError:
     if fault.kind == "underflow":
         return OutputUnderflowError(f"simulated device: no sample to drive after {samples} samples")
     if fault.kind == "overrun":
         return OverrunError(f"simulated device: sample {samples} was overwritten before it was read")
-    standing = ", ".join(f"{name} at {level:g}" for name, level in levels.items())
-    return DeviceLostError(
-        f"simulated device: gone after {samples} samples; its outputs cannot be reached and stand where they stood "
-        f"({standing}): use the emergency stop"
-    )
+    return DeviceLostError(f"simulated device: gone after {samples} samples")

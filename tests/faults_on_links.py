@@ -18,7 +18,7 @@ import numpy as np
 
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
-from hil.errors import HilError
+from hil.errors import HilError, told
 from sim_devices._quirks import Quirks
 from tests.faults import PATIENCE_S, Case, Observer, Seen, observed, samples_in, start_run, watchdog_of
 from tests.links import served
@@ -85,7 +85,7 @@ _OF_PROGRAMS: Mapping[str, tuple[Callable[[int], None], float, str]] = {
     "SIGKILL of the program": (lambda pid: os.kill(pid, signal.SIGKILL), _REACTION_S, "outputs made safe in"),
     "program hangs (SIGSTOP)": (lambda pid: os.kill(pid, signal.SIGSTOP), WATCHDOG_S + _REACTION_S, "and was killed"),
     "SIGKILL of the watchdog": (lambda pid: os.kill(watchdog_of(pid), signal.SIGKILL), _REACTION_S,
-                                "the watchdog process ended; the run was stopped"),
+                                "the watchdog process ended: killed by SIGKILL; the run was stopped"),
     "SIGTERM": (lambda pid: os.kill(pid, signal.SIGTERM), _REACTION_S, "stopped; outputs are safe"),
     "Ctrl-C": (lambda pid: os.kill(pid, signal.SIGINT), _REACTION_S, "stopped; outputs are safe"),
 }  # fmt: skip
@@ -128,7 +128,7 @@ def _driven(file: BenchFile, run: Path, observer: Observer, happen: Callable[[],
                 time_s = np.arange(round(rig.rate_hz)) / rig.rate_hz
                 rig.play(40.0 + 30.0 * np.sin(2.0 * np.pi * time_s))
     except HilError as error:
-        return f"{type(error).__name__}: {error}"
+        return f"{type(error).__name__}: {told(error)}"
     finally:
         if timer.is_alive():
             timer.join(PATIENCE_S)

@@ -17,8 +17,8 @@ import numpy as np
 from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
-from hil.daq.contract import Block, Daq, Waveform
-from hil.errors import DeviceLostError, FileError, HilError, LinkError, OutputUnderflowError, OverrunError
+from hil.daq.contract import Block, Daq, ReadBack, Waveform
+from hil.errors import DeviceLostError, FileError, HilError, LinkError, OutputUnderflowError, OverrunError, told
 from hil.record.folder import read
 from hil.record.recording import Recording
 from hil.record.samples import RowsWriter
@@ -66,6 +66,9 @@ class Faulty:
         self.daq.make_safe()
         self._saw(np.array([self.now_s]), np.array([self.daq.levels["command"]]))
 
+    def read_back(self) -> dict[str, ReadBack]:
+        return dict.fromkeys(self.outputs, ReadBack(why="gone")) if self.gone else self.daq.read_back()
+
     def close(self) -> None:
         if not self.gone:
             self.make_safe()
@@ -100,11 +103,8 @@ class Faulty:
         self.course.append((time_s, level))
 
 
-def gone(daq: Faulty) -> DeviceLostError:
-    standing = ", ".join(f"{name} at {level:g}" for name, level in daq.levels.items())
-    return DeviceLostError(
-        f"the device is gone; its outputs stand where they stood ({standing}): use the emergency stop"
-    )
+def gone(_daq: Faulty) -> DeviceLostError:
+    return DeviceLostError("the device is gone")
 
 
 def _lose(daq: Faulty, _block: Block) -> Block:
@@ -158,7 +158,7 @@ def _full_disk(daq: Faulty, block: Block) -> Block:
 _EVERYWHERE = tuple(MOMENTS)
 _DRIVEN = _EVERYWHERE[1:]
 _FAULTS: dict[str, tuple[Callable[[Faulty, Block], Block], tuple[str, ...], float | None, str]] = {
-    "device gone": (_lose, _EVERYWHERE, None, "the device is gone; its outputs stand where they stood"),
+    "device gone": (_lose, _EVERYWHERE, None, "NOT SAFE: nobody knows where 'command' stands"),
     "input overrun": (_once(lambda: OverrunError("sample 17 was overwritten before it was read")), _DRIVEN[1:], _RAMP_S,
                       "sample 17 was overwritten before it was read"),
     "output buffer empty": (_once(lambda: OutputUnderflowError("no sample to drive")), ("in a stream",), _RAMP_S,
@@ -215,7 +215,7 @@ def measure(case: Case, folder: Path) -> Seen:
         with terminable(), open_rig(replace(file, devices={real.name: faulty}), folder / "run", {}, _silent) as rig:
             _drive(rig, case, opened[0])
     except (HilError, KeyboardInterrupt, Stop) as error:
-        message = ": ".join(filter(None, (type(error).__name__, str(error))))
+        message = ": ".join(filter(None, (type(error).__name__, told(error))))
     finally:
         patch.stopall()
     (daq,) = opened

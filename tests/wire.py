@@ -8,7 +8,7 @@ import numpy as np
 
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.check import check_waveform, checked_task, coerced_rate
-from hil.daq.contract import Block, Promises, Waveform
+from hil.daq.contract import Block, Promises, ReadBack, Waveform
 
 
 class Wire:
@@ -49,6 +49,9 @@ class Wire:
             if self.levels[name] != value:
                 self.log[name].append((value, None))
         self.levels = dict(self.safe)
+
+    def read_back(self) -> Mapping[str, ReadBack]:
+        return {name: ReadBack(level) for name, level in self.levels.items()}
 
     def close(self) -> None:
         self.make_safe()

@@ -3,31 +3,39 @@
 from __future__ import annotations
 
 import os
+import signal
+import stat
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
 from hil.bench.read import BenchFile
-from hil.errors import DeviceLostError, HardwareError, StoppedError
+from hil.errors import HardwareError, StoppedError
+from hil.safety.outputs import Outputs
 
-READY, DRIVEN, AT_REST, FAREWELL, ANSWER = b"ready\n", b"d", b"s", b"q", b"."
+READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready\n", b"d", b"s", b"q", b".", b"error "
 REPORT_FILE = "watchdog.json"
 GIVE_UP_S = 60.0  # so long a watchdog tries to reach a device
 _START_S = 60.0
 _FAREWELL_S = 10.0
+_DEATH_S = 1.0
+_LONGEST_REASON = 4096
 
 
 @contextmanager
-def watched(file: BenchFile, run: Path) -> Iterator[Callable[[bool], None]]:
+def watched(file: BenchFile, run: Path, known: Outputs) -> Iterator[Callable[[bool], None]]:
     """A watchdog process while inside; yields the function that gives a sign of life.
 
     That function is told whether outputs are driven (else they are safe), and raises `StoppedError` when the watchdog
     itself is gone or hangs. A simulated bench, and one whose file says `watchdog_s = 0`, has no watchdog.
+
+    At the end the watchdog goes home when nothing is left to do for any output, and else goes on trying, whatever the
+    error was; then the error says so.
 
     Raises:
         HardwareError: the watchdog cannot reach the devices.
@@ -36,19 +44,18 @@ def watched(file: BenchFile, run: Path) -> Iterator[Callable[[bool], None]]:
         yield lambda _driven: None
         return
     heart = Heart(file, run)
-    heart.wait_until_ready()
     try:
+        heart.wait_until_ready()
         yield heart.beat
-    except DeviceLostError as lost:  # outputs that could not be reached: the watchdog goes on trying
-        heart.stop()
-        raise DeviceLostError(
-            f"{lost}; the watchdog process goes on trying for {GIVE_UP_S:g} s and tells what came of it here and in "
-            f"{run / REPORT_FILE}"
-        ) from lost
-    except BaseException:
-        heart.say_farewell()
+    except BaseException as error:
+        if not known.settled:
+            error.add_note(heart.hand_over())
         raise
-    heart.say_farewell()
+    finally:
+        if known.settled:
+            heart.say_farewell()
+        else:
+            heart.stop()
 
 
 class Heart:
@@ -61,15 +68,22 @@ class Heart:
 
     def __init__(self, file: BenchFile, run: Path) -> None:
         self._limit_s = file.bench.protection.watchdog_s
-        command = [sys.executable, "-m", "hil.bench.watchdog", str(file.path), str(os.getpid()), str(run)]
-        # A session of its own: a Ctrl-C or a closed terminal reaches the run alone.
+        self._report = run / REPORT_FILE
+        words = [str(file.path.resolve()), str(os.getpid()), str(run.absolute()), str(Path.cwd())]
+        self._speaks = _is_terminal_or_file(sys.stderr)
+        # -P: nothing that lies in a working folder is executed. A session of its own: a Ctrl-C or a closed terminal
+        # reaches the run alone. Who reads a pipe of the run does not wait for it.
         self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
-        )
+            [sys.executable, "-P", "-m", "hil.bench.watchdog", *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=None if self._speaks else subprocess.PIPE, bufsize=0, start_new_session=True,
+            cwd=Path(os.sep).resolve(), env=_trusted_environment(),
+        )  # fmt: skip
         self._started = threading.Event()
         self._failed = ""
         self._heard_s = self._asked_s = time.monotonic()
         threading.Thread(target=self._listen, name="hil-watchdog", daemon=True).start()
+        if self._process.stderr is not None:
+            threading.Thread(target=self._relay, args=(self._process.stderr,), daemon=True).start()
 
     def wait_until_ready(self) -> None:
         """Return when the watchdog has made the outputs safe once, by its own way.
@@ -78,9 +92,7 @@ class Heart:
             HardwareError: it could not.
         """
         if not self._started.wait(_START_S) or self._failed:
-            self.stop()
-            self._process.kill()
-            self._process.wait()
+            self._end()
             raise HardwareError(f"the watchdog process: {self._failed or f'not ready within {_START_S:g} s'}")
 
     def beat(self, driven: bool) -> None:
@@ -96,27 +108,40 @@ class Heart:
             self._asked_s = now_s  # the oldest sign of life that is not answered yet
         try:
             self._say(DRIVEN if driven else AT_REST)
-        except OSError:
+        except (OSError, ValueError):
             raise self._gone() from None
 
     def say_farewell(self) -> None:
-        """Let the watchdog end; outputs are safe."""
+        """Let the watchdog end: nothing is left to do."""
         try:
             self._say(FAREWELL)
             self.stop()
             self._process.wait(_FAREWELL_S)
-        except (OSError, subprocess.TimeoutExpired):
-            self._process.kill()
-            self._process.wait()
+        except (OSError, ValueError, subprocess.TimeoutExpired):
+            self._end()
+
+    def hand_over(self) -> str:
+        """Leave the rest to the watchdog; what is to be said of it."""
+        self.stop()
+        if self._failed:
+            return f"the watchdog process {self._failed}: nobody goes on trying"
+        where = f"here and in {self._report}" if self._speaks else f"in {self._report}"
+        return f"the watchdog process goes on trying for {GIVE_UP_S:g} s and tells what came of it {where}"
 
     def stop(self) -> None:
         """Leave the watchdog alone: it takes the program for dead and does its work."""
-        if self._process.stdin is not None:
-            self._process.stdin.close()
+        with suppress(OSError):
+            if self._process.stdin is not None:
+                self._process.stdin.close()
+
+    def _end(self) -> None:
+        self.stop()
+        self._process.kill()
+        self._process.wait()
 
     def _gone(self) -> StoppedError:
         how = self._failed or f"gave no answer for {self._limit_s:g} s"
-        return StoppedError(f"the watchdog process {how}; the run was stopped, outputs are safe")
+        return StoppedError(f"the watchdog process {how}; the run was stopped")
 
     def _say(self, what: bytes) -> None:
         pipe = self._process.stdin
@@ -125,14 +150,53 @@ class Heart:
         pipe.write(what)
 
     def _listen(self) -> None:
-        with self._process, self._process.stdout as said:  # type: ignore[union-attr] # it is a pipe
-            self._hear(said)
+        with self._process.stdout as said:  # type: ignore[union-attr] # it is a pipe
+            first = said.readline()
+            self._failed = "" if first == READY else _reason(first) or self._death()
+            self._heard_s = self._asked_s = time.monotonic()
+            self._started.set()
+            last = b""
+            while more := said.read(4096):
+                self._heard_s = time.monotonic()
+                last = (last + more)[-_LONGEST_REASON:].lstrip(ANSWER)
+        self._failed = self._failed or _reason(last) or self._death()
 
-    def _hear(self, said: IO[bytes]) -> None:
-        first = said.readline()
-        self._failed = "" if first == READY else first.decode(errors="replace").removeprefix("error ").strip() or "died"
-        self._heard_s = self._asked_s = time.monotonic()
-        self._started.set()
-        while said.read(4096):
-            self._heard_s = time.monotonic()
-        self._failed = self._failed or "ended"
+    def _relay(self, said: IO[bytes]) -> None:
+        """What it says on stderr, said here."""
+        with said:
+            for line in iter(said.readline, b""):
+                with suppress(OSError, ValueError):
+                    print(line.decode(errors="replace").rstrip(), file=sys.stderr, flush=True)
+
+    def _death(self) -> str:
+        """How it ended without a word."""
+        try:
+            status = self._process.wait(_DEATH_S)
+        except subprocess.TimeoutExpired:
+            return "ended"
+        return f"ended: killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+
+
+def _reason(said: bytes) -> str:
+    """Why it died, where it could say so."""
+    _, found, text = said.partition(ERROR)
+    return text.decode(errors="replace").strip() if found else ""
+
+
+def _is_terminal_or_file(stream: IO[str] | None) -> bool:
+    """Whether a process may hold this stream for a minute without anybody waiting for its end."""
+    try:
+        mode = os.fstat(stream.fileno()).st_mode  # type: ignore[union-attr]
+        return stat.S_ISREG(mode) or stat.S_ISCHR(mode)
+    except (AttributeError, OSError, ValueError):  # closed, or no stream of the system
+        return False
+
+
+def _trusted_environment() -> dict[str, str]:
+    """This environment, with the paths in it as they are meant from here: the watchdog begins in another folder."""
+    environment = dict(os.environ)
+    for name in ("PYTHONPATH", "HIL_STATE_DIR"):
+        if name in environment:
+            parts = environment[name].split(os.pathsep)
+            environment[name] = os.pathsep.join(str(Path(part).absolute()) for part in parts if part)
+    return environment

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from hil.bench.ending import accounted, closed_for_sure, recorded
 from hil.bench.file import Bench
 from hil.bench.heartbeat import watched
 from hil.bench.lease import leased
@@ -28,6 +29,7 @@ from hil.record.header import Column
 from hil.record.recording import Recording
 from hil.safety.guard import Guard
 from hil.safety.latch import Latch, latch_path
+from hil.safety.outputs import Outputs
 from hil.safety.ramp import way_to
 
 
@@ -39,10 +41,12 @@ def open_rig(
     progress: Progress,
     resets: Iterable[str] = (),
     earlier: Recording | None = None,
+    known: Outputs | None = None,
 ) -> Iterator[BenchRig]:
-    """The rig of a bench, recording into a new run folder; outputs are safe before and after.
+    """The rig of a bench, recording into a new run folder; outputs are made safe before and after, and read back.
 
-    Outputs that stand somewhere while the bench is open (`on`) go there first.
+    Outputs that stand somewhere while the bench is open (`on`) go there first. An error that ends the run says in its
+    notes what is known of the outputs, and has the exit status that follows from it (see `hil.safety.outputs`).
 
     Args:
         file: the bench.
@@ -52,18 +56,21 @@ def open_rig(
         resets: names of interlocks whose trips are forgotten first.
         earlier: a run that this one resumes: it begins with the samples of that, and its procedure is told which
             parts are finished.
+        known: what is known of the outputs, for somebody who asks for it afterwards.
 
     Raises:
         FileError: the folder exists, or the earlier run lacks a channel.
         SettingError: a package is missing that a driver needs, or a calibration is overdue that may not be.
         InUseError: another program drives this bench.
         HardwareError: the device cannot be opened, or does not answer.
+        NotSafeError: everything went well, but for an output that could not be made safe at the end.
         TrippedError: an interlock is tripped and not reset.
         UnknownNameError: a reset of an interlock that has not tripped.
     """
     check_packages(file)
     deviations = deviations_on(file, datetime.now(UTC).date())
-    with leased(file), watched(file, out) as beat, _opened(file) as daq:
+    known = known or Outputs()
+    with leased(file), watched(file, out, known) as beat, accounted(known), _opened(file, known) as daq:
         bench = file.bench
         latch = _latch(file, resets)
         columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
@@ -71,24 +78,32 @@ def open_rig(
         rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
         header = {**about, **conditions_of(bench), "deviations": deviations, "bench_file": file.text,
                   "sampling": daq.promises.sampling(daq.inputs, rate_hz)}  # fmt: skip
-        with RunWriter.create(out, header, columns) as writer:
+        with recorded(RunWriter.create(out, header, columns), known) as writer:
             finished = _taken_over(writer, earlier)
             recorder = Recorder(writer, daq.inputs)
-            guard = Guard(daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note, beat)
-            try:
+            guard = Guard(
+                daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note, beat, known
+            )
+            with closed_for_sure(guard.close):
                 _switch_on(bench, guard, rate_hz)
                 yield BenchRig(bench, guard, recorder, columns, progress, finished)
-            finally:
-                guard.close()
 
 
 @contextmanager
-def _opened(file: BenchFile) -> Iterator[Daq]:
+def _opened(file: BenchFile, known: Outputs) -> Iterator[Daq]:
+    """The devices, open and safe; let go of afterwards, whatever the guard in front of them came to."""
     daq = Scaled(file.open(), {name: entry.line for name, entry in file.bench.channels.items()})
-    try:
+    known.opened(daq.outputs)
+    with closed_for_sure(lambda: _let_go(daq, known)):
+        known.make_safe(daq, clock=_clock(daq))
+        known.check()
         yield daq
-    finally:
-        daq.close()
+
+
+def _let_go(daq: Daq, known: Outputs) -> None:
+    if not known.asked:
+        known.make_safe(daq, clock=_clock(daq))
+    daq.close()
 
 
 def _taken_over(writer: RunWriter, earlier: Recording | None) -> Sequence[Mapping[str, Any]]:

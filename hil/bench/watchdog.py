@@ -1,12 +1,14 @@
 """The watchdog: a process of its own that makes outputs safe when the program that drives a bench dies or hangs.
 
-    python -m hil.bench.watchdog BENCH.toml PID RUN
+    python -P -m hil.bench.watchdog BENCH.toml PID RUN FOLDER
 
 It hears the program through a pipe, a byte for each sign of life, and answers each. Before anything moves it opens
 its own way to the devices once and makes their outputs safe, so that this way is known to work. From then on it does
 not touch them, until the pipe ends without a farewell (the program is dead) or is silent for too long while outputs
-are driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). What it did stands in
-`watchdog.json` in the run folder.
+are driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). Each device is made safe
+and read back by itself, whatever the others do, and those that fail are tried again. What it did stands in
+`watchdog.json` in the run folder, or in the user's state folder when that is gone. Paths in the bench file are meant
+from FOLDER; nothing in it is imported.
 """
 
 from __future__ import annotations
@@ -20,30 +22,48 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import dataclass
 from pathlib import Path
 
-from hil.bench.heartbeat import ANSWER, AT_REST, FAREWELL, GIVE_UP_S, READY, REPORT_FILE
+from hil.bench.heartbeat import ANSWER, AT_REST, ERROR, FAREWELL, GIVE_UP_S, READY, REPORT_FILE
 from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench
+from hil.daq.contract import Daq
 from hil.errors import HardwareError, HilError, InUseError
+from hil.safety.latch import state_path
+from hil.safety.outputs import Outputs
 
 _AGAIN_S = 0.05
+_HANGS_S = 5.0  # so long after it has given up a driver may still be at its last try
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
 
-def main(path: str, pid: str, run: str) -> int:
-    """Watch a program; returns the exit status."""
+def main(path: str, pid: str, run: str, folder: str) -> int:
+    """Watch a program; returns the exit status. Whatever it dies of, it says so to the program and on stderr."""
     try:
-        file = read_bench(Path(path))
-        _make_all_safe(file)
+        os.chdir(folder)
+        return _watch(Path(path), int(pid), Path(run))
+    except BaseException as error:
+        text = " ".join(f"died of {type(error).__name__}: {error}".split())
+        _say(ERROR + f"{text}\n".encode())
+        _tell(text)
+        return HardwareError.exit_status
+
+
+def _watch(path: Path, pid: int, run: Path) -> int:
+    try:
+        file = read_bench(path)
+        left = _tried_once(file)
+        if left:
+            raise HardwareError("; ".join(left))
     except HilError as error:
-        _say(f"error {' '.join(str(error).split())}\n".encode())
+        _say(ERROR + f"{' '.join(str(error).split())}\n".encode())
         return error.exit_status
     _say(READY)
     limit_s = file.bench.protection.watchdog_s
-    why = _watched(_Ears(), limit_s, int(pid))
+    why = _watched(_Ears(), limit_s, pid)
     if why:
-        _act(file, int(pid), Path(run), why)
+        _act(file, pid, run, why)
     return 0
 
 
@@ -91,16 +111,20 @@ def _act(file: BenchFile, pid: int, run: Path, why: str) -> None:
     begun_s = time.monotonic()
     try:
         with _lease_of_the_dead(file, pid):
-            left = _made_safe_with_patience(file, begun_s)
+            left, unasked = _made_safe_with_patience(file, begun_s)
     except InUseError as taken:  # whoever took it has made its outputs safe on opening it
-        _report(run, {"why": why, "left_alone": str(taken)}, f"process {pid} {why}; {taken}")
+        _report(file, run, {"why": why, "left_alone": str(taken)}, f"process {pid} {why}; {taken}")
         return
     took_s = round(time.monotonic() - begun_s, 3)
     if left:
         text = f"process {pid} {why}; NOT SAFE: {'; '.join(left)}"
-        _report(run, {"why": why, "not_safe": left, "tried_s": took_s}, text)
+        _report(file, run, {"why": why, "not_safe": left, "tried_s": took_s}, text)
+    elif unasked:
+        text = f"process {pid} {why}; outputs told to be safe in {took_s:g} s; {'; '.join(unasked)}"
+        _report(file, run, {"why": why, "told_after_s": took_s, "unconfirmed": unasked}, text)
     else:
-        _report(run, {"why": why, "safe_after_s": took_s}, f"process {pid} {why}; outputs made safe in {took_s:g} s")
+        text = f"process {pid} {why}; outputs made safe in {took_s:g} s"
+        _report(file, run, {"why": why, "safe_after_s": took_s}, text)
 
 
 @contextmanager
@@ -118,48 +142,103 @@ def _lease_of_the_dead(file: BenchFile, pid: int) -> Iterator[None]:
             except InUseError as taken:
                 if taken.pid not in (pid, None):
                     raise
+            except Exception:  # no place for leases
+                break
             time.sleep(0.01)
         yield
 
 
-def _made_safe_with_patience(file: BenchFile, begun_s: float) -> list[str]:
-    """Make every device safe, each as soon as it can be reached; why some could not be."""
-    left = dict.fromkeys(file.devices, "")
-    while left:
-        for name in list(left):
-            try:
-                _make_safe(file, name)
-            except HardwareError as error:
-                left[name] = f"{name}: {error}"
-            else:
-                del left[name]
-        if time.monotonic() - begun_s > GIVE_UP_S:
-            break
-        if left:
-            time.sleep(_AGAIN_S)
-    return list(left.values())
+@dataclass(slots=True)
+class _Device:
+    """A device on the way to its safe values: why it is not there, or that it is and what could not be asked."""
+
+    name: str
+    failure: str = ""
+    unasked: str = ""
+    done: bool = False
 
 
-def _make_all_safe(file: BenchFile) -> None:
-    for name in file.devices:
-        _make_safe(file, name)
+def _tried_once(file: BenchFile) -> list[str]:
+    """Make every device safe; why some could not be."""
+    devices = [_Device(name) for name in file.devices]
+    for device in devices:
+        _make_safe(file, device)
+    return [device.failure for device in devices if device.failure]
 
 
-def _make_safe(file: BenchFile, name: str) -> None:
-    """Open a device with its outputs alone, so that no sensor can keep it from being made safe."""
+def _made_safe_with_patience(file: BenchFile, begun_s: float) -> tuple[list[str], list[str]]:
+    """Make every device safe, each as soon as it can be reached; why some could not be, and what could not be asked.
+
+    Devices at different addresses are tried side by side, so that none waits for the time-outs of another.
+    """
+    lines: dict[str, list[_Device]] = {}
+    for name, device in file.devices.items():
+        lines.setdefault(str(getattr(device.settings, "address", name)), []).append(_Device(name, "was not tried"))
+    threads = [threading.Thread(target=_with_patience, args=(file, line, begun_s), daemon=True)
+               for line in lines.values()]  # fmt: skip
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(max(0.0, begun_s + GIVE_UP_S + _HANGS_S - time.monotonic()))
+    devices = [device for line in lines.values() for device in line]
+    return (
+        [device.failure or f"{device.name}: its driver does not return" for device in devices if not device.done],
+        [device.unasked for device in devices if device.unasked],
+    )
+
+
+def _with_patience(file: BenchFile, line: list[_Device], begun_s: float) -> None:
+    while not all(device.done for device in line) and time.monotonic() - begun_s <= GIVE_UP_S:
+        for device in line:
+            if not device.done:
+                _make_safe(file, device)
+        time.sleep(_AGAIN_S)
+
+
+def _make_safe(file: BenchFile, device: _Device) -> None:
+    """Open a device with its outputs alone, so that no sensor can keep it from being made safe, and read them back.
+
+    Whatever a driver throws concerns this device alone.
+    """
     outputs = {channel: entry for channel, entry in file.bench.channels.items() if entry.is_output}
-    if any(entry.device == name for entry in outputs.values()):
-        daq = file.devices[name].open(outputs)
-        try:
-            daq.make_safe()
-        finally:
+    known = Outputs()
+    try:
+        if any(entry.device == device.name for entry in outputs.values()):
+            _ask_to_be_safe(file.devices[device.name].open(outputs), known)
+    except BaseException as error:
+        device.failure = f"{device.name}: {error or type(error).__name__}"
+        return
+    if not known.settled:
+        device.failure = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}"
+        return
+    unasked = [name for name, output in known.known.items() if not output.can]
+    device.failure, device.done = "", True
+    device.unasked = f"{device.name}: {', '.join(unasked)} cannot be read back" if unasked else ""
+
+
+def _ask_to_be_safe(daq: Daq, known: Outputs) -> None:
+    known.opened(daq.outputs)
+    try:
+        known.make_safe(daq)
+    finally:
+        with suppress(Exception):  # what is known of the outputs stands, however it lets go
             daq.close()
 
 
-def _report(run: Path, told: dict[str, object], text: str) -> None:
-    with suppress(OSError):
-        (run / REPORT_FILE).write_text(json.dumps(told, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    with suppress(OSError):
+def _report(file: BenchFile, run: Path, told: dict[str, object], text: str) -> None:
+    content = json.dumps(told, indent=1, ensure_ascii=False) + "\n"
+    elsewhere = state_path("watchdog", file.bench.name, ".json")
+    for path in (run / REPORT_FILE, elsewhere):
+        with suppress(OSError):
+            if path is elsewhere:
+                path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(content, encoding="utf-8")
+            break
+    _tell(text)
+
+
+def _tell(text: str) -> None:
+    with suppress(OSError, ValueError):
         print(f"hil watchdog: {text}", file=sys.stderr, flush=True)
 
 

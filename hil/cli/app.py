@@ -5,24 +5,21 @@ from __future__ import annotations
 import importlib
 import pkgutil
 import sys
-import traceback
-from typing import Any
 
 import typer
 
 from hil import __version__, cli
-from hil.errors import HilError
-from hil.extras import EXTRAS, lacking
-
-_debug = False
+from hil.cli import said
+from hil.cli.said import say
+from hil.errors import marked
+from hil.safety.interrupt import status_of
 
 
 def _options(
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error, and the frames of every link."),
     version: bool = typer.Option(False, "--version", is_eager=True, help="Show the version and exit."),
 ) -> None:
-    global _debug
-    _debug = debug
+    said.debug = debug
     if debug:
         from hil.cli.frames import show_frames
 
@@ -55,34 +52,17 @@ def main() -> int:
     try:
         status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
         return 2 if silent else int(status or 0)
-    except HilError as error:
-        return _say(str(error), error.exit_status)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         sys.stderr.close()
-    except OSError as error:
-        return _say(f"{error.filename or 'file'}: {error.strerror or error}", 2)
-    except ModuleNotFoundError as error:
-        library = (error.name or "").partition(".")[0]
-        if library not in EXTRAS:
-            raise
-        return _say(f"this needs {lacking(library)}", 2)
-    except Exception as error:
-        if hasattr(error, "format_message"):  # of click or of typer's own copy of it, by version
-            return _say(_usage(error), 2)
-        hint = "" if _debug else "; `hil --debug …` shows where"
-        return _say(f"a fault of this program, not of its input: {type(error).__name__}: {error}{hint}", 2)
+    except (Exception, KeyboardInterrupt) as error:
+        stopped = error.__cause__  # typer makes an error of its own of Ctrl-C
+        if isinstance(stopped, KeyboardInterrupt):
+            return _stopped(stopped)
+        return _stopped(error) if isinstance(error, KeyboardInterrupt) else say(error)
     return 0
 
 
-def _usage(error: Any) -> str:
-    """A wrong use in one line; where the command is known, how to see its right use."""
-    text = str(error.format_message()).rstrip(".")
-    context = getattr(error, "ctx", None)
-    return text if context is None else f"{text}; `{context.command_path} --help` shows what is allowed"
-
-
-def _say(text: str, status: int) -> int:
-    if _debug:
-        traceback.print_exc()
-    print(f"hil: {' '.join(text.split())}", file=sys.stderr)
-    return status
+def _stopped(error: KeyboardInterrupt) -> int:
+    """Ended by a signal, with the status that shells give to that."""
+    marked(error, status_of(error), "")
+    return say(error)

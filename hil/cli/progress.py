@@ -12,8 +12,8 @@ _STEP = 0.1
 @contextmanager
 def shown() -> Iterator[Callable[[float, str], None]]:
     """A function of (share done, text) that shows progress while the context lasts."""
-    if not sys.stderr.isatty():
-        yield _plain()
+    if not _is_terminal():
+        yield _while_it_lasts(_plain())
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -21,7 +21,29 @@ def shown() -> Iterator[Callable[[float, str], None]]:
     columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)
-        yield lambda done, text: bar.update(task, completed=done, description=text)
+        yield _while_it_lasts(lambda done, text: bar.update(task, completed=done, description=text))
+
+
+def _is_terminal() -> bool:
+    try:
+        return sys.stderr.isatty()
+    except (AttributeError, ValueError):  # closed
+        return False
+
+
+def _while_it_lasts(show: Callable[[float, str], None]) -> Callable[[float, str], None]:
+    """Nothing more is shown once nobody can see it: a terminal that is gone ends no run."""
+    gone = False
+
+    def show_or_not(done: float, text: str) -> None:
+        nonlocal gone
+        if not gone:
+            try:
+                show(done, text)
+            except (OSError, ValueError):
+                gone = True
+
+    return show_or_not
 
 
 def _plain() -> Callable[[float, str], None]:

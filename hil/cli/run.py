@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -50,12 +51,14 @@ def command(
 
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
+    from hil.cli.said import say
     from hil.report.terminal import findings_text
-    from hil.safety.interrupt import Terminated
+    from hil.safety.outputs import Outputs
     from hil.session.run import rehearse_procedure, run_procedure
 
     found = read_bench(find_bench(bench))
     given = split_assignments(settings)
+    known = Outputs()
     try:
         if rehearse:
             with shown() as progress:
@@ -63,13 +66,19 @@ def command(
             typer.echo(_rehearsed(rehearsed))
         typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}")
         with shown() as progress:
-            outcome = run_procedure(chosen, found, given, folder, progress, resets, split_limits(limits), resume)
-    except KeyboardInterrupt as stopped:
-        typer.echo(f"hil: stopped; outputs are safe, what was recorded is kept in {folder}", err=True)
-        raise typer.Exit(143 if isinstance(stopped, Terminated) else 130) from None
-    typer.echo(findings_text(outcome.findings))
-    typer.echo(f"report: {outcome.report}")
+            outcome = run_procedure(chosen, found, given, folder, progress, resets, split_limits(limits), resume, known)
+    except BaseException as error:  # said here: on its way up typer would make something else of some
+        known.mark(error)
+        stopped = isinstance(error, KeyboardInterrupt)
+        raise typer.Exit(say(error, *([known.text, _kept(folder)] if stopped else []))) from error
+    with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
+        typer.echo(findings_text(outcome.findings))
+        typer.echo(f"report: {outcome.report}")
     raise typer.Exit(outcome.exit_status)
+
+
+def _kept(folder: Path) -> str:
+    return f"what was recorded is kept in {folder}" if folder.exists() else ""
 
 
 def _rehearsed(rehearsal: Rehearsal) -> str:

@@ -164,6 +164,26 @@ def _joined(pieces: Sequence[Mapping[str, Array]]) -> dict[str, Array]:
     return {name: np.concatenate([piece[name] for piece in pieces]) for name in pieces[0]}
 
 
+@dataclass(frozen=True, slots=True)
+class ReadBack:
+    """What a device says of one of its outputs when it is asked.
+
+    Attributes:
+        at: where the output stands, in its unit; None when the device did not say.
+        can: whether this device can be asked at all.
+        why: why it did not say, where it can be asked.
+        rescue: what makes the output safe when nobody reaches the device, such as its own watchdog; empty: nothing.
+    """
+
+    at: float | None = None
+    can: bool = True
+    why: str = ""
+    rescue: str = ""
+
+
+CANNOT_BE_ASKED = ReadBack(can=False)
+
+
 @contextmanager
 def closing_blocks(blocks: Iterator[Block]) -> Iterator[Iterator[Block]]:
     """Blocks of a task whose reader may leave early: the task then ends at once, not when memory is tidied."""
@@ -228,7 +248,18 @@ class Daq(Protocol):
         ...
 
     def make_safe(self) -> None:
-        """Stop what plays and put every output at its safe value now. May be called at any time, again too."""
+        """Stop what plays and put every output at its safe value now. May be called at any time, again too.
+
+        An output that cannot be reached keeps no other from it; it is raised when all have been tried.
+        """
+        ...
+
+    def read_back(self) -> Mapping[str, ReadBack]:
+        """What the device answers now when it is asked where each output stands. Never raises.
+
+        Only what the device says counts, never what it was told before. Asked while nothing plays. A device that
+        cannot be asked says `CANNOT_BE_ASKED`, which is then what the operator is told.
+        """
         ...
 
     def close(self) -> None:

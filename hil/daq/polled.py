@@ -10,7 +10,7 @@ from __future__ import annotations
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field
 from queue import Empty, SimpleQueue
 from typing import Any, Protocol, TypeVar
@@ -20,8 +20,8 @@ import numpy as np
 from hil.clock import Clock, RealClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
-from hil.daq.contract import Block, Promises, Waveform
-from hil.errors import DeviceLostError, HardwareError, LinkError, OutputUnderflowError
+from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Waveform
+from hil.errors import DeviceLostError, HardwareError, HilError, LinkError, OutputUnderflowError
 
 _T = TypeVar("_T")
 
@@ -53,7 +53,10 @@ class Link(Protocol):
     keep_alive_s: float | None
 
     def standing(self) -> Mapping[str, float]:
-        """Where every output in use stands, as the device tells."""
+        """Where every output in use stands, as the device answers now; never what it was told before.
+
+        An output that the device cannot be asked about is left out: it is then called "told to be safe", never "safe".
+        """
         ...
 
     def drive(self, values: Mapping[str, float]) -> None:
@@ -108,13 +111,28 @@ class _Member:
         if not self.wiring.outputs:
             return {}
         values = self._named(self.link.standing)
-        return {name: float(values[channel.terminal]) for name, channel in self.wiring.outputs.items()}
+        return {name: float(values.get(c.terminal, c.safe)) for name, c in self.wiring.outputs.items()}
+
+    def read_back(self) -> dict[str, ReadBack]:
+        """What the device says of each of its outputs, or why it says nothing. Never raises."""
+        watchdog_s = self.link.watchdog_s
+        rescue = f"its own watchdog acts after {watchdog_s:g} s" if watchdog_s else ""
+        try:
+            values = self._named(self.link.standing) if self.wiring.outputs else {}
+            told = {terminal: ReadBack(float(value), rescue=rescue) for terminal, value in values.items()}
+        except Exception as error:
+            return dict.fromkeys(self.wiring.outputs, ReadBack(why=str(error), rescue=rescue))
+        return {name: told.get(channel.terminal, CANNOT_BE_ASKED) for name, channel in self.wiring.outputs.items()}
 
     def _named(self, call: Callable[..., Any], *values: Any) -> Any:
         try:
             return call(*values)
         except HardwareError as error:
             raise type(error)(f"{self.name}: {error}") from error
+        except HilError:
+            raise
+        except Exception as error:  # of a library, or a fault of the driver: it concerns this link alone
+            raise LinkError(f"{self.name}: {type(error).__name__}: {error}") from error
 
 
 class PolledDaq:
@@ -147,6 +165,7 @@ class PolledDaq:
         self._lock = threading.Lock()
         self._task: _Task | None = None
         self._failed: HardwareError | None = None
+        self._told_safe = False
         self._ended = threading.Event()
         self._zero_s = self._used_s = self._clock.now_s
         try:
@@ -197,31 +216,43 @@ class PolledDaq:
         if self._ended.is_set():
             return
         self._stop_task()
-        safe = {name: channel.safe for name, channel in self.outputs.items()}
-        lost: list[str] = []
         with self._lock:
-            for member in self._members:
-                mine = {name: safe[name] for name in member.wiring.outputs}
-                if (failure := _driven_safe(member, mine)) is None:
-                    self.levels = {**self.levels, **mine}
-                else:
-                    lost.append(_unreachable(member, failure, self.levels))
-            if lost:  # said before the lock is given up: the keep-alive must not drive again what stood before
-                self._failed = DeviceLostError("; ".join(lost))
+            left = self._driven_safe(self._members)
+            left = self._driven_safe([member for member, _ in left])
+            self._told_safe = True
+            if left:  # said before the lock is given up: the keep-alive must not drive again what stood before
+                self._failed = DeviceLostError("; ".join(str(failure) for _, failure in left))
                 raise self._failed
 
+    def read_back(self) -> Mapping[str, ReadBack]:
+        """Where the outputs stand, asked of each device by itself."""
+        with self._lock:
+            if self._ended.is_set():
+                return dict.fromkeys(self.outputs, ReadBack(why="the devices were let go of"))
+            return _merged(member.read_back() for member in self._members)
+
     def close(self) -> None:
-        """Make safe and let go of the devices; one that was lost before is let go of as it is."""
+        """Make safe, unless that was the last thing done, and let go of the devices."""
         if self._ended.is_set():
             return
-        lost_before = isinstance(self._failed, DeviceLostError)
         try:
-            self.make_safe()
-        except DeviceLostError:
-            if not lost_before:
-                raise
+            if not self._told_safe:
+                self.make_safe()
         finally:
             self._let_go()
+
+    def _driven_safe(self, members: Iterable[_Member]) -> list[tuple[_Member, Exception]]:
+        """Drive safe values, each link once; those that failed, and why. None waits for a second try of another."""
+        left: list[tuple[_Member, Exception]] = []
+        for member in members:
+            mine = {name: channel.safe for name, channel in member.wiring.outputs.items()}
+            try:
+                member.drive(mine)
+            except Exception as error:
+                left.append((member, error))
+            else:
+                self.levels = {**self.levels, **mine}
+        return left
 
     def _measured(self) -> float:
         """How long one sample takes on all links together; asking where outputs stand counts as driving them."""
@@ -256,6 +287,7 @@ class PolledDaq:
         """Hand waveforms to the polling thread, always `ahead` of the blocks that come back."""
         self._refuse_if_failed()
         self._stop_task()
+        self._told_safe = False
         task = self._task = _Task()
         thread = threading.Thread(target=self._poll, args=(task,), name="hil-poll", daemon=True)
         task.thread = thread
@@ -397,9 +429,10 @@ class PolledDaq:
 
     def _let_go(self) -> None:
         self._ended.set()
-        with self._lock:
-            for member in self._members:
-                member.link.close()
+        with self._lock, ExitStack() as links:
+            for member in reversed(self._members):
+                links.enter_context(suppress(Exception))  # one that cannot be closed keeps no other from it
+                links.callback(member.link.close)
 
 
 class _Task:
@@ -437,7 +470,7 @@ class _Task:
         """Stop, and wait for the sample that is under way."""
         self.stop.set()
         self.judged.set()
-        if self.thread is not None and self.thread is not threading.current_thread():
+        if self.thread is not None and self.thread is not threading.current_thread() and self.thread.is_alive():
             self.thread.join()
 
 
@@ -499,26 +532,6 @@ class _Taken:
             {name: np.array(values) for name, values in columns.items()} for columns in self._columns
         )
         return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s)
-
-
-def _driven_safe(member: _Member, safe: Mapping[str, float]) -> HardwareError | None:
-    """Drive safe values, twice if need be; why it failed, or None."""
-    failure: HardwareError | None = None
-    for _ in range(2):
-        try:
-            member.drive(safe)
-        except HardwareError as error:
-            failure = error
-        else:
-            return None
-    return failure
-
-
-def _unreachable(member: _Member, failure: HardwareError, levels: Mapping[str, float]) -> str:
-    standing = ", ".join(f"{name} at {levels[name]:g}" for name in member.wiring.outputs)
-    watchdog_s = member.link.watchdog_s
-    by_itself = f"its own watchdog makes them safe after {watchdog_s:g} s" if watchdog_s else "use the emergency stop"
-    return f"{failure}; its outputs cannot be reached and stand where they stood ({standing}): {by_itself}"
 
 
 def _merged(parts: Iterable[Mapping[str, _T]]) -> dict[str, _T]:

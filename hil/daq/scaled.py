@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.daq.calibration import Calibration
 from hil.daq.channel import InputChannel, OutputChannel
-from hil.daq.contract import Block, Daq, Promises, Waveform, closing_blocks
+from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks
 from hil.record.recording import Array
 
 _END = 1e-4  # of a range: nearer to its end than that, a converter may have been held there
@@ -60,6 +60,10 @@ class Scaled:
         """Put every output at its safe value."""
         self._daq.make_safe()
 
+    def read_back(self) -> Mapping[str, ReadBack]:
+        """Where each output stands, in engineering units, asked of the device."""
+        return {name: self._scaled_answer(name, told) for name, told in self._daq.read_back().items()}
+
     def close(self) -> None:
         """Make safe and let go of the device."""
         self._daq.close()
@@ -75,6 +79,9 @@ class Scaled:
         }
         outputs = {name: self._calibrations[name].to_value(raw) for name, raw in block.outputs.items()}
         return replace(block, inputs=inputs, outputs=outputs)
+
+    def _scaled_answer(self, name: str, told: ReadBack) -> ReadBack:
+        return told if told.at is None else replace(told, at=self._calibrations[name].value_at(told.at))
 
     def _scaled_output(self, channel: OutputChannel) -> OutputChannel:
         by = self._calibrations[channel.name]

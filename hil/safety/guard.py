@@ -10,13 +10,14 @@ import numpy as np
 
 from hil.clock import Clock, VirtualClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel
-from hil.daq.contract import Block, Daq, Promises, Waveform, closing_blocks
-from hil.errors import HardwareError, LinkError, RangeError, StoppedError, StorageError
+from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks
+from hil.errors import LinkError, RangeError, StoppedError, StorageError
 from hil.safety.envelope import Envelope
 from hil.safety.interlock import Violation, Watches
-from hil.safety.interrupt import uninterrupted
+from hil.safety.interrupt import check_signals, uninterrupted
 from hil.safety.latch import Latch
 from hil.safety.limits import Limits
+from hil.safety.outputs import Outputs
 from hil.safety.protection import Protection
 from hil.safety.ramp import way_to
 
@@ -26,7 +27,8 @@ class Guard:
 
     Every waveform is checked whole before its first sample, every block as soon as it is read. Whatever ends a
     task before its end (a violation, an error, Ctrl-C, a reader that leaves early) makes the outputs safe
-    before it is raised. Opening a guard makes them safe too.
+    before it is raised, and reads them back. Opening a guard makes them safe too. What came of it stands in
+    `known`; no error of a device on the way takes the place of the one that ended the task.
 
     Args:
         daq: the backend, in engineering units.
@@ -37,6 +39,7 @@ class Guard:
         note: takes every event (`note(name, **details)`): an indication, a hold, a stop, a trip.
         beat: the sign of life for a watchdog, told whether outputs are driven; given before a task, with each
             block, and when outputs are safe. What it raises ends the task.
+        known: what is known of the outputs, where somebody has begun to keep it; else begun anew.
     """
 
     def __init__(
@@ -48,17 +51,22 @@ class Guard:
         keep: Callable[[Block], None] = lambda _block: None,
         note: Callable[..., None] = lambda _event, **_details: None,
         beat: Callable[[bool], None] = lambda _driven: None,
+        known: Outputs | None = None,
     ) -> None:
-        daq.make_safe()
-        self.latch = latch or Latch()
-        self._daq = daq
-        self._protection = protection
         self._clock = clock or VirtualClock()
+        self.known = known or Outputs()
+        if not self.known.known:
+            self.known.opened(daq.outputs)
+        self._beat = beat
+        self._daq = daq
+        self._tell_safe()
+        self.known.check()
+        self.latch = latch or Latch()
+        self._protection = protection
         self._limits = Limits(daq, protection.envelopes, self._clock)
         self._watches = Watches(protection.interlocks)
         self._keep = keep
         self._note = note
-        self._beat = beat
         self._over = ""
         self._unrecorded: StorageError | None = None
         self._looked = False
@@ -139,7 +147,7 @@ class Guard:
         with self._safe_on_error():
             (admitted,) = self._limits.admit([waveform])
             samples = block_samples or self._protection.block_samples(waveform.rate_hz)
-            yield from self._judged(self._daq.play(admitted, samples))
+            yield from self._played(admitted, samples)
 
     def stream(self, waveforms: Iterable[Waveform]) -> Iterator[Block]:
         """Continuous acquisition; each waveform is checked before its first sample, blocks as with `play`.
@@ -153,18 +161,20 @@ class Guard:
             yield from self._judged(self._daq.stream(self._pieces(self._limits.admit(waveforms))))
 
     def make_safe(self) -> None:
-        """Bring every output to its safe value, down its ramp where it has one; cannot be interrupted."""
-        with uninterrupted():
-            try:
-                self._ramp_down()
-            except HardwareError as error:
-                self._note_if_possible("ramp to safe failed", error=str(error))
-            self._daq.make_safe()
-            with suppress(HardwareError):
-                self._beat(False)
+        """Bring every output to its safe value, down its ramp where it has one; cannot be interrupted.
+
+        Raises:
+            NotSafeError: one could not be brought there, or was not read back there although it can be.
+        """
+        self._go_safe()
+        self.known.check()
+
+    def read_back(self) -> Mapping[str, ReadBack]:
+        """What the backend answers when it is asked where the outputs stand."""
+        return self._daq.read_back()
 
     def close(self) -> None:
-        """Make safe and let go of the device. May be called twice.
+        """Make safe and let go of the device; what came of it stands in `known`. May be called twice.
 
         Raises:
             TrippedError: an interlock tripped on the way.
@@ -172,10 +182,9 @@ class Guard:
         """
         tripped = self.latch.trips
         with uninterrupted():
-            try:
-                self.make_safe()
-            finally:
-                self._daq.close()
+            if not self.known.asked:
+                self._go_safe()
+            self._let_go()
         if self.latch.trips != tripped:
             self.latch.check()
         if self._unrecorded is not None and sys.exception() is None:
@@ -187,13 +196,45 @@ class Guard:
         try:
             yield
         except BaseException:
-            self.make_safe()
+            self._go_safe()
             raise
+
+    def _go_safe(self) -> None:
+        """Down the ramp, then safe and read back. Never raises; `known` says what came of it."""
+        with uninterrupted():
+            try:
+                self._ramp_down()
+            except BaseException as error:  # whatever it is, a jump is left
+                self._note_if_possible("ramp to safe failed", error=f"{error or type(error).__name__}")
+            self._tell_safe()
+
+    def _tell_safe(self) -> None:
+        with uninterrupted():
+            self.known.make_safe(self._daq, self._live, self._clock)
+            if self.known.settled:
+                with suppress(Exception):
+                    self._beat(False)
+
+    def _live(self) -> None:
+        """A sign of life on a way that may take many time-outs: slow is not hung."""
+        with suppress(Exception):
+            self._beat(True)
+
+    def _let_go(self) -> None:
+        try:
+            self._daq.close()
+        except BaseException as error:
+            self._note_if_possible("the device could not be closed", error=f"{error or type(error).__name__}")
+
+    def _played(self, waveform: Waveform, samples: int) -> Iterator[Block]:
+        self.known.driving(waveform)
+        return self._judged(self._daq.play(waveform, samples))
 
     def _judged(self, blocks: Iterator[Block]) -> Iterator[Block]:
         self._beat(True)
         with closing_blocks(blocks):
             for block in blocks:
+                check_signals()
                 self._beat(True)
                 self._keep(block)
                 refuse_after_sleep(self._clock)
@@ -206,26 +247,27 @@ class Guard:
 
     def _pieces(self, waveforms: Iterable[Waveform]) -> Iterator[Waveform]:
         for waveform in waveforms:
+            self.known.driving(waveform)
             yield from waveform.slices(self._protection.block_samples(waveform.rate_hz))
 
     def _act(self, violation: Violation) -> None:
         lock = violation.interlock
         if lock.action == "trip":
             with uninterrupted():
-                self._daq.make_safe()
+                self._tell_safe()
                 self.latch.trip(lock.name, violation.text)
         self._note_if_possible(lock.action, interlock=lock.name, text=violation.text)
         if lock.action in ("trip", "stop"):
             self._over = violation.text
             self.latch.check()
-            raise StoppedError(f"{violation.text}; the run was stopped, outputs are safe")
+            raise StoppedError(f"{violation.text}; the run was stopped")
 
     def _wait_for_holds(self) -> None:
         waited_s = 0.0
         while (holding := self._watches.holding) is not None:
             if waited_s >= self._protection.patience_s:
                 self._over = f"interlock '{holding.name}' held the run for {waited_s:g} s; allowed: {holding.allowed}"
-                raise StoppedError(f"{self._over}; the run was stopped, outputs are safe")
+                raise StoppedError(f"{self._over}; the run was stopped")
             self._stand(self._protection.block_s)
             waited_s += self._protection.block_s
 
@@ -235,7 +277,7 @@ class Guard:
         samples = max(1, round(duration_s * rate_hz))
         levels = {name: np.full(samples, level) for name, level in self.levels.items()}
         (still,) = self._limits.admit([Waveform(rate_hz, levels)])
-        for _ in self._judged(self._daq.play(still, samples)):
+        for _ in self._played(still, samples):
             pass
 
     def _ramp_down(self) -> None:
@@ -246,10 +288,10 @@ class Guard:
         path = way_to(safe, self.levels, ramps, rate_hz)
         if path is None:
             return
+        self.known.driving(path)
         with closing_blocks(self._daq.play(path, self._protection.block_samples(rate_hz))) as blocks:
             for block in blocks:
-                with suppress(HardwareError):
-                    self._beat(True)
+                self._live()
                 try:
                     self._keep(block)
                 except StorageError as error:  # said when the outputs are safe
@@ -272,7 +314,7 @@ class Guard:
         return planned_hz if takes_s * planned_hz <= 1.0 else 0.5 / takes_s
 
     def _note_if_possible(self, event: str, **details: str) -> None:
-        with suppress(StorageError):
+        with suppress(Exception):
             self._note(event, **details)
 
 

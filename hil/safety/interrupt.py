@@ -8,45 +8,154 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_SIGNALS = [signal.SIGINT, signal.SIGTERM]
+_SIGNALS = [
+    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK") if hasattr(signal, name)
+]
 
 
 class Terminated(KeyboardInterrupt):
-    """The program was asked to end (SIGTERM); handled like Ctrl-C."""
+    """The program was asked to end by a signal other than Ctrl-C; handled like it.
+
+    Attributes:
+        number: of the signal.
+    """
+
+    def __init__(self, number: int = signal.SIGTERM) -> None:
+        super().__init__(signal.Signals(number).name)
+        self.number = number
+
+
+def status_of(stopped: KeyboardInterrupt) -> int:
+    """The exit status of a program that ended in order after a signal, as shells have it: 128 and its number."""
+    return 128 + int(getattr(stopped, "number", signal.SIGINT))
+
+
+class _Requests:
+    """The signals that came, and what becomes of them.
+
+    Attributes:
+        came: since they were taken over, in order.
+        heard: how many `terminable` sections are open; held: how many `uninterrupted` ones.
+        ending: one was raised and the way out has begun, or the way out was begun without: none is raised any more.
+    """
+
+    def __init__(self) -> None:
+        self.came: list[int] = []
+        self.heard = self.held = 0
+        self.raised = self.ending = False
+        self._before: dict[int, signal.Handlers | object] = {}
+
+    @property
+    def can_raise(self) -> bool:
+        """Whether a signal that comes now ends what is going on."""
+        return bool(self.heard) and not self.held and not self.ending
+
+    def install(self) -> bool:
+        """Take the signals over, but for those that are ignored; whether that was left to do."""
+        if self._before:
+            return False
+        self.came, self.raised, self.ending = [], False, False
+        for number in _SIGNALS:
+            if (before := signal.getsignal(number)) is not signal.SIG_IGN:
+                self._before[number] = before
+                signal.signal(number, self._on_signal)
+        return True
+
+    def silence(self) -> None:
+        """None has any effect any more, in this process."""
+        for number in _SIGNALS:
+            self._before[number] = signal.SIG_IGN
+            signal.signal(number, signal.SIG_IGN)
+
+    def give_back(self) -> None:
+        """Let go of them."""
+        before, self._before = self._before, {}
+        for number, handler in before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type] # as `getsignal` gave it
+
+    def raise_what_came(self) -> None:
+        """Raise the first that came, unless one was raised already."""
+        if self.came and not self.raised:
+            self.raised = True
+            raise _exception(self.came[0])
+
+    def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        self.came.append(number)
+        if self.can_raise:
+            self.raised = True
+            raise _exception(number)
+
+
+_requests = _Requests()
 
 
 @contextmanager
 def terminable() -> Iterator[None]:
-    """SIGTERM raises `Terminated` inside, as Ctrl-C raises `KeyboardInterrupt`. Main thread only."""
+    """Signals that ask the program to end raise an exception inside: `Terminated`, or `KeyboardInterrupt` for Ctrl-C.
+
+    Once the way out has begun (see `begin_ending`), further ones are remembered only: they change nothing any more. One
+    that came so late that nothing was raised is raised at the end, unless an error is on its way. Main thread only.
+    """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    before = signal.signal(signal.SIGTERM, _raise_terminated)
+    outermost = _requests.install()
+    _requests.heard += 1
+    ending = _requests.ending
     try:
         yield
+    except BaseException:
+        _requests.ending = True  # until the outermost section is left: the error goes its way undisturbed
+        raise
+    else:
+        _requests.ending = ending
     finally:
-        signal.signal(signal.SIGTERM, before)
+        _requests.heard -= 1
+        if outermost:
+            _requests.give_back()
+    _requests.raise_what_came()
 
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Ctrl-C and SIGTERM that come inside are remembered and take effect afterwards.
+    """Signals that ask the program to end are remembered inside and take effect afterwards.
 
     In other threads, where Python delivers no signals, nothing needs to be done.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    came: list[int] = []
-    before = {number: signal.signal(number, lambda caught, _frame: came.append(caught)) for number in _SIGNALS}
+    _requests.held += 1
+    outermost = _requests.install()
+    _requests.ending = _requests.ending or _requests.raised
     try:
         yield
     finally:
-        for caught, handler in before.items():
-            signal.signal(caught, handler)
-        for number in dict.fromkeys(came):
-            signal.raise_signal(number)
+        _requests.held -= 1
+        if outermost:
+            _requests.give_back()
+            for number in dict.fromkeys(_requests.came):
+                signal.raise_signal(number)
+    if _requests.can_raise:
+        _requests.raise_what_came()
 
 
-def _raise_terminated(_number: int, _frame: FrameType | None) -> None:
-    raise Terminated
+def check_signals() -> None:
+    """Raise a signal that came and had no effect: what it raised was lost on its way, or somebody swallowed it."""
+    if threading.current_thread() is threading.main_thread() and _requests.can_raise and _requests.came:
+        raise _exception(_requests.came[0])
+
+
+def begin_ending() -> None:
+    """From here to the end of `terminable`, signals are remembered only."""
+    if threading.current_thread() is threading.main_thread() and _requests.heard:
+        _requests.ending = True
+
+
+def ignore_signals() -> None:
+    """The program has said how it ended, and nothing may change its exit status any more."""
+    _requests.silence()
+
+
+def _exception(number: int) -> KeyboardInterrupt:
+    return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)

@@ -19,6 +19,7 @@ from hil.record.measurement import Limit
 from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
 from hil.safety.interrupt import terminable
+from hil.safety.outputs import Outputs
 from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import Outcome
 from hil.session.preload import preload
@@ -38,8 +39,11 @@ def run_procedure(
     resets: Iterable[str] = (),
     limits: Mapping[str, Limit] = MappingProxyType({}),
     resume: Path | None = None,
+    known: Outputs | None = None,
 ) -> Outcome:
-    """Drive a procedure and evaluate it: outputs are safe before anything is evaluated.
+    """Drive a procedure and evaluate it: outputs are safe, read back, before anything is evaluated.
+
+    An error says in its notes what is known of the outputs, and has the exit status that follows from it.
 
     Args:
         procedure: what to run.
@@ -51,12 +55,13 @@ def run_procedure(
         limits: of measured quantities, by name; they go before those of the bench file, and those before what
             the procedure declares.
         resume: the folder of a run that was broken off; its settings are taken, its finished parts not driven again.
+        known: what is known of the outputs, for somebody who asks for it afterwards.
 
     Raises:
         SettingError: a setting or limit is unknown or not allowed; nothing was driven.
         FileError: the run folder exists.
         HardwareError: the bench failed; what was recorded is kept.
-        KeyboardInterrupt: Ctrl-C or SIGTERM; outputs were made safe, what was recorded is kept.
+        KeyboardInterrupt: Ctrl-C, or `Terminated` after SIGTERM, SIGHUP and SIGQUIT; what was recorded is kept.
     """
     earlier, values = planned(procedure, bench, settings, resume)
     judged_by = checked_limits(procedure.measurements, {**_acceptance(bench.bench, procedure.name), **limits})
@@ -67,7 +72,7 @@ def run_procedure(
     if not bench.is_simulated:  # whose time stands still meanwhile
         preload(procedure.run)
     try:
-        with terminable(), open_rig(bench, out, about, progress, resets, earlier) as rig:
+        with terminable(), open_rig(bench, out, about, progress, resets, earlier, known) as rig:
             procedure.run(rig, **values)
     except InputError:
         if new:

@@ -96,7 +96,7 @@ def test_stopped_by_a_signal_while_driving(tmp_path: Path, number: signal.Signal
         finally:
             process.kill()
     assert process.returncode == status
-    assert f"hil: stopped; outputs are safe, what was recorded is kept in {folder}" in err
+    assert f"hil: stopped; outputs are safe (read back); what was recorded is kept in {folder}" in err
     recording = read_recording(folder)
     command = recording.values("command")
     assert command[-1] == 0.0

@@ -11,10 +11,20 @@ import pytest
 from nidaqmx.constants import AcquisitionType, RegenerationMode
 
 from drivers import ni
+from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform, joined
-from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, OverrunError, RangeError, SettingError
+from hil.errors import (
+    DeviceLostError,
+    HardwareError,
+    LinkError,
+    OutputUnderflowError,
+    OverrunError,
+    RangeError,
+    SettingError,
+)
 from hil.safety.guard import Guard
+from hil.safety.outputs import Outputs
 from hil.safety.protection import Protection
 from tests.ni_board import Board, Device, Task
 
@@ -126,10 +136,12 @@ def test_outputs_that_cannot_be_made_safe_are_told_with_the_remedy(daq: ni.NiDaq
     board.gone = code
     with pytest.raises(DeviceLostError) as raised:
         daq.make_safe()
-    assert str(raised.value) == (
-        f"Dev1: the reason. Device: Dev1 ({code}); its outputs could not be made safe "
-        f"(a stood at 3 V, b stood at 4 V): use the emergency stop"
-    )
+    assert str(raised.value) == f"Dev1: the reason. Device: Dev1 ({code})"
+    known = Outputs()
+    known.opened(daq.outputs)
+    known.make_safe(daq, clock=VirtualClock())
+    remedy = f"(Dev1: the reason. Device: Dev1 ({code})): use the emergency stop"
+    assert known.text.count(remedy) == 2 and known.status(None, 0) == 3
 
 
 def test_lost_board_ends_a_run_with_the_emergency_stop(daq: ni.NiDaq, board: Board) -> None:
@@ -137,12 +149,11 @@ def test_lost_board_ends_a_run_with_the_emergency_stop(daq: ni.NiDaq, board: Boa
     blocks = guard.play(ramp(), 5)
     next(blocks)
     board.gone = -88705
-    with pytest.raises(
-        DeviceLostError, match=r"\(-88705\); its outputs could not be made safe .* use the emergency stop"
-    ):
+    with pytest.raises(HardwareError, match=r"\(-88705\)"):
         next(blocks)
-    with pytest.raises(DeviceLostError, match="use the emergency stop"):
-        guard.close()
+    assert "nobody knows where 'a' stands" in guard.known.text and "use the emergency stop" in guard.known.text
+    guard.close()
+    assert guard.known.status(None, 0) == 3
 
 
 def test_late_program_meets_an_underflow(daq: ni.NiDaq, board: Board) -> None:
@@ -223,7 +234,7 @@ def test_relay_opens_first_and_alone_if_need_be(lines: ni.NiDaq, board: Board) -
     lines.make_safe()
     assert board.calls == ["write port1/line1 [0.0]", "write  [1.0, 0.5]"]
     board.codes["write"] = -200324
-    with pytest.raises(DeviceLostError, match=r"could not be made safe \(enable stood at 0\): use"):
+    with pytest.raises(DeviceLostError, match=r"the reason.*\(-200324\)"):
         lines.make_safe()
     assert board.calls[-1] == "write  [1.0, 0.5]"
 

@@ -288,16 +288,14 @@ def test_program_that_brings_no_waveform_loses_the_task() -> None:
         list(daq(Loop()).stream(waveforms()))
 
 
-def test_safe_is_tried_twice_then_says_where_outputs_stand() -> None:
+def test_safe_is_tried_twice_then_says_why_not() -> None:
     link = Loop()
     device = daq(link)
     link.failures = [LinkError("no answer")]
     device.make_safe()
     assert link.value == -1.0
     link.failures = [LinkError("no answer"), LinkError("no answer")]
-    with pytest.raises(
-        DeviceLostError, match=r"cannot be reached and stand where they stood \(a at -1\): use the emerg"
-    ):
+    with pytest.raises(DeviceLostError, match=r"^loop: no answer$"):
         device.make_safe()
     with pytest.raises(DeviceLostError):
         next(device.play(ramp()))

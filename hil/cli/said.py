@@ -1,0 +1,51 @@
+"""What is said of an error at the end: one line on stderr, and the exit status that goes with it."""
+
+from __future__ import annotations
+
+import sys
+import traceback
+from contextlib import suppress
+from typing import Any
+
+from hil.errors import HilError, exit_status_of
+from hil.extras import EXTRAS, lacking
+
+debug = False
+"""Whether the traceback is shown too."""
+
+
+def say(error: BaseException, *more: str) -> int:
+    """Print why the program ends, as far as anybody reads it; returns the exit status."""
+    status = exit_status_of(error)
+    with suppress(OSError, ValueError):  # stderr may be closed, full, or a terminal that is gone
+        if debug:
+            traceback.print_exception(error)
+        text = "; ".join(dict.fromkeys(filter(None, (_text(error), *_notes(error), *more))))
+        print(f"hil: {text}", file=sys.stderr, flush=True)
+    return status
+
+
+def _text(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt):
+        return "stopped"
+    if isinstance(error, HilError):
+        return " ".join(str(error).split())
+    if isinstance(error, OSError):
+        return f"{error.filename or 'file'}: {error.strerror or error}"
+    if isinstance(error, ModuleNotFoundError) and (library := (error.name or "").partition(".")[0]) in EXTRAS:
+        return f"this needs {lacking(library)}"
+    if hasattr(error, "format_message"):  # of click or of typer's own copy of it, by version
+        return _usage(error)
+    hint = "" if debug else "; `hil --debug …` shows where"
+    return f"a fault of this program, not of its input: {type(error).__name__}: {error}{hint}"
+
+
+def _notes(error: BaseException) -> list[str]:
+    return list(getattr(error, "__notes__", ()))
+
+
+def _usage(error: Any) -> str:
+    """A wrong use in one line; where the command is known, how to see its right use."""
+    text = str(error.format_message()).rstrip(".")
+    context = getattr(error, "ctx", None)
+    return text if context is None else f"{text}; `{context.command_path} --help` shows what is allowed"

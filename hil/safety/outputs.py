@@ -1,0 +1,193 @@
+"""What is known of the outputs of a bench: a value that only an answer of the device makes better.
+
+What a run says at its end about its outputs, its exit status, what it writes down and whether its watchdog may go home
+all follow from this value, and from nothing else: not from the kind of error, nor from what was sent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from hil.clock import Clock, RealClock
+from hil.daq.channel import OutputChannel
+from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
+from hil.errors import HilError, NotSafeError, marked
+from hil.safety.interrupt import status_of
+
+_AGREES = 0.0025  # of the range: what a converter or a protocol may round
+_PATIENCE_S = 0.5  # for a device that obeys, and says so a little later
+_AGAIN_S = 0.02
+
+
+class State(StrEnum):
+    """What is known of an output."""
+
+    SAFE = "safe"
+    DRIVEN = "driven"
+    UNCONFIRMED = "unconfirmed"
+    UNKNOWN = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class Output:
+    """What is known of one output, and from what.
+
+    Attributes:
+        state: `safe`: the device said so; `driven`: it was driven, or the device says that it stands elsewhere;
+            `unconfirmed`: told to be safe without an error, and not read back; `unknown`: the device did not answer.
+        unit: of `at`.
+        at: where the device said that it stands; while it is driven, where it was driven to last.
+        can: whether the device can be asked.
+        why: why it did not say.
+        rescue: what makes it safe when nobody reaches it.
+    """
+
+    state: State
+    unit: str
+    at: float | None = None
+    can: bool = True
+    why: str = ""
+    rescue: str = ""
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing is left to do: read back safe, or told to be safe where nobody can ask."""
+        return self.state is State.SAFE or (self.state is State.UNCONFIRMED and not self.can)
+
+    def described(self, name: str) -> str:
+        """In words, for an output that is not settled."""
+        at = "" if self.at is None else f" {self.at:.4g} {self.unit}"
+        texts = {
+            State.DRIVEN: f"'{name}' stands at{at}" if at else f"'{name}' is driven",
+            State.UNCONFIRMED: f"'{name}' was told to be safe, and could not be read back",
+            State.UNKNOWN: f"nobody knows where '{name}' stands{f', driven to{at} last' if at else ''}",
+        }
+        return texts[self.state] + (f" ({self.why})" if self.why else "")
+
+
+class Outputs:
+    """The outputs of a bench, from before it is opened until after it is let go of.
+
+    Attributes:
+        moved: whether any was ever sent away from its safe value.
+        asked: whether they were told to be safe and asked about it since they were driven last.
+    """
+
+    def __init__(self) -> None:
+        self.moved = self.asked = False
+        self._channels: Mapping[str, OutputChannel] = {}
+        self._known: dict[str, Output] = {}
+
+    def opened(self, channels: Mapping[str, OutputChannel]) -> None:
+        """The bench is open: from now on its outputs are ours, and nobody knows where they stand."""
+        self._channels = channels
+        self._known = {name: Output(State.UNKNOWN, channel.unit) for name, channel in channels.items()}
+
+    @property
+    def known(self) -> Mapping[str, Output]:
+        """What is known of each; empty until the bench is open."""
+        return dict(self._known)
+
+    @property
+    def settled(self) -> bool:
+        """Whether nothing is left to do for any of them."""
+        return all(output.settled for output in self._known.values())
+
+    @property
+    def are_safe(self) -> bool:
+        """Whether each was read back at its safe value."""
+        return all(output.state is State.SAFE for output in self._known.values())
+
+    @property
+    def text(self) -> str:
+        """What may be said of them, in a sentence."""
+        if not self.settled:
+            left = [f"{output.described(name)}: {output.rescue or 'use the emergency stop'}"
+                    for name, output in self._known.items() if not output.settled]  # fmt: skip
+            return f"NOT SAFE: {'; '.join(left)}"
+        if not self.moved:
+            return "nothing was driven"
+        if self.are_safe:
+            return "outputs are safe (read back)"
+        unasked = ", ".join(f"'{name}'" for name, output in self._known.items() if output.state is not State.SAFE)
+        return f"outputs were told to be safe; {unasked} cannot be read back"
+
+    def record(self) -> dict[str, dict[str, Any]]:
+        """As it is kept with a run, by output."""
+        return {
+            name: {"state": str(output.state), "at": output.at, "unit": output.unit, "read_back": output.can}
+            | ({"why": output.why} if output.why else {})
+            for name, output in self._known.items()
+        }
+
+    def driving(self, waveform: Waveform) -> None:
+        """They are sent along a waveform now. Said before its first sample: what comes of it, only an answer tells."""
+        self.asked = False
+        for name, values in waveform.outputs.items():
+            away = bool(np.any(values != self._channels[name].safe))
+            self.moved = self.moved or away
+            state = State.DRIVEN if away else State.UNCONFIRMED
+            self._known[name] = replace(self._known[name], state=state, at=float(values[-1]), why="")
+
+    def make_safe(self, daq: Daq, alive: Callable[[], None] = lambda: None, clock: Clock | None = None) -> None:
+        """Have a backend make them safe, and ask it whether they are. Never raises: what came of it is the value.
+
+        Args:
+            daq: the backend.
+            alive: called between the steps: each may take its time-outs.
+            clock: by which a device that is slow to obey is waited for.
+        """
+        self.asked = True
+        waiting = clock or RealClock()
+        until_s = waiting.now_s + _PATIENCE_S
+        self._asked(daq, alive)
+        while not self.settled and waiting.now_s < until_s:
+            waiting.sleep_until(waiting.now_s + _AGAIN_S)
+            self._asked(daq, alive)
+
+    def status(self, error: BaseException | None, status: int) -> int:
+        """The exit status of an end, given what it would be by itself (see `exit_status`)."""
+        if not self.settled:
+            return NotSafeError.exit_status
+        if isinstance(error, KeyboardInterrupt):
+            return status_of(error)
+        return NotSafeError.exit_status if self.moved and status == HilError.exit_status else status
+
+    def mark(self, error: BaseException) -> None:
+        """Give an error that ends a run its exit status, and the sentence that is true of the outputs."""
+        own = getattr(error, "exit_status", HilError.exit_status)
+        marked(error, self.status(error, own), self.text if self.moved or not self.settled else "")
+
+    def check(self) -> None:
+        """Raise `NotSafeError` unless all are settled."""
+        if not self.settled:
+            raise NotSafeError("outputs could not be made safe, or did not say so")
+
+    def _asked(self, daq: Daq, alive: Callable[[], None]) -> None:
+        """Tell them once, and ask once."""
+        failure = ""
+        try:
+            daq.make_safe()
+        except BaseException as error:
+            failure = f"{error or type(error).__name__}"
+        alive()
+        try:
+            answers = daq.read_back()
+        except BaseException as error:
+            answers = dict.fromkeys(self._known, ReadBack(why=f"{error or type(error).__name__}"))
+        alive()
+        for name in self._known:
+            self._known[name] = self._after(name, answers.get(name, CANNOT_BE_ASKED), failure)
+
+    def _after(self, name: str, answer: ReadBack, failure: str) -> Output:
+        before, channel = self._known[name], self._channels[name]
+        known = replace(before, can=answer.can, why=answer.why or failure, rescue=answer.rescue)
+        if answer.at is not None:
+            safe = abs(answer.at - channel.safe) <= _AGREES * (channel.high - channel.low)
+            return replace(known, state=State.SAFE if safe else State.DRIVEN, at=answer.at, why="")
+        return replace(known, state=State.UNKNOWN) if failure else replace(known, state=State.UNCONFIRMED, at=None)
