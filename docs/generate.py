@@ -55,8 +55,11 @@ lines otherwise. An error is one line that names the file, field or value, what 
 | 0 | done; a verdict such as "mismatch" is a result, not a failure |
 | 1 | a limit of a test was missed or nobody can tell whether it is met, or a driver check failed |
 | 2 | bad input or usage; nothing was driven |
-| 3 | hardware, link or storage failed, or the run failed after something was driven; also any end, Ctrl-C included, at which an output is not known to be safe: the message says NOT SAFE |
-| 130, 143, 129, 131 | stopped by Ctrl-C, SIGTERM, SIGHUP (a closed terminal), SIGQUIT; outputs are safe, what was recorded is kept |
+| 3 | hardware, link or storage failed, or anything else after something was driven; also any end with NOT SAFE |
+| 130, 143, 129, 131 | stopped by Ctrl-C, SIGTERM, SIGHUP (a closed terminal), SIGQUIT; what was recorded is kept |
+
+*NOT SAFE* is said, and the status is 3, when an output is not known to be safe, whatever ended the run, Ctrl-C included
+([safety](../explanation/safety.md#what-is-known-of-an-output)).
 
 A *recording* is any file or folder of [recordings](recordings.md), a *model* a [model file](model-file.md), a *bench* a
 [bench file](bench-file.md) or the name of an installed one."""

@@ -26,7 +26,6 @@ BLOCK, EXTEND, RETRACT = 0, 1, 2
 PER_BIT = 0.4  # % of the command
 _FAIL_SAFE = {"block": 0b00, "float": 0b01}
 _ERROR, _LARGEST = 14, 0xFA
-_NOT_BLOCKED = 1.0  # % that a valve stands at which is not blocked and estimates no flow: its least step
 _LIMITED = {2: "above a high limit", 3: "below a low limit", 6: "by a fault that it does not recover from"}
 
 
@@ -137,7 +136,7 @@ class J1939ValveLink:
             raise
 
     def standing(self) -> dict[str, float]:
-        """What the valve says that it does, in its first message since the last command: blocked, or the flow.
+        """What the valve says in its first message since the last command: blocked, or not, then nobody knows how far.
 
         Raises:
             LinkError: it says nothing, or that it has an error.
@@ -149,8 +148,8 @@ class J1939ValveLink:
         self._address_is_ours()
         if self._latest is None or time.monotonic() - self._came_s > self._settings.timeout_s:
             raise LinkError(f"no estimated flow of valve {self._settings.valve} for {self._settings.timeout_s:g} s")
-        flow = self._estimated(self._latest)
-        return {"flow command": 0.0 if self._latest[2] & 0x0F == BLOCK else flow or _NOT_BLOCKED}
+        self._estimated(self._latest)  # an error that it reports is raised
+        return {"flow command": 0.0 if self._latest[2] & 0x0F == BLOCK else math.nan}
 
     def drive(self, values: Mapping[str, float]) -> None:
         """Send the flow command. Nothing acknowledges it but the flow that the valve then estimates."""

@@ -7,6 +7,7 @@ measured.
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -56,6 +57,7 @@ class Link(Protocol):
         """Where every output in use stands, as the device answers now; never what it was told before.
 
         An output that the device cannot be asked about is left out: it is then called "told to be safe", never "safe".
+        NaN is one of which the device says only that it is not at its safe value.
         """
         ...
 
@@ -111,7 +113,8 @@ class _Member:
         if not self.wiring.outputs:
             return {}
         values = self._named(self.link.standing)
-        return {name: float(values.get(c.terminal, c.safe)) for name, c in self.wiring.outputs.items()}
+        found = {name: float(values.get(c.terminal, math.nan)) for name, c in self.wiring.outputs.items()}
+        return {name: self.wiring.outputs[name].safe if math.isnan(at) else at for name, at in found.items()}
 
     def read_back(self) -> dict[str, ReadBack]:
         """What the device says of each of its outputs, or why it says nothing. Never raises."""
@@ -119,7 +122,7 @@ class _Member:
         rescue = f"its own watchdog acts after {watchdog_s:g} s" if watchdog_s else ""
         try:
             values = self._named(self.link.standing) if self.wiring.outputs else {}
-            told = {terminal: ReadBack(float(value), rescue=rescue) for terminal, value in values.items()}
+            told = {terminal: _answer(float(value), rescue) for terminal, value in values.items()}
         except Exception as error:
             return dict.fromkeys(self.wiring.outputs, ReadBack(why=str(error), rescue=rescue))
         return {name: told.get(channel.terminal, CANNOT_BE_ASKED) for name, channel in self.wiring.outputs.items()}
@@ -532,6 +535,11 @@ class _Taken:
             {name: np.array(values) for name, values in columns.items()} for columns in self._columns
         )
         return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s)
+
+
+def _answer(at: float, rescue: str) -> ReadBack:
+    why = "the device says only that it is not at its safe value" if math.isnan(at) else ""
+    return ReadBack(None if why else at, why=why, rescue=rescue)
 
 
 def _merged(parts: Iterable[Mapping[str, _T]]) -> dict[str, _T]:

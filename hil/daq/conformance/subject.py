@@ -192,8 +192,8 @@ class Subject:
             LeftOut: it cannot be asked.
         """
         found: Mapping[str, float] = link.standing()
-        if not all(c.terminal in found for c in self.outputs):
-            raise LeftOut("cannot tell: this device cannot be asked where its outputs stand")
+        if not all(math.isfinite(found.get(c.terminal, math.nan)) for c in self.outputs):
+            raise LeftOut("cannot tell: this device does not say where its outputs stand")
         return found
 
     def stand_there(self, link: Any, told: Mapping[str, float], longest_s: float = SOON_S) -> None:
