@@ -15,10 +15,12 @@ from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.bench.twin import subject
 from hil.catalog import entries
+from hil.cli import new as begin
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.conformance import CHECKS, Subject, Witness, examine, verdict_of
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError
+from tests.conftest import Install
 from tests.links import moved
 
 QUICK = "timeout_s = 0.1\nlongest_reply_s = 0.2\n"
@@ -68,6 +70,40 @@ def test_driver_passes_on_its_twin(case: str, tmp_path: Path) -> None:
         again = {check: verdict_of(CHECKS[check], examined) for check in broken}  # a busy computer is late now and then
     assert {check: text for check, (verdict, text) in again.items() if verdict == "broken"} == {}
     assert sum(r.verdict == "passed" for r in results) >= 8
+
+
+@pytest.mark.parametrize(("timer", "said"), [(True, "broken"), (False, "passed")])
+def test_driver_that_arms_nothing(timer: bool, said: str, install_package: Install, tmp_path: Path) -> None:
+    """Where its twin has to be armed it is broken; where its twin is armed at the device, that is said."""
+    name = f"lazy_{said}"
+    driver, twin = (
+        (Path(begin.__file__).parent / "templates" / f"{kind}.txt").read_text(encoding="utf-8").replace("@NAME@", name)
+        for kind in ("driver", "device")
+    )
+    armed = 'watchdog=((0x0101, "{safe:out}"), (0x0100, "{tenths}")),'
+    assert armed in driver and "timer=WATCHDOG" in twin
+    driver = driver.replace(armed, "")
+    twin = twin if timer else twin.replace("timer=WATCHDOG", 'settings["watchdog_s"]')
+    install_package("hil.drivers", f"{name}_drivers", {f"{name}.py": driver})
+    install_package("hil.sim_devices", f"{name}_devices", {f"{name}.py": twin})
+    text = benches()["hpv41-modbus-tcp"].read_text(encoding="utf-8")
+    for old, other in (
+        FAST,
+        ('driver = "modbus"\nmodel = "wago-750"', f'driver = "{name}"'),
+        ('"ao0"', '"out"'),
+        ('"ai0"', '"in"'),
+    ):
+        text = text.replace(old, other)
+    text = (
+        text[: text.index('[channels."spool position"]')]
+        + text[text.index("[protection]") : text.index("[simulation]")]
+    )
+    path = tmp_path / "bench.toml"
+    path.write_text(moved(text, tmp_path), encoding="utf-8")
+    with subject(read_bench(path), tmp_path, name) as examined:
+        verdict, text = verdict_of(CHECKS["has_the_watchdog_that_it_promises"], examined)
+    assert verdict == said, text
+    assert ("outputs stand elsewhere than safe" if timer else "the driver arms nothing") in text
 
 
 def test_every_driver_is_a_case() -> None:

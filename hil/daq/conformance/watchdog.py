@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import time
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
-from hil.daq.conformance.subject import Broken, LeftOut, Subject
+from hil.daq.conformance.subject import Broken, LeftOut, Subject, agree
 from hil.daq.conformance.what_it_says import LONGEST_S
 from hil.daq.conformance.witness import measured_at
 from hil.errors import HardwareError
 
+_BY_ITSELF = "its twin does so without being armed: the driver arms nothing, so set it at the device itself"
 
-def has_the_watchdog_that_it_promises(subject: Subject) -> None:
+
+def has_the_watchdog_that_it_promises(subject: Subject) -> str | None:
     """Left alone for longer than its watchdog, not sooner, outputs go to their safe values, and the driver says so."""
     _ = subject.outputs
     try:
@@ -22,6 +25,14 @@ def has_the_watchdog_that_it_promises(subject: Subject) -> None:
     finally:
         with suppress(HardwareError), subject.link():
             pass  # it is driven safe when the link is let go of
+    optional = subject.side is not None and _may_be_without(subject.settings)
+    return _BY_ITSELF if optional and _armed_by_itself(subject, link.watchdog_s) else None
+
+
+def _may_be_without(settings: Any) -> bool:
+    """Whether the driver can be told of no watchdog; some protocols have one in any case."""
+    fields = getattr(type(settings), "model_fields", {})
+    return "watchdog_s" in fields and fields["watchdog_s"].default is None
 
 
 def _left_alone(subject: Subject, link: Any) -> None:
@@ -39,6 +50,25 @@ def _left_alone(subject: Subject, link: Any) -> None:
     _went_safe(subject, link)
     if not said:
         raise Broken("the device made its outputs safe, and the next reading says nothing about it")
+
+
+def _armed_by_itself(subject: Subject, watchdog_s: float) -> bool:
+    """Whether a twin goes safe too when it has just been switched on and its driver is told of no watchdog."""
+    side, spoil = subject.twin()
+    unarmed = replace(subject, settings=subject.settings.model_copy(update={"watchdog_s": None}))
+    with suppress(HardwareError):
+        spoil(reboot=True, answers=1)
+        with unarmed.asking() as link:
+            link.standing()
+    spoil()
+    with unarmed.asking() as link:
+        subject.drive(link, subject.levels(0.5))
+        subject.stand_there(link, subject.levels(0.5))
+        time.sleep(1.5 * watchdog_s + 0.05)
+        by_itself = all(agree(c, c.safe, side.standing(c.terminal)) for c in subject.outputs)
+        with suppress(HardwareError):
+            subject.drive(link, subject.safe())
+        return by_itself
 
 
 def _said(link: Any) -> bool:
