@@ -5,6 +5,7 @@ from __future__ import annotations
 import socket
 from typing import Any
 
+from drivers._edge import quiet
 from hil.errors import DeviceLostError
 
 
@@ -26,6 +27,7 @@ def open_bus(address: str, bitrate: int) -> Any:
     """
     import can
 
+    quiet("can", "canopen")
     interface, _, channel = address.partition(":")
     try:
         if interface != "socketcand":
@@ -33,5 +35,10 @@ def open_bus(address: str, bitrate: int) -> Any:
         host, _, port = channel.rpartition(":")
         socket.create_connection((host, int(port)), 1.0).close()  # python-can alone would try for 10 s
         return can.Bus(interface=interface, channel="can0", host=host, port=int(port), tcp_tune=True)
-    except (can.CanError, OSError, ValueError) as error:
-        raise DeviceLostError(f"{address}: this bus cannot be opened: {error}") from None
+    except Exception as error:  # interfaces that are not installed raise whatever their libraries do
+        raise DeviceLostError(f"{address}: this bus cannot be opened: {error or type(error).__name__}") from error
+
+
+def gone(address: str, error: Exception) -> DeviceLostError:
+    """A bus that does not take or give frames any more: bus-off, a full queue, an adapter that was pulled."""
+    return DeviceLostError(f"{address}: the bus is gone: {' '.join(str(error).split()) or type(error).__name__}")

@@ -6,9 +6,7 @@ node that sends our heartbeat (127), and that status word and actual value are w
 
 from __future__ import annotations
 
-import logging
 import struct
-import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -16,6 +14,7 @@ from contextlib import suppress
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._can import bus_fault, open_bus
+from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, HardwareError, LinkError
@@ -102,12 +101,16 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
     return PolledDaq({"valve": open_link(settings, wiring)}, {"valve": wiring})
 
 
+@edge
 class CanopenValveLink:
     """A valve on CANopen (see `hil.daq.polled.Link`).
 
     The set point goes out in RPDO 4 with the control word; SYNC asks for status word and actual value, which come
     back in TPDO 1. Our heartbeat goes with every set point, so that it ends when the program does; the valve
     watches it from the first one on.
+
+    Attributes:
+        identity: vendor, product, revision and serial number as its identity object (0x1018) has them.
 
     Raises:
         DeviceLostError: the bus cannot be opened, or nobody answers at this node.
@@ -117,26 +120,26 @@ class CanopenValveLink:
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         import canopen
 
-        logging.getLogger("canopen").setLevel(logging.CRITICAL)  # what matters is raised
-        logging.getLogger("can").setLevel(logging.CRITICAL)
+        from drivers._canopen_network import CanopenNetwork
+
         self.watchdog_s: float | None = settings.watchdog_s
         self.keep_alive_s: float | None = settings.watchdog_s / 4.0
         self._settings = settings
-        self._came = threading.Condition()
         self._pdo: bytes | None = None
         self._emergency: tuple[int, int] | None = None
         self._beat_s: float | None = None
         self._quiet_until_s = 0.0
-        self._network = canopen.Network(open_bus(settings.address, settings.bitrate))
-        self._network.NOTIFIER_CYCLE = 0.05  # how long it takes to leave the bus
-        self._network.connect()
-        self._node = self._network.add_node(settings.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
-        self._node.sdo.RESPONSE_TIMEOUT = settings.timeout_s
+        bus = open_bus(settings.address, settings.bitrate)
+        self._network = CanopenNetwork(bus, settings.address, wire_log("canopen_valve", settings.address))
         self._closed = False
         try:
+            self._network.connect()
+            self._node = self._network.add_node(settings.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+            self._node.sdo.RESPONSE_TIMEOUT = settings.timeout_s
             for base, heard in ((0x080, self._on_emergency), (0x180, self._on_pdo), (0x700, self._on_heartbeat)):
                 self._network.subscribe(base + settings.node, heard)
             self._recognise()
+            self.identity = self._told_identity()
             self._configure()
             self._activate([c.safe for c in wiring.outputs.values()])
         except BaseException:
@@ -168,9 +171,12 @@ class CanopenValveLink:
         if self._closed:
             return
         self._closed = True
-        with suppress(HardwareError):
+        with suppress(Exception):
             self._step_down()
-        self._network.disconnect()
+        with suppress(Exception):
+            self._network.disconnect()
+        if self._network.bus is not None:
+            self._network.bus.shutdown()
 
     def _recognise(self) -> None:
         """See that a valve is there, and make it operational."""
@@ -182,6 +188,13 @@ class CanopenValveLink:
             raise DeviceLostError(f"node {self._settings.node} on {self._settings.address} does not answer") from None
         if profile != PROFILE:
             raise LinkError(f"node {self._settings.node} is of device profile {profile}, not {PROFILE}")
+
+    def _told_identity(self) -> str:
+        told = []
+        with suppress(LinkError):  # most of the object is optional
+            for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
+                told.append(f"{what} {self._unsigned(0x1018, sub):#x}")
+        return f"node {self._settings.node}, {', '.join(told)}" if told else ""
 
     def _configure(self) -> None:
         """Heartbeats both ways, TPDO 1 by SYNC, the functions of the valve that the bench file names."""
@@ -244,13 +257,16 @@ class CanopenValveLink:
         if wait_s > 0.0:  # a late answer to an earlier SYNC looks like one to this
             time.sleep(wait_s)
         self._quiet_until_s = 0.0
-        with self._came:
-            self._pdo = None
+        network = self._network
+        with network.changed:
+            self._pdo, network.failure = None, None
             self._send(0x080, b"")
-            if not self._came.wait_for(lambda: self._pdo is not None, self._settings.timeout_s):
+            network.changed.wait_for(lambda: self._pdo is not None or network.failure, self._settings.timeout_s)
+            if self._pdo is None:
+                network.check_readable()
                 self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
                 raise LinkError(f"no actual value within {self._settings.timeout_s:g} s of SYNC{self._heard()}")
-            data = self._pdo or b""
+            data = self._pdo
         if len(data) != 4:
             raise LinkError(f"TPDO 1 has {len(data)} bytes, not 4: another program changed its mapping")
         return struct.unpack("<Hh", data)
@@ -272,9 +288,9 @@ class CanopenValveLink:
         return f"; its last heartbeat came {time.monotonic() - self._beat_s:.2g} s ago"
 
     def _on_pdo(self, _identifier: int, data: bytearray, _time_s: float) -> None:
-        with self._came:
+        with self._network.changed:
             self._pdo = bytes(data)
-            self._came.notify_all()
+            self._network.changed.notify_all()
 
     def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
         if len(data) >= 3 and (code := data[0] | data[1] << 8):
@@ -303,19 +319,17 @@ class CanopenValveLink:
             answer: bytes = getattr(self._node.sdo, kind)(index, sub, *data)
         except canopen.SdoAbortedError as error:
             raise LinkError(f"object {index:04X}.{sub}: {kind} refused, abort code {error.code:#010x}") from None
-        except canopen.SdoCommunicationError as error:
-            if index == 0x1000:
+        except HardwareError:
+            raise
+        except Exception as error:  # whatever the library makes of what came
+            self._network.check_readable()
+            if index == 0x1000 and isinstance(error, canopen.SdoCommunicationError):
                 raise
-            raise LinkError(f"object {index:04X}.{sub}: {error}") from None
+            raise LinkError(f"object {index:04X}.{sub}: {error or type(error).__name__}") from error
         return answer
 
     def _send(self, identifier: int, data: bytes) -> None:
-        import can
-
-        try:
-            self._network.send_message(identifier, data)
-        except (can.CanError, OSError) as error:
-            raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+        self._network.send_message(identifier, data)
 
 
 _EMERGENCIES = {

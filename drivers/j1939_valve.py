@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Iterator, Mapping
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
-from drivers._address_claim import CLAIM_WAIT_S, AddressClaim, default_name
-from drivers._can import bus_fault, open_bus
+from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST, AddressClaim, default_name
+from drivers._can import bus_fault, gone, open_bus
+from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, LinkError
+from hil.errors import LinkError
 
 COMMAND, ESTIMATED = 0xFE30, 0xFE10
 """Parameter groups of valve 0: its command, and the flow that it estimates. Valve n has the n-th after them."""
@@ -26,6 +28,8 @@ BLOCK, EXTEND, RETRACT = 0, 1, 2
 PER_BIT = 0.4  # % of the command
 _FAIL_SAFE = {"block": 0b00, "float": 0b01}
 _ERROR, _LARGEST = 14, 0xFA
+_PRIORITY, CLAIMED_GROUP = 6, CLAIMED.to_bytes(3, "little")
+_ECHOES = 32  # frames that may be on their way back
 _LIMITED = {2: "above a high limit", 3: "below a low limit", 6: "by a fault that it does not recover from"}
 
 
@@ -43,6 +47,7 @@ class Settings(BaseModel):
         longest_reply_s: after a failure what comes for so long is not believed, as it may have been under way.
         watchdog_s: the valve goes to its fail-safe state when it hears no command for so long.
         fail_safe: which state that is.
+        echo: the adapter gives back what is sent, as if it came from the bus.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -57,6 +62,7 @@ class Settings(BaseModel):
     longest_reply_s: PositiveFloat = 0.6
     watchdog_s: PositiveFloat = 0.3
     fail_safe: Literal["block", "float"] = "block"
+    echo: bool = False
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -102,6 +108,7 @@ def command_frame(percent: float, fail_safe: Literal["block", "float"]) -> bytes
     return bytes([flow, 0xFF, _FAIL_SAFE[fail_safe] << 6 | 0b11 << 4 | state, *[0xFF] * 5])
 
 
+@edge
 class J1939ValveLink:
     """A valve on J1939 (see `hil.daq.polled.Link`). Its flow is estimated by itself, not measured.
 
@@ -124,6 +131,9 @@ class J1939ValveLink:
         self._came_s = self._quiet_until_s = 0.0
         name = default_name() if settings.name is None else settings.name
         self._claim = AddressClaim(settings.source, name)
+        self._name, self._names_device = name, ""
+        self._sent: deque[tuple[int, bytes]] = deque(maxlen=_ECHOES)
+        self._log = wire_log("j1939_valve", settings.address)
         self._bus = open_bus(settings.address, settings.bitrate)
         try:
             self._send(*self._claim.claim())
@@ -131,9 +141,15 @@ class J1939ValveLink:
             while (left_s := until_s - time.monotonic()) > 0.0:
                 self._heard(left_s)
             self._address_is_ours()
+            self._send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
         except BaseException:
             self.close()
             raise
+
+    @property
+    def identity(self) -> str:
+        """The NAME of the valve's controller, as it was heard last; empty until it has told it."""
+        return self._names_device
 
     def standing(self) -> dict[str, float]:
         """What the valve says in its first message since the last command: blocked, or not, then nobody knows how far.
@@ -160,7 +176,7 @@ class J1939ValveLink:
         self._send(self._command_id, command_frame(values["flow command"], self._settings.fail_safe))
 
     def read(self) -> dict[str, float]:
-        """The flow that the valve has estimated last.
+        """The flow that the valve has estimated last, NaN when it says that it estimates none.
 
         Raises:
             LinkError: it is too old, the valve reports an error, or must have gone to its fail-safe state meanwhile.
@@ -196,17 +212,21 @@ class J1939ValveLink:
 
     def _heard(self, wait_s: float) -> bool | None:
         """Take in one message: whether it was an estimate of our valve; None when none came."""
-        import can
-
         try:
             message = self._bus.recv(wait_s)
-        except (can.CanError, OSError) as error:
-            raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+        except Exception as error:  # python-can and the interfaces under it raise what they like
+            raise gone(self._settings.address, error) from error
         if message is None:
             return None
         identifier, data = message.arbitration_id, bytes(message.data)
-        if not message.is_extended_id:
+        if not message.is_extended_id or message.is_error_frame or message.is_remote_frame or not message.is_rx:
             return False
+        self._log.debug("← %08X %s", identifier, data.hex(" "))
+        if self._settings.echo and (identifier, data) in self._sent:
+            self._sent.remove((identifier, data))
+            return False
+        if identifier >> 8 & 0x3FF00 == CLAIMED and identifier & 0xFF == self._settings.device and len(data) == 8:
+            self._names_device = f"NAME {int.from_bytes(data, 'little'):#018x}"
         if answer := self._claim.answer_to(identifier, data):
             self._send(*answer)
         mine = identifier >> 8 & 0x3FFFF == self._group and identifier & 0xFF == self._settings.device
@@ -217,12 +237,19 @@ class J1939ValveLink:
     def _send(self, identifier: int, data: bytes) -> None:
         import can
 
+        self._log.debug("→ %08X %s", identifier, data.hex(" "))
+        self._sent.append((identifier, data))
         try:
             self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=True))
-        except (can.CanError, OSError) as error:
-            raise DeviceLostError(f"{self._settings.address}: the bus is gone: {error}") from None
+        except Exception as error:
+            raise gone(self._settings.address, error) from error
 
     def _address_is_ours(self) -> None:
+        if self._claim.lost_to == self._name:
+            raise LinkError(
+                f"our own claim of address {self._settings.source:#04x} came back: the adapter echoes, then say "
+                f"echo = true; or another program claims it with our NAME"
+            )
         if self._claim.lost_to is not None:
             raise LinkError(
                 f"address {self._settings.source:#04x} belongs to a controller with NAME {self._claim.lost_to:#018x}, "
@@ -235,5 +262,5 @@ class J1939ValveLink:
             text = _LIMITED.get(limit, "")
             raise LinkError(f"valve {self._settings.valve} reports an error{f', limited {text}' if text else ''}")
         if data[0] > _LARGEST:
-            raise LinkError(f"valve {self._settings.valve} estimates no flow (byte {data[0]:#04x})")
+            return math.nan
         return float(data[0]) - 125.0

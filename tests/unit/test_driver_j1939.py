@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -127,12 +128,16 @@ def test_silence_is_an_error_and_others_are_not_believed(bus: str) -> None:
     [
         ("7d 7d 3e 1f ff ff ff ff", "reports an error"),
         ("7d 7d 30 df ff ff ff ff", "by a fault that it does not recover from"),
-        ("ff ff 30 1f ff ff ff ff", "estimates no flow"),
     ],
 )
 def test_error_of_the_valve_is_told(bus: str, text: str, message: str) -> None:
     with linked(bus) as (link, _, _), pytest.raises(LinkError, match=message):
         link._estimated(bytes.fromhex(text))
+
+
+def test_valve_that_estimates_no_flow_has_no_measurement(bus: str) -> None:
+    with linked(bus) as (link, _, _):
+        assert math.isnan(link._estimated(bytes.fromhex("ff ff 30 1f ff ff ff ff")))
 
 
 @given(st.lists(st.tuples(st.integers(0, 0x1FFFFFFF) | st.just(0x0CFE3926), st.binary(max_size=8)), max_size=20))
@@ -217,7 +222,7 @@ def test_address_is_claimed_before_the_first_command(bus: str, monkeypatch: pyte
             link.drive({"flow command": 40.0})
             assert time.monotonic() - begun_s > 0.25
         ours = [m for m in iter(lambda: other.recv(0.0), None) if m.arbitration_id & 0xFF == 0x26]
-    assert [m.arbitration_id for m in ours] == [int(CLAIM, 16), 0x0CFE3126]
+    assert [m.arbitration_id for m in ours] == [int(CLAIM, 16), 0x18EA8026, 0x0CFE3126]
     assert bytes(ours[0].data) == NAME.to_bytes(8, "little")
 
 

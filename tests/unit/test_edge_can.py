@@ -1,0 +1,230 @@
+"""The drivers on CAN when the bus falls ill, echoes, or carries frames of others."""
+
+from __future__ import annotations
+
+import logging
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import can
+import pytest
+
+from drivers import canopen_valve, j1939_valve
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.errors import DeviceLostError, HardwareError, LinkError
+from sim_devices import canopen_valve as canopen_twin
+from sim_devices import j1939_valve as j1939_twin
+from sim_devices._quirks import Quirks
+from sim_devices._simulation import Simulation
+from tests.sick_bus import SickBus
+
+SIMULATION = Simulation.model_validate({
+    "plant": "brevini-hpv41",
+    "instruments": {"out": {"direction": "out", "signal": "command", "unit": "%"},
+                    "in": {"signal": "command", "unit": "%"}},
+})  # fmt: skip
+CANOPEN = Wiring(
+    {"out": OutputChannel("out", "set point", "value", "%", -100.0, 100.0)},
+    {"in": InputChannel("in", "actual value", "value", "%", -200.0, 199.99)},
+)
+J1939 = Wiring(
+    {"out": OutputChannel("out", "flow command", "value", "%", -100.0, 100.0)},
+    {"in": InputChannel("in", "estimated flow", "value", "%", -125.0, 125.0)},
+)
+KINDS = {"canopen": (canopen_valve, canopen_twin, CANOPEN), "j1939": (j1939_valve, j1939_twin, J1939)}
+ILL = (
+    can.CanOperationError("Failed to transmit: No buffer space available", 105),
+    can.CanOperationError("Bus error: the CAN controller is in bus-off state", 16),
+    OSError(19, "No such device"), struct.error("short"), ValueError("garbled"), RuntimeError(), KeyError("x"),
+)  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def _sick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(can.interfaces.BACKENDS, "sick", ("tests.sick_bus", "SickBus"))
+    monkeypatch.setattr(can.util, "VALID_INTERFACES", can.VALID_INTERFACES | {"sick"})
+    monkeypatch.setattr(SickBus, "illness", {})
+    monkeypatch.setattr(SickBus, "echoes", False)
+    monkeypatch.setattr(j1939_valve, "CLAIM_WAIT_S", 0.02)
+
+
+@pytest.fixture
+def bus(request: pytest.FixtureRequest) -> str:
+    return str(request.node.name)
+
+
+@contextmanager
+def linked(kind: str, bus: str, **more: Any) -> Iterator[Any]:
+    driver, twin, wiring = KINDS[kind]
+    served = twin.serve({"address": f"virtual:{bus}"}, twin.world(SIMULATION, {"": wiring}).side(""), Quirks())
+    told = {"address": f"sick:{bus}", "timeout_s": 0.2, **more}
+    try:
+        link = driver.open_link(driver.Settings.model_validate(told), wiring)
+        try:
+            yield link
+        finally:
+            link.close()
+    finally:
+        served.close()
+
+
+def moved(kind: str, link: Any, percent: float) -> dict[str, float]:
+    """Drive, and read until what is read is what was driven."""
+    (terminal,) = (channel.terminal for channel in KINDS[kind][2].outputs.values())
+    until_s = time.monotonic() + 2.0
+    while True:
+        link.drive({terminal: percent})
+        read: dict[str, float] = link.read()
+        if abs(next(iter(read.values())) - percent) < 1.0 or time.monotonic() > until_s:
+            return read
+        time.sleep(0.01)
+
+
+@pytest.mark.parametrize("where", ["send", "recv"])
+@pytest.mark.parametrize("error", ILL, ids=lambda e: f"{type(e).__name__}")
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bus_that_falls_ill_is_a_lost_device_by_name(kind: str, error: Exception, where: str, bus: str) -> None:
+    threads = {thread.name for thread in threading.enumerate()}
+    with linked(kind, bus) as link:
+        moved(kind, link, 20.0)
+        SickBus.illness[where] = error
+        (terminal,) = (channel.terminal for channel in KINDS[kind][2].outputs.values())
+        calls = {"send": lambda: link.drive({terminal: 0.0}), "recv": lambda: [link.read() for _ in range(3)]}
+        with pytest.raises(DeviceLostError, match=rf"^sick:{bus.split('[')[0]}.*: the bus is gone: .+"):
+            calls[where]()  # one answer may have been on its way
+        if kind == "canopen":
+            with pytest.raises(DeviceLostError, match="the bus is gone: "):
+                link.standing()
+        SickBus.illness.clear()
+        time.sleep(0.1)
+        if kind == "j1939":  # the valve of the profile has its own watchdog and is in its fault state by then
+            assert next(iter(moved(kind, link, -20.0).values())) == pytest.approx(-20.0, abs=1.0)
+    assert {thread.name for thread in threading.enumerate() if "notifier" in thread.name} <= threads
+
+
+@pytest.mark.parametrize("where", ["send", "recv"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_bus_that_is_ill_at_opening_is_named_and_let_go_of(kind: str, where: str, bus: str) -> None:
+    SickBus.illness[where] = ILL[0]
+    with pytest.raises(DeviceLostError, match=r"the bus is gone: .*No buffer space"), linked(kind, bus):
+        pass
+    assert not [thread for thread in threading.enumerate() if thread.name.startswith("can.notifier")]
+
+
+def test_no_such_interface_is_named() -> None:
+    settings = j1939_valve.Settings(address="neverheard:0")
+    with pytest.raises(DeviceLostError, match="neverheard:0: this bus cannot be opened: "):
+        j1939_valve.open_link(settings, J1939)
+
+
+def test_frames_with_29_bits_belong_to_others(bus: str) -> None:
+    """A frame of J1939 whose identifier is 0x181 is no process data of node 1."""
+    with can.Bus(interface="virtual", channel=bus) as other, linked("canopen", bus) as link:
+        moved("canopen", link, 40.0)
+        stop = threading.Event()
+
+        def chatter() -> None:
+            while not stop.wait(0.0005):
+                for identifier in (0x181, 0x081, 0x581):
+                    other.send(can.Message(arbitration_id=identifier, data=bytes(8), is_extended_id=True))
+
+        thread = threading.Thread(target=chatter)
+        thread.start()
+        try:
+            for _ in range(30):
+                assert link.read()["actual value"] == pytest.approx(40.0, abs=0.1)
+                assert link.standing()["set point"] == pytest.approx(40.0, abs=0.1)
+                link.drive({"set point": 40.0})
+        finally:
+            stop.set()
+            thread.join()
+
+
+def test_process_data_of_another_length_are_no_answer(bus: str) -> None:
+    with linked("canopen", bus) as link:
+        link._network.send_message = lambda *_: link._on_pdo(0x181, bytearray(3), 0.0)
+        with pytest.raises(LinkError, match="TPDO 1 has 3 bytes, not 4"):
+            link.read()
+        del link._network.send_message
+
+
+@pytest.mark.parametrize(
+    "garbled", [b"", b"\x00", b"\xff" * 8, b"\x43\x00\x63", b"\x80" + bytes(7), b"\x41" + bytes(7)]
+)
+def test_whatever_answers_a_question_is_a_value_or_a_named_error(garbled: bytes, bus: str) -> None:
+    with can.Bus(interface="virtual", channel=f"{bus}-other") as other:
+        link_bus = can.Bus(interface="virtual", channel=f"{bus}-other")
+        from drivers._canopen_network import CanopenNetwork
+
+        with linked("canopen", bus) as link:
+            own, link._network = link._network, CanopenNetwork(link_bus, "other", logging.getLogger("hil.link.test"))
+            link._network.connect()
+            node, link._node = link._node, link._network.add_node(1, node_dictionary())
+            link._node.sdo.RESPONSE_TIMEOUT = 0.1
+            answers = can.Notifier(
+                other, [lambda m: other.send(answer_of(garbled)) if m.arbitration_id == 0x601 else 0]
+            )
+            with pytest.raises(HardwareError):
+                link.standing()
+            answers.stop()
+            link._network.disconnect()
+            link._network, link._node = own, node
+
+
+def node_dictionary() -> Any:
+    import canopen
+
+    return canopen.ObjectDictionary()  # type: ignore[no-untyped-call]
+
+
+def answer_of(data: bytes) -> can.Message:
+    return can.Message(arbitration_id=0x581, data=data, is_extended_id=False)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_adapter_that_echoes(kind: str, bus: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SickBus, "echoes", True)
+    if kind == "j1939":
+        with (
+            pytest.raises(LinkError, match=r"our own claim of address 0x26 came back: .* say echo = true"),
+            linked(kind, bus),
+        ):
+            pass
+    with linked(kind, bus, **({"echo": True} if kind == "j1939" else {})) as link:
+        assert next(iter(moved(kind, link, 30.0).values())) == pytest.approx(30.0, abs=1.0)
+
+
+def test_with_an_echo_another_controller_still_takes_the_address(bus: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(SickBus, "echoes", True)
+    with can.Bus(interface="virtual", channel=bus) as other, linked("j1939", bus, echo=True) as link:
+        moved("j1939", link, 30.0)
+        other.send(can.Message(arbitration_id=0x18EEFF26, data=bytes(8), is_extended_id=True))
+        with pytest.raises(LinkError, match="belongs to a controller with NAME 0x0000000000000000"):
+            moved("j1939", link, 30.0)
+
+
+@pytest.mark.parametrize(("kind", "said"), [("canopen", "node 1, vendor 0x"), ("j1939", "NAME 0x2000810000000001")])
+def test_what_a_valve_says_of_itself(kind: str, said: str, bus: str) -> None:
+    with linked(kind, bus) as link:
+        moved(kind, link, 10.0)
+        assert link.identity.startswith(said)
+
+
+def test_frames_are_logged_for_who_listens_and_nobody_else_is_silenced(
+    bus: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    before = {name: logging.getLogger(name).level for name in ("can", "canopen")}
+    for kind in KINDS:
+        with linked(kind, bus) as link:
+            moved(kind, link, 10.0)
+            assert not [record for record in caplog.records if record.name.startswith("hil.link")]
+            with caplog.at_level(logging.DEBUG, logger="hil.link"):
+                moved(kind, link, 10.0)
+        names = {record.name for record in caplog.records if record.name.startswith("hil.link")}
+        assert names == {f"hil.link.{kind}_valve.sick:{bus}"}
+        caplog.clear()
+    assert {name: logging.getLogger(name).level for name in before} == before
