@@ -229,11 +229,14 @@ def _report(file: BenchFile, run: Path, told: dict[str, object], text: str) -> N
     content = json.dumps(told, indent=1, ensure_ascii=False) + "\n"
     elsewhere = state_path("watchdog", file.bench.name, ".json")
     for path in (run / REPORT_FILE, elsewhere):
-        with suppress(OSError):
+        try:
             if path is elsewhere:
                 path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(content, encoding="utf-8")
             break
+        except OSError:  # no folder, or no room in it: half a report is none
+            with suppress(OSError):
+                path.unlink()
     _tell(text)
 
 

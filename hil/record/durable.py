@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import os
+import shutil
 import sys
 import threading
 from collections.abc import Sequence
@@ -25,11 +27,28 @@ def sync_file(descriptor: int) -> None:
     os.fsync(descriptor)
 
 
+def is_deleted(file: FileIO) -> bool:
+    """Whether an open file has no name any more: it can be written on, and is lost when it is closed."""
+    return os.fstat(file.fileno()).st_nlink == 0
+
+
+def copy_open(file: FileIO, path: Path) -> None:
+    """Write an open file anew under a name; raises `OSError`."""
+    file.seek(0)
+    with path.open("wb") as copy:
+        shutil.copyfileobj(file, copy)
+
+
 def sync_folder(folder: Path) -> None:
-    """Return when a folder's entries (files made, renamed) are on the disk."""
+    """Return when a folder's entries (files made, renamed) are on the disk, where a file can be opened for that."""
     if sys.platform == "win32":  # folders cannot be opened there; NTFS journals its entries
         return
-    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        descriptor = os.open(folder, os.O_RDONLY)
+    except OSError as error:
+        if error.errno in (errno.EMFILE, errno.ENFILE):  # the entries come to the disk a little later
+            return
+        raise
     try:
         os.fsync(descriptor)
     finally:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.errors import FileError
-from hil.record.durable import write_at
+from hil.record.durable import copy_open, write_at
 from hil.record.plain import to_json
 
 EVENTS_FILE = "events.jsonl"
@@ -48,6 +48,11 @@ class EventsWriter:
             raise
         self._bytes += len(line)
         self._sum.update(line)
+
+    def copy_to(self, folder: Path) -> None:
+        """Write what is whole into the file of another folder; raises `OSError`."""
+        self.trim()
+        copy_open(self._file, folder / EVENTS_FILE)
 
     def trim(self) -> None:
         """Cut off a line that was interrupted."""

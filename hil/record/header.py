@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from io import FileIO
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
@@ -13,7 +14,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from hil import __version__
 from hil.errors import FileError
-from hil.record.durable import sync_file, sync_folder
+from hil.record.durable import sync_file, sync_folder, write_at
 from hil.record.plain import plain
 
 HEADER_FILE, END_FILE = "run.json", "end.json"
@@ -96,15 +97,18 @@ def write_header(folder: Path, header: Header) -> None:
     (folder / f"{END_FILE}.part").write_bytes(b" " * _KEPT_BYTES)
 
 
-def write_end(folder: Path, end: End) -> None:
+def open_end(folder: Path) -> FileIO:
+    """The room that is kept for `end.json`, open: it can be written when no file can be opened any more."""
+    return FileIO(folder / f"{END_FILE}.part", "r+")
+
+
+def write_end(folder: Path, room: FileIO, end: End) -> None:
     """Write `end.json`, whole or not at all, in the room that was kept for it."""
-    part = folder / f"{END_FILE}.part"
-    with part.open("r+b") as file:
-        file.write(end.model_dump_json(indent=1).encode() + b"\n")
-        file.truncate()
-        file.flush()
-        sync_file(file.fileno())
-    part.replace(folder / END_FILE)
+    text = end.model_dump_json(indent=1).encode() + b"\n"
+    write_at(room, 0, text)
+    room.truncate(len(text))
+    sync_file(room.fileno())
+    (folder / f"{END_FILE}.part").replace(folder / END_FILE)
     sync_folder(folder)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from hil.errors import StorageError
 from hil.record.durable import Syncer
 from hil.record.events import EVENTS_FILE, EventsWriter
-from hil.record.header import HEADER_FILE, Column, End, Header, new_header, sha256_of, write_end
+from hil.record.header import HEADER_FILE, Column, End, Header, new_header, open_end, sha256_of, write_end
 from hil.record.new_folder import make_folder
 from hil.record.parts import PLACE, STARTED, STOPPED, as_events
 from hil.record.plain import plain
@@ -42,6 +42,8 @@ class RunWriter:
         self._names = tuple(column.name for column in header.samples.columns)
         self._rows = RowsWriter(path, len(self._names))
         self._events = EventsWriter(path)
+        self._end_room = open_end(path)
+        self._header_sum = sha256_of(path / HEADER_FILE)
         self._syncer = Syncer((*self._rows.descriptors, self._events.descriptor))
         self._parts = 0
         self._closed = False
@@ -85,6 +87,8 @@ class RunWriter:
         for start in range(0, len(time_s), _ROWS_AT_ONCE):
             table = np.stack([column[start : start + _ROWS_AT_ONCE] for column in columns], axis=1)
             with self._storing():
+                if self._rows.is_deleted:
+                    raise OSError(errno.ENOENT, "the run folder was deleted")
                 self._syncer.check()
                 self._rows.append(np.ascontiguousarray(table, dtype="<f8"))
         self._syncer.written()
@@ -151,6 +155,9 @@ class RunWriter:
 
         Raises:
             StorageError: the last samples or the end could not be brought to the disk.
+
+        A folder that was deleted meanwhile is made again, with everything that was recorded: under its own name, or
+        beside it if something is there.
         """
         if self._closed:
             return
@@ -158,10 +165,13 @@ class RunWriter:
         try:
             with self._storing():
                 self._settle()
-                write_end(self.path, self._end(outcome, stopped_utc, meta))
+                if self._rows.is_deleted:
+                    self._restore()
+                write_end(self.path, self._end_room, self._end(outcome, stopped_utc, meta))
         finally:
             self._rows.close()
             self._events.close()
+            self._end_room.close()
 
     def __enter__(self) -> Self:
         return self
@@ -202,11 +212,22 @@ class RunWriter:
         finally:
             self._syncer.stop()
 
+    def _restore(self) -> None:
+        """Make the folder again from the files that are still open."""
+        self._now("the run folder was deleted, and made again", {"samples": self.rows})
+        if self.path.exists():
+            self.path = self.path.with_name(f"{self.path.name}-restored")
+        make_folder(self.path, self.header)
+        self._rows.copy_to(self.path)
+        self._events.copy_to(self.path)
+        self._end_room.close()
+        self._end_room = open_end(self.path)
+
     def _end(self, outcome: str, stopped_utc: datetime | None, meta: Mapping[str, Any]) -> End:
         mark = self._rows.mark
         return End(
             outcome=outcome, stopped_utc=stopped_utc or datetime.now(UTC), rows=mark.rows, crc32=f"{mark.crc32:08x}",
-            sha256={HEADER_FILE: sha256_of(self.path / HEADER_FILE), EVENTS_FILE: self._events.sha256},
+            sha256={HEADER_FILE: self._header_sum, EVENTS_FILE: self._events.sha256},
             meta=plain(meta),
         )  # fmt: skip
 

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from io import SEEK_END, FileIO
 from pathlib import Path
 
-from hil.record.durable import write_at
+from hil.record.durable import copy_open, is_deleted, write_at
 from hil.record.recording import Array
 
 ROWS_FILE, JOURNAL_FILE = "samples.f8", "samples.log"
@@ -52,9 +52,21 @@ class RowsWriter:
         self._row_bytes = columns * VALUE_BYTES
         self._file = FileIO(folder / ROWS_FILE, "r+")
         self._journal = FileIO(folder / JOURNAL_FILE, "r+")
+        self._named = not is_deleted(self._file)  # some file systems say of every file that it has no name
         self._lines = 0
         self.mark = Mark()
         self.last_s: float | None = None
+
+    @property
+    def is_deleted(self) -> bool:
+        """Whether the folder was deleted under them."""
+        return self._named and is_deleted(self._file)
+
+    def copy_to(self, folder: Path) -> None:
+        """Write what is whole into the files of another folder; raises `OSError`."""
+        self.trim()
+        copy_open(self._file, folder / ROWS_FILE)
+        copy_open(self._journal, folder / JOURNAL_FILE)
 
     @property
     def descriptors(self) -> tuple[int, int]:

@@ -1,0 +1,75 @@
+"""A run folder that is deleted while it is written: the run hears of it, and everything is kept."""
+
+from __future__ import annotations
+
+import resource
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.errors import StorageError
+from hil.record.folder import RunWriter, read
+
+
+def begun(path: Path) -> RunWriter:
+    run = RunWriter.create(path, {"procedure": "test"}, [("flow", "l/min")])
+    run.append(np.arange(50) / 100.0, {"flow": np.arange(50) * 1.0})
+    run.event("driven")
+    return run
+
+
+def go_on(run: RunWriter) -> None:
+    run.append(np.arange(50, 60) / 100.0, {"flow": np.arange(10) * 1.0})
+
+
+def test_deleted_folder_is_noticed_at_the_next_block_and_made_again(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run")
+    shutil.rmtree(tmp_path / "run")
+    with pytest.raises(StorageError, match=r"run: cannot be written: the run folder was deleted; 50 samples"):
+        go_on(run)
+    run.close("StorageError: the run folder was deleted")
+    found = read(tmp_path / "run")
+    assert found.channels["flow"].values.tolist() == list(range(50)) and "incomplete" not in found.meta
+    assert [event["event"] for event in found.meta["events"]] == [
+        "driven", "the run folder was deleted, and made again",
+    ]  # fmt: skip
+
+
+def test_what_lies_in_its_place_is_left_alone(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run")
+    shutil.rmtree(tmp_path / "run")
+    (tmp_path / "run").write_text("mine")
+    run.close()
+    assert (tmp_path / "run").read_text() == "mine"
+    assert len(read(tmp_path / "run-restored")) == 50 and run.path == tmp_path / "run-restored"
+
+
+def test_folder_that_was_renamed_is_written_on(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run")
+    (tmp_path / "run").rename(tmp_path / "other")
+    go_on(run)
+    with pytest.raises(StorageError, match="60 samples"):  # but nobody knows where its end belongs
+        run.close()
+    assert len(read(tmp_path / "other")) == 60
+
+
+@contextmanager
+def no_handles() -> Iterator[None]:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (3, hard))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_run_is_sealed_where_no_file_can_be_opened_any_more(tmp_path: Path) -> None:
+    run = begun(tmp_path / "run")
+    with no_handles():
+        go_on(run)
+        run.close()
+    assert len(read(tmp_path / "run")) == 60 and read(tmp_path / "run").meta["outcome"] == "completed"
