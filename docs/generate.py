@@ -8,10 +8,13 @@ A test compares the pages with what this makes of the installed program, so they
 from __future__ import annotations
 
 import contextlib
+import inspect
 import io
 import math
 import os
+import re
 import sys
+import textwrap
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -38,7 +41,7 @@ def main() -> None:
 def pages() -> dict[str, str]:
     """The generated pages by file name."""
     made = {"command-line.md": command_line(), "plants.md": plants_page(), "effects.md": effects_page(),
-            "results.md": results_page()}  # fmt: skip
+            "results.md": results_page(), "python.md": python_page()}  # fmt: skip
     return {name: "\n".join(lines).rstrip() + "\n" for name, lines in made.items()}
 
 
@@ -251,6 +254,51 @@ def schema_type(field: Mapping[str, Any]) -> str:
     if field.get("type") == "array":
         return f"list of {schema_type(field['items'])}"
     return str(field.get("format") or field.get("type"))
+
+
+PYTHON = """\
+`import hil` offers the names below and imports none of them before it is used. They are what the commands do, as
+functions on values: recordings, models, results. Each of these shows itself in a notebook; `Recording` and `Results`
+have `.plot()` (a matplotlib figure) and `.to_pandas()`, recordings `.to_xarray()` too. Errors are
+`hil.errors.HilError`, one sentence each."""
+
+
+def python_page() -> Iterator[str]:
+    """The page of the public interface: every name with its signature and what it says of itself."""
+    from hil import api
+
+    yield from ("# Python", "", NOTE, "", PYTHON, "", "```python", *_example(inspect.getdoc(api) or ""), "```")
+    for name in sorted(api.__all__, key=str.lower):
+        public = getattr(api, name)
+        signature = "" if inspect.isclass(public) else signature_of(public)
+        yield from ("", f"## `hil.{name}`", "", "```text", *wrapped(f"{name}{signature}"), "", *said_of(public), "```")
+
+
+def _example(doc: str) -> list[str]:
+    """The indented lines of a docstring."""
+    return [line[4:] for line in doc.splitlines() if line.startswith("    ") or not line.strip()][1:-1]
+
+
+def signature_of(function: Any) -> str:
+    """What a function takes and returns; of a default that is no plain value only that there is one."""
+    found = inspect.signature(function)
+    plain = str | int | float | tuple | bool | None
+    given = [
+        one if one.default is one.empty or isinstance(one.default, plain) else one.replace(default=Ellipsis)
+        for one in found.parameters.values()
+    ]
+    text = str(found.replace(parameters=given)).replace("Ellipsis", "...")
+    return re.sub(r"'([A-Za-z][^']*)'", r"\1", text)
+
+
+def wrapped(text: str) -> list[str]:
+    """Text in lines that fit a page."""
+    return textwrap.wrap(text, 110, subsequent_indent="    ", break_long_words=False)
+
+
+def said_of(public: Any) -> list[str]:
+    """The docstring of a name."""
+    return (inspect.getdoc(public) or "").splitlines()
 
 
 def number(value: float) -> str:

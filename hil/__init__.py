@@ -1,3 +1,55 @@
-"""Hardware-in-the-loop test controller for electrically modulated hydraulic valves."""
+"""Hardware-in-the-loop test controller for electrically modulated hydraulic valves.
 
-__version__ = "0.1.0"
+    import hil
+
+    recording = hil.read("response.csv")
+    found = hil.identify([recording], "brevini-hpv41")
+    print(found.text)
+
+The names below are the public interface; `hil.api` says what each does. None is imported before it is used.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hil.version import __version__ as __version__
+
+if TYPE_CHECKING:
+    from hil.api import (
+        Model,
+        Recording,
+        Results,
+        compare,
+        diagnose,
+        find_runs,
+        identify,
+        load_model,
+        open_bench,
+        read,
+        results,
+        run,
+        save_model,
+        simulate,
+        typical_model,
+        write,
+    )  # fmt: skip
+
+__all__ = [
+    "Model", "Recording", "Results", "compare", "diagnose", "find_runs", "identify", "load_model", "open_bench", "read",
+    "results", "run", "save_model", "simulate", "typical_model", "write",
+]  # fmt: skip
+
+
+if not TYPE_CHECKING:  # a type checker sees the names above, and no others
+
+    def __getattr__(name: str) -> Any:
+        if name in __all__:
+            from hil import api
+
+            return getattr(api, name)
+        raise AttributeError(f"module 'hil' has no attribute '{name}'; public are: {', '.join(__all__)}")
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *__all__]

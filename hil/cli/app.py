@@ -8,11 +8,12 @@ import sys
 
 import typer
 
-from hil import __version__, cli
+from hil import cli
 from hil.cli import said
 from hil.cli.said import say
 from hil.errors import marked
 from hil.safety.interrupt import status_of
+from hil.version import __version__
 
 
 def _options(

@@ -33,6 +33,13 @@ class Diagnosed:
     diagnosis: Diagnosis
     corrected: Model
 
+    def _repr_html_(self) -> str:
+        from hil.record.show import table_html
+
+        told = self.diagnosis
+        rows = [(f.name, f"{100 * f.probability:.0f} %", f.sentence) for f in told.effects]
+        return table_html(("effect", "probability", "in words"), rows, f"{told.verdict}: {told.headline}")
+
 
 def diagnose(
     model: Model,

@@ -65,6 +65,19 @@ class Curve(_Strict):
             raise KeyError(f"curve '{self.name}' has no column '{name}'; it has: {', '.join(names)}")
         return tuple(row[names.index(name)] for row in self.rows)
 
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame with columns `name [unit]`. Raises `InputError` without pandas."""
+        from hil.record.show import needed
+
+        heads = [f"{column.name} [{column.unit}]" for column in self.columns]
+        return needed("pandas", "to_pandas").DataFrame(list(self.rows), columns=heads)
+
+    def plot(self) -> Any:
+        """A matplotlib figure: every column over the first, an axis for each unit."""
+        from hil.findings.show import curve_figure
+
+        return curve_figure(self)
+
 
 class FittedFunction(_Strict):
     """A fitted transfer function B(s)/A(s)·e^(−s·dead time), coefficients from the highest power down.
@@ -123,6 +136,25 @@ class Results(_Strict):
         if found is None:
             raise KeyError(f"no value '{name}'; there are: {', '.join(value.name for value in self.values)}")
         return found
+
+    def _repr_html_(self) -> str:
+        from hil.findings.show import results_html
+
+        return results_html(self)
+
+    def to_pandas(self) -> Any:
+        """The values as a pandas DataFrame, indexed by name. Raises `InputError` without pandas."""
+        from hil.record.show import needed
+
+        rows = [value.model_dump() for value in self.values]
+        return needed("pandas", "to_pandas").DataFrame(rows).set_index("name")
+
+    def plot(self, name: str = "") -> Any:
+        """A matplotlib figure of one curve, the first when none is named. Raises `KeyError` where there is none."""
+        found = next((curve for curve in self.curves if not name or curve.name == name), None)
+        if found is None:
+            raise KeyError(f"no curve '{name}'; there are: {', '.join(curve.name for curve in self.curves) or 'none'}")
+        return found.plot()
 
     def as_json(self) -> str:
         """The document, indented, no NaN or infinity in it."""

@@ -89,6 +89,14 @@ class Model:
     covariance: Covariance | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
 
+    def _repr_html_(self) -> str:
+        from hil.record.show import table_html
+
+        rows = [_row(name, value) for name, value in self.parameters.items()]
+        for effect in self.effects:
+            rows += [_row(f"{effect.name}.{name}", value) for name, value in effect.parameters.items()]
+        return table_html(("parameter", "value", "unit"), rows, f"{self.plant}: {self.input} → {self.output}")
+
     @property
     def definition(self) -> Plant:
         """The installed plant."""
@@ -106,6 +114,11 @@ class Model:
             ActiveEffect(e.name, e.hook, {name: found.value for name, found in e.parameters.items()})
             for e in self.effects
         )
+
+
+def _row(name: str, value: Value) -> tuple[str, str, str]:
+    told = "" if value.std is None else f" ± {2.0 * value.std:.2g}"
+    return name, f"{value.value:.6g}{told}", value.unit
 
 
 def typical_model(name: str) -> Model:

@@ -12,10 +12,10 @@ from typing import Any, Literal, TypeVar
 
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
-from hil import __version__
 from hil.errors import FileError
 from hil.record.durable import sync_file, sync_folder, write_at
 from hil.record.plain import plain
+from hil.version import __version__
 
 HEADER_FILE, END_FILE = "run.json", "end.json"
 _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1

@@ -85,6 +85,29 @@ class Recording:
     def __len__(self) -> int:
         return len(self.time_s)
 
+    def _repr_html_(self) -> str:
+        from hil.record.show import recording_html
+
+        return recording_html(self)
+
+    def plot(self, *names: str) -> Any:
+        """A matplotlib figure of these channels, of all when none is named; an axis for each unit."""
+        from hil.record.show import recording_figure
+
+        return recording_figure(self, names)
+
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame: columns `name [unit]`, indexed by `time [s]`. Raises `InputError` without pandas."""
+        from hil.record.show import recording_frame
+
+        return recording_frame(self)
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset over `time`, units as attributes. Raises `InputError` without xarray."""
+        from hil.record.show import recording_dataset
+
+        return recording_dataset(self)
+
     @property
     def duration_s(self) -> float:
         """From the first stamp to the last."""

@@ -9,9 +9,9 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from hil import __version__
 from hil.errors import StorageError
 from hil.report.number import limits_text, number, unit_text, with_uncertainty
+from hil.version import __version__
 
 
 def write_page(template: str, path: Path, **values: Any) -> None:
