@@ -61,7 +61,7 @@ class Output:
 
     def described(self, name: str) -> str:
         """In words, for an output that is not settled."""
-        at = "" if self.at is None else f" {self.at:.4g} {self.unit}"
+        at = "" if self.at is None else f" {self.at:.4g}{'' if self.unit == '1' else f' {self.unit}'}"
         texts = {
             State.DRIVEN: f"'{name}' stands at{at}" if at else f"'{name}' is driven",
             State.UNCONFIRMED: f"'{name}' was told to be safe, and could not be read back",
@@ -182,12 +182,14 @@ class Outputs:
             answers = dict.fromkeys(self._known, ReadBack(why=f"{error or type(error).__name__}"))
         alive()
         for name in self._known:
-            self._known[name] = self._after(name, answers.get(name, CANNOT_BE_ASKED), failure)
+            self._known[name] = self._after(name, answers.get(name, CANNOT_BE_ASKED), failure, daq.levels)
 
-    def _after(self, name: str, answer: ReadBack, failure: str) -> Output:
+    def _after(self, name: str, answer: ReadBack, failure: str, levels: Mapping[str, float]) -> Output:
         before, channel = self._known[name], self._channels[name]
         known = replace(before, can=answer.can, why=answer.why or failure, rescue=answer.rescue)
         if answer.at is not None:
             safe = abs(answer.at - channel.safe) <= _AGREES * (channel.high - channel.low)
             return replace(known, state=State.SAFE if safe else State.DRIVEN, at=answer.at, why="")
-        return replace(known, state=State.UNKNOWN) if failure else replace(known, state=State.UNCONFIRMED, at=None)
+        if failure:  # a way to the safe values that was planned is no place where it was driven to
+            return replace(known, state=State.UNKNOWN, at=levels.get(name, known.at))
+        return replace(known, state=State.UNCONFIRMED, at=None)

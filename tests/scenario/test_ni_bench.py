@@ -80,8 +80,8 @@ def test_it_runs_with_its_watchdog_and_ends_safe(bench: Bench) -> None:
 def test_it_is_killed_and_the_watchdog_process_makes_the_board_safe(bench: Bench) -> None:
     process = bench.drive()
     process.kill()
-    _, err = process.communicate(timeout=PATIENCE_S)  # the watchdog holds its end of the pipe until it is done
-    assert "outputs made safe in" in err and bench.watchdog()["safe_after_s"] < 2.0
+    process.communicate(timeout=PATIENCE_S)
+    assert bench.watchdog()["safe_after_s"] < 2.0
     assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
 
 
@@ -93,7 +93,9 @@ def test_board_is_unplugged_and_found_again_by_the_watchdog_process(bench: Bench
     assert process.returncode == 3 and bench.level("ao0") == HALF
     unplugged.unlink()  # plugged in again; a real one would have forgotten its levels, this one has not
     _, err = process.communicate(timeout=PATIENCE_S)
-    assert "(-200324)" in err and "could not be made safe" in err and "use the emergency stop" in err
+    assert "(-200324)" in err and "use the emergency stop" in err
+    assert "NOT SAFE: nobody knows where 'command' stands, driven to 50 % last" in err
+    assert "nobody knows where 'enable' stands, driven to 1 last" in err
     assert bench.watchdog()["safe_after_s"] >= 0.0
     assert (bench.level("ao0"), bench.level(RELAY)) == (0.0, 0.0)
 
