@@ -7,6 +7,7 @@ from contextlib import suppress
 from typing import Any
 
 from drivers._edge import wire_log
+from hil.daq.address import Port, address_fault
 from hil.errors import DeviceLostError, LinkError
 
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
@@ -21,7 +22,7 @@ class Line:
     more, and then the line begins empty.
 
     Args:
-        address: as pyserial takes it.
+        address: a port, `usb:` with the number or place of its adapter, or a serial server.
         baud: of a real line.
         end: of requests and answers.
         timeout_s: an answer that takes longer counts as none.
@@ -44,6 +45,7 @@ class Line:
         self._log = wire_log(driver, address)
         self._quiet_until_s = self._rest_until_s = 0.0
         self._port: Any = None
+        self._place = Port(address)
         self._open()
 
     def ask(self, request: str) -> str:
@@ -102,10 +104,13 @@ class Line:
     def _open(self) -> None:
         import serial
 
+        if fault := address_fault(self._address):
+            raise DeviceLostError(fault)
+        path = self._place.path()
         try:
             more: dict[str, Any] = {} if self._address.startswith("rfc2217:") else {"write_timeout": self._timeout_s}
             look_s = min(self._timeout_s, _LOOK_S)  # set once: on some ports a change is a negotiation
-            self._port = serial.serial_for_url(self._address, baudrate=self._baud, timeout=look_s, **more)
+            self._port = serial.serial_for_url(path, baudrate=self._baud, timeout=look_s, **more)
         except (OSError, ValueError) as error:
             raise DeviceLostError(f"{self._address}: cannot be opened: {error}") from None
 

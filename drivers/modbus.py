@@ -133,7 +133,8 @@ class LineSettings(BaseModel):
 
     Attributes:
         transport: `tcp`, or `rtu` on a serial line.
-        address: `host:port` for tcp; a serial port or `socket://host:port` (serial server) for rtu.
+        address: `host:port` for tcp; for rtu a serial port, `usb:` with the number or place of its adapter, or
+            `socket://host:port` (serial server).
         unit_id: of the device on its line.
         baud, parity: of a serial line.
         timeout_s: an answer that takes longer counts as none.
@@ -445,6 +446,8 @@ class ModbusLink:
         self._heard = b""
         try:
             answer = _request(self._client, function, address, count, values, self._settings.unit_id)
+        except DeviceLostError:  # the port is not there, or not the same one any more
+            raise
         except ConnectionException as error:
             self._fail(error, DeviceLostError, "the connection is lost")
         except Exception as error:  # whatever the library makes of what came

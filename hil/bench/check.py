@@ -11,6 +11,7 @@ from hil.bench.device import DeviceInUse, mixes, model_path
 from hil.bench.draft import Draft
 from hil.bench.fault import Fault
 from hil.catalog import find
+from hil.daq.address import address_fault
 from hil.errors import HilError
 
 
@@ -19,6 +20,7 @@ def faults_of(draft: Draft, devices: Mapping[str, DeviceInUse], folder: Path) ->
     yield from _plant(draft, folder)
     yield from _valve_limits(draft)
     yield from _devices_that_mix(draft, devices)
+    yield from _addresses(devices)
     yield from _roles(draft)
     yield from terminals_used_once(draft)
     for name, channel in draft.channels.items():
@@ -86,6 +88,12 @@ def _devices_that_mix(draft: Draft, devices: Mapping[str, DeviceInUse]) -> Itera
                 "times its samples by itself and cannot share a bench with other devices; those that the host polls "
                 "over a link can",
             )
+
+
+def _addresses(devices: Mapping[str, DeviceInUse]) -> Iterator[Fault]:
+    for name, device in devices.items():
+        if text := address_fault(str(getattr(device.settings, "address", ""))):
+            yield Fault(("devices", name, "address"), text)
 
 
 def _roles(draft: Draft) -> Iterator[Fault]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from filelock import FileLock, Timeout
 
 from hil.bench.read import BenchFile
+from hil.daq.address import places_of
 from hil.errors import InUseError, StorageError
 from hil.safety.latch import state_path
 
@@ -28,20 +29,25 @@ def leased(file: BenchFile) -> Iterator[None]:
         StorageError: the lease cannot be written.
     """
     with ExitStack() as held:
-        for name in [] if file.is_simulated else _names(file):
-            held.enter_context(_held(name))
+        for what, name in [] if file.is_simulated else _leases(file):
+            held.enter_context(_held(what, name))
         yield
 
 
-def _names(file: BenchFile) -> list[str]:
-    """The bench, and each address that it uses: a copy of its file under another name drives the same valve."""
+def _leases(file: BenchFile) -> list[tuple[str, str]]:
+    """The bench and each device, by what it is: a copy of the file, or another name of a port, is the same valve.
+
+    Each with what is told of it when another program has it. In order, so that two programs never wait for each other.
+    """
     addresses = {str(getattr(device.settings, "address", "")) for device in file.devices.values()} - {""}
-    return [f"bench {file.bench.name}", *sorted(f"device at {address}" for address in addresses)]
+    devices = {place: address for address in sorted(addresses) for place in places_of(address)}
+    bench = f"bench {file.bench.name}"
+    return [(bench, bench), *((f"device at {place}", f"device at {devices[place]}") for place in sorted(devices))]
 
 
 @contextmanager
-def _held(name: str) -> Iterator[None]:
-    path = state_path("leases", name, ".lock")
+def _held(what: str, name: str) -> Iterator[None]:
+    path = state_path("leases", what, ".lock")
     holder = path.with_suffix(".json")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

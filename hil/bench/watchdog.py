@@ -6,7 +6,8 @@ It hears the program through a pipe, a byte for each sign of life, and answers e
 its own way to the devices once and makes their outputs safe, so that this way is known to work. From then on it does
 not touch them, until the pipe ends without a farewell (the program is dead) or is silent for too long while outputs
 are driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). Each device is made safe
-and read back by itself, whatever the others do, and those that fail are tried again. What it did stands in
+and read back by itself, whatever the others do, and those that fail are tried again; one that has the name of a device
+but is another one than before is not touched. What it did stands in
 `watchdog.json` in the run folder, or in the user's state folder when that is gone. Paths in the bench file are meant
 from FOLDER; nothing in it is imported.
 """
@@ -27,6 +28,7 @@ from pathlib import Path
 
 from hil.bench.heartbeat import ANSWER, AT_REST, ERROR, FAREWELL, GIVE_UP_S, READY, REPORT_FILE
 from hil.bench.lease import leased
+from hil.bench.pinned import pinned
 from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Daq
 from hil.errors import HardwareError, HilError, InUseError
@@ -52,7 +54,7 @@ def main(path: str, pid: str, run: str, folder: str) -> int:
 
 def _watch(path: Path, pid: int, run: Path) -> int:
     try:
-        file = read_bench(path)
+        file = pinned(read_bench(path))
         left = _tried_once(file)
         if left:
             raise HardwareError("; ".join(left))

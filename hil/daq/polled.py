@@ -47,7 +47,9 @@ class Link(Protocol):
         watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
         keep_alive_s: in a pause the outputs are driven again so often; None: not needed.
 
-    A device that tells its readings without being asked may say `reading_age_s`: how old one is on average.
+    A device that tells its readings without being asked may say `reading_age_s`: how old one is on average. One that
+    says what it is (a serial number) may keep that as `identity`, empty when it has not: who answers to its address
+    with another one later is another device.
     """
 
     watchdog_s: float | None
@@ -180,6 +182,11 @@ class PolledDaq:
             self._let_go()
             raise
         self._keep_alive()
+
+    @property
+    def identities(self) -> Mapping[str, str]:
+        """What each device says that it is; empty where it says nothing."""
+        return {member.name: str(getattr(member.link, "identity", "")) for member in self._members}
 
     @property
     def promises(self) -> Promises:

@@ -1,0 +1,181 @@
+"""What an address leads to: which device it is under whatever name, and whether it is still the same one."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import stat
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from hil.errors import DeviceLostError
+
+_LINES = ("socket", "rfc2217")  # of the addresses that pyserial knows: a serial server, plain or by RFC 2217
+_HARMFUL = ("spy", "alt", "loop", "hwgrep")  # writes a file, loads a class, leads nowhere, takes the first that fits
+_USB = "usb:"
+
+
+def address_fault(address: str) -> str:
+    """What is wrong with an address whoever uses it, empty if nothing."""
+    scheme = address.partition("://")[0].lower()
+    if "://" in address and scheme in _HARMFUL:
+        return (
+            f"'{address}': {scheme}:// is refused; a serial line is a port such as /dev/ttyUSB0, usb:SERIALNUMBER, "
+            f"socket://host:port or rfc2217://host:port"
+        )
+    return ""
+
+
+def places_of(address: str) -> list[str]:
+    """What an address leads to: the same for every name of one device, as far as this computer can know."""
+    scheme, is_url, rest = address.partition("://")
+    if is_url and scheme.lower() in _LINES:
+        return _hosts(re.split(r"[/?]", rest)[0]) or [address]
+    if is_url:
+        return [address]
+    if address.startswith("socketcand:"):
+        return _hosts(address.partition(":")[2]) or [address]
+    if address.startswith("socketcan:"):
+        return [_interface(address.partition(":")[2])]
+    if address.startswith("slcan:"):
+        return [_port(address.partition(":")[2].partition("@")[0])]
+    if address.startswith(_USB) or _looks_like_port(address):
+        return [_port(address)]
+    return _hosts(address) or [address]
+
+
+class Port:
+    """The serial port at an address, and ever after the same one: a name may come to belong to another device.
+
+    Args:
+        address: a port, `usb:` and what is known of its adapter (serial number, or place such as 1-1.4), or what else
+            a driver opens, of which nothing is known.
+    """
+
+    def __init__(self, address: str) -> None:
+        self._address = address
+        self._identity = ""
+
+    def path(self) -> str:
+        """Where to open it.
+
+        Raises:
+            DeviceLostError: it is not there, or another device is.
+        """
+        path, identity = found(self._address)
+        if self._identity and identity != self._identity:
+            raise DeviceLostError(
+                f"{self._address}: another device has this name now ({identity}); the one that was opened "
+                f"({self._identity}) is not there"
+            )
+        self._identity = identity
+        return path
+
+
+def found(address: str) -> tuple[str, str]:
+    """Where to open what an address names, and what it is, empty where only the device itself could tell.
+
+    Raises:
+        DeviceLostError: there is no such port.
+    """
+    if not (address.startswith(_USB) or _looks_like_port(address)):
+        return address, ""
+    path = _usb_port(address) if address.startswith(_USB) else address
+    try:
+        node = Path(path).stat()
+    except OSError as error:
+        if os.name == "nt":
+            return path, _usb_identity(path)
+        raise DeviceLostError(f"{path}: cannot be opened, no such port: {error.strerror}") from None
+    number = f"device number {os.major(node.st_rdev)}:{os.minor(node.st_rdev)}, node {node.st_ino}"
+    return path, _usb_identity(path) or number
+
+
+def _hosts(text: str) -> list[str]:
+    """Every network address of `host:port`; this computer is one, whatever it is called."""
+    host, colon, port = text.rpartition(":")
+    if not (colon and host and port.isdecimal()):
+        return []
+    try:
+        told = socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError, OverflowError):
+        return [f"{host.lower()}:{port}"]
+    return sorted({f"{_one_name(str(place[0]))}:{port}" for *_, place in told})
+
+
+def _one_name(host: str) -> str:
+    host = host.removeprefix("::ffff:").partition("%")[0]
+    if host in ("127.0.0.1", "::1", "0.0.0.0", "::") or (not host.startswith("127.") and _is_here(host)):
+        return "this computer"
+    return host
+
+
+def _is_here(host: str) -> bool:
+    """Whether an address is one of this computer: nobody else's can be bound."""
+    with socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind((host, 0))
+        except OSError:
+            return False
+        return True
+
+
+def _interface(name: str) -> str:
+    try:
+        return f"network interface {socket.if_nametoindex(name)}"
+    except OSError:
+        return f"socketcan:{name}"
+
+
+def _looks_like_port(address: str) -> bool:
+    return address.startswith(("/", "\\\\.\\", ".")) or re.fullmatch(r"COM\d+", address, re.IGNORECASE) is not None
+
+
+def _port(address: str) -> str:
+    try:
+        path = _usb_port(address) if address.startswith(_USB) else address
+        node = Path(path).stat()
+    except (OSError, DeviceLostError):
+        return address.upper() if os.name == "nt" else os.path.realpath(address)
+    is_device = stat.S_ISCHR(node.st_mode)
+    return f"device number {os.major(node.st_rdev)}:{os.minor(node.st_rdev)}" if is_device else os.path.realpath(path)
+
+
+def _usb_port(address: str) -> str:
+    """The port of the USB adapter with a serial number, or at a place.
+
+    Raises:
+        DeviceLostError: there is none, or several.
+    """
+    wanted = address.removeprefix(_USB)
+    ports = [port for port in _ports() if wanted in (port.serial_number, port.location)]
+    if len(ports) == 1:
+        return str(ports[0].device)
+    there = ", ".join(
+        f"{port.serial_number or 'no number'} at {port.location}" for port in ports or _ports() if port.vid
+    )
+    what = f"{len(ports)} ports have it, say the place of one" if ports else "no USB adapter has this number or place"
+    raise DeviceLostError(f"{address}: {what}; there are: {there or 'none'}")
+
+
+def _usb_identity(path: str) -> str:
+    real = os.path.realpath(path)
+    for port in _ports():
+        if port.vid is not None and os.path.realpath(port.device) == real:
+            kind = f"USB adapter {port.vid:04x}:{port.pid:04x}"
+            interface = (port.location or "").partition(":")[2]
+            if port.serial_number:
+                return f"{kind} number {port.serial_number}" + (f", interface {interface}" if interface else "")
+            return f"{kind} without number at {port.location}"
+    return ""
+
+
+def _ports() -> Iterable[Any]:
+    """Serial ports of this computer, as pyserial lists them; none where it is not installed."""
+    try:
+        from serial.tools import list_ports
+    except ImportError:
+        return []
+    return list(list_ports.comports())

@@ -1,0 +1,165 @@
+"""What an address leads to, under whatever name, and that a port stays the one that was opened."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from links import served
+
+from drivers import modbus
+from drivers._line import Line
+from hil.bench.find import benches
+from hil.bench.pinned import PinnedDevice, pinned
+from hil.bench.read import read_bench
+from hil.daq import address
+from hil.daq.address import Port, places_of
+from hil.daq.channel import OutputChannel, Wiring
+from hil.errors import DeviceLostError, FileError
+
+HERE = ["this computer:502"]
+
+
+@pytest.fixture
+def ports(tmp_path: Path) -> Iterator[list[str]]:
+    """Two serial lines."""
+    pairs = [os.openpty() for _ in range(2)]
+    yield [os.ttyname(slave) for _, slave in pairs]
+    for pair in pairs:
+        for end in pair:
+            os.close(end)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["127.0.0.1:502", "localhost:502", "[::1]:502", "::1:502", "::ffff:127.0.0.1:502", "0.0.0.0:502",
+     "socket://localhost:502", "SOCKET://127.0.0.1:502", "rfc2217://127.0.0.1:502?ign_set_control",
+     "socketcand:localhost:502"],
+)  # fmt: skip
+def test_this_computer_is_one_place(text: str) -> None:
+    assert places_of(text) == HERE
+
+
+def test_other_places_are_others() -> None:
+    seen = [places_of(text) for text in ("127.0.0.1:503", "127.0.0.2:502", "192.0.2.1:502", "no.such.invalid:502")]
+    assert seen == [["this computer:503"], ["127.0.0.2:502"], ["192.0.2.1:502"], ["no.such.invalid:502"]]
+    assert places_of("pcan:PCAN_USBBUS1") == ["pcan:PCAN_USBBUS1"] and places_of("virtual:a") == ["virtual:a"]
+
+
+@pytest.mark.skipif(not Path("/sys/class/net/lo").exists(), reason="needs a network interface that is known")
+def test_a_bus_is_its_network_interface() -> None:
+    index = Path("/sys/class/net/lo/ifindex").read_text(encoding="ascii").strip()
+    assert places_of("socketcan:lo") == [f"network interface {index}"]
+
+
+def test_a_port_is_one_under_every_link_to_it(ports: list[str], tmp_path: Path) -> None:
+    (tmp_path / "by-id").symlink_to(ports[0])
+    (tmp_path / "again").symlink_to(tmp_path / "by-id")
+    assert places_of(ports[0]) == places_of(f"{tmp_path}/by-id") == places_of(f"{tmp_path}/again")
+    assert places_of(ports[0]) != places_of(ports[1])
+    assert places_of(f"{tmp_path}/gone") == [f"{tmp_path}/gone"]
+
+
+def test_a_name_that_belongs_to_another_port_is_refused(ports: list[str], tmp_path: Path) -> None:
+    name = tmp_path / "name"
+    name.symlink_to(ports[0])
+    port = Port(str(name))
+    assert port.path() == port.path() == str(name)
+    name.unlink()
+    with pytest.raises(DeviceLostError, match="name: cannot be opened, no such port: No such file"):
+        port.path()
+    name.symlink_to(ports[1])
+    with pytest.raises(
+        DeviceLostError, match=r"another device has this name now \(device number .*\); the one that was"
+    ):
+        port.path()
+    name.unlink()
+    name.symlink_to(ports[0])
+    assert port.path() == str(name)
+
+
+def test_usb_adapters_are_known_by_number_or_place(ports: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    def adapter(device: str, number: str | None, place: str) -> SimpleNamespace:
+        return SimpleNamespace(device=device, vid=0x0403, pid=0x6001, serial_number=number, location=place)
+
+    plugged = [adapter(ports[0], "A50285BI", "1-1.4"), adapter(ports[1], None, "1-1.2")]
+    monkeypatch.setattr(address, "_ports", lambda: plugged)
+    known, placed = Port("usb:A50285BI"), Port("usb:1-1.2")
+    assert [known.path(), placed.path()] == ports
+    assert places_of("usb:A50285BI") == places_of(ports[0])
+    plugged[:] = [adapter(ports[1], "A50285BI", "1-1.3")]  # the same adapter, plugged in again elsewhere
+    assert known.path() == ports[1]
+    by_name = Port(ports[1])
+    by_name.path()
+    plugged[:] = [adapter(ports[1], "OTHER", "1-1.3")]
+    with pytest.raises(DeviceLostError, match=r"\(USB adapter 0403:6001 number OTHER\); the one .* number A50285BI"):
+        by_name.path()
+    with pytest.raises(DeviceLostError, match=r"no USB adapter has this number or place; there are: OTHER at 1-1.3"):
+        known.path()
+    plugged[:] = [adapter(port, "TWICE", f"1-1.4:1.{i}") for i, port in enumerate(ports)]
+    with pytest.raises(DeviceLostError, match="2 ports have it, say the place of one"):
+        Port("usb:TWICE").path()
+    assert Port("usb:1-1.4:1.1").path() == ports[1]
+
+
+@pytest.mark.parametrize("text", ["spy:///dev/ttyUSB0?file=/tmp/x", "SPY://COM1", "alt:///dev/x?class=y", "loop://"])
+def test_addresses_that_write_files_or_lead_elsewhere_are_refused(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    good = benches()["hpv41-serial"].read_text(encoding="utf-8")
+    path.write_text(good.replace("socket://127.0.0.1:14001", text), encoding="utf-8")
+    with pytest.raises(
+        FileError, match=r"address: '.*' ?: .*:// is refused; a serial line is a port such as /dev/ttyUSB0"
+    ):
+        read_bench(path)
+    with pytest.raises(DeviceLostError, match=":// is refused"):
+        Line(text, 9600, "\r", 0.1, 0.3, driver="ascii_module")
+
+
+def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    wiring = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
+    bench = "hpv41-modbus-rtu"
+    with served(bench, tmp_path / "a") as (file, _), served(bench, tmp_path / "b") as (_, twins):
+        settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
+        name, there = Path(settings.address), Path(twins["io"].where)
+        other = modbus.open_link(settings.model_copy(update={"address": str(there)}), wiring)
+        other.drive({"ao0": 3.0})
+        other.close()
+        watched = pinned(file).devices["io"]
+        watched.open(file.bench.channels).close()
+        link = modbus.open_link(settings, wiring)
+        link.drive({"ao0": 5.0})
+        link.close()  # the adapter is pulled, and another one gets its name
+        own = name.readlink()
+        name.unlink()
+        name.symlink_to(there.readlink())
+        with pytest.raises(DeviceLostError, match="another device has this name now"):
+            link.drive({"ao0": 0.0})
+        with pytest.raises(DeviceLostError, match="another device has this name now"):
+            watched.open(file.bench.channels)
+        other = modbus.open_link(settings.model_copy(update={"address": str(there)}), wiring)
+        assert other.standing()["ao0"] == pytest.approx(3.0, abs=1e-3)
+        other.close()
+        name.unlink()
+        name.symlink_to(own)
+        link.drive({"ao0": 0.0})
+        assert link.standing()["ao0"] == 0.0
+        link.close()
+
+
+def test_who_answers_as_another_one_is_another_device(tmp_path: Path) -> None:
+    with served("hpv41-serial", tmp_path) as (file, _):
+        watched = pinned(file)
+        device = watched.devices["module"]
+        assert isinstance(device, PinnedDevice)
+        for _ in range(2):
+            device.open(file.bench.channels).close()
+        device.answered.update(dict.fromkeys(device.answered, "another module at 01"))
+        with pytest.raises(
+            DeviceLostError, match=r"it says that it is .* at 01; another module at 01 was opened before"
+        ):
+            device.open(file.bench.channels)
