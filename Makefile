@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check bench proof docs clean help
+.PHONY: demo test test-slow check wheel bench acceptance-risk proof docs clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -33,12 +33,18 @@ test: $(STAMP) check  ## everything CI asks for
 test-slow: $(STAMP)  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else
 	$(BIN)/pytest -m slow
 
+wheel: $(STAMP)  ## build the wheel, install it alone, and try it where there is no checkout
+	$(BIN)/python tests/wheel.py
+
 $(VENV)/.bench-installed: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
 	@touch $@
 
 bench: $(VENV)/.bench-installed  ## every benchmark beside its peers, one table of times and ratios
 	$(BIN)/python benchmarks
+
+acceptance-risk: $(STAMP)  ## what the EFC's acceptance test risks (WHOLE=200, JUDGED=1000 drawn valves)
+	$(BIN)/python benchmarks/acceptance_risk.py --whole $(or $(WHOLE),200) --judged $(or $(JUDGED),1000)
 
 proof: $(STAMP)  ## the concealment proof (CASES=20); with RECORDINGS=DIR also the real recordings
 	$(BIN)/python -m tests.proof --cases $(or $(CASES),20) --out $(or $(OUT),proof)

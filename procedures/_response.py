@@ -160,22 +160,40 @@ def _least_fit(recording: Recording, label: str) -> float:
 def _with_model(response: FrequencyResponse, settings: Mapping[str, Any], least_percent: float) -> Evaluated:
     """The response with its bandwidths, and a transfer function where the lines bear one out."""
     label, corners = label_of(response), bandwidth(response)
-    asked = {name: settings[name] for name in ("poles", "zeros", "dead_time")}
     try:
-        fit = fit_transfer_function(_to_be_linear(response), **asked)
+        fit, why, fewer = _borne_out(response, settings, least_percent)
     except InputError as error:
         return Evaluated(label, response, corners, None, (f"{label}: no transfer function: {error}",))
-    if why := doubts(fit, least_percent):
-        form = f" with {asked['poles']} poles" if asked["poles"] is not None else ""
+    if why:
         poor = least_percent if fit.fit_percent < least_percent else None
-        return Evaluated(label, response, corners, None, (f"{label}: no linear model{form}: {'; '.join(why)}.",), poor)
-    notes = [f"{label}: {note}" for note in fit.notes]
+        note = f"{label}: no linear model with {fit.form.poles} poles: {'; '.join(why)}."
+        return Evaluated(label, response, corners, None, (note,), poor)
+    notes = [f"{label}: {note}" for note in (*fewer, *fit.notes)]
     if fit.fit_percent < LEAST_FIT_PERCENT:
         notes.append(
             f"{label}: the transfer function fits {fit.fit_percent:.1f} %, less than the customary "
             f"{LEAST_FIT_PERCENT:g} %; this bench asks for {least_percent:g} %."
         )
     return Evaluated(label, response, corners, fit, tuple(notes))
+
+
+def _borne_out(
+    response: FrequencyResponse, settings: Mapping[str, Any], least_percent: float
+) -> tuple[TransferFunctionFit, tuple[str, ...], tuple[str, ...]]:
+    """A fit with as many poles as were asked for, or fewer where the lines bear out only those.
+
+    Returns:
+        The fit, why it is none, and a sentence where it has fewer poles.
+    """
+    poles, lines = settings["poles"], _to_be_linear(response)
+    asked = {name: settings[name] for name in ("zeros", "dead_time")}
+    first = fit_transfer_function(lines, poles=poles, **asked)
+    why = doubts(first, least_percent)
+    for fewer in range((poles or 1) - 1, max(asked["zeros"] or 0, 1) - 1, -1) if why else ():
+        fit = fit_transfer_function(lines, poles=fewer, **asked)
+        if not doubts(fit, least_percent):
+            return fit, (), (f"{poles} poles are not borne out ({'; '.join(why)}); {fewer} are.",)
+    return first, why, ()
 
 
 def _to_be_linear(response: FrequencyResponse) -> FrequencyResponse:

@@ -127,6 +127,6 @@ def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[flo
 
 
 def _general_settings() -> dict[str, Any]:
-    """Defaults of the general procedure, which its evaluation asks for; the orders are left to the evidence."""
+    """Defaults of the general procedure, which its evaluation asks for."""
     arguments = inspect.signature(frequency_response.run).parameters.values()
-    return {a.name: a.default for a in arguments if a.default is not a.empty} | {"poles": None}
+    return {a.name: a.default for a in arguments if a.default is not a.empty}

@@ -99,6 +99,13 @@ def test_a_model_that_is_borne_out_stands_on_the_page():
     assert findings.curves["responses"][0]["model"] is not None
 
 
+def test_fewer_poles_stand_where_the_lines_bear_out_only_those():
+    findings = sines(1.0, poles=4)
+    (model,) = (curve["model"] for curve in findings.curves["responses"])
+    assert model is not None and (found(findings, "model_fit").value or 0.0) > 98.0
+    assert any("4 poles are not borne out" in note for note in findings.notes)
+
+
 def test_a_poor_fit_gives_a_sentence_and_a_bound_and_no_table():
     findings = sines(15000.0, {"model_fit": {"low": 70.0, "high": None}})
     fit, distortion = found(findings, "model_fit"), found(findings, "thd")
