@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from drivers._ni_heartbeat import Heartbeat
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Waveform
 from hil.errors import RangeError
@@ -21,6 +22,7 @@ class Lines:
         device: as NI MAX names it.
         out_port, in_port: the ports on which they are.
         outputs, inputs: by name of the channel.
+        beats: of the outputs, those that change again and again while they are on.
     """
 
     device: str
@@ -28,13 +30,15 @@ class Lines:
     in_port: int
     outputs: Mapping[str, OutputChannel]
     inputs: Mapping[str, InputChannel]
+    beats: Mapping[str, Heartbeat]
 
     def standing(self) -> dict[str, float]:
-        """How the outputs stand, as the device tells."""
+        """How the outputs stand, as the device tells; one that changes again and again is on."""
         import nidaqmx
 
-        found = {}
-        for name, channel in self.outputs.items():
+        found = {name: 1.0 for name, beat in self.beats.items() if beat.beats}
+        for name in self.outputs.keys() - found.keys():
+            channel = self.outputs[name]
             with nidaqmx.Task() as task:
                 task.do_channels.add_do_chan(self._line(self.out_port, channel.terminal))
                 found[name] = float(task.read())
@@ -45,14 +49,21 @@ class Lines:
         import nidaqmx
 
         for name in self.outputs.keys() & values.keys():
+            if name in self.beats:
+                self.beats[name].end()
+                if values[name] > 0.5:
+                    self.beats[name].begin()
+                    continue
             with nidaqmx.Task() as task:
                 task.do_channels.add_do_chan(self._line(self.out_port, self.outputs[name].terminal))
                 task.write(values[name] > 0.5, auto_start=True)
 
     def read(self) -> dict[str, float]:
-        """Every input, read now."""
+        """Every input, read now. Raises what ended a line that should change again and again."""
         import nidaqmx
 
+        for beat in self.beats.values():
+            beat.check()
         found = {}
         for name, channel in self.inputs.items():
             with nidaqmx.Task() as task:

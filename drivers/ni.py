@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat
 from drivers._ni_board import InputWiring, check_inputs, configuration, input_numbers
 from drivers._ni_counters import Counters
 from drivers._ni_errors import told
+from drivers._ni_heartbeat import Heartbeat
 from drivers._ni_lines import Lines
 from drivers._ni_voltages import Voltages
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
@@ -42,6 +43,7 @@ class Settings(BaseModel):
         highest_rate_hz: of the outputs.
         digital_outputs, digital_inputs: how many lines are used as such.
         output_port, input_port: on which ports they are.
+        heartbeat_s: a digital output may also be used as a heartbeat, which changes so often while it is on.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -58,6 +60,7 @@ class Settings(BaseModel):
     digital_inputs: int = Field(default=4, ge=0, le=32)
     output_port: NonNegativeInt = 1
     input_port: NonNegativeInt = 0
+    heartbeat_s: PositiveFloat | None = None
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -75,10 +78,12 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """Outputs and inputs of ±10 V, in pairs half as many inputs; counters as duty cycles; digital lines."""
+    beats = settings.heartbeat_s is not None
     return {
         **{f"ao{i}": Terminal("out", "voltage", "V", -10.0, 10.0) for i in range(settings.outputs)},
         **{f"ctr{i}": Terminal("out", "value", "%", 0.0, 100.0) for i in range(settings.counters)},
         **{f"do{i}": Terminal("out", "digital", "1", 0.0, 1.0) for i in range(settings.digital_outputs)},
+        **{f"hb{i}": Terminal("out", "digital", "1", 0.0, 1.0) for i in range(settings.digital_outputs * beats)},
         **{f"ai{i}": Terminal("in", "voltage", "V", -10.0, 10.0)
            for i in input_numbers(settings.inputs, settings.wiring)},
         **{f"di{i}": Terminal("in", "digital", "1", 0.0, 1.0) for i in range(settings.digital_inputs)},
@@ -106,7 +111,8 @@ class NiDaq:
 
     Raises:
         DeviceLostError: no such device, or NI-DAQmx is not installed.
-        SettingError: a counter whose safe value is not 0 %, or an input that the device does not have in this wiring.
+        SettingError: a counter whose safe value is not 0 %, an input that the device does not have in this wiring, or a
+            line that is used twice.
     """
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
@@ -114,10 +120,7 @@ class NiDaq:
         self.outputs: Mapping[str, OutputChannel] = wiring.outputs
         self._voltages = Voltages(settings.device, _of_kind(wiring.outputs, "ao"))
         self._counters = Counters(settings.device, settings.pwm_hz, _of_kind(wiring.outputs, "ctr"))
-        self._lines = Lines(
-            settings.device, settings.output_port, settings.input_port, _of_kind(wiring.outputs, "do"),
-            _of_kind(wiring.inputs, "di"),
-        )  # fmt: skip
+        self._lines = _lines_of(settings, wiring)
         self.inputs: Mapping[str, InputChannel] = wiring.inputs
         self._sampled = _of_kind(wiring.inputs, "ai")
         count = len(self._sampled)
@@ -421,8 +424,21 @@ def _packed(rows: list[Array]) -> Array:
 
 
 def _of_kind(channels: Mapping[str, _Channel], prefix: str) -> dict[str, _Channel]:
-    """The channels on terminals of one kind: `ao`, `ctr`, `do`, `ai`, `di`."""
+    """The channels on terminals of one kind: `ao`, `ctr`, `do`, `hb`, `ai`, `di`."""
     return {name: channel for name, channel in channels.items() if channel.terminal.rstrip("0123456789") == prefix}
+
+
+def _lines_of(settings: Settings, wiring: Wiring) -> Lines:
+    steady, beating = _of_kind(wiring.outputs, "do"), _of_kind(wiring.outputs, "hb")
+    for name, channel in beating.items():
+        for other, one in steady.items():
+            if one.terminal[2:] == channel.terminal[2:]:
+                raise SettingError(f"'{name}': {channel.terminal} is the line of {one.terminal}, which '{other}' has")
+    line = f"{settings.device}/port{settings.output_port}/line"
+    every_s = settings.heartbeat_s or 0.0
+    beats = {name: Heartbeat(f"{line}{channel.terminal[2:]}", every_s) for name, channel in beating.items()}
+    inputs = _of_kind(wiring.inputs, "di")
+    return Lines(settings.device, settings.output_port, settings.input_port, {**steady, **beating}, inputs, beats)
 
 
 def _check_counters(outputs: Mapping[str, OutputChannel]) -> None:

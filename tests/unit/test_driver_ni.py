@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import nidaqmx
@@ -237,6 +238,51 @@ def test_relay_opens_first_and_alone_if_need_be(lines: ni.NiDaq, board: Board) -
     with pytest.raises(DeviceLostError, match=r"the reason.*\(-200324\)"):
         lines.make_safe()
     assert board.calls[-1] == "write  [1.0, 0.5]"
+
+
+BEAT = {"relay": OutputChannel("relay", "hb3", "digital", "1", 0.0, 1.0)}
+
+
+def edges(board: Board, for_s: float) -> int:
+    """How often the line changes."""
+    until_s, count, last = time.monotonic() + for_s, 0, board.levels["port1/line3"]
+    while time.monotonic() < until_s:
+        level = board.levels["port1/line3"]
+        count, last = count + (level != last), level
+        time.sleep(0.001)
+    return count
+
+
+def test_heartbeat_changes_while_it_is_on_and_stands_still_when_safe(board: Board) -> None:
+    daq = ni.open_daq(ni.Settings(heartbeat_s=0.005), Wiring({**WIRING.outputs, **BEAT}, WIRING.inputs))
+    assert daq.levels["relay"] == 0.0 and edges(board, 0.05) == 0
+    list(daq.play(Waveform(RATE_HZ, {"relay": np.ones(5)})))
+    assert daq.levels["relay"] == 1.0 and edges(board, 0.3) >= 6
+    list(daq.play(ramp()))  # it goes on
+    assert edges(board, 0.3) >= 6 and daq.read_back()["relay"].at == 1.0
+    daq.make_safe()
+    assert board.levels["port1/line3"] == 0.0 and edges(board, 0.05) == 0 and board.open == 0
+    daq.close()
+
+
+def test_heartbeat_that_fails_ends_the_task(board: Board) -> None:
+    daq = ni.open_daq(ni.Settings(heartbeat_s=0.005), Wiring({**WIRING.outputs, **BEAT}, WIRING.inputs))
+    list(daq.play(Waveform(RATE_HZ, {"relay": np.ones(5)})))
+    board.codes["write"] = -200324
+    while "write" in board.codes:
+        time.sleep(0.001)
+    time.sleep(0.02)
+    with pytest.raises(DeviceLostError, match="-200324"):
+        list(daq.play(Waveform(RATE_HZ, {"relay": np.ones(5)})))
+    daq.close()
+    assert board.open == 0
+
+
+def test_line_is_a_heartbeat_or_not(board: Board) -> None:
+    assert "hb0" not in ni.terminals(ni.Settings()) and "hb3" in ni.terminals(ni.Settings(heartbeat_s=0.1))
+    both = {"enable": OutputChannel("enable", "do3", "digital", "1", 0.0, 1.0), **BEAT}
+    with pytest.raises(SettingError, match="'relay': hb3 is the line of do3, which 'enable' has"):
+        ni.open_daq(ni.Settings(heartbeat_s=0.1), Wiring(both, {}))
 
 
 def test_found_relay_and_input_are_as_they_stand(board: Board) -> None:
