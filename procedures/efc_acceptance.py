@@ -59,6 +59,7 @@ BANDWIDTH_RATIO = Measurement(
 )
 _CONDITION = (GOOD, MALFUNCTIONED, SEVERE, USUAL, RISE_RATIO, BANDWIDTH_RATIO)
 COMPLETE = Measurement("parts_completed", "1", "parts of the test that were completed, of six", 6.0)
+CERTIFICATE = True
 MEASUREMENTS = (
     COMPLETE,
     FUNCTION,

@@ -43,6 +43,7 @@ def state(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
     """Trips and leases of the tests are their own, not the user's, and not those of tests beside them."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("HIL_STATE_DIR", str(tmp_path_factory.mktemp("state")))
+        patch.setenv("HIL_ARCHIVE", str(tmp_path_factory.mktemp("archive")))
         # Programs that tests start in a home of their own need not compile every plant anew.
         patch.setenv("HIL_CACHE_DIR", os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil"))
         yield

@@ -45,6 +45,7 @@ class Valve(_Strict):
 
     Attributes:
         plant: the installed plant, or the model file, that is its nominal model.
+        serial: of the unit, or `ask`: each run is told, by `--serial` or on the terminal.
         settling_s: after a change of the command, its answer has died away in so long.
         limits: of its command, in that channel's unit; they tighten those of the channel.
         amplifier: settings of its electronics: dither, ramps, dead-band compensation.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hil.bench.check import faults_of
@@ -36,6 +36,11 @@ class BenchFile:
     def open(self) -> Daq:
         """The devices as one DAQ, in raw units, the outputs where they were found. Raises `HardwareError`."""
         return open_devices(self.devices, self.bench.channels)
+
+    def of_unit(self, serial: str) -> BenchFile:
+        """The same bench with another unit on it."""
+        valve = self.bench.valve.model_copy(update={"serial": serial})
+        return replace(self, bench=self.bench.model_copy(update={"valve": valve}))
 
     @property
     def is_simulated(self) -> bool:

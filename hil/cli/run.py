@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
+import sys
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
+
+from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
     from hil.record.measurement import Measurement
@@ -23,6 +27,12 @@ def command(
         [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; one end may be left out."
     ),
     out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/PROCEDURE-<time>."),
+    serial: str = typer.Option("", "--serial", metavar="SN", help="Serial number of the unit."),
+    operator: str = typer.Option("", "--operator", metavar="NAME", help="Who runs it; a short mark will do."),
+    notes: list[str] = typer.Option(
+        [], "--note", metavar="KEY=VALUE", help="What else is to be known; again for more."
+    ),
+    archive: str = ARCHIVE,
     resets: list[str] = typer.Option([], "--reset", metavar="INTERLOCK", help="Reset a trip of this interlock."),
     rehearse: bool = typer.Option(
         False, "--rehearse", help="First play it on the simulated valve; drive only what goes through there."
@@ -44,19 +54,19 @@ def command(
         return
     if not bench:
         raise typer.BadParameter("say on which bench: --bench BENCH.toml", param_hint="--bench")
-    from hil.cli.places import check_folder
-
-    folder = out or Path("runs") / f"{chosen.name}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
-    check_folder(folder)
-
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
+    from hil.cli.places import check_folder
     from hil.cli.said import say
     from hil.report.terminal import findings_text
     from hil.safety.outputs import Outputs
+    from hil.session.labels import labelled, labels_of
     from hil.session.run import rehearse_procedure, run_procedure
 
     found = read_bench(find_bench(bench))
+    found, labels = labelled(found, chosen, labels_of(serial, operator, notes), _asked if sys.stdin.isatty() else None)
+    folder = out or Path("runs") / _folder_name(chosen.name, labels.serial)
+    check_folder(folder)
     given = split_assignments(settings)
     known = Outputs()
     try:
@@ -66,15 +76,47 @@ def command(
             typer.echo(_rehearsed(rehearsed))
         typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}")
         with shown() as progress:
-            outcome = run_procedure(chosen, found, given, folder, progress, resets, split_limits(limits), resume, known)
+            outcome = run_procedure(
+                chosen, found, given, folder, progress, resets, split_limits(limits), resume, known, labels
+            )
     except BaseException as error:  # said here: on its way up typer would make something else of some
         known.mark(error)
         stopped = isinstance(error, KeyboardInterrupt)
-        raise typer.Exit(say(error, *([known.text, _kept(folder)] if stopped else []))) from error
+        status = say(error, *([known.text, _kept(folder)] if stopped else []))
+        _enter(archive, folder)
+        raise typer.Exit(status) from error
     with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
         typer.echo(findings_text(outcome.findings))
         typer.echo(f"report: {outcome.report}")
+    _enter(archive, folder)
     raise typer.Exit(outcome.exit_status)
+
+
+def _asked() -> str:
+    """The serial number, typed or scanned."""
+    text: str = typer.prompt("serial number of the unit", default="", show_default=False, err=True)
+    return text
+
+
+def _folder_name(procedure: str, serial: str) -> str:
+    """Procedure, unit and time in UTC; of the serial number what a folder's name can hold."""
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "-", serial).strip("-.")
+    unit = f"{plain}-" if plain and plain != "simulated" else ""
+    return f"{procedure}-{unit}{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+
+
+def _enter(archive: str, folder: Path) -> None:
+    """Enter the run into the archive; what keeps it from that is said, and nothing else."""
+    from hil.record.header import HEADER_FILE
+
+    if not (folder / HEADER_FILE).is_file():
+        return
+    from hil.archive.pending import enter_or_keep
+    from hil.archive.place import archive_place
+
+    with suppress(OSError):
+        if told := enter_or_keep(archive_place(archive), folder):
+            typer.echo(f"hil: {told}", err=True)
 
 
 def _kept(folder: Path) -> str:

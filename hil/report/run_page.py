@@ -58,6 +58,8 @@ def _summary(recording: Recording) -> list[tuple[str, str]]:
     rows = [
         ("Valve", ", ".join(str(valve[key]) for key in ("name", "serial") if valve.get(key))),
         ("Bench", str(meta.get("bench") or "")),
+        ("Operator", str(meta.get("operator") or "")),
+        *((capital(str(name)), str(text)) for name, text in (meta.get("notes") or {}).items()),
         ("Date", _date(meta.get("started_utc"))),
         ("Recorded", f"{number(recording.duration_s)} s, {len(recording)} samples"),
     ]

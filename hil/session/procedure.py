@@ -27,6 +27,7 @@ class Procedure:
         settings: by name.
         measurements: what it promises to measure.
         resumable: whether its `run` leaves out what `Rig.finished` says.
+        certificate: whether what it finds is certified of a unit, which then needs a serial number.
     """
 
     name: str
@@ -36,6 +37,7 @@ class Procedure:
     settings: Mapping[str, Setting]
     measurements: tuple[Measurement, ...]
     resumable: bool = False
+    certificate: bool = False
 
 
 def load_procedure(name: str) -> Procedure:
@@ -50,6 +52,7 @@ def load_procedure(name: str) -> Procedure:
     return Procedure(
         name.replace("-", "_"), inspect.getdoc(module) or "", run, evaluate, _settings(name, run),
         tuple(getattr(module, "MEASUREMENTS", ())), bool(getattr(module, "RESUMABLE", False)),
+        bool(getattr(module, "CERTIFICATE", False)),
     )  # fmt: skip
 
 

@@ -20,6 +20,7 @@ from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
 from hil.safety.interrupt import terminable
 from hil.safety.outputs import Outputs
+from hil.session.labels import NO_LABELS, Labels, labelled
 from hil.session.limit import checked_limits, limits_of
 from hil.session.outcome import Outcome
 from hil.session.preload import preload
@@ -40,6 +41,7 @@ def run_procedure(
     limits: Mapping[str, Limit] = MappingProxyType({}),
     resume: Path | None = None,
     known: Outputs | None = None,
+    labels: Labels = NO_LABELS,
 ) -> Outcome:
     """Drive a procedure and evaluate it: outputs are safe, read back, before anything is evaluated.
 
@@ -56,6 +58,7 @@ def run_procedure(
             the procedure declares.
         resume: the folder of a run that was broken off; its settings are taken, its finished parts not driven again.
         known: what is known of the outputs, for somebody who asks for it afterwards.
+        labels: serial number, operator and notes.
 
     Raises:
         SettingError: a setting or limit is unknown or not allowed; nothing was driven.
@@ -63,9 +66,10 @@ def run_procedure(
         HardwareError: the bench failed; what was recorded is kept.
         KeyboardInterrupt: Ctrl-C, or `Terminated` after SIGTERM, SIGHUP and SIGQUIT; what was recorded is kept.
     """
+    bench, labels = labelled(bench, procedure, labels)
     earlier, values = planned(procedure, bench, settings, resume)
     judged_by = checked_limits(procedure.measurements, {**_acceptance(bench.bench, procedure.name), **limits})
-    about = {"procedure": procedure.name, "settings": values, "limits": judged_by}
+    about = {"procedure": procedure.name, "settings": values, "limits": judged_by, **labels.about}
     if earlier is not None:
         about["resumes"] = earlier.name
     new = not out.exists()

@@ -1,0 +1,86 @@
+"""What its operator says of a run: which unit it is of, who runs it, what else is to be known."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+from hil.bench.read import BenchFile
+from hil.errors import SettingError
+from hil.session.procedure import Procedure
+
+ASK = "ask"
+SIMULATED = "simulated"
+_LONGEST = 64
+
+
+@dataclass(frozen=True, slots=True)
+class Labels:
+    """Serial number of the unit, the operator's name or mark, notes by name. What is empty was not stated."""
+
+    serial: str = ""
+    operator: str = ""
+    notes: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def about(self) -> dict[str, Any]:
+        """For the header of a run."""
+        return {name: value for name, value in (("operator", self.operator), ("notes", dict(self.notes))) if value}
+
+
+NO_LABELS = Labels()
+
+
+def labels_of(serial: str, operator: str, notes: Iterable[str]) -> Labels:
+    """Labels as they are typed.
+
+    Raises:
+        SettingError: a note that is not KEY=VALUE or is given twice, or a text that no label can be.
+    """
+    found: dict[str, str] = {}
+    for text in notes:
+        key, equals, value = (part.strip() for part in text.partition("="))
+        if not (key and equals and value):
+            raise SettingError(f"--note {text}: KEY=VALUE was expected, as in 'oil=ISO VG 46'")
+        if key in found:
+            raise SettingError(f"--note {key}: is given twice")
+        found[key] = value
+    return Labels(_label("--serial", serial), _label("--operator", operator), found)
+
+
+def labelled(
+    bench: BenchFile, procedure: Procedure, labels: Labels, ask: Callable[[], str] | None = None
+) -> tuple[BenchFile, Labels]:
+    """The bench with the unit's serial number in it, and the labels complete.
+
+    Args:
+        bench: the bench file; `serial = "ask"` wants one for each run.
+        procedure: one that issues a certificate needs one too.
+        labels: as they were given.
+        ask: asks the operator; None where nobody is there to answer.
+
+    Raises:
+        SettingError: a serial number is needed, and there is none.
+    """
+    stated = bench.bench.valve.serial
+    serial = labels.serial or ("" if stated == ASK else stated)
+    if not serial and stated == ASK and not bench.is_simulated:
+        if ask is None:
+            raise SettingError(f'{bench.path}: serial = "ask": say which unit this is with --serial SN')
+        serial = _label("serial number", ask())
+    if not serial and bench.is_simulated:
+        serial = SIMULATED
+    if procedure.certificate and (not serial or (serial == SIMULATED and not bench.is_simulated)):
+        raise SettingError(
+            f"{procedure.name} issues a certificate, which is of a unit: say which with --serial SN; nothing was driven"
+        )
+    return bench.of_unit(serial), replace(labels, serial=serial)
+
+
+def _label(name: str, text: str) -> str:
+    """A label in one line; a scanner's carriage return is none of it."""
+    found = text.strip()
+    if len(found) > _LONGEST or not found.isprintable():
+        raise SettingError(f"{name}: {found[:_LONGEST]!r}: up to {_LONGEST} printable characters are allowed")
+    return found

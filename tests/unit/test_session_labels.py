@@ -1,0 +1,96 @@
+"""A unit has a name: serial number, operator and notes, from the prompt to the archive."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from hil.bench.find import benches, find_bench
+from hil.bench.read import read_bench
+from hil.cli import app
+from hil.errors import SettingError
+from hil.session.labels import NO_LABELS, Labels, labelled, labels_of
+from hil.session.procedure import load_procedure
+
+STEP = ("run", "step_response", "--set", "levels=0,80")
+
+
+def asking(tmp_path, name="hpv41-modbus-tcp"):
+    """A bench on a link whose file wants a serial number for each run."""
+    lines = Path(benches()[name]).read_text(encoding="utf-8").splitlines()
+    kept = [line for line in lines if not line.startswith("serial = ")]
+    kept.insert(kept.index("[valve]") + 1, 'serial = "ask"')
+    path = tmp_path / "bench.toml"
+    path.write_text("\n".join(kept) + "\n", encoding="utf-8")
+    return read_bench(path)
+
+
+def test_serial_is_asked_for_when_the_bench_says_so(tmp_path):
+    bench, procedure = asking(tmp_path), load_procedure("step_response")
+    told, labels = labelled(bench, procedure, NO_LABELS, ask=lambda: "A7\r\n")
+    assert labels.serial == told.bench.valve.serial == "A7"
+    assert told.text == bench.text
+
+
+def test_without_a_terminal_the_option_is_named(tmp_path):
+    with pytest.raises(SettingError, match=r'serial = "ask": say which unit this is with --serial SN'):
+        labelled(asking(tmp_path), load_procedure("step_response"), NO_LABELS)
+
+
+def test_certificate_needs_a_unit_on_a_real_bench():
+    bench = read_bench(find_bench("cummins-efc-modbus"))
+    procedure = load_procedure("efc_acceptance")
+    assert procedure.certificate
+    with pytest.raises(SettingError, match=r"issues a certificate.*--serial SN; nothing was driven"):
+        labelled(bench.of_unit(""), procedure, NO_LABELS)
+    with pytest.raises(SettingError, match="issues a certificate"):
+        labelled(bench, procedure, Labels("simulated"))
+    assert labelled(bench, procedure, Labels("15969046"))[1].serial == "15969046"
+
+
+def test_simulated_bench_has_a_simulated_unit():
+    bench = read_bench(find_bench("cummins-efc-acceptance"))
+    assert labelled(bench, load_procedure("efc_acceptance"), NO_LABELS)[1].serial == "simulated"
+
+
+@pytest.mark.parametrize(
+    ("serial", "notes", "said"),
+    [
+        ("A\x1b[2J7", (), "printable"),
+        ("x" * 65, (), "up to 64"),
+        ("", ("oil",), "KEY=VALUE"),
+        ("", ("oil=a", "oil=b"), "given twice"),
+    ],
+)
+def test_label_that_is_none_is_refused(serial, notes, said):
+    with pytest.raises(SettingError, match=said):
+        labels_of(serial, "", notes)
+
+
+def _said(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+    return app.main(), capsys.readouterr()
+
+
+def test_run_is_found_again_by_its_unit(monkeypatch, capsys, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "lab"))
+    labels = ("--serial", "A/7", "--operator", "mk", "--note", "oil=VG 46")
+    assert _said(monkeypatch, capsys, *STEP, "--bench", "brevini-hpv41", *labels)[0] == 0
+    (folder,) = (tmp_path / "runs").iterdir()
+    assert folder.name.startswith("step_response-A-7-")
+    header = json.loads((folder / "run.json").read_text(encoding="utf-8"))["meta"]
+    assert (header["valve"]["serial"], header["operator"], header["notes"]) == ("A/7", "mk", {"oil": "VG 46"})
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert all(text in page for text in ("A/7", "mk", "VG 46"))
+    _, said = _said(monkeypatch, capsys, "runs", "--serial", "A/7", "--json")
+    (row,) = json.loads(said.out)
+    assert (row["serial"], row["operator"], Path(row["run"])) == ("A/7", "mk", folder)
+
+
+def test_archive_that_is_away_does_not_fail_the_run(monkeypatch, capsys, tmp_path):
+    away = "postgresql://hil@127.0.0.1:9/none"
+    run = (*STEP, "--bench", "brevini-hpv41", "--out", tmp_path / "run", "--archive", away)
+    status, said = _said(monkeypatch, capsys, *run)
+    assert status == 0
+    assert "will be entered later" in said.err
