@@ -34,6 +34,15 @@ def free_port() -> int:
         return int(probe.getsockname()[1])
 
 
+def bench_text(bench: str, *changes: tuple[str, str]) -> str:
+    """A bench file that packages bring along, by name, its text changed."""
+    text = benches()[bench].read_text(encoding="utf-8")
+    for old, new in changes:
+        assert old in text or (old, new) in CALM, old
+        text = text.replace(old, new)
+    return text
+
+
 def moved(text: str, folder: Path) -> str:
     """A bench file with every address at a place of its own: a free port, a name in a folder, a bus of that name."""
     text = re.sub(r"127\.0\.0\.1:\d+", lambda _: f"127.0.0.1:{free_port()}", text)
@@ -46,10 +55,7 @@ def served(
     bench: str, folder: Path, *changes: tuple[str, str], quirks: dict[str, dict[str, Any]] | None = None
 ) -> Iterator[tuple[BenchFile, dict[str, Any]]]:
     """A bench that packages bring along, by name, its text changed, and its devices by name."""
-    text = benches()[bench].read_text(encoding="utf-8")
-    for old, new in changes:
-        assert old in text or (old, new) in CALM, old
-        text = text.replace(old, new)
+    text = bench_text(bench, *changes)
     path = folder / f"{bench}.toml"
     path.write_text(moved(text, folder), encoding="utf-8")
     file = read_bench(path)

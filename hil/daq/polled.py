@@ -34,6 +34,7 @@ _UNDISTURBED = 0.25  # quantile of them that is the link's own time: a busy host
 _BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
 _IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
 _SHARE_OF_BLOCK = 0.5  # a sample that takes longer makes a violation wait for longer than a block
+_WHATEVER = (Exception, SystemExit)  # that a library may throw; Ctrl-C is not its own
 _SHARE = 0.8  # of the time that a link has, it is used: the rest is for what the computer does besides
 
 
@@ -136,7 +137,7 @@ class _Member:
             raise type(error)(f"{self.name}: {error}") from error
         except HilError:
             raise
-        except Exception as error:  # of a library, or a fault of the driver: it concerns this link alone
+        except _WHATEVER as error:  # of a library, or a fault of the driver: it concerns this link alone
             raise LinkError(f"{self.name}: {type(error).__name__}: {error}") from error
 
 
@@ -441,7 +442,7 @@ class PolledDaq:
         self._ended.set()
         with self._lock, ExitStack() as links:
             for member in reversed(self._members):
-                links.enter_context(suppress(Exception))  # one that cannot be closed keeps no other from it
+                links.enter_context(suppress(*_WHATEVER))  # one that cannot be closed keeps no other from it
                 links.callback(member.link.close)
 
 

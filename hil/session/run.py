@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from hil.bench.ending import accounted
 from hil.bench.file import Bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
@@ -76,7 +77,12 @@ def run_procedure(
     if not bench.is_simulated:  # whose time stands still meanwhile
         preload(procedure.run)
     try:
-        with terminable(), open_rig(bench, out, about, progress, resets, earlier, known) as rig:
+        known = known or Outputs()
+        with (
+            accounted(known),  # also of a signal that came so late that only `terminable` raises it
+            terminable(),
+            open_rig(bench, out, about, progress, resets, earlier, known) as rig,
+        ):
             procedure.run(rig, **values)
     except InputError:
         if new:

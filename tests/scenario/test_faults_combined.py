@@ -1,0 +1,20 @@
+"""A dead link and a second misfortune, on real links: nothing that is said of an output is otherwise at the device."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.faults_combined import LINKS, SECOND, measure
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("second", SECOND)
+@pytest.mark.parametrize("link", LINKS)
+def test_what_is_said_is_so(link: str, second: str, tmp_path: Path) -> None:
+    row = measure(link, second, tmp_path)
+    print(row)
+    assert row.lies == []
+    if second not in ("killed, as when memory runs out", "terminal closed"):
+        assert "NOT SAFE" in row.said
