@@ -132,9 +132,11 @@ def measure(link: str, second: str, folder: Path) -> Row:
     text = bench_text(bench, ("block_s = 0.1\n", f"block_s = 0.1\nwatchdog_s = {WATCHDOG_S}\n"))
     if link != "CANopen":  # whose heartbeat cannot be left out
         text = text.replace("\nwatchdog_s = 1.0\n", "\n", 1)
-    text = text.replace('"/tmp/hil-modbus-rtu"', '"socket://127.0.0.1:1"').replace(
-        "sample_rate_hz = 50", "sample_rate_hz = 20"
-    )
+    for old, new in (
+        ('"/tmp/hil-modbus-rtu"', '"socket://127.0.0.1:1"'),
+        ("sample_rate_hz = 50", "sample_rate_hz = 20"),
+    ):
+        text = text.replace(old, new)
     served = folder / "served.toml"
     served.write_text(moved(text, folder), encoding="utf-8")
     with ExitStack() as stack:
@@ -229,7 +231,7 @@ def main() -> int:
             wrong += bool(row.lies)
             after = "never" if row.safe_after_s is None else f"{row.safe_after_s:.2f}"
             stood = "?" if row.at_the_end is None else f"{row.at_the_end:.1f}"
-            print(f"| {second} | {link} | {row.status} | {stood} | {after} | {row.recorded or '–'} | "
+            print(f"| {link} | {second} | {row.status} | {stood} | {after} | {row.recorded or '–'} | "
                   f"{'; '.join(row.lies) or 'yes'} |", flush=True)  # fmt: skip
     return wrong
 

@@ -1,7 +1,7 @@
 """What stands at a device, looked at from outside: own frames on own connections, nothing of the program.
 
-It shares no code with what it judges: raw bytes of Modbus TCP and RTU, of ASCII modules and of a CAN bus over socketcand,
-and a line that can fall dead between the program and the device.
+It shares no code with what it judges: raw bytes of Modbus TCP and RTU, of ASCII modules and of a CAN bus over
+socketcand, and a line that can fall dead between the program and the device.
 """
 
 from __future__ import annotations
