@@ -9,8 +9,13 @@ EXTRAS: Mapping[str, str] = {
     **dict.fromkeys(("pymodbus", "serial", "can", "canopen"), "links"),
     **dict.fromkeys(("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl"), "formats"),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
-    "nidaqmx": "ni", "control": "control", "psycopg": "postgresql", "xarray": "notebook", "fmpy": "fmu", "ziglang": "fmu-cross",
-}  # fmt: skip
+    "nidaqmx": "ni",
+    "control": "control",
+    "psycopg": "postgresql",
+    "xarray": "notebook",
+    "fmpy": "fmu",
+    "ziglang": "fmu-cross",
+}
 """By the name under which a library is imported."""
 
 
