@@ -12,6 +12,7 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
+from hil.bench.device import DeviceInUse
 from hil.bench.read import BenchFile
 from hil.daq.address import places_of
 from hil.errors import InUseError, StorageError
@@ -39,10 +40,16 @@ def _leases(file: BenchFile) -> list[tuple[str, str]]:
 
     Each with what is told of it when another program has it. In order, so that two programs never wait for each other.
     """
-    addresses = {str(getattr(device.settings, "address", "")) for device in file.devices.values()} - {""}
+    addresses = {_address(device) for device in file.devices.values()} - {""}
     devices = {place: address for address in sorted(addresses) for place in places_of(address)}
     bench = f"bench {file.bench.name}"
     return [(bench, bench), *((f"device at {place}", f"device at {devices[place]}") for place in sorted(devices))]
+
+
+def _address(device: DeviceInUse) -> str:
+    """By which address a device is reached, or by which name its maker's own driver knows it."""
+    settings = device.settings
+    return str(getattr(settings, "address", "") or getattr(settings, "device", ""))
 
 
 @contextmanager

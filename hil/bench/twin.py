@@ -32,6 +32,11 @@ def serve(file: BenchFile, folder: Path, quirks: dict[str, dict[str, str]]) -> d
                 f"device '{name}' is simulated = \"{device.simulated}\", within the program that runs the bench; only "
                 f'devices with driver = "…" are served'
             )
+        if str(device.settings.get("address", "")).startswith("usb:"):
+            raise SettingError(
+                f"device '{name}': no twin is plugged in at {device.settings['address']}; in a copy of the file say a "
+                f'path, such as address = "/tmp/{name}"'
+            )
     twins = {name: _twin_of(device.driver) for name, device in devices.items()}
     wirings = {name: device.wiring(file.bench.channels) for name, device in file.devices.items()}
     world = next(iter(twins.values())).world(simulation_of(list(devices), file.bench, folder), wirings)

@@ -1,0 +1,99 @@
+"""A pressure beyond its limit, on a link whose answers become slow while the valve is driven: when outputs are safe."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+
+from hil.clock import RealClock
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.contract import Waveform
+from hil.daq.polled import PolledDaq
+from hil.errors import LinkError, StoppedError
+from hil.safety.guard import Guard
+from hil.safety.interlock import Band, Interlock
+from hil.safety.protection import Protection
+
+RATE_HZ, BLOCK_S, FOR_S = 100.0, 0.1, 0.02
+BUSY_S = 0.1  # what a computer that does other things besides may add
+WIRING = Wiring(
+    {"valve": OutputChannel("valve", "out", "voltage", "V", -10.0, 10.0)},
+    {"pressure": InputChannel("pressure", "in", "voltage", "V", -20.0, 20.0)},
+)
+
+
+class Remote:
+    """A device whose answers take as long as they are told to; it obeys at once. Time is the wall clock's."""
+
+    watchdog_s: float | None = None
+    keep_alive_s: float | None = None
+
+    def __init__(self) -> None:
+        self.answer_s, self.pressure = 0.0, 1.0
+        self.out, self.safe_at_s = 0.0, 0.0
+
+    def standing(self) -> Mapping[str, float]:
+        return self._answered({"out": self.out})
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        if values["out"] == 0.0 and self.out != 0.0:
+            self.safe_at_s = time.monotonic()
+        self.out = values["out"]
+        self._answered({})
+
+    def read(self) -> Mapping[str, float]:
+        return self._answered({"in": self.pressure})
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+    def _answered(self, answer: Mapping[str, float]) -> Mapping[str, float]:
+        time.sleep(self.answer_s)
+        return answer
+
+
+def driven(after_s: float, answer_s: float) -> tuple[float, Exception]:
+    """Answers become slow, some time later the pressure rises: how long the output still stood, and what was raised."""
+    remote = Remote()
+    locks = [Interlock("pressure", "stop", Band("pressure", high=5.0), for_s=FOR_S)]
+    guard = Guard(
+        PolledDaq({"remote": remote}, {"remote": WIRING}),
+        Protection(RATE_HZ, {}, {}, locks, BLOCK_S),
+        None,
+        RealClock(),
+    )
+    rose_s: list[float] = []
+
+    def rise() -> None:
+        time.sleep(0.3)
+        remote.answer_s = answer_s
+        time.sleep(after_s)
+        rose_s.append(time.monotonic())
+        remote.pressure = 9.0
+
+    threading.Thread(target=rise).start()
+    with pytest.raises((StoppedError, LinkError)) as ended:
+        list(guard.play(Waveform(RATE_HZ, {"valve": np.full(1000, 5.0)})))
+    guard.close()
+    while not rose_s:
+        time.sleep(0.05)
+    return remote.safe_at_s - rose_s[0], ended.value
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("answer_s", [0.0, 0.02, 0.05, 0.1, 0.15])
+def test_reaction_takes_a_block_and_two_samples_however_slow_the_answers(answer_s: float) -> None:
+    took_s, ended = driven(0.4, answer_s)
+    assert took_s < BLOCK_S + 2.0 * (2.0 * answer_s) + FOR_S + BUSY_S
+    assert isinstance(ended, StoppedError) and "interlock 'pressure'" in str(ended)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("answer_s", [0.05, 0.1, 0.15])
+def test_link_that_stays_too_slow_has_ended_the_run_before(answer_s: float) -> None:
+    took_s, ended = driven(2.0, answer_s)
+    assert took_s < 0.0 and "the link has become too slow" in str(ended)
