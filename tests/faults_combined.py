@@ -220,6 +220,8 @@ def _watchdog(folder: Path, state: Path) -> Mapping[str, Any]:
 def main() -> int:
     """Measure every combination and print the table; the number of rows in which something is said that is not so."""
     wrong = 0
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as for what a shell runs in the background; it is inherited
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     print(
         "| link falls dead, and | link | exit status | output at its end [%] | safe after healing [s] | recorded | so |"
     )

@@ -106,17 +106,25 @@ def _folder_name(procedure: str, serial: str) -> str:
 
 
 def _enter(archive: str, folder: Path) -> None:
-    """Enter the run into the archive; what keeps it from that is said, and nothing else."""
+    """Enter the run into the archive; what keeps it from that is said, and changes nothing of how the run ended."""
+    try:
+        told = _entered(archive, folder)
+    except Exception as error:
+        told = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
+    with suppress(OSError):
+        if told:
+            typer.echo(f"hil: {told}", err=True)
+
+
+def _entered(archive: str, folder: Path) -> str:
     from hil.record.header import HEADER_FILE
 
     if not (folder / HEADER_FILE).is_file():
-        return
+        return ""
     from hil.archive.pending import enter_or_keep
     from hil.archive.place import archive_place
 
-    with suppress(OSError):
-        if told := enter_or_keep(archive_place(archive), folder):
-            typer.echo(f"hil: {told}", err=True)
+    return enter_or_keep(archive_place(archive), folder)
 
 
 def _kept(folder: Path) -> str:
