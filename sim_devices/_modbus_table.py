@@ -91,9 +91,15 @@ class Table:
             raise Refused(2)
         return self._counts[address]
 
+    output = holding
+
     def coil(self, address: int) -> bool:
         """There are none."""
-        raise Refused(1)
+        raise Refused(2)
+
+    def discrete(self, address: int) -> bool:
+        """There are none."""
+        raise Refused(2)
 
     def may_write(self, address: int, count: int) -> None:
         """Any count, where there is an output or a register of the watchdog."""
@@ -115,7 +121,7 @@ class Table:
 
     def write_coil(self, address: int, on: bool) -> None:
         """There are none."""
-        raise Refused(1)
+        raise Refused(2)
 
     def heard(self) -> None:
         """A request came."""

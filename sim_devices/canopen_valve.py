@@ -27,23 +27,53 @@ _STEPS = {  # what the low three bits of the control word ask for, from where it
     0b111: (_ACTIVE, (_HOLD,)),
 }
 
+_RPDOS = {  # by CiA 408: what each receive PDO carries after power-on, and its identifier without the node
+    0: (0x200, (0x60400010,)),
+    1: (0x300, (0x60400010, 0x63000110)),
+    2: (0x400, (0x60400010, 0x63800110)),
+    3: (0x500, (0x60400010, 0x63000110, 0x63800110)),
+}
+_MAPPED = 4  # entries of a mapping at most
+_INVALID = 0x80000000  # bit of an identifier: the PDO does not exist
+
 # Index, sub-index: struct format, value after power-on, whether it may be written. Analogue objects are records of
 # value, SI unit and prefix.
 _OBJECTS: dict[tuple[int, int], tuple[str, int, bool]] = {
-    (0x1000, 0): ("I", 408, False), (0x1001, 0): ("B", 0, False), (0x1016, 0): ("B", 1, False),
-    (0x1016, 1): ("I", 0, True), (0x1017, 0): ("H", 0, True), (0x1018, 0): ("B", 1, False),
-    (0x1018, 1): ("I", 0, False), (0x1800, 0): ("B", 2, False), (0x1800, 1): ("I", 0, True),
-    (0x1800, 2): ("B", 255, True), (0x1A00, 0): ("B", 0, True), (0x1A00, 1): ("I", 0, True),
-    (0x1A00, 2): ("I", 0, True), (0x1A00, 3): ("I", 0, True), (0x1A00, 4): ("I", 0, True),
+    (0x1000, 0): ("I", 408, False), (0x1001, 0): ("B", 0, False), (0x1005, 0): ("I", 0x80, False),
+    (0x1016, 0): ("B", 1, False), (0x1016, 1): ("I", 0, True), (0x1017, 0): ("H", 0, True),
+    (0x1018, 0): ("B", 1, False), (0x1018, 1): ("I", 0, False),
     (0x6040, 0): ("H", 0, True), (0x6041, 0): ("H", 0, False), (0x6042, 0): ("b", 1, True), (0x6043, 0): ("b", 2, True),
     (0x604F, 0): ("b", 0, True), (0x6330, 0): ("b", 0, True), (0x6342, 0): ("b", 0, True), (0x6360, 0): ("b", 0, True),
     **{(index, sub): (form if sub == 1 else ("B" if sub == 2 else "b"), value if sub == 1 else prefix * (sub == 3),
                       sub == 1 and index != 0x6301)
        for index, form, value, prefix in (
            (0x6300, "h", 0, 0), (0x6301, "h", 0, 0), (0x6311, "h", _FULL, 0), (0x6314, "h", 0, 0),
-           (0x6331, "H", 0, -3), (0x6343, "h", 0, 0), (0x6344, "h", 0, 0), (0x6361, "H", 0, 0), (0x6362, "H", 0, 0))
+           (0x6331, "H", 0, -3), (0x6343, "h", 0, 0), (0x6344, "h", 0, 0), (0x6361, "H", 0, 0), (0x6362, "H", 0, 0),
+           (0x6380, "h", 0, 0))
        for sub in (1, 2, 3)},
+    **{(index, 0): ("B", 3, False)
+       for index in (0x6300, 0x6301, 0x6311, 0x6314, 0x6331, 0x6343, 0x6344, 0x6361, 0x6362, 0x6380)},
 }  # fmt: skip
+
+
+def _objects(node: int) -> dict[tuple[int, int], tuple[str, int, bool]]:
+    """The object dictionary after power-on; identifiers are those of the predefined connection set."""
+    found = dict(_OBJECTS)
+    found[0x1014, 0] = ("I", 0x80 + node, False)
+    for number, (base, entries) in _RPDOS.items():
+        found |= _pdo_objects(0x1400 + number, base + node, 0x1600 + number, entries)
+    return found | _pdo_objects(0x1800, 0x180 + node, 0x1A00, ())
+
+
+def _pdo_objects(
+    communication: int, identifier: int, mapping: int, entries: tuple[int, ...]
+) -> dict[tuple[int, int], tuple[str, int, bool]]:
+    padded = (*entries, *[0] * (_MAPPED - len(entries)))
+    return {
+        (communication, 0): ("B", 2, False), (communication, 1): ("I", identifier, True),
+        (communication, 2): ("B", 255, True), (mapping, 0): ("B", len(entries), True),
+        **{(mapping, i + 1): ("I", entry, True) for i, entry in enumerate(padded)},
+    }  # fmt: skip
 
 
 class _Abort(Exception):
@@ -67,6 +97,7 @@ class Valve:
 
     def __init__(self, side: Side, node: int) -> None:
         self._side, self._node = side, node
+        self._objects = _objects(node)
         self.values: dict[tuple[int, int], int] = {}
         self._state, self._nmt, self._word = _INIT, _PRE_OPERATIONAL, 0
         self._said_s = self._ticked_s = side.clock.now_s
@@ -81,10 +112,8 @@ class Valve:
             yield from self._on_nmt(data[0])
         elif identifier == 0x080 and self._nmt == _OPERATIONAL and self.values[0x1800, 2] == 1:
             yield from self._pdo()
-        elif identifier == 0x500 + self._node and self._nmt == _OPERATIONAL and len(data) >= 4:
-            word, set_point = struct.unpack("<Hh", data[:4])
-            self._store(0x6040, 0, word)
-            self._store(0x6300, 1, set_point)
+        elif (number := self._rpdo(identifier)) is not None and self._nmt == _OPERATIONAL:
+            self._received(number, data)
         elif identifier == 0x600 + self._node and len(data) == 8 and self._nmt != _STOPPED:
             yield from self._on_sdo(data)
         elif identifier == 0x700 + (self.values[0x1016, 1] >> 16 & 0x7F) and identifier != 0x700:
@@ -111,7 +140,7 @@ class Valve:
         self._unsent.append((0x700 + self._node, b"\x00"))
 
     def _power_on(self) -> None:
-        self.values = {place: value for place, (_, value, _) in _OBJECTS.items()}
+        self.values = {place: value for place, (_, value, _) in self._objects.items()}
         self._state, self._nmt, self._word, self._master_s = _INIT, _PRE_OPERATIONAL, 0, math.inf
         self._spool = 0.0
         self._side.drive({"set point": 0.0})
@@ -124,14 +153,27 @@ class Valve:
             self._power_on()
             yield 0x700 + self._node, b"\x00"
 
+    def _rpdo(self, identifier: int) -> int | None:
+        """The receive PDO that has this identifier."""
+        return next((n for n in _RPDOS if self.values[0x1400 + n, 1] == identifier), None)
+
+    def _received(self, number: int, data: bytes) -> None:
+        """Store what a receive PDO carries; one that is too short is not taken."""
+        places = [_place(self.values[0x1600 + number, sub]) for sub in range(1, self.values[0x1600 + number, 0] + 1)]
+        form = "<" + "".join(self._objects[place][0] for place in places)
+        if len(data) < struct.calcsize(form):
+            return
+        for place, value in zip(places, struct.unpack(form, data[: struct.calcsize(form)]), strict=True):
+            if place != (0x6300, 1) or abs(value) <= _FULL:
+                self._store(*place, value)
+
     def _pdo(self) -> Iterator[Frame]:
         identifier, data = self.values[0x1800, 1], b""
         for sub in range(1, self.values[0x1A00, 0] + 1):
-            entry = self.values[0x1A00, sub]
-            place = (entry >> 16, entry >> 8 & 0xFF)
-            data += struct.pack(f"<{_OBJECTS[place][0]}", self._value(*place))
-        if not identifier & 0x80000000:
-            yield identifier & 0x7FF, data[:8]
+            place = _place(self.values[0x1A00, sub])
+            data += struct.pack(f"<{self._objects[place][0]}", self._value(*place))
+        if not identifier & _INVALID:
+            yield identifier & 0x7FF, data
 
     def _on_sdo(self, data: bytes) -> Iterator[Frame]:
         """Expedited transfers, as every object here has four bytes at most."""
@@ -148,10 +190,10 @@ class Valve:
             return b""
         if command >> 5 not in (1, 2):
             raise _Abort(0x05040001)  # no such command
-        if (index, sub) not in _OBJECTS:
-            known = any(place[0] == index for place in _OBJECTS)
+        if (index, sub) not in self._objects:
+            known = any(place[0] == index for place in self._objects)
             raise _Abort(0x06090011 if known else 0x06020000)  # no such sub-index, no such object
-        form, _, writable = _OBJECTS[index, sub]
+        form, _, writable = self._objects[index, sub]
         size = struct.calcsize(f"<{form}")
         if command >> 5 == 2:
             packed = struct.pack(f"<{form}", self._value(index, sub))
@@ -167,9 +209,29 @@ class Valve:
     def _check(self, index: int, sub: int, value: int) -> None:
         if index == 0x6300 and abs(value) > _FULL:
             raise _Abort(0x06090030)  # value range
-        if (index, sub) == (0x1A00, 0) and value > 4:
+        if index in (*range(0x1600, 0x1604), 0x1A00):
+            self._check_mapping(index, sub, value)
+
+    def _check_mapping(self, index: int, sub: int, value: int) -> None:
+        """As CiA 301 has it: entries while there are none in force, then how many are."""
+        if sub:
+            if self.values[index, 0]:
+                raise _Abort(0x06010000)  # not while the mapping is in force
+            if value:
+                self._check_entry(index, value)
+            return
+        if value > _MAPPED:
             raise _Abort(0x06040042)  # PDO too long
-        if index == 0x1A00 and sub and value and (value >> 16, value >> 8 & 0xFF) not in _OBJECTS:
+        bits = 0
+        for entry in (self.values[index, i] for i in range(1, value + 1)):
+            self._check_entry(index, entry)
+            bits += entry & 0xFF
+        if bits > 64:
+            raise _Abort(0x06040042)
+
+    def _check_entry(self, index: int, entry: int) -> None:
+        form, _, writable = self._objects.get(_place(entry), ("", 0, False))
+        if not form or 8 * struct.calcsize(f"<{form}") != entry & 0xFF or (index < 0x1A00 and not writable):
             raise _Abort(0x06040041)  # cannot be mapped
 
     def _value(self, index: int, sub: int) -> int:
@@ -220,6 +282,11 @@ class Valve:
         self._spool += max(-most, min(most, wanted - self._spool))
         if self._side.standing("set point") != self._spool:
             self._side.drive({"set point": self._spool})
+
+
+def _place(entry: int) -> tuple[int, int]:
+    """Index and sub-index of an entry of a mapping."""
+    return entry >> 16, entry >> 8 & 0xFF
 
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:

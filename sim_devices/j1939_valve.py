@@ -14,6 +14,7 @@ __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "wo
 
 _EVERY_S = 0.1
 _FUNCTION = 129  # auxiliary valve control
+_NOT_ACKNOWLEDGED = 1  # control byte of the group 0xE800
 
 
 class Valve:
@@ -72,14 +73,24 @@ class Valve:
     def _management(self, identifier: int, data: bytes) -> Iterator[Frame]:
         """What it says to a request for its address, and to one who claims the same."""
         group, to, source = identifier >> 16 & 0x3FF, identifier >> 8 & 0xFF, identifier & 0xFF
-        if group == 0xEA and to in (self._address, 0xFF) and data == b"\x00\xee\x00":
-            yield self._claim()
+        if group == 0xEA and to in (self._address, 0xFF) and len(data) == 3:
+            yield from self._requested(int.from_bytes(data, "little"), source, to)
         elif group == 0xEE and source == self._address and len(data) == 8 and not self._silenced:
             self._silenced = int.from_bytes(data, "little") < self._name
             if self._silenced:
                 self._state = 0
                 self._drive(0.0)
             yield self._claim()
+
+    def _requested(self, group: int, source: int, to: int) -> Iterator[Frame]:
+        """What was asked for; one who asks it alone for what it does not have is told so (SAE J1939-21, 5.4.4)."""
+        if group == 0xEE00:
+            yield self._claim()
+        elif group == 0xFE10 + self._number and not self._silenced:
+            yield self._estimate()
+        elif to != 0xFF and not self._silenced:
+            refused = bytes([_NOT_ACKNOWLEDGED, 0xFF, 0xFF, 0xFF, source]) + group.to_bytes(3, "little")
+            yield 0x18E8FF00 | self._address, refused
 
     def _claim(self) -> Frame:
         source = 0xFE if self._silenced else self._address

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from sim_devices._field import Side
-from sim_devices._modbus_frames import Refused
+from sim_devices._modbus_frames import COMMON, Refused
 from sim_devices._modbus_table import serve_registers
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
@@ -19,7 +19,13 @@ __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "wo
 
 
 class Bank:
-    """The registers of a device as its manual lists them. An address that is not served is refused."""
+    """The registers of a device as its manual lists them. An address that is not served is refused.
+
+    Attributes:
+        functions: those that its manual lists, by their codes.
+    """
+
+    functions = COMMON
 
     def __init__(self, side: Side, _settings: Mapping[str, Any]) -> None:
         self.side = side
@@ -33,8 +39,16 @@ class Bank:
         """A holding register."""
         raise Refused(2)
 
+    def output(self, address: int) -> int:
+        """What a write to a holding register changes."""
+        return self.holding(address)
+
     def coil(self, address: int) -> bool:
         """A coil."""
+        raise Refused(2)
+
+    def discrete(self, address: int) -> bool:
+        """A discrete input."""
         raise Refused(2)
 
     def write(self, address: int, count: int) -> None:
@@ -66,7 +80,12 @@ class Bank:
 
 
 class Wago750(Bank):
-    """750-352 with four outputs and four inputs of ±10 V; the alternative watchdog (0x100A) sets outputs to zero."""
+    """750-352 with four outputs and four inputs of ±10 V; the alternative watchdog (0x100A) sets outputs to zero.
+
+    There is no digital module behind it, so functions for bits find no address.
+    """
+
+    functions = COMMON | {11, 22, 23}
 
     _FULL = 0x7FFF
 
@@ -88,6 +107,10 @@ class Wago750(Bank):
         """As by function 4, and the registers of the watchdog."""
         special = {0x1000: self._time, 0x1006: self._status, 0x100A: self._armed}
         return special[address] if address in special else self.input(address)
+
+    def output(self, address: int) -> int:
+        """An output at the address where it is written; read there is an input."""
+        return self._outputs[address] if address < 4 else self.holding(address)
 
     def may_write(self, address: int, count: int) -> None:
         """Four outputs and the watchdog; its time may be changed only while it is off."""

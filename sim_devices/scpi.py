@@ -23,6 +23,16 @@ _TEXTS = {
 }  # fmt: skip
 
 
+_EVENTS = {
+    1: 1 << 5,
+    2: 1 << 4,
+    3: 1 << 3,
+    4: 1 << 2,
+}  # by the hundred of an error: of command, execution, device, query
+_COMPLETE, _POWER_ON = 1 << 0, 1 << 7
+_SUMMARY, _AVAILABLE = 1 << 5, 1 << 2  # of the status byte: an event that is enabled; an entry in the error queue
+
+
 class _Wrong(Exception):
     """What goes into the error queue."""
 
@@ -32,10 +42,10 @@ class _Wrong(Exception):
 
 
 class Instrument(TextDevice):
-    """What every instrument understands: the common commands and the error queue. Subclasses add their own.
+    """What every instrument understands: the common commands of IEEE 488.2, the error queue. Subclasses add their own.
 
     The queue keeps the oldest errors; one too many takes the place of the last as −350. `*CLS` empties it, `*RST`
-    does not.
+    does not. Every command is done before the next one is looked at, so that there is nothing to wait for.
     """
 
     model = ""
@@ -43,6 +53,7 @@ class Instrument(TextDevice):
     def __init__(self, side: Side) -> None:
         super().__init__(side)
         self.errors: deque[int] = deque()
+        self._events, self._enabled, self._requested = _POWER_ON, 0, 0
 
     def commands(self) -> Mapping[str, Callable[[str], str | None]]:
         """By header in its long form, the short one in capitals: what is done with the parameters."""
@@ -63,6 +74,7 @@ class Instrument(TextDevice):
     def restart(self) -> None:
         """After power-on: outputs zero, no errors."""
         self.errors.clear()
+        self._events, self._enabled, self._requested = _POWER_ON, 0, 0
         self.reset()
 
     def reset(self) -> None:
@@ -72,24 +84,47 @@ class Instrument(TextDevice):
         if not unit:
             return None
         header, _, parameters = unit.lstrip(":").partition(" ")
-        common: Mapping[str, Callable[[], str | None]] = {
-            "*IDN?": lambda: f"valve-hil,{self.model},0,1.0", "*CLS": self.errors.clear, "*RST": self.reset,
-            "*OPC?": lambda: "1", "SYST:ERR?": self._next_error, "SYSTEM:ERROR?": self._next_error,
-        }  # fmt: skip
-        if header.upper() in common:
-            if parameters:
-                raise _Wrong(-108)
-            return common[header.upper()]()
-        for pattern, done in self.commands().items():
+        done_with = {**self._common(), **self.commands()}
+        for pattern, done in done_with.items():
             if _is(header, pattern):
                 return done(parameters.strip())
         raise _Wrong(-113)
+
+    def _common(self) -> Mapping[str, Callable[[str], str | None]]:
+        """What every instrument has to understand, by IEEE 488.2 and SCPI."""
+        return {
+            "*IDN?": _bare(lambda: f"valve-hil,{self.model},0,1.0"), "*CLS": _bare(self._clear),
+            "*RST": _bare(self.reset), "*TST?": _bare(lambda: "0"), "*WAI": _bare(lambda: None),
+            "*OPC?": _bare(lambda: "1"), "*OPC": _bare(lambda: self._happened(_COMPLETE)),
+            "*ESR?": _bare(self._events_read), "*STB?": _bare(self._status),
+            "*ESE": lambda told: setattr(self, "_enabled", _byte(told)), "*ESE?": _bare(lambda: str(self._enabled)),
+            "*SRE": lambda told: setattr(self, "_requested", _byte(told)), "*SRE?": _bare(lambda: str(self._requested)),
+            "SYSTem:ERRor?": _bare(self._next_error), "SYSTem:ERRor:NEXT?": _bare(self._next_error),
+            "SYSTem:VERSion?": _bare(lambda: "1999.0"),
+        }  # fmt: skip
+
+    def _clear(self) -> None:
+        self.errors.clear()
+        self._events = 0
+
+    def _happened(self, event: int) -> None:
+        self._events |= event
+
+    def _events_read(self) -> str:
+        """The event register, which is empty afterwards."""
+        events, self._events = self._events, 0
+        return str(events)
+
+    def _status(self) -> str:
+        status = (_SUMMARY if self._events & self._enabled else 0) | (_AVAILABLE if self.errors else 0)
+        return str(status | (0x40 if status & self._requested else 0))
 
     def _next_error(self) -> str:
         code = self.errors.popleft() if self.errors else 0
         return f'{code:+d},"{_TEXTS[code]}"' if code else '+0,"No error"'
 
     def _queue(self, code: int) -> None:
+        self._happened(_EVENTS.get(-code // 100, 0))
         if len(self.errors) < _QUEUE:
             self.errors.append(code)
         else:
@@ -153,6 +188,21 @@ class DcSource(Instrument):
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the instrument where the driver will look for it."""
     return serve_text({"scanner": Scanner, "dc-source": DcSource}[settings["model"]], settings, side, behave)
+
+
+def _bare(done: Callable[[], str | None]) -> Callable[[str], str | None]:
+    """A command that takes no parameters."""
+
+    def without(parameters: str) -> str | None:
+        if parameters:
+            raise _Wrong(-108)
+        return done()
+
+    return without
+
+
+def _byte(text: str) -> int:
+    return round(_number(text, 0.0, 255.0))
 
 
 def _is(header: str, pattern: str) -> bool:
