@@ -165,7 +165,9 @@ class Link:
         self.sent_s = time.monotonic()
 
     def standing(self) -> Mapping[str, float]:
-        return {"out": 0.0 if self.fault == "moves on opening" else self._asked(self.device.value)}
+        return {
+            "out": 0.0 if self.fault in ("moves on opening", "says that it is safe") else self._asked(self.device.value)
+        }
 
     def drive(self, values: Mapping[str, float]) -> None:
         self._asked(0.0)
@@ -284,7 +286,7 @@ BREAKS: dict[str, set[str]] = {
     "obeys_every_command": {"sticks", "does not drive"},
     "reaches_its_limits": {"saturates"},
     "goes_to_its_safe_value_when_told": {"does not go safe"},
-    "stands_while_the_link_is_opened_again": {"moves to elsewhere"},
+    "stands_while_the_link_is_opened_again": {"moves to elsewhere", "says that it is safe"},
     "an_input_sees_what_it_drives": {"does not drive", "wrong scale", "wrong reading"},
     "reads_what_is_there": {"wrong reading"},
     "tells_where_outputs_stand": {"tells other levels"},

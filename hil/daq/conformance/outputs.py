@@ -65,12 +65,16 @@ def stands_while_the_link_is_opened_again(subject: Subject) -> str | None:
         subject.drive(link, told)
     with subject.link() as again:
         found = subject.asked(again)
+        stands = subject.seen(again)
     for channel in subject.outputs:
-        level, stands = told[channel.terminal], found[channel.terminal]
+        level, at = told[channel.terminal], found[channel.terminal]
         expect(
-            agree(channel, level, stands) or agree(channel, channel.safe, stands),
-            f"'{channel.name}' was driven to {level:.4g} {channel.unit}; a link that was opened anew finds it at "
-            f"{stands:.4g}",
+            agree(channel, level, at) or agree(channel, channel.safe, at),
+            f"'{channel.name}' was driven to {level:.4g} {channel.unit}; a link opened anew finds it at {at:.4g}",
+        )
+        expect(
+            agree(channel, at, stands[channel.terminal]),
+            f"'{channel.name}' stands at {stands[channel.terminal]:.4g}; a link opened anew says {at:.4g}",
         )
     safe = all(agree(c, c.safe, found[c.terminal]) for c in subject.outputs)
     return "it was found safe: closing or opening the link makes it so" if safe else None

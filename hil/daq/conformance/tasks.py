@@ -155,7 +155,7 @@ def _stands(subject: Subject, daq: Daq, name: str, level: float) -> None:
 def _seen(subject: Subject, daq: Daq, name: str) -> float | None:
     if subject.side is not None:
         return subject.side.standing(daq.outputs[name].terminal)
-    return daq.read_back()[name].at if hasattr(daq, "read_back") else None
+    return daq.read_back()[name].at
 
 
 @contextmanager
