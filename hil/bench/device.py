@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -17,7 +18,7 @@ from hil.bench.lines import Place
 from hil.catalog import Kind, find
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.contract import Daq
-from hil.errors import HilError
+from hil.errors import HardwareError, HilError, LinkError
 
 if TYPE_CHECKING:
     from hil.daq.polled import Link
@@ -34,7 +35,8 @@ class DeviceInUse:
 
     def open(self, channels: Mapping[str, ChannelEntry]) -> Daq:
         """Open it with these channels, the outputs where they were found."""
-        daq: Daq = self.module.open_daq(self.settings, self.wiring(channels))
+        with named(self.name):
+            daq: Daq = self.module.open_daq(self.settings, self.wiring(channels))
         return daq
 
     def wiring(self, channels: Mapping[str, ChannelEntry]) -> Wiring:
@@ -80,6 +82,21 @@ def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[Device
     return found, [_at_home(fault, place) for fault in faults]
 
 
+@contextmanager
+def named(device: str) -> Iterator[None]:
+    """What goes wrong inside is an error of this device; whatever is none of this program becomes a `LinkError`."""
+    try:
+        yield
+    except HardwareError as error:
+        if str(error).startswith(f"{device}: "):
+            raise
+        raise type(error)(f"{device}: {error}") from error
+    except HilError:
+        raise
+    except Exception as error:
+        raise LinkError(f"{device}: cannot be opened: {type(error).__name__}: {error}") from error
+
+
 def mixes(module: ModuleType) -> bool:
     """Whether a device can share a bench with others: one that the host polls over a link can."""
     return hasattr(module, "open_link")
@@ -100,10 +117,12 @@ def open_devices(devices: Mapping[str, DeviceInUse], channels: Mapping[str, Chan
     links: dict[str, Link] = {}
     try:
         for name, device in devices.items():
-            links[name] = device.module.open_link(device.settings, wirings[name])
+            with named(name):
+                links[name] = device.module.open_link(device.settings, wirings[name])
     except BaseException:
         for link in links.values():
-            link.close()
+            with suppress(Exception):  # one that cannot be closed keeps no other from it
+                link.close()
         raise
     return PolledDaq(links, wirings)
 

@@ -208,7 +208,9 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
         if any(entry.device == device.name for entry in outputs.values()):
             _ask_to_be_safe(file.devices[device.name].open(outputs), known)
     except BaseException as error:
-        device.failure = f"{device.name}: {error or type(error).__name__}"
+        device.failure = f"{device.name}: {error or type(error).__name__}".replace(
+            f"{device.name}: " * 2, f"{device.name}: "
+        )
         return
     if not known.settled:
         device.failure = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}"
