@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import errno
 from typing import Any
 
+import serial
 from pymodbus.client import ModbusSerialClient
 from pymodbus.exceptions import ConnectionException
 
 from hil.daq.address import Port
+from hil.errors import DeviceLostError
 
 
 class SteadySerialClient(ModbusSerialClient):
@@ -18,17 +21,28 @@ class SteadySerialClient(ModbusSerialClient):
 
     def __init__(self, address: str, **settings: Any) -> None:
         super().__init__(address, **settings)
-        self._place = Port(address)
+        self._address, self._place = address, Port(address)
 
     def connect(self) -> bool:
         """Open the port if it is not.
 
         Raises:
-            DeviceLostError: it is not there, or another device has its name now.
+            DeviceLostError: it is not there, another program has it, or another device has its name now.
         """
         if self.socket is None:
-            self.comm_params.host = self._place.path()
-        return bool(super().connect())
+            self.socket = self._opened(self._place.path())
+        return True
+
+    def _opened(self, path: str) -> serial.Serial:
+        told = self.comm_params
+        try:
+            return serial.serial_for_url(
+                path, told.baudrate, told.bytesize, told.parity, told.stopbits, told.timeout_connect,
+                write_timeout=told.timeout_connect, exclusive=True,
+            )  # fmt: skip
+        except Exception as error:  # pyserial raises its own, those of the system, and those of its protocols
+            why = "another program has it" if getattr(error, "errno", None) == errno.EAGAIN else str(error)
+            raise DeviceLostError(f"{self._address}: cannot be opened: {why}") from error
 
     def recv(self, size: int | None) -> bytes:
         """What has come, at least a byte; nothing when the time-out is over."""

@@ -81,6 +81,15 @@ def test_a_device_is_one_under_every_name_of_this_computer(
     assert f"device at {name}:15502: in use" in str(told.value)
 
 
+def test_a_board_with_a_driver_of_its_maker_is_known_by_its_name_there(tmp_path: Path) -> None:
+    text = benches()["hpv41-usb-6211"].read_text(encoding="utf-8")
+    for name in ("one", "two"):
+        (tmp_path / name).write_text(text.replace('name = "', f'name = "{name} ', 1), encoding="utf-8")
+    one, two = (read_bench(tmp_path / name) for name in ("one", "two"))
+    with leased(one), pytest.raises(InUseError, match="device at Dev1: in use by process"), leased(two):
+        pass
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_the_lease_of_a_dead_program_is_free(
     file: BenchFile, holder: subprocess.Popen[str], number: signal.Signals
