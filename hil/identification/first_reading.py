@@ -35,7 +35,9 @@ def start_slope(
 
     0 where the output says nothing. None where the plant does not start from its reading, or soon forgets it.
     """
-    step = _START_SIGMAS * noise_std
+    known = plant.integrates is None or not plant.integrates(parameters)
+    # a linear integrator is as much off as it has moved before its first sample, of which nobody knows
+    step = _START_SIGMAS * noise_std if known else max(_START_SIGMAS * noise_std, float(np.ptp(e.output)))
     inputs = tuple(e.drive.inputs[:, 0].tolist())
     first = e.drive.first_output
     if plant.initial(parameters, inputs, first) == plant.initial(parameters, inputs, first + step):

@@ -31,7 +31,7 @@ def bridged(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Exper
     if all(e.grid_s is None for e in experiments):
         return list(experiments), ()
     constant_s = max(time_constant_s(model, e) for e in experiments)
-    made = [filled(e, constant_s, model.definition.observer is None) for e in experiments]
+    made = [filled(e, constant_s, model.definition.forgets(model.values)) for e in experiments]
     return [e for e, _ in made], tuple(words for _, said in made for words in said)
 
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hil.identification.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identification.evidence import VERY_STRONG, simplest_good
 from hil.identification.experiment import Experiment
+from hil.identification.first_reading import start_slope, with_free_start
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
@@ -170,12 +171,13 @@ class _Search:
 
         def errors_of(i: int) -> list[Array]:
             e = self.experiments[i]
-            return [e.telling((e.respond(self.plant, parameters)[0] - e.output) * self.weights[i])]
+            errors = e.telling((e.respond(self.plant, parameters)[0] - e.output) * self.weights[i])
+            return [with_free_start(errors, start_slope(e, self.plant, parameters, (), 1.0 / self.weights[i]))]
 
         return side_by_side(errors_of, len(self.experiments))
 
     def _values(self, structure: Structure, values: Array) -> dict[str, float]:
-        return {**self.off, **dict(zip(structure.free, values.tolist(), strict=True))}
+        return {**self.off, **structure.fixed, **dict(zip(structure.free, values.tolist(), strict=True))}
 
     def _starts(self, structure: Structure, before: Mapping[str, float]) -> Iterator[dict[str, float]]:
         for time_s in self._times(before):
@@ -208,7 +210,10 @@ class _Search:
         output = float(np.mean([np.std(e.output) for e in self.experiments])) or 1.0
         given = float(np.mean([np.std(e.drive.inputs[0]) for e in self.experiments])) or 1.0
         length_s = max(e.duration_s for e in self.experiments)
-        natural = {"{output}": output, "[{output}]/[{input}]": output / given, "s": length_s, "s^2": length_s**2}
+        natural = {
+            "{output}": output, "{input}": given, "[{output}]/[{input}]": output / given, "s": length_s,
+            "s^2": length_s**2, "[{output}]/[{input}]/s": output / given / length_s,
+        }  # fmt: skip
         return natural.get(parameter.unit, 1.0)
 
 

@@ -6,6 +6,7 @@ Model files are JSON, versioned, and checked when read.
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -16,6 +17,7 @@ from hil.physics.compose import effects as installed_effects
 from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect
+from hil.record.plain import plain
 
 FORMAT = "hil-model"
 VERSION = 1
@@ -130,9 +132,9 @@ def typical_model(name: str) -> Model:
 
 
 def save_model(model: Model, path: Path) -> None:
-    """Write a model file."""
-    content = {"format": FORMAT, "version": VERSION, **asdict(model)}
-    path.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8")
+    """Write a model file; a standard uncertainty without end (the data do not tell the parameter) is null."""
+    content = {"format": FORMAT, "version": VERSION, **plain(asdict(model))}
+    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def load_model(path: Path) -> Model:
@@ -186,4 +188,13 @@ def _checked(model: Model, path: Path) -> Model:
             )
     units = definition.units(model.input or "any [any]", model.output or "any [any]")
     missing = {name: Value(p.typical, units[name]) for name, p in known.items() if name not in model.parameters}
-    return replace(model, parameters={**model.parameters, **missing}) if missing else model
+    return _with_untold(replace(model, parameters={**model.parameters, **missing}))
+
+
+def _with_untold(model: Model) -> Model:
+    """The model as it was before it was written: what was estimated but has no uncertainty was not told by the data."""
+    estimated = () if model.covariance is None else model.covariance.names
+    untold = {
+        name: replace(v, std=math.inf) for name, v in model.parameters.items() if name in estimated and v.std is None
+    }
+    return replace(model, parameters={**model.parameters, **untold}) if untold else model

@@ -99,12 +99,14 @@ class Structure:
         after: structure whose estimate this one starts from; empty for the first.
         starts: where to start what is new, each tried: times as a multiple of the slowest time in the structure
             before (of trial times between sample and record where it has none), other numbers as they are.
+        fixed: parameters that have another value than their typical one in it.
     """
 
     name: str
     free: tuple[str, ...]
     after: str = ""
     starts: tuple[Mapping[str, float], ...] = ({},)
+    fixed: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,6 +128,8 @@ class Plant:
         observer: (parameters, interval_s) → by how much each of these states moves, from sample to sample, for one unit
             of output by which the simulation fell short. For plants that integrate: what is wrong at one moment
             then shows at that moment, and does not add up. None where states forget by themselves.
+        integrates: parameters → whether the output goes on while the input stands, so that all later samples count
+            from the first. None for a plant that never does, or always (then it has an observer).
     """
 
     name: str
@@ -147,6 +151,7 @@ class Plant:
     structures: tuple[Structure, ...] = ()
     switches: tuple[str, ...] = ()
     observer: Callable[[Mapping[str, float], float], Mapping[str, float]] | None = None
+    integrates: Callable[[Mapping[str, float]], bool] | None = None
 
     @property
     def typical(self) -> dict[str, float]:
@@ -157,6 +162,10 @@ class Plant:
     def scalars(self) -> tuple[str, ...]:
         """The states of one word each, in the kernel's order."""
         return tuple(name for name, width in self.states.items() if width == 1)
+
+    def forgets(self, parameters: Mapping[str, float]) -> bool:
+        """Whether where it stood at the start is forgotten after a while."""
+        return self.observer is None and not (self.integrates is not None and self.integrates(parameters))
 
     def parameter(self, name: str) -> Parameter:
         """A parameter by its name; `KeyError` if there is none."""

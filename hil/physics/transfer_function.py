@@ -51,7 +51,9 @@ class TransferFunction:
 
     @property
     def dc_gain(self) -> float:
-        """Gain at rest."""
+        """Gain at rest; infinite with an integrator."""
+        if self.denominator[-1] == 0.0:
+            return math.inf
         return float(self.numerator[-1] / self.denominator[-1])
 
     @property
@@ -139,7 +141,7 @@ def from_factors(
 
 
 def from_parameters(p: Mapping[str, float]) -> TransferFunction:
-    """The transfer function that parameters of the plant `transfer-function` stand for; the offset is left out."""
+    """The transfer function that parameters of the plant `transfer-function` stand for; offset and neutral left out."""
     lags: list[tuple[float, float]] = [(p["lag_time"], 0.0)]
     leads: list[tuple[float, float]] = []
     for pair in ("pair1", "pair2"):
@@ -147,7 +149,12 @@ def from_parameters(p: Mapping[str, float]) -> TransferFunction:
         if time_s > 0.0:
             lags.append((2.0 * p[f"{pair}_damping"] * time_s, time_s**2))
             leads.append((p[f"{pair}_zero"], p[f"{pair}_zero_square"]))
-    return from_factors(p["gain"], lags, leads, p["dead_time"])
+    plain = from_factors(1.0, lags, leads, p["dead_time"])
+    rate = p.get("integrator_gain", 0.0)
+    if rate == 0.0:
+        return transfer_function(p["gain"] * plain.numerator, plain.denominator, p["dead_time"])
+    above = np.convolve([p["gain"], rate], plain.numerator)
+    return transfer_function(above, np.append(plain.denominator, 0.0), p["dead_time"])
 
 
 def _roots(coefficients: Array) -> Complex:
@@ -196,6 +203,10 @@ def _sections(roots: Complex) -> tuple[list[float], list[tuple[float, float]]]:
 
 def _to_parameters(model: TransferFunction) -> dict[str, float]:
     poles, zeros = model.poles, model.zeros
+    if len(poles) > 1 and poles[0] == 0.0 and poles[1] != 0.0 and len(model.numerator) < len(model.denominator):
+        rest = TransferFunction(model.numerator, model.denominator[:-1], model.dead_time_s)
+        made = _to_parameters(rest)
+        return {**made, "gain": 0.0, "integrator_gain": made["gain"]}
     if len(poles) > 5 or not model.is_stable or np.any(np.abs(zeros) == 0.0):
         raise InputError(
             f"the plant 'transfer-function' has up to five stable poles and no zero at 0; found poles {poles} "

@@ -64,7 +64,7 @@ def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(
     assert 0 < gain.std < 0.01
     assert found.model.parameters["lag_time"].std is None
     assert found.model.origin["structure"] == "2 poles"
-    assert "of 19 tried" in found.notes[0]
+    assert "of 25 tried" in found.notes[0]
     # A model file keeps its structure: another recording refits the numbers, not the shape.
     save_model(found.model, tmp_path / "model.json")
     again = fit_plant(

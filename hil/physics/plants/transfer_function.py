@@ -1,4 +1,7 @@
-"""Linear transfer function of up to five poles and four zeros with dead time; orders are chosen by evidence."""
+"""Linear transfer function of up to five poles and four zeros with dead time; orders are chosen by evidence.
+
+An integrator may stand behind it: then the output goes on while the input stands.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import expm
 
+from hil.errors import InputError
 from hil.physics.linear import delay_steps, delayed
 from hil.physics.plant import Hook, Parameter, Plant, Signal, Structure
 from hil.record.recording import Array
@@ -19,14 +23,17 @@ _ORDER = 5
 
 
 def equations(value: Any, x: Any, c: Any, hook: Any) -> Any:
-    """One sub-step of offset + gain·e^(−sT)·1/(1 + s·T₁)·Π (1 + s·z + s²·w)/(1 + 2ζ·s·τ + s²·τ²).
+    """One sub-step of offset + (gain + integrator gain/s)·e^(−sT)·1/(1 + s·T₁)·Π (1 + s·z + s²·w)/(1 + 2ζ·s·τ + s²·τ²).
 
     All poles step together by the exact matrix of a held input; `c.a` is that matrix, row by row. Before the
     first sample the system rests, either at its input or (`c.at_input` = 0) at the first output.
     """
     value = hook.command(value)
-    value = delayed(x.line, value, c.dead_steps)
     value = c.at_input * value + (1.0 - c.at_input) * x.before
+    value = delayed(x.line, value, c.dead_steps)
+    grown = c.grow_through * value
+    for column in range(5):
+        grown += c.grow[column] * x.z[column]
     for row in range(5):
         total = c.b[row] * value
         for column in range(5):
@@ -36,8 +43,9 @@ def equations(value: Any, x: Any, c: Any, hook: Any) -> Any:
     for row in range(5):
         x.z[row] = x.next[row]
         shaped += c.out[row] * x.z[row]
-    shaped = hook.position(shaped)
-    output = c.offset + c.gain * shaped
+    acted = hook.position(shaped)
+    x.level += grown + c.step * (acted - shaped - c.neutral)
+    output = c.offset + c.gain * acted + c.integrator_gain * x.level
     output = hook.flow(output, 0.0)
     reading = hook.sensor(output)
     return reading  # noqa: RET504  (a hook's value needs a name)
@@ -47,6 +55,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
     """Coefficients of one sub-step from gain, dead time and time constants."""
     a, b, out, through = state_space(p)
     step, push = _held_step(a, b, step_s)
+    grow, grow_through = _grown(a, b, out, through, step_s)
     return {
         "offset": p["offset"],
         "gain": p["gain"],
@@ -56,6 +65,11 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
         "b": push,
         "out": out,
         "through": through,
+        "integrator_gain": p["integrator_gain"],
+        "neutral": p["neutral"],
+        "step": 0.0 if math.isinf(step_s) else step_s,
+        "grow": grow,
+        "grow_through": grow_through,
     }
 
 
@@ -89,7 +103,13 @@ def _held_step(a: Array, b: Array, step_s: float) -> tuple[Array, Array]:
         return step, push
     n = int(used.max()) + 1
     if math.isinf(step_s):
-        push[:n] = -np.linalg.solve(a[:n, :n], b[:n])
+        try:
+            push[:n] = -np.linalg.solve(a[:n, :n], b[:n])
+        except np.linalg.LinAlgError:
+            raise InputError(
+                "transfer-function: at these time constants it has no state of rest to begin from; a time of a pole is "
+                "so long that its pole lies at zero. A plant that integrates has 'integrator_gain' instead"
+            ) from None
         return step, push
     whole = np.zeros((n + 1, n + 1))
     whole[:n, :n], whole[:n, n] = a[:n, :n], b[:n]
@@ -98,8 +118,27 @@ def _held_step(a: Array, b: Array, step_s: float) -> tuple[Array, Array]:
     return step, push
 
 
+def _grown(a: Array, b: Array, out: Array, through: float, step_s: float) -> tuple[Array, float]:
+    """The integral of the output of unit gain over a step, by the states at its start and by the held input."""
+    if math.isinf(step_s):
+        return np.zeros(_ORDER), 0.0
+    whole = np.zeros((_ORDER + 2, _ORDER + 2))
+    whole[:_ORDER, :_ORDER], whole[:_ORDER, _ORDER] = a, b
+    whole[_ORDER + 1, :_ORDER], whole[_ORDER + 1, _ORDER] = out, through
+    row = expm(whole * step_s)[_ORDER + 1]
+    return np.ascontiguousarray(row[:_ORDER]), float(row[_ORDER])
+
+
+def integrates(p: Mapping[str, float]) -> bool:
+    """Whether the output goes on while the input stands."""
+    return p["integrator_gain"] != 0.0
+
+
 def initial(p: Mapping[str, float], inputs: tuple[float, ...], output: float) -> dict[str, float]:
-    """The input at which the first output would have been at rest."""
+    """The input at which the first output would have been at rest; where an integrator stands then."""
+    if integrates(p):
+        level = 0.0 if math.isnan(output) else (output - p["offset"]) / p["integrator_gain"]
+        return {"before": p["neutral"], "level": level}
     if math.isnan(output) or p["gain"] == 0.0:
         return {"before": inputs[0]}
     return {"before": (output - p["offset"]) / p["gain"]}
@@ -115,6 +154,14 @@ def _with_dead_time(name: str, free: tuple[str, ...], after: str, *starts: Mappi
     """A structure and the same with a dead time."""
     late = Structure(f"{name}, dead time", (*free, "dead_time"), name, ({"dead_time": 0.05}, {"dead_time": 0.4}))
     return [Structure(name, free, after, starts or ({},)), late]
+
+
+def _integrating(name: str, free: tuple[str, ...], after: str, *starts: Mapping[str, float]) -> list[Structure]:
+    """A structure with an integrator behind it, at rest before the first sample, and the same with a dead time."""
+    fixed = {"gain": 0.0, "start_at_output": 1.0}
+    both = ("integrator_gain", "neutral", *free)
+    late = Structure(f"{name}, dead time", (*both, "dead_time"), name, ({"dead_time": 0.05}, {"dead_time": 0.4}), fixed)
+    return [Structure(name, both, after, starts or ({},), fixed), late]
 
 
 STRUCTURES = (
@@ -147,6 +194,12 @@ STRUCTURES = (
         "5 poles, 2 zeros", (*_GAIN, "lag_time", *_PAIR1, *_PAIR2, *_ZERO1, *_ZERO2), "4 poles, 2 zeros",
         {"lag_time": 0.1}, {"lag_time": 2.0},
     ),
+    *_integrating("integrator", (), ""),
+    *_integrating("integrator, 1 pole", ("lag_time",), "integrator", {"lag_time": 1.0}),
+    *_integrating(
+        "integrator, 2 poles", _PAIR1, "integrator, 1 pole",
+        {"pair1_time": 0.7, "pair1_damping": 1.1}, {"pair1_time": 0.5, "pair1_damping": 0.3},
+    ),
 )  # fmt: skip
 
 PLANT = Plant(
@@ -168,6 +221,16 @@ PLANT = Plant(
         Parameter("pair2_damping", "1", 0.7, 0.001, 50.0, "damping ratio of the second pair"),
         Parameter("pair2_zero", "s", 0.0, -1e4, 1e4, "second zero: 1 + s·z + s²·w"),
         Parameter("pair2_zero_square", "s^2", 0.0, -1e8, 1e8, "w of the second zero"),
+        Parameter(
+            "integrator_gain",
+            "[{output}]/[{input}]/s",
+            0.0,
+            -1e6,
+            1e6,
+            "rate of the output over the input",
+            hook="position",
+        ),
+        Parameter("neutral", "{input}", 0.0, -1e6, 1e6, "input at which an integrator stands still", hook="command"),
         Parameter("start_at_output", "1", 0.0, 0.0, 1.0, "rest before the start: 0 at input, 1 at output", fixed=True),
     ),
     hooks=(
@@ -176,7 +239,7 @@ PLANT = Plant(
         Hook("flow", "output", "any", 1.0, extra="opening"),
         Hook("sensor", "sensor", "any", 1.0),
     ),
-    states={"before": 1, "z": _ORDER, "next": _ORDER},
+    states={"before": 1, "level": 1, "z": _ORDER, "next": _ORDER},
     lines_s={"line": 10.0},
     equations=equations,
     coefficients=coefficients,
@@ -184,4 +247,5 @@ PLANT = Plant(
     initial=initial,
     structures=STRUCTURES,
     switches=("start_at_output",),
+    integrates=integrates,
 )
