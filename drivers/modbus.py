@@ -10,10 +10,10 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal, NoReturn
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, PositiveInt
 
 from drivers._edge import edge, quiet, wire_log
 from drivers._registers import Format, Register, Stretch, WordOrder, float32, stretches
@@ -110,10 +110,11 @@ MODELS: Mapping[str, Model] = {
         },
         watchdog=((0x100A, 0), (0x1008, 0xAA55), (0x1000, "{tenths}"), (0x100A, 1)), expires_to=0.0,
     ),
-    # Moxa ioLogik E1241: 4 AO of 12 bit, 0 … 10 V; its watchdog and safe values are set on its web page.
+    # Moxa ioLogik E1241: 4 AO of 12 bit, 0 … 10 V; its watchdog and safe values are set on its web page. As it is
+    # delivered its safe value is 0 V; what it was set to is `watchdog_level`.
     "iologik-e1241": Model(
         _analogue(4, "ao", "out", "holding", 0x0400, low=0.0, high=10.0, slope=10.0 / 4095),
-        safe_status=0x1010, clear_safe=0x1020,
+        expires_to=0.0, safe_status=0x1010, clear_safe=0x1020,
     ),
     # Moxa ioLogik E1240: 8 AI of 16 bit, 0 … 10 V.
     "iologik-e1240": Model(_analogue(8, "ai", "in", "input", 0x0000, low=0.0, high=10.0, slope=10.0 / 0xFFFF)),
@@ -168,14 +169,19 @@ class Settings(LineSettings):
 
     Attributes:
         model: which register map.
+        watchdog_level: where the device was set to put its outputs when its watchdog expires, in the unit of its
+            terminals; as it is delivered if not given.
     """
 
     model: Literal["wago-750", "iologik-e1241", "iologik-e1240", "flow-meter"]
+    watchdog_level: FiniteFloat | None = None
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong beyond the types."""
     yield from line_faults(settings, MODELS[settings.model])
+    if settings.watchdog_level is not None and (settings.watchdog_s is None or MODELS[settings.model].watchdog):
+        yield ("watchdog_level",), "only for a watchdog that was set at the device itself; take this away"
 
 
 def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -217,8 +223,12 @@ def check_level(model: Model, wiring: Wiring) -> None:
             raise SettingError(
                 f"watchdog_s: when it expires the device puts {channel.terminal} at {goes_to:g} {register.unit}, but "
                 f"'{name}' is safe at {channel.safe:g} {register.unit}; take watchdog_s away, or connect the valve so "
-                f"that {goes_to:g} {register.unit} is safe"
+                f"that {goes_to:g} {register.unit} is safe{_where_it_can_be_set(model)}"
             )
+
+
+def _where_it_can_be_set(model: Model) -> str:
+    return "" if model.watchdog else ", or set that at the device and say so with watchdog_level"
 
 
 def needs(settings: Settings) -> tuple[str, ...]:
@@ -234,7 +244,7 @@ def line_needs(settings: LineSettings) -> tuple[str, ...]:
 
 def watchdog_levels(settings: Settings) -> dict[str, float]:
     """Where the device's watchdog puts outputs, raw, of those of which that is known."""
-    return levels_of(MODELS[settings.model])
+    return levels_of(_model(settings))
 
 
 def levels_of(model: Model) -> dict[str, float]:
@@ -244,9 +254,15 @@ def levels_of(model: Model) -> dict[str, float]:
     return {name: model.expires_to for name, register in model.registers.items() if register.direction == "out"}
 
 
+def _model(settings: Settings) -> Model:
+    """The model, its watchdog as this device was set."""
+    model = MODELS[settings.model]
+    return model if settings.watchdog_level is None else replace(model, expires_to=settings.watchdog_level)
+
+
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
     """The device, connected, its watchdog armed."""
-    return ModbusLink(settings, wiring, MODELS[settings.model])
+    return ModbusLink(settings, wiring, _model(settings))
 
 
 def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:

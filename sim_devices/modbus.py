@@ -155,11 +155,15 @@ class Wago750(Bank):
 
 
 class IoLogikE1241(Bank):
-    """Four outputs of 0 … 10 V in 12 bit; its watchdog makes them safe until that is cleared, output by output."""
+    """Four outputs of 0 … 10 V in 12 bit; its watchdog makes them safe until that is cleared, output by output.
+
+    Its watchdog and the level to which outputs then go are set at the device: `watchdog_s`, `watchdog_level`.
+    """
 
     def __init__(self, side: Side, settings: Mapping[str, Any]) -> None:
         super().__init__(side, settings)
         self._timeout_s = settings.get("watchdog_s")
+        self._level = float(settings.get("watchdog_level") or 0.0)
         self._counts = [round(side.standing(f"ao{i}") * 409.5) for i in range(4)]
         self._safe = [False] * 4
 
@@ -201,10 +205,10 @@ class IoLogikE1241(Bank):
         self.side.drive({f"ao{i}": 0.0 for i in range(4)})
 
     def tick(self) -> None:
-        """Outputs go to zero, and stay there, when nothing was asked for the watchdog's time."""
+        """Outputs go to the level that was set, and stay there, when nothing was asked for the watchdog's time."""
         if self._timeout_s is not None and self.silent_s > self._timeout_s and not all(self._safe):
             self._safe = [True] * 4
-            self.side.drive({f"ao{i}": 0.0 for i in range(4)})
+            self.side.drive({f"ao{i}": self._level for i in range(4)})
 
     def _drive(self, i: int) -> None:
         if not self._safe[i]:

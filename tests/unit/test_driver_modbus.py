@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,11 +19,14 @@ from hypothesis import strategies as st
 from drivers import modbus
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.contract import Waveform
+from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from sim_devices import modbus as twin
 from sim_devices._field import Side
 from sim_devices._modbus_frames import RtuFrames, TcpFrames, answered, crc16
 from sim_devices._quirks import Quirks
+from sim_devices.kit import Place, Table, Timer, serve_registers
 
 SIMULATION = {
     "plant": "brevini-hpv41",
@@ -324,7 +328,7 @@ def test_watchdog_that_would_drive_the_valve_is_not_armed() -> None:
     valve = OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0, 5.0)
     wiring = Wiring({"command": valve}, {})
     with (
-        pytest.raises(SettingError, match="puts ao0 at 0 V, but 'command' is safe at 5 V; take watchdog_s away"),
+        pytest.raises(SettingError, match=r"puts ao0 at 0 V, but 'command' is safe at 5 V; take watchdog_s away"),
         linked(wiring, watchdog_s=0.2),
     ):
         raise AssertionError("it was armed")
@@ -334,6 +338,58 @@ def test_watchdog_that_would_drive_the_valve_is_not_armed() -> None:
         link.close()
         time.sleep(0.5)
         assert terminals.standing("ao0") == pytest.approx(5.0, abs=0.001)
+
+
+def asked(where: str, address: int) -> int:
+    """What a holding register says, asked in bytes by somebody else."""
+    host, _, port = where.rpartition(":")
+    with socket.create_connection((host, int(port))) as line:
+        line.sendall(struct.pack(">HHHBBHH", 1, 0, 6, 1, 3, address, 1))
+        return int(struct.unpack(">H", line.recv(260)[9:11])[0])
+
+
+def test_valve_whose_neutral_is_5_v_stands_there_after_a_run_when_the_watchdog_has_expired() -> None:
+    valve = OutputChannel("command", "ao0", "voltage", "V", 0.0, 10.0, 5.0)
+    wiring = Wiring({"command": valve}, {})
+    with (
+        pytest.raises(
+            SettingError, match=r"puts ao0 at 0 V, but 'command' is safe at 5 V; .* say so with watchdog_level"
+        ),
+        linked(wiring, model="iologik-e1241", watchdog_s=0.2),
+    ):
+        raise AssertionError("it was armed")
+    settings = {"model": "iologik-e1241", "watchdog_s": 0.2, "watchdog_level": 5.0}
+    with linked(wiring, **settings) as (link, served, terminals):
+        daq = PolledDaq({"io": link}, {"io": wiring})
+        list(daq.play(Waveform(50.0, {"command": np.full(5, 9.0)})))
+        daq.close()
+        assert asked(served.where, 0x0400) == round(5.0 * 409.5)
+        time.sleep(0.4)
+        assert terminals.standing("ao0") == pytest.approx(5.0, abs=0.002)
+
+
+def test_stranger_s_device_is_told_where_the_output_is_safe_and_stands_there_after_the_run() -> None:
+    """By the template of `hil new driver`: the safe value is written with the watchdog's time."""
+    model = modbus.Model(SECONDS, watchdog=((141, "{safe:ao0}"), (140, "{tenths}")))
+    valve = OutputChannel("command", "ao0", "voltage", "V", 0.0, 10.0, 5.0)
+    wiring = Wiring({"command": valve}, {})
+    table = Table(side(wiring), {120: Place("ao0", 1000.0)}, {}, timer=Timer(140, 10.0, {120: 141}))
+    served = serve_registers(table, {"address": "127.0.0.1:0"}, table._side, Quirks())
+    try:
+        settings = modbus.LineSettings(address=served.where, watchdog_s=0.2)
+        link = modbus.ModbusLink(settings, wiring, model)
+        link.drive({"ao0": 9.0})
+        assert asked(served.where, 120) == 9000
+        link.close()  # as when the program dies
+        time.sleep(0.4)
+        assert asked(served.where, 120) == 5000
+        daq = PolledDaq({"io": modbus.ModbusLink(settings, wiring, model)}, {"io": wiring})
+        list(daq.play(Waveform(50.0, {"command": np.full(5, 9.0)})))
+        daq.close()
+        time.sleep(0.4)
+        assert asked(served.where, 120) == 5000
+    finally:
+        served.close()
 
 
 def test_restart_of_the_device_is_noticed() -> None:
