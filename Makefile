@@ -34,7 +34,7 @@ test-slow: $(STAMP)  ## the rest: faults on every link in wall-clock time, on a 
 	$(BIN)/pytest -m slow
 
 wheel: $(STAMP)  ## build the wheel, install it alone, and try it where there is no checkout
-	$(BIN)/python tests/wheel.py
+	$(BIN)/python .ci/try_wheel.py
 
 $(VENV)/.bench-installed: $(STAMP)
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'

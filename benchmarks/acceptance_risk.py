@@ -4,8 +4,8 @@
 
 Valves are drawn from the population of `efc_population`, a third of each class, with another seed than the one that
 the test has learnt from. Some go through the whole procedure on the simulated bench, more through the judging of the
-same features. Shares with their 95 % intervals after Wilson. A certificate states the probability that its valve is
-good: what it risks is summed over all of them.
+same features; Ctrl-C ends it with what there is. Shares with their 95 % intervals after Wilson. A certificate states
+the probability that its valve is good: what it risks is summed over all of them.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
+import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -21,15 +22,18 @@ from typing import NamedTuple
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as `hil` itself does
 
 from hil.bench.find import find_bench
+from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.identification.classification import wilson
 from hil.identification.efc_condition import FREQUENCIES_HZ, simulated_tests
 from hil.physics.model import Model, typical_model
 from hil.physics.published.efc_population import population
 from hil.physics.published.tugsal import CLASSES
+from hil.record.folder import read
 from hil.record.measurement import Findings, Verdict
 from hil.session.procedure import load_procedure
-from hil.session.run import run_procedure
+from hil.session.results import evaluated
+from hil.session.setting import parse_settings
 from procedures.efc_acceptance import judged_condition
 from procedures.leakage_check import LEAKAGE
 
@@ -51,11 +55,15 @@ def main() -> None:
     asked.add_argument("--judged", type=int, default=1000, help="valves through the judging of the same features")
     asked.add_argument("--seed", type=int, default=7, help="of the valves and their noise")
     chosen = asked.parse_args()
-    columns = [
-        ("whole procedure", list(through_procedure(chosen.whole, chosen.seed))),
-        ("judging of its features", list(through_judging(chosen.judged, chosen.seed + 1))),
-    ]
-    print("\n".join(table(columns)))
+    judged = list(through_judging(chosen.judged, chosen.seed + 1))
+    whole: list[Judged] = []
+    try:
+        for one in through_procedure(chosen.whole, chosen.seed):
+            whole.append(one)
+            print(f"\r{len(whole)} of {chosen.whole} valves", end="", file=sys.stderr, flush=True)
+    except KeyboardInterrupt:
+        print("\nstopped; the table is of the valves so far", file=sys.stderr)
+    print("\n".join(table([("whole procedure", whole), ("judging of its features", judged)])))
 
 
 def through_judging(count: int, seed: int) -> Iterator[Judged]:
@@ -73,11 +81,10 @@ def through_procedure(count: int, seed: int) -> Iterator[Judged]:
     for i, (model, label) in enumerate(zip(valves, labels, strict=True)):
         with tempfile.TemporaryDirectory() as folder:
             yield _judged(CLASSES[label], tested(model, Path(folder), seed=1000 * seed + i))
-        print(f"\r{i + 1} of {count} valves", end="\n" if i + 1 == count else "", flush=True)
 
 
 def tested(model: Model, folder: Path, seed: int) -> Findings:
-    """One acceptance test of a valve, with noise of its own."""
+    """One acceptance test of a valve with noise of its own: driven and evaluated as by `hil run`, no report."""
     usual = typical_model("efc-drive").values
     changed = ", ".join(f"{name} = {value!r}" for name, value in model.values.items() if value != usual[name])
     (friction,) = model.effects
@@ -91,7 +98,12 @@ def tested(model: Model, folder: Path, seed: int) -> Findings:
         raise RuntimeError(f"{BENCH}: its [simulation] was not found")
     bench = folder / "bench.toml"
     bench.write_text(text, encoding="utf-8")
-    return run_procedure(load_procedure(PROCEDURE), read_bench(bench), {}, folder / "run").findings
+    procedure = load_procedure(PROCEDURE)
+    settings = parse_settings(procedure.settings, {})
+    about = {"procedure": procedure.name, "settings": settings, "limits": {}}
+    with open_rig(read_bench(bench), folder / "run", about, lambda _done, _text: None) as rig:
+        procedure.run(rig, **settings)
+    return evaluated(procedure, read(folder / "run"), {})
 
 
 def table(columns: Sequence[tuple[str, Sequence[Judged]]]) -> Iterator[str]:
