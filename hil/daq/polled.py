@@ -69,9 +69,10 @@ class Link(Protocol):
         ...
 
     def read(self) -> Mapping[str, float]:
-        """Every input in use, read now.
+        """Every input in use, read now; NaN where the device has no valid reading, infinite where it says "beyond".
 
-        Called in each sample, also without inputs, so that a device may be asked whether it is still as it was left.
+        A reading is never held at the end of a range: that it stands there is seen behind the link. Called in each
+        sample, also without inputs, so that a device may be asked whether it is still as it was left.
         """
         ...
 

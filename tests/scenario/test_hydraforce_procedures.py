@@ -246,7 +246,7 @@ def test_a_valve_larger_than_stated_is_stopped_at_the_end_of_the_stroke(tmp_path
     values = parse_settings(procedure.settings, given | {"full_flow_lpm": "8"})
     path = open_bench_with(tmp_path, {"rated_flow": 25.0})
     with (
-        pytest.raises(StoppedError, match=r"'end-of-stroke': .* outputs are safe"),
+        pytest.raises(StoppedError, match=r"'end-of-stroke': [\s\S]* stopped\soutputs are safe"),
         open_rig(read_bench(path), tmp_path / "run", {"settings": values}, lambda _done, _text: None) as rig,
     ):
         procedure.run(rig, **values)
