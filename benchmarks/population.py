@@ -2,8 +2,8 @@
 
     python benchmarks/population.py [VALVES]
 
-Every valve goes through sweeps at two speeds and six steps, 42 s of bench time, with noise; each is judged by what the
-others taught. Shares with their 95 % intervals after Wilson.
+Every valve goes through sweeps at two speeds, six steps and nine sines, with noise; each is judged by what the others
+taught. Shares with their 95 % intervals after Wilson.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def main() -> None:
             Row("judged, each left out", 1e3 * judged_s, ""),
         ],
     )
-    print(f"  friction, rise and leakage: {found.physics}")
+    print(f"  friction, rise, leakage and bandwidth: {found.physics}")
     print(f"  of those, at least 95 % sure: {found.confident}")
     for level, share in found.by_error.items():
         print(f"  eq. 4.1 at the {level} current: {share}")

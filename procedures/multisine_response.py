@@ -140,7 +140,7 @@ def _levels(one: Evaluated, bla: BestLinearApproximation, part: Mapping[str, Any
     seen = len(bla.response) * (bla.periods - 1), len(part["odd_detection"]), len(part["even_detection"])
     label = label_of(one.response)
     return tuple(
-        what.at(label).of(level, (level**2 + noise**2) / (2.0 * max(level, noise, 1e-12) * math.sqrt(max(lines, 1))))
+        what.at(label).size(level, (level**2 + noise**2) / (2.0 * max(level, noise, 1e-12) * math.sqrt(max(lines, 1))))
         for what, level, lines in zip((NOISE, ODD, EVEN), (noise, odd, even), seen, strict=True)
     )
 
