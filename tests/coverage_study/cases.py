@@ -1,0 +1,80 @@
+"""Which procedure is tried on which bench, and where its truth comes from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+from hil.record.recording import Recording
+from tests.coverage_study import truth_others, truth_sines, truth_static, truth_steps
+from tests.coverage_study.situations import ACCEPTANCE, CLOSED, EFC, HPV41, OPEN, SITUATIONS, Effect, Situation
+from tests.coverage_study.truth_static import Truths
+
+WITHOUT_TRUTH = {
+    "model_fit": "says how a model fits this recording; nothing of the valve",
+    "condition": "a classification, not a figure",
+}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A procedure with its settings on a bench.
+
+    `truth` reads a run without noise; `share` of the seeds is tried, where an evaluation takes long.
+    """
+
+    procedure: str
+    bench: str
+    settings: Mapping[str, str]
+    truth: Callable[[Recording, str, Situation], Truths]
+    share: float = 1.0
+
+    @property
+    def situations(self) -> Iterator[Situation]:
+        """Those that change something here."""
+        for situation in SITUATIONS:
+            fits = not situation.only or self.procedure in situation.only
+            if fits and (not situation.effects or self.bench in situation.effects):
+                yield situation
+
+
+_LINES = "0.1,0.3,0.7,1.1,1.5,1.9,2.5,3.3,4.1,4.9"
+_EFC_LINES = "0.5,1,2,3,4,6,8,10,12,16,20"
+CASES = (
+    Case("flow_curve", HPV41, {}, truth_static.of_flow_curve),
+    Case("flow_curve", EFC, {}, truth_static.of_flow_curve),
+    Case("step_response", HPV41, {}, truth_steps.of_step_response),
+    Case("step_response", EFC, {"levels": "0,80,0"}, truth_steps.of_step_response),
+    Case("step_response", CLOSED, {"levels": "0,20,0"}, truth_steps.of_step_response),
+    Case("frequency_response", HPV41, {"amplitudes": "10", "biases": "50", "frequencies": _LINES},
+         truth_sines.of_frequency_response),
+    Case("frequency_response", EFC, {"amplitudes": "2", "biases": "72", "frequencies": _EFC_LINES},
+         truth_sines.of_frequency_response),
+    Case("multisine_response", HPV41, {"biases": "50"}, truth_sines.of_multisine),
+    Case("multisine_response", EFC, {"biases": "72", "amplitudes": "2", "low_hz": "0.5", "high_hz": "20",
+                                     "base_hz": "0.5"}, truth_sines.of_multisine),
+    Case("large_sine", HPV41, {}, truth_sines.of_large_sine),
+    Case("large_sine", EFC, {}, truth_sines.of_large_sine),
+    Case("sine_position", CLOSED, {}, truth_sines.of_sine_position, share=0.1),
+    Case("sine_position", OPEN, {"amplitude": "5", "offset": "45", "frequency_rad_s": "6.48"},
+         truth_sines.of_sine_position, share=0.1),
+    Case("velocity_steps", CLOSED, {}, truth_others.of_velocity_steps),
+    Case("velocity_steps", OPEN, {}, truth_others.of_velocity_steps),
+    Case("cylinder_drift", CLOSED, {}, truth_others.of_cylinder_drift),
+    Case("cylinder_drift", OPEN, {}, truth_others.of_cylinder_drift),
+    Case("pressure_current", ACCEPTANCE, {}, truth_static.of_pressure_current),
+    Case("efc_step_response", ACCEPTANCE, {}, truth_steps.of_efc_steps),
+    Case("efc_step_response", EFC, {}, truth_steps.of_efc_steps),
+    Case("efc_frequency_response", ACCEPTANCE, {}, truth_sines.of_frequency_response, share=0.3),
+    Case("leakage_check", ACCEPTANCE, {}, truth_others.of_leakage_check),
+    Case("electrical_check", ACCEPTANCE, {}, truth_others.of_electrical_check),
+)  # fmt: skip
+
+
+def truthful(situation: Situation) -> Situation:
+    """The situation without what disturbs readings alone: no figure is to contain that."""
+    kept: dict[str, tuple[Effect, ...]] = {
+        bench: tuple(effect for effect in effects if effect.hook != "sensor")
+        for bench, effects in situation.effects.items()
+    }
+    return replace(situation, effects=kept)

@@ -1,0 +1,84 @@
+"""Recordings as a bench with noise would leave them, made from one run without noise.
+
+A procedure is driven once on the bench without noise. Its readings then get the noise, the rounding and the error of
+calibration of each seed, as the simulated DAQ would have given them: the same generator, the same converter.
+"""
+
+from __future__ import annotations
+
+import math
+import tomllib
+import zlib
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.record.folder import read
+from hil.record.recording import Channel, Recording
+from hil.session.procedure import Procedure
+from hil.session.setting import parse_settings
+from tests.coverage_study.situations import Situation, without_noise
+
+_RAW_LOW, _RAW_SPAN = -10.0, 20.0
+
+
+def driven(procedure: Procedure, bench: str, settings: Mapping[str, str], situation: Situation, at: Path) -> Recording:
+    """What the procedure records on the bench without noise."""
+    text = without_noise(bench, situation)
+    return driven_on(procedure, text, {**settings, **situation.settings.get(procedure.name, {})}, at)
+
+
+def driven_on(procedure: Procedure, text: str, settings: Mapping[str, str], at: Path) -> Recording:
+    """What the procedure records on a bench file's text."""
+    at.mkdir(parents=True)
+    file = at / "bench.toml"
+    file.write_text(text, encoding="utf-8")
+    values = parse_settings(procedure.settings, dict(settings))
+    with open_rig(read_bench(file), at / "run", {"settings": values}, lambda _done, _text: None) as rig:
+        procedure.run(rig, **values)
+    return read(at / "run")
+
+
+def noisy(clean: Recording, bench: str, situation: Situation, seed: int) -> Recording:
+    """The recording of one seed."""
+    told = tomllib.loads(benches()[bench].read_text(encoding="utf-8"))
+    noise_v = float(told["devices"]["daq"]["noise_v"])
+    errors = np.random.default_rng([seed, 7])
+    channels = {}
+    for name, channel in clean.channels.items():
+        drawn = float(errors.normal()) if situation.drawn else 0.0
+        entry = told["channels"].get(name, {})
+        if not str(entry.get("terminal", "")).startswith("ai"):
+            channels[name] = channel if not drawn else _off(channel, drawn)
+            continue
+        instrument = told["simulation"]["instruments"].get(name, {})
+        made = _read(channel, entry, instrument, noise_v, situation, seed)
+        channels[name] = _off(made, drawn) if drawn else made
+    return replace(clean, channels=channels)
+
+
+def _read(
+    channel: Channel, entry: Mapping[str, Any], instrument: Mapping[str, Any], noise_v: float, situation: Situation,
+    seed: int,
+) -> Channel:  # fmt: skip
+    slope, offset = float(entry["calibration"]["slope"]), float(entry["calibration"].get("offset", 0.0))
+    std = situation.noise * math.hypot(noise_v, float(instrument.get("noise", 0.0)) / slope)
+    raw = (channel.values - offset) / slope
+    generator = np.random.default_rng([seed, zlib.crc32(channel.name.encode())])
+    raw = raw + std * generator.standard_normal(len(raw))
+    lsb = _RAW_SPAN / 2.0**situation.bits
+    codes = np.clip(np.rint((raw - _RAW_LOW) / lsb), 0.0, 2.0**situation.bits - 1.0)
+    return replace(channel, values=slope * (codes * lsb + _RAW_LOW) + offset)
+
+
+def _off(channel: Channel, drawn: float) -> Channel:
+    """A channel whose slope is off by what its calibration allows at its largest value."""
+    largest = float(np.max(np.abs(channel.values)))
+    uncertainty = float(channel.calibration.get("uncertainty") or 0.0) / 2.0
+    return replace(channel, values=channel.values * (1.0 + drawn * uncertainty / largest)) if largest else channel

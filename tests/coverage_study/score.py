@@ -1,0 +1,76 @@
+"""How often stated intervals hold a truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from hil.record.measurement import COVERAGE_FACTOR, Measured
+
+Truth = float | tuple[float, float]
+"""A value, or the two ends between which every value is true."""
+
+
+@dataclass
+class Tally:
+    """What was said about one figure over the seeds, and what is true of it."""
+
+    truth: Truth
+    whole: bool
+    values: list[float] = field(default_factory=list)
+    errors: list[float] = field(default_factory=list)
+    stds: list[float] = field(default_factory=list)
+    held: int = 0
+    bounds: int = 0
+    bounds_held: int = 0
+    untold: int = 0
+    unknown: int = 0
+
+    def add(self, found: Measured) -> None:
+        """One run's statement."""
+        std = found.std if self.whole else found.repeatability
+        if found.value is None:
+            self.untold += 1
+        elif found.relation != "=":
+            self._bound(found)
+        elif std is None or not math.isfinite(std):
+            self.unknown += 1
+        else:
+            off = error(found.value, self.truth)
+            self.values.append(found.value)
+            self.errors.append(off)
+            self.stds.append(std)
+            self.held += abs(off) <= COVERAGE_FACTOR * std * (1.0 + 1e-9)
+
+    def _bound(self, found: Measured) -> None:
+        assert found.value is not None
+        self.bounds += 1
+        low, high = ends(self.truth)
+        limit = COVERAGE_FACTOR * (found.std or 0.0)
+        self.bounds_held += low <= found.value + limit if found.relation == "<" else high >= found.value - limit
+
+    @property
+    def stated(self) -> int:
+        """Runs that gave a value with an uncertainty."""
+        return len(self.values)
+
+
+def ends(truth: Truth) -> tuple[float, float]:
+    """Lowest and highest true value."""
+    return truth if isinstance(truth, tuple) else (truth, truth)
+
+
+def error(value: float, truth: Truth) -> float:
+    """How far a value lies from the nearest true one."""
+    low, high = ends(truth)
+    return min(value - low, 0.0) + max(value - high, 0.0)
+
+
+def wilson(hits: int, count: int) -> tuple[float, float]:
+    """95 % interval of a share."""
+    if not count:
+        return 0.0, 1.0
+    z, share = 1.96, hits / count
+    middle = share + z * z / (2 * count)
+    half = z * math.sqrt(share * (1 - share) / count + z * z / (4 * count * count))
+    return max(0.0, (middle - half) / (1 + z * z / count)), min(1.0, (middle + half) / (1 + z * z / count))
