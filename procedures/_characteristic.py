@@ -4,28 +4,23 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.flow_curve import FlowCurve, Number, flow_curve
-from hil.identification.sweep_branches import branches
-from hil.record.measurement import COVERAGE_FACTOR
+from hil.identification.characteristic import Loop, largest_slope, level_at, loop, over_all, polyline, side
+from hil.identification.redrawn import about
+from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
+from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
-from hil.record.recording import recording as made_recording
 from hil.signals.colour import colour_factor
-from procedures._recorded import calibration_std, roles_of
-
-Figure = tuple[float, float, str]
-"""Value, standard uncertainty, unit."""
+from hil.signals.rounding import mean_rounding_std, rounding_step
+from procedures._extreme import CERTAIN, extreme, rounded_up
+from procedures._recorded import calibration_share, calibration_std, roles_of
 
 _A_SIDE = 0.05  # of the sweep: less beyond neutral is no side of the valve
-_STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
-_TRANSIENT = 5.0  # lags after a turn until the response runs parallel to the command
-_MOST_DROPPED = 0.1  # of a sweep's time, after each turn
-_SMOOTHED = 5  # levels over which a slope or a width is averaged
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,9 +28,10 @@ class Characteristic:
     """A curve and the figures read from it.
 
     Attributes:
-        command: levels at which both branches are known, rising, shape (n,).
-        rising, falling, std: as in `hil.identification.flow_curve.FlowCurve`.
-        figures: by the name under which the procedure declares them.
+        command: levels, rising, shape (n,).
+        rising, falling, std: branches with the lag taken out; standard uncertainty of the curve between them.
+        half_speed: the branches of the sweep at half speed, or None.
+        measured: the figures.
         dead_band: its two edges, where the sweep goes both ways.
         notes: what the reader should know.
     """
@@ -44,239 +40,230 @@ class Characteristic:
     rising: Array
     falling: Array
     std: Array
-    figures: Mapping[str, Figure]
+    half_speed: tuple[Array, Array] | None
+    measured: tuple[Measured, ...]
     dead_band: tuple[float, float] | None = None
     notes: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class SpeedEffect:
-    """How the width of the loop depends on the sweep's speed.
+class Swept:
+    """The sweeps of a run as figures are read from them: the estimate, the steady ends, speeds, channels."""
 
-    Attributes:
-        lag_s, lag_std_s: of the valve; what widens the loop with speed.
-        width, width_half: mean width of the loop along the command at full and at half speed.
-        width_std: standard uncertainty of each.
-        unit: of the widths.
-    """
-
-    lag_s: float
-    lag_std_s: float
-    width: float
-    width_half: float
-    width_std: float
-    unit: str
-
-    @property
-    def sentence(self) -> str:
-        """For the report."""
-        expanded = COVERAGE_FACTOR * self.width_std
-        digits = max(0, -math.floor(math.log10(expanded))) if expanded else 3
-        return (
-            f"The loop is {self.width:.{digits}f} {self.unit} wide, at half speed {self.width_half:.{digits}f} "
-            f"{self.unit} (each ± {expanded:.{digits}f} {self.unit}): a lag of {1e3 * self.lag_s:.0f} ms makes the "
-            "difference and has been taken out of the curve."
-        )
+    estimate: SweepEstimate
+    low: Standing
+    high: Standing
+    drifted: float
+    speeds: tuple[float, ...]
+    command: Channel
+    response: Channel
 
 
-def speed_effect(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> SpeedEffect | None:
-    """The lag that two sweeps at different speeds show; None when there is only one.
-
-    A lag τ widens the loop by 2τ times the speed of the command; hysteresis does not depend on it.
-    """
-    if len(parts) < 2:
-        return None
-    command, _ = roles_of(recording)
-    found = []
-    for part in parts[:2]:
-        curve = branches(recording.name, *_moving(recording, part, 0.0, float(part["settling_s"])))
-        found.append((*_mean_width(*curve), float(part["speed_per_s"])))
-    (width, std, speed), (width_half, std_half, speed_half) = found
-    slope, both = 2.0 * (speed - speed_half), math.hypot(std, std_half)
-    lag_s = max(width - width_half, 0.0) / slope
-    return SpeedEffect(lag_s, both / slope, width, width_half, both / math.sqrt(2.0), command.unit)
+def swept(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> Swept:
+    """The estimate of sweeps that were driven over one range with waits at their ends."""
+    command, response = roles_of(recording)
+    sweeps, waits = [], []
+    for part in parts:
+        rows = slice(part["first"], part["first"] + part["count"])
+        driven, measured = command.values[rows], response.values[rows]
+        sweeps.append(Sweep(driven, measured, float(part["speed_per_s"])))
+        waits += _waits(driven, measured, rounding_step(response.values))
+    ends = [_together([wait for wait in waits if wait.risen == risen]) for risen in (False, True)]
+    estimate = sweep_estimate(recording.name, sweeps, ends, float(parts[0]["settling_s"]))
+    speeds = tuple(sweep.speed_per_s for sweep in sweeps)
+    return Swept(estimate, ends[0], ends[1], _drift(waits), speeds, command, response)
 
 
-def characteristic(recording: Recording, part: Mapping[str, Any], lag_s: float) -> Characteristic:
-    """The curve of one sweep, the command taken earlier by a lag, with the figures that suit its sides.
+def characteristic(
+    swept_: Swept, part: Mapping[str, Any], zero: float, of: Mapping[str, Measurement]
+) -> Characteristic:
+    """The curve with the figures that suit its sides, as declared in `of`.
 
     Raises:
         InputError: the response does not follow the command beyond the noise.
     """
-    neutral = float(part["neutral"])
-    span = float(part["span"])
-    moving = _moving(recording, part, lag_s, _TRANSIENT * lag_s or float(part["settling_s"]))
-    levels, rising, falling, std = branches(recording.name, *moving)
-    ends = _ends(recording, part)
+    estimate, unit = swept_.estimate, swept_.response.unit
+    neutral, span = float(part["neutral"]), float(part["span"])
+    between = loop(estimate, CERTAIN, swept_.speeds)
+    measured = [
+        of[name].at(unit=unit).of(end.response, math.hypot(end.std, swept_.drifted), calibration=_level(swept_))
+        for name, end in (("response_high", swept_.high), ("response_low", swept_.low))
+    ]
+    spoilt = _spoilt(swept_)
+    measured += _of_loop(swept_, between, span, of, known=spoilt is None)
     reach = _A_SIDE * span
-    if ends[0].command < neutral - reach and ends[-1].command > neutral + reach:
-        made = _both_ways(recording, moving, neutral, span)
+    dead_band: tuple[float, float] | None = None
+    if swept_.low.command < neutral - reach and swept_.high.command > neutral + reach:
+        found, dead_band = _both_ways(swept_, neutral, zero, of)
+        notes: list[str] = []
     else:
-        made = _one_way(recording, part, (levels, rising, falling, std))
-    return _with_ends(recording, made, ends)
-
-
-@dataclass(frozen=True, slots=True)
-class _End:
-    """Where a sweep turned and waited: the command there, the steady response, its standard uncertainty."""
-
-    command: float
-    response: float
-    std: float
-
-
-def _moving(recording: Recording, part: Mapping[str, Any], lag_s: float, drop_s: float) -> tuple[Array, Array]:
-    """(command, response) while the sweep moves; the command a lag earlier, the time after each turn left out."""
-    command, response = roles_of(recording)
-    rows = slice(part["first"], part["first"] + part["count"])
-    time_s, driven, measured = recording.time_s[rows], command.values[rows], response.values[rows]
-    direction = np.sign(np.diff(driven, prepend=driven[0]))
-    starts = np.flatnonzero((direction != 0.0) & (direction != np.concatenate(([0.0], direction[:-1]))))
-    since = np.arange(len(driven)) - starts[np.maximum(np.searchsorted(starts, np.arange(len(driven)), "right") - 1, 0)]
-    most_s = _MOST_DROPPED * float(part["cycle_s"])
-    keep = (direction != 0.0) & (since >= min(drop_s, most_s) / recording.interval_s)
-    return np.interp(time_s - lag_s, time_s, driven)[keep], measured[keep]
-
-
-def _ends(recording: Recording, part: Mapping[str, Any]) -> tuple[_End, _End]:
-    """The steady responses at the lower and the upper end, from the second half of the wait there."""
-    command, response = roles_of(recording)
-    rows = slice(part["first"], part["first"] + part["count"])
-    driven, measured = command.values[rows], response.values[rows]
-    return _end(driven, measured, float(driven.min())), _end(driven, measured, float(driven.max()))
-
-
-def _end(driven: Array, measured: Array, level: float) -> _End:
-    waiting = np.flatnonzero(driven == level)
-    return _End(level, *_settled(measured[waiting]))
-
-
-def _settled(waited: Array) -> tuple[float, float]:
-    """Mean of the second half, and its standard uncertainty from noise."""
-    rest = waited[len(waited) // 2 :]
-    return float(np.mean(rest)), float(np.std(rest)) * math.sqrt(colour_factor(rest) / len(rest))
+        found, notes = _one_way(swept_, part, of)
+    at = polyline()
+    half = (estimate.branch(1, 1)[at], estimate.branch(-1, 1)[at]) if len(swept_.speeds) > 1 else None
+    said = [spoilt] if spoilt else [_loop_note(swept_, between)]
+    return Characteristic(
+        estimate.command[at], _branch(estimate, 1)[at], _branch(estimate, -1)[at],
+        np.std(estimate.responses, axis=0)[at], half, (*measured, *found), dead_band,
+        tuple(text for text in (*said, *_uncovered(swept_), *notes) if text),
+    )  # fmt: skip
 
 
 def steady(recording: Recording, part: Mapping[str, Any], channel: Channel) -> tuple[float, float]:
-    """Mean of a channel over the second half of a part that stands still, and its standard uncertainty."""
-    value, std = _settled(recording.rows(part["first"], part["count"]).values(channel.name))
-    return value, math.hypot(std, calibration_std(channel))
+    """Mean of a channel over the second half of a part that stands still, and its standard uncertainty from noise."""
+    values = recording.rows(part["first"], part["count"]).values(channel.name)
+    return _settled(values, rounding_step(channel.values))
 
 
-def _with_ends(recording: Recording, made: Characteristic, ends: tuple[_End, _End]) -> Characteristic:
-    """The curve up to its ends, where both branches are the steady response, and the response there as a figure."""
-    _, response = roles_of(recording)
-    inner = (made.command > ends[0].command) & (made.command < ends[1].command)
+def _waits(driven: Array, measured: Array, grid: float) -> list[Standing]:
+    """Every wait at an end, from the second half of it."""
+    found = []
+    for level, risen in ((float(driven.min()), False), (float(driven.max()), True)):
+        at = np.flatnonzero(driven == level)
+        for stretch in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
+            if len(stretch) > 1:
+                value, std = _settled(measured[stretch], grid)
+                found.append(Standing(level, value, std, max(1, len(stretch) // 2), risen))
+    return found
 
-    def put(values: Array, low: float, high: float) -> Array:
-        return np.concatenate(([low], values[inner], [high]))
 
-    at = [end.response for end in ends]
-    per_response = calibration_std(response)
-    figures = {
-        "response_high": (at[1], math.hypot(ends[1].std, per_response), response.unit),
-        "response_low": (at[0], math.hypot(ends[0].std, per_response), response.unit),
-        **made.figures,
-    }
-    return replace(
-        made,
-        command=put(made.command, ends[0].command, ends[1].command),
-        rising=put(made.rising, *at),
-        falling=put(made.falling, *at),
-        std=put(made.std, ends[0].std, ends[1].std),
-        figures=figures,
+def _settled(waited: Array, grid: float) -> tuple[float, float]:
+    """Mean of the second half, and its standard uncertainty from noise and rounding."""
+    rest = waited[len(waited) // 2 :]
+    noise = float(np.std(rest))
+    return float(np.mean(rest)), math.hypot(
+        noise * math.sqrt(colour_factor(rest) / len(rest)), mean_rounding_std(noise, grid)
     )
 
 
-def _both_ways(recording: Recording, moving: tuple[Array, Array], neutral: float, span: float) -> Characteristic:
-    command, response = roles_of(recording)
-    time_s = recording.interval_s * np.arange(len(moving[0]), dtype=np.float64)
-    columns = {command.heading: moving[0] - neutral, response.heading: moving[1]}
-    found = flow_curve(made_recording(recording.name, time_s, columns), command.name, response.name)
-    low, high = (neutral + edge.value for edge in (found.dead_band_negative, found.dead_band_positive))
-    figures = _both_figures(found, neutral, span, calibration_std(command))
-    return Characteristic(neutral + found.command, found.rising, found.falling, found.std, figures, (low, high))
+def _together(waits: Sequence[Standing]) -> Standing:
+    """The waits at one end as one; the first is what a single visit would have shown."""
+    weights = np.array([wait.samples for wait in waits], dtype=np.float64)
+    value = float(np.average([wait.response for wait in waits], weights=weights))
+    std = float(np.sqrt(np.sum((weights * [wait.std for wait in waits]) ** 2)) / weights.sum())
+    return Standing(waits[0].command, value, std, int(weights.sum()), waits[0].risen)
 
 
-def _both_figures(found: FlowCurve, neutral: float, span: float, command_std: float) -> dict[str, Figure]:
-    per = f"{found.output_unit} per {found.input_unit}"
-    positive, negative = found.dead_band_positive, found.dead_band_negative
-    numbers: dict[str, Number] = {
-        "hysteresis": _hysteresis(found, span),
-        "dead_band_positive": Number(neutral + positive.value, math.hypot(positive.std, command_std), positive.unit),
-        "dead_band_negative": Number(neutral + negative.value, math.hypot(negative.std, command_std), negative.unit),
-        "gain_positive": replace(found.gain_positive, unit=per),
-        "gain_negative": replace(found.gain_negative, unit=per),
-        "symmetry": replace(found.symmetry, unit=""),
-        "linearity": found.linearity,
-    }
-    return {name: (number.value, number.std, number.unit) for name, number in numbers.items()}
+def _drift(waits: Sequence[Standing]) -> float:
+    """Standard deviation of what the visits of one end differ by, where that is more than noise makes; else 0."""
+    found = 0.0
+    for risen in (False, True):
+        mine = [wait for wait in waits if wait.risen == risen]
+        apart = float(np.ptp([wait.response for wait in mine]))
+        if apart > CERTAIN * math.sqrt(2.0) * max(wait.std for wait in mine):
+            found = max(found, apart / 2.0)
+    return found
 
 
-def _hysteresis(found: FlowCurve, span: float) -> Number:
-    slope = _smooth(np.gradient(found.nominal, found.command))
-    width, std = _largest_width(found.command, found.rising, found.falling, found.std, slope)
-    return Number(100.0 * width / span, 100.0 * std / span, "%")
+def _level(swept_: Swept) -> float:
+    return calibration_std(swept_.response)
 
 
-def _one_way(recording: Recording, part: Mapping[str, Any], curve: tuple[Array, Array, Array, Array]) -> Characteristic:
-    levels, rising, falling, std = curve
-    span = float(part["span"])
-    command, response = roles_of(recording)
-    nominal = (rising + falling) / 2.0
-    change = float(nominal[-1] - nominal[0])
-    noise = float(np.median(std))
-    if abs(change) < 10.0 * noise:
-        raise InputError(f"{recording.name}: '{response.name}' does not follow '{command.name}' beyond the noise")
-    slope = _smooth(np.gradient(nominal, levels))
-    steepest = int(np.argmax(np.abs(slope)))
-    spacing = float(np.median(np.diff(levels)))
-    slope_std = noise / spacing / math.sqrt(2.0) / _SMOOTHED
-    half = _level_at(levels, nominal, nominal[0] + change / 2.0)
-    response_std = math.hypot(noise, calibration_std(response))
-    half_std = math.hypot(response_std / abs(float(np.interp(half, levels, slope))), calibration_std(command))
-    width, width_std = _largest_width(levels, rising, falling, std, slope)
-    per = f"{response.unit} per {command.unit}"
-    figures = {
-        "hysteresis": (100.0 * width / span, 100.0 * width_std / span, "%"),
-        "command_half": (half, half_std, command.unit),
-        "gain_largest": (float(slope[steepest]), slope_std, per),
-    }
-    share = 100.0 * (float(levels[steepest]) - float(part["neutral"])) / float(part["full"])
+def _spoilt(swept_: Swept) -> str | None:
+    """Why lag and hysteresis cannot be told."""
+    if not swept_.drifted:
+        return None
+    return (
+        f"The response at one and the same end of the sweep changes by {2.0 * swept_.drifted:.2g} "
+        f"{swept_.response.unit} from visit to visit: reading or valve drifts, and what drifts looks like hysteresis "
+        "and lag. Neither can be told."
+    )
+
+
+def _of_loop(swept_: Swept, between: Loop, span: float, of: Mapping[str, Measurement], known: bool) -> list[Measured]:
+    """Hysteresis and lag."""
+    hysteresis, lag = of["hysteresis"], of["lag"]
+    if not known:
+        return [hysteresis.of(None), lag.of(None)] if len(swept_.speeds) > 1 else [hysteresis.of(None)]
+    if between.width is None or between.lag is None:
+        half, halves = swept_.estimate.half_widths[0], swept_.estimate.redrawn_half_widths[:, 0]
+        whole = 2.0 * abs(float(half)) + COVERAGE_FACTOR * 2.0 * about(halves, float(half))
+        return [hysteresis.of(rounded_up(100.0 * whole / span), 0.0, relation="<")]
+    width, std = between.width
+    return [
+        extreme(hysteresis, 100.0 * width / span, 100.0 * std / span),
+        lag.of(1e3 * between.lag[0], 1e3 * between.lag[1]),
+    ]
+
+
+def _loop_note(swept_: Swept, between: Loop) -> str:
+    estimate, unit = swept_.estimate, swept_.command.unit
+    widths = [2.0 * abs(float(half)) for half in estimate.half_widths]
+    if between.lag is None:
+        return f"The loop is {widths[0]:.3g} {unit} wide. One speed does not tell how much of that is lag."
+    expanded = COVERAGE_FACTOR * 2.0 * about(estimate.redrawn_half_widths[:, 0], float(estimate.half_widths[0]))
+    digits = max(0, -math.floor(math.log10(expanded))) if expanded > 0.0 else 3
+    text = (
+        f"The loop is {widths[0]:.{digits}f} {unit} wide, at half speed {widths[1]:.{digits}f} {unit} (each ± "
+        f"{expanded:.{digits}f} {unit}): a lag of {1e3 * between.lag[0]:.0f} ms makes the difference and has been "
+        "taken out of the curve."
+    )
+    if not between.is_friction:
+        return text
+    return f"{text} Friction that falls with speed would be taken for lag; as much as is usual is granted to both."
+
+
+def _uncovered(swept_: Swept) -> list[str]:
+    """Ends of the range that only one branch has reached."""
+    low, high = swept_.estimate.covered
+    bottom, top = float(swept_.estimate.command[0]), float(swept_.estimate.command[-1])
+    if max(low - bottom, top - high) <= 0.1 * (top - bottom) / 2.0:
+        return []
+    text = (
+        f"The sweep was so fast that both branches are known only from {low:.3g} to {high:.3g} {swept_.command.unit}; "
+        "beyond, the curve rests on one of them and on the wait at the end. A longer cycle_s covers more."
+    )
+    return [text]
+
+
+def _both_ways(
+    swept_: Swept, neutral: float, zero: float, of: Mapping[str, Measurement]
+) -> tuple[list[Measured], tuple[float, float]]:
+    estimate = swept_.estimate
+    per = f"{swept_.response.unit} per {swept_.command.unit}"
+    sides = {
+        sign: side(estimate, neutral, zero, end.response, sign)
+        for sign, end in ((1, swept_.high), (-1, swept_.low))
+    }  # fmt: skip
+    share = math.hypot(calibration_share(swept_.response), calibration_share(swept_.command))
+    level = calibration_std(swept_.command)
+    found = []
+    for sign, word in ((1, "positive"), (-1, "negative")):
+        found.append(of[f"dead_band_{word}"].at(unit=swept_.command.unit).of(*sides[sign].edge, calibration=level))
+    for sign, word in ((1, "positive"), (-1, "negative")):
+        value, std = sides[sign].gain
+        found.append(of[f"gain_{word}"].at(unit=per).of(value, std, calibration=share * abs(value)))
+    weak, strong = sorted((sides[sign].gain for sign in (1, -1)), key=lambda gain: abs(gain[0]))
+    ratio = abs(weak[0] / strong[0])
+    found.append(of["symmetry"].of(ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])))
+    departure, std = max(sides[sign].departure for sign in (1, -1))
+    found.append(extreme(of["linearity"], 100.0 * departure, 100.0 * std))
+    return found, (sides[-1].edge[0], sides[1].edge[0])
+
+
+def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]) -> tuple[list[Measured], list[str]]:
+    estimate, command, response = swept_.estimate, swept_.command, swept_.response
+    start, end = swept_.low.response, swept_.high.response
+    if abs(end - start) < 10.0 * float(np.median(np.std(estimate.responses, axis=0))):
+        raise InputError(f"the response '{response.name}' does not follow '{command.name}' beyond the noise")
+    half = over_all(estimate, lambda curve, _slope: level_at(estimate.command, curve, (start + end) / 2.0))
+    (gain, gain_std), steepest = largest_slope(estimate)
+    share = math.hypot(calibration_share(response), calibration_share(command))
+    found = [
+        of["command_half"].at(unit=command.unit).of(*half, calibration=calibration_std(command)),
+        of["gain_largest"]
+        .at(unit=f"{response.unit} per {command.unit}")
+        .of(gain, gain_std, calibration=share * abs(gain)),
+    ]
+    of_full = 100.0 * (steepest - float(part["neutral"])) / float(part["full"])
     note = (
-        f"The response is steepest at {levels[steepest]:.4g} {command.unit}, {share:.3g} % of full command: a good "
-        "bias for dynamic tests."
+        f"The response is steepest at {steepest:.4g} {command.unit}, {of_full:.3g} % of full command: a good bias for "
+        "dynamic tests."
     )
-    return Characteristic(levels, rising, falling, std, figures, None, (note,))
+    return found, [note]
 
 
-def _level_at(levels: Array, values: Array, wanted: float) -> float:
-    """First level at which the values pass a wanted one."""
-    beyond = (values >= wanted) if values[-1] > values[0] else (values <= wanted)
-    i = max(int(np.argmax(beyond)), 1)
-    share = (wanted - values[i - 1]) / (values[i] - values[i - 1])
-    return float(levels[i - 1] + share * (levels[i] - levels[i - 1]))
-
-
-def _mean_width(levels: Array, rising: Array, falling: Array, std: Array) -> tuple[float, float]:
-    """Shift of the branches along the command that explains their distance best, and its standard uncertainty."""
-    slope = np.gradient((rising + falling) / 2.0, levels)
-    weight = float(slope @ slope)
-    return float((falling - rising) @ slope) / weight, 2.0 * math.sqrt(float((std * slope) @ (std * slope))) / weight
-
-
-def _largest_width(levels: Array, rising: Array, falling: Array, std: Array, slope: Array) -> tuple[float, float]:
-    """Largest distance of the branches along the command where the curve is steep, and its uncertainty."""
-    steep = np.flatnonzero(np.abs(slope) > _STEEP * float(np.max(np.abs(slope))))
-    sign = 1.0 if rising[-1] > rising[0] else -1.0
-    wanted = sign * (rising + falling)[steep] / 2.0
-    up, down = (np.interp(wanted, np.maximum.accumulate(sign * branch), levels) for branch in (rising, falling))
-    widths = np.abs(_smooth(up - down))
-    worst = int(np.argmax(widths))
-    at = int(steep[worst])
-    return float(widths[worst]), 2.0 * float(std[at]) / abs(float(slope[at])) / math.sqrt(_SMOOTHED)
-
-
-def _smooth(values: Array) -> Array:
-    made: Array = np.convolve(np.pad(values, _SMOOTHED // 2, mode="edge"), np.full(_SMOOTHED, 1.0 / _SMOOTHED), "valid")
+def _branch(estimate: SweepEstimate, sign: int) -> Array:
+    """A branch of the first sweep, the curve where it has not been."""
+    found = estimate.branch(sign)
+    made: Array = np.where(np.isnan(found), estimate.response, found)
     return made

@@ -106,6 +106,16 @@ def calibration_std(channel: Channel) -> float:
     return float(channel.calibration.get("uncertainty") or 0.0) / COVERAGE_FACTOR
 
 
+def calibration_share(channel: Channel) -> float:
+    """Standard uncertainty of a difference of two levels of a channel, as a share of it, by its calibration.
+
+    A level is stated to be within so much wherever it lies, so the slope is off by no more than that over the largest
+    level that was read. An offset cancels in a difference.
+    """
+    largest = float(np.max(np.abs(channel.values)))
+    return calibration_std(channel) / largest if largest else 0.0
+
+
 def departures(recording: Recording) -> tuple[str, ...]:
     """Where the stated conditions depart from those of the standard, a sentence each."""
     conditions = recording.meta.get("conditions", {})

@@ -16,11 +16,12 @@ from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.linear_evidence import LEAST_FIT_PERCENT, doubts
 from hil.identification.measuring_chain import check_chain, corrected
 from hil.identification.order_choice import fit_transfer_function
-from hil.identification.transfer_function import TransferFunctionFit
+from hil.identification.redrawn import DRAWS, about
+from hil.identification.transfer_function import TransferFunctionFit, fit_percent
 from hil.physics.formula import formula
 from hil.record.measurement import Measured, Measurement
 from hil.record.recording import Array, Recording
-from procedures._recorded import chain_of, reading_of, settings_of
+from procedures._recorded import calibration_share, chain_of, reading_of, roles_of, settings_of
 
 GAIN = Measurement("gain", "", "amplitude ratio at the reference frequency")
 BANDWIDTH_3DB = Measurement("bandwidth_3db", "Hz", "frequency at which the amplitude ratio is 3 dB below the reference")
@@ -29,6 +30,7 @@ MODEL_FIT = Measurement("model_fit", "%", "fit of the transfer function to the r
 MEASURED = (GAIN, BANDWIDTH_3DB, BANDWIDTH_90DEG, MODEL_FIT)
 
 _CURVE_POINTS = 200
+_TINY = 1e-300  # a covariance of nothing has a root too
 _THIRD = 1  # place of harmonic 3 among harmonics 2…
 
 
@@ -39,6 +41,7 @@ class Evaluated:
     Attributes:
         fit: None where the lines bear out no linear model; `notes` say why.
         poor_percent: the least fit that was asked for, where the best fit is below it.
+        gain_share: what the calibrations add to the gain, as a share.
     """
 
     label: str
@@ -47,13 +50,14 @@ class Evaluated:
     fit: TransferFunctionFit | None
     notes: tuple[str, ...]
     poor_percent: float | None = None
+    gain_share: float = 0.0
 
     def measured(self) -> tuple[Measured, ...]:
         """The quantities of `MEASURED`."""
         at, unit = self.response, gain_unit(self.response)
         gain, std = float(abs(at.response[0])), float(gain_std(at)[0])
         found = [
-            GAIN.at(self.label, unit).size(gain, std),
+            GAIN.at(self.label, unit).size(gain, std, calibration=self.gain_share * gain),
             crossed(BANDWIDTH_3DB.at(self.label), self.bandwidth.amplitude),
             crossed(BANDWIDTH_90DEG.at(self.label), self.bandwidth.phase),
         ]
@@ -63,7 +67,7 @@ class Evaluated:
         asked = MODEL_FIT.at(self.label)
         if self.poor_percent is not None:
             return asked.of(self.poor_percent, 0.0, relation="<")
-        return asked.of(None if self.fit is None else round(self.fit.fit_percent, 2), 0.0)
+        return asked.of(None) if self.fit is None else _fit_known(asked, self.fit, self.response)
 
     def curve(self, **more: Any) -> dict[str, Any]:
         """The entry of `responses` (docs/reference/procedures.md)."""
@@ -92,10 +96,12 @@ class Evaluated:
 def evaluated(recording: Recording, responses: Iterable[FrequencyResponse]) -> tuple[Evaluated, ...]:
     """Each response without the measuring chain (if the run asks for it), with bandwidths and transfer function."""
     settings, chain = settings_of(recording), chain_of(recording)
+    share = math.hypot(*(calibration_share(channel) for channel in roles_of(recording)))
     made = []
     for raw in responses:
         response = corrected(raw, chain) if settings["correct_chain"] else raw
-        made.append(_with_model(response, settings, _least_fit(recording, label_of(response))))
+        found = _with_model(response, settings, _least_fit(recording, label_of(response)))
+        made.append(replace(found, gain_share=share))
     return tuple(made)
 
 
@@ -147,6 +153,15 @@ def crossed(measurement: Measurement, crossing: Crossing) -> Measured:
     if crossing.frequency_hz is None:
         return measurement.of(crossing.beyond_hz, 0.0, relation=">")
     return measurement.of(crossing.frequency_hz, _finite(crossing.std_hz))
+
+
+def _fit_known(what: Measurement, fit: TransferFunctionFit, at: FrequencyResponse) -> Measured:
+    """The fit of the model to the response without noise: what noise adds to the misfit makes it look worse."""
+    noise = np.random.default_rng(0).normal(size=(DRAWS, len(at), 2))
+    parts = np.einsum("nij,dnj->dni", np.linalg.cholesky(at.covariance + _TINY * np.eye(2)), noise)
+    modelled = np.asarray(fit.model.at(at.frequency_hz), dtype=np.complex128)
+    drawn = [fit_percent(at.response + one[:, 0] + 1j * one[:, 1], modelled) for one in parts]
+    return what.of(fit.fit_percent, about(np.array(drawn), fit.fit_percent))
 
 
 def _least_fit(recording: Recording, label: str) -> float:

@@ -9,17 +9,20 @@ from typing import Any
 import numpy as np
 
 from hil.errors import SettingError, UnitError
+from hil.identification.redrawn import DRAWS, about
 from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
 from hil.signals.colour import colour_factor
+from hil.signals.smooth_curve import Smoother
 from hil.units import scale_and_offset
 from procedures._course import Course, joined
+from procedures._extreme import extreme
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
 from procedures._scale import check_above, check_at_least, scale_of
 
 RATE = Measurement("drift_rate", "", "rate of the position while the command stands")
-DRIFT = Measurement("drift", "", "largest less smallest position, one-second means")
+DRIFT = Measurement("drift", "", "largest less smallest position, of a smooth curve through one-second means")
 RESTLESSNESS = Measurement(
     "restlessness", "", "standard deviation of the position about its drift, sensor noise included"
 )
@@ -29,6 +32,7 @@ MEASUREMENTS = (RATE, DRIFT, RESTLESSNESS, OFFSET)
 _KIND = "drift"
 _LEAST_S = 5.0
 _MEAN_S = 1.0
+_LEAST_COEFFICIENTS = 5
 
 
 def run(
@@ -78,6 +82,7 @@ def evaluate(recording: Recording) -> Findings:
     """Rate, way and restlessness at each level."""
     command, response = roles_of(recording)
     closed = _same_kind(command.unit, response.unit)
+    level_std = _level_std(command, response) if closed else 0.0
     measured: list[Measured] = []
     curves = []
     for part in parts_of(recording, _KIND):
@@ -85,11 +90,13 @@ def evaluate(recording: Recording) -> Findings:
         curve, found = _one(recording, part)
         measured += [
             RATE.at(place, f"{response.unit}/min").of(60.0 * found["slope"], 60.0 * found["slope_std"]),
-            DRIFT.at(place, response.unit).of(found["way"], found["way_std"]),
-            RESTLESSNESS.at(place, response.unit).of(found["restless"]),
+            extreme(DRIFT.at(place, response.unit), found["way"], found["way_std"]),
+            RESTLESSNESS.at(place, response.unit).of(found["restless"], found["restless_std"]),
         ]
         if closed:
-            measured.append(OFFSET.at(place, response.unit).of(*_offset(part, command.unit, response, found)))
+            measured.append(
+                OFFSET.at(place, response.unit).of(*_offset(part, command.unit, response, found), calibration=level_std)
+            )
         curves.append({"label": place, "response_unit": response.unit, **curve})
     return Findings(tuple(measured), {"drift": curves}, (_note(closed),), departures(recording))
 
@@ -105,18 +112,36 @@ def _one(recording: Recording, part: Mapping[str, Any]) -> tuple[dict[str, Array
     colour, noise = colour_factor(left), float(np.std(left))
     count = max(1, round(_MEAN_S / samples.interval_s))
     blocks = [values[: len(values) // count * count].reshape(-1, count).mean(axis=1) for values in (time_s, position)]
+    way, way_std = _way(*blocks)
     return {"time_s": blocks[0], "position": blocks[1], "fitted": mean + slope * (blocks[0] - time_s.mean())}, {
         "slope": slope, "slope_std": noise * math.sqrt(colour / spread), "restless": noise,
-        "way": float(np.ptp(blocks[1])), "way_std": math.sqrt(2.0 * colour / count) * noise,
+        "restless_std": noise * math.sqrt(colour / (2.0 * len(position))), "way": way, "way_std": way_std,
         "mean": mean, "mean_std": noise * math.sqrt(colour / len(position)),
     }  # fmt: skip
 
 
+def _way(time_s: Array, position: Array) -> tuple[float, float]:
+    """Largest less smallest of a smooth curve through the means of each second, and its standard uncertainty."""
+    smoother = Smoother.on(time_s, max(_LEAST_COEFFICIENTS, len(time_s) // 2))
+    found = smoother.curves(position)
+    curve = smoother.at(found)[0]
+    noise = np.random.default_rng(0).normal(size=(DRAWS, len(curve)))
+    again = smoother.at(smoother.curves(curve + float(found.noise_std[0]) * noise))
+    way = float(np.ptp(curve))
+    return way, about(np.ptp(again, axis=1), way)
+
+
 def _offset(
-    part: Mapping[str, Any], command_unit: str, response: Any, found: Mapping[str, float]
+    part: Mapping[str, Any], command_unit: str, response: Channel, found: Mapping[str, float]
 ) -> tuple[float, float]:
     per, zero = scale_and_offset(command_unit, response.unit)
-    return found["mean"] - per * float(part["level"]) - zero, math.hypot(found["mean_std"], calibration_std(response))
+    return found["mean"] - per * float(part["level"]) - zero, found["mean_std"]
+
+
+def _level_std(command: Channel, response: Channel) -> float:
+    """Of a difference between the two, by their calibrations."""
+    per, _ = scale_and_offset(command.unit, response.unit)
+    return math.hypot(calibration_std(response), per * calibration_std(command))
 
 
 def _note(closed: bool) -> str:

@@ -26,7 +26,8 @@ from hil.identification.efc_condition import (
     good_reference,
     reference_steps,
 )
-from hil.identification.pressure_curve import PressureCurve, Sweep
+from hil.identification.pressure_curve import PressureCurve
+from hil.identification.sweep_estimate import Sweep
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig

@@ -13,11 +13,12 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.step_response import MeasuredStep, measured_steps
+from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
+from procedures._extreme import extreme
 from procedures._recorded import roles_of
 from procedures._scale import check_above, check_at_least
 
@@ -113,15 +114,22 @@ def _figures(place: str, steps: list[MeasuredStep], pressure_std: float) -> list
         (FINAL, "final", 1.0, pressure_std), (RISE, "rise_s", 1e3, 0.0), (DEAD_TIME, "dead_time_s", 1e3, 0.0),
         (SETTLING, "settling_s", 1e3, 0.0), (OVERSHOOT, "overshoot", 100.0, 0.0),
     ):  # fmt: skip
-        values = np.array([getattr(step.figures, name) for step in steps])
-        stds = np.array([getattr(step.std, name) for step in steps])
-        scatter = float(values.std(ddof=1)) if len(values) > 1 else 0.0
-        within = float(np.sqrt(np.mean(stds**2)))
-        std = math.hypot(max(scatter, within) / math.sqrt(len(values)), floor / scale)
-        value = float(values.mean())
-        known = math.isfinite(value) and math.isfinite(std)
-        made.append(measurement.at(place).of(scale * value if known else None, scale * std if known else None))
+        value, std = _mean([(getattr(step.figures, name), getattr(step.std, name)) for step in steps])
+        what = measurement.at(place)
+        if not (math.isfinite(value) and math.isfinite(std)):
+            made.append(what.of(None))
+        elif measurement is OVERSHOOT:
+            made.append(extreme(what, scale * value, scale * std))
+        else:
+            made.append(what.of(scale * value, scale * std, calibration=floor))
     return made
+
+
+def _mean(repeats: list[tuple[float, float]]) -> tuple[float, float]:
+    """Mean of the repeats, with what they state or how they scatter, whichever is larger."""
+    values, stds = (np.array(column) for column in zip(*repeats, strict=True))
+    scatter = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
+    return float(values.mean()), max(scatter, float(np.sqrt(np.mean(stds**2))) / math.sqrt(len(values)))
 
 
 def _curve(

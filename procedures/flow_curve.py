@@ -14,13 +14,13 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identification.flow_curve import polynomial, spline
-from hil.record.measurement import Findings, Measured, Measurement
+from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.ramps import ramp
-from procedures._characteristic import Characteristic, SpeedEffect, characteristic, speed_effect, steady
+from procedures._characteristic import Characteristic, characteristic, steady, swept
 from procedures._course import Course, joined
-from procedures._recorded import departures, parts_of, roles_of
+from procedures._recorded import calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_at_least, scale_of
 
 MEASUREMENTS = (
@@ -94,16 +94,14 @@ def run(
 def evaluate(recording: Recording) -> Findings:
     """The curve without the valve's lag, its figures, and the repeat at half speed beside it."""
     parts = parts_of(recording, "sweep")
-    speed = speed_effect(recording, parts)
-    curve = characteristic(recording, parts[0], 0.0 if speed is None else speed.lag_s)
-    repeat = characteristic(recording, parts[1], speed.lag_s) if speed is not None else None
     _, response = roles_of(recording)
-    leakage = steady(recording, parts_of(recording, "neutral")[0], response)
-    notes = [] if speed is None else [speed.sentence]
+    zero, zero_std = steady(recording, parts_of(recording, "neutral")[0], response)
+    curve = characteristic(swept(recording, parts[:2]), parts[0], zero, _BY_NAME)
+    leakage = _BY_NAME["leakage"].at(unit=response.unit).of(zero, zero_std, calibration=calibration_std(response))
     return Findings(
-        measured=(*_measured(curve, speed), _BY_NAME["leakage"].at(unit=response.unit).of(*leakage)),
-        curves={"flow_curve": _curve(recording, curve, repeat)},
-        notes=(*notes, *curve.notes),
+        measured=(*curve.measured, leakage),
+        curves={"flow_curve": _curve(recording, curve)},
+        notes=curve.notes,
         deviations=departures(recording),
     )
 
@@ -124,14 +122,7 @@ def _sweep(bottom: float, top: float, cycle_s: float, wait_s: float, rate_hz: fl
     return np.concatenate(([bottom], *once * cycles))
 
 
-def _measured(curve: Characteristic, speed: SpeedEffect | None) -> list[Measured]:
-    found = [_BY_NAME[name].at(unit=unit).of(value, std) for name, (value, std, unit) in curve.figures.items()]
-    if speed is not None:
-        found.append(_BY_NAME["lag"].of(1e3 * speed.lag_s, 1e3 * speed.lag_std_s))
-    return found
-
-
-def _curve(recording: Recording, curve: Characteristic, repeat: Characteristic | None) -> Mapping[str, Any]:
+def _curve(recording: Recording, curve: Characteristic) -> Mapping[str, Any]:
     command, response = roles_of(recording)
     nominal = (curve.rising + curve.falling) / 2.0
     fitted = polynomial(curve.command, nominal, _DEGREE)
@@ -149,6 +140,6 @@ def _curve(recording: Recording, curve: Characteristic, repeat: Characteristic |
         "polynomial_text": " ".join(f"{value:+.4g}·u^{power}" for power, value in enumerate(coefficients.tolist())),
         "dead_band": curve.dead_band,
         "half_speed": None
-        if repeat is None
-        else {"command": repeat.command, "rising": repeat.rising, "falling": repeat.falling},
+        if curve.half_speed is None
+        else {"command": curve.command, "rising": curve.half_speed[0], "falling": curve.half_speed[1]},
     }

@@ -7,17 +7,20 @@ of the HPV41 paper, and data.
 
 from __future__ import annotations
 
+import math
 from typing import Any, Literal
 
 import numpy as np
 
 from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
+from hil.identification.redrawn import DRAWS
 from hil.identification.sine_segments import Segment, declared_segments, frequency_responses
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.stepped_sine import check_frequencies, even_frequencies
 from procedures._course import Course, joined
+from procedures._extreme import extreme
 from procedures._overlay import overlay
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import (
@@ -176,12 +179,22 @@ def _thd(response: FrequencyResponse) -> tuple[Array, Array]:
 
 
 def _distortion(response: FrequencyResponse) -> Measured:
-    thd, std = _thd(response)
-    at = THD.at(label_of(response))
+    """The largest over the lines; what noise adds to the largest of many is taken off."""
+    thd = _thd(response)[0]
+    what = THD.at(label_of(response))
     if np.isnan(thd).all():
-        return at.of(None)
-    worst = int(np.nanargmax(thd))
-    return at.size(100.0 * float(thd[worst]), 100.0 * float(std[worst]))
+        return what.of(None)
+    largest = float(np.nanmax(thd))
+    scale = np.sqrt(np.trace(response.covariance, axis1=1, axis2=2) / 2.0) / np.abs(response.response)
+    size = np.linalg.norm(response.harmonics, axis=1)
+    # redrawn about harmonics as large as they are without the noise in them
+    clean = response.harmonics * (np.nan_to_num(thd) / np.where(size > 0.0, size, 1.0))[:, None]
+    parts = np.random.default_rng(0).normal(size=(2, DRAWS, *clean.shape))
+    drawn = clean + (parts[0] + 1j * parts[1]) * scale[:, None]
+    power = np.linalg.norm(drawn, axis=2) ** 2 - clean.shape[1] * 2.0 * scale**2
+    redrawn = np.sqrt(np.max(np.maximum(power, 0.0), axis=1))
+    added = max(float(np.mean(redrawn)) - largest, 0.0)
+    return extreme(what, 100.0 * max(largest - added, 0.0), 100.0 * math.hypot(float(np.std(redrawn)), added))
 
 
 def _distorted(one: Evaluated) -> tuple[str, ...]:

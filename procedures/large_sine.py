@@ -15,11 +15,13 @@ from hil.identification.sine_segments import declared_segments
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
-from hil.signals.sine_fit import SineFit, sine_fit
+from hil.signals.harmonic_order import sine_fit_beyond
+from hil.signals.sine_fit import SineFit
 from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
+from procedures._extreme import extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
-from procedures._recorded import calibration_std, departures, parts_of, roles_of
+from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_at_least, scale_of
 
 AMPLITUDE = Measurement("amplitude", "", "amplitude of the response's fundamental")
@@ -82,7 +84,7 @@ def evaluate(recording: Recording) -> Findings:
         rows = segment.samples
         time_s = recording.time_s[rows]
         given, answer = (
-            sine_fit(recording.stamps(c.name)[rows], c.values[rows], segment.frequency_hz, harmonics=HARMONICS)
+            sine_fit_beyond(recording.stamps(c.name)[rows], c.values[rows], segment.frequency_hz, harmonics=HARMONICS)
             for c in (command, response)
         )
         measured += _measured(recording, given, answer)
@@ -120,8 +122,10 @@ def _measured(recording: Recording, given: SineFit, answer: SineFit) -> list[Mea
     harmonic_std = math.sqrt(float(np.trace(answer.phasor_covariance())) / 2.0) / answer.amplitude
     level_std = calibration_std(response)
     return [
-        AMPLITUDE.at(place, response.unit).of(answer.amplitude, answer.amplitude_std),
+        AMPLITUDE.at(place, response.unit).of(
+            answer.amplitude, answer.amplitude_std, calibration=calibration_share(response) * answer.amplitude
+        ),
         PHASE.at(place).of(math.degrees(math.atan2(turned.imag, turned.real)), phase_std_deg),
-        OFFSET.at(place, response.unit).of(answer.offset, math.hypot(answer.offset_std, level_std)),
-        THD.at(place).of(100.0 * answer.distortion, 100.0 * harmonic_std),
+        OFFSET.at(place, response.unit).of(answer.offset, answer.offset_std, calibration=level_std),
+        extreme(THD.at(place), 100.0 * answer.distortion, 100.0 * harmonic_std),
     ]

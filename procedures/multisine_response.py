@@ -8,18 +8,19 @@ were not driven is distortion, even or odd. It takes about a fifth of the bench 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from hil.errors import SettingError
 from hil.identification.best_linear_approximation import BestLinearApproximation, best_linear_approximation
+from hil.identification.redrawn import about
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.multisine import Multisine, odd_multisine
 from procedures._course import Course, joined
+from procedures._extreme import extreme
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, label_of, reference_deviations
 from procedures._scale import about_levels, check_above, check_at_least, check_form_asked, scale_of
@@ -99,7 +100,7 @@ def run(
 def evaluate(recording: Recording) -> Findings:
     """Best linear approximations with uncertainty, bandwidths, transfer functions, noise and distortion."""
     command, response = roles_of(recording)
-    parts = parts_of(recording, "multisine")
+    parts_of(recording, "multisine")
     linear = best_linear_approximation(recording, command.name, response.name, settle_periods=0)
     found = evaluated(recording, [one.response for one in linear])
     notes, deviations = chain_notes(recording, found[0].response.frequency_hz)
@@ -107,8 +108,8 @@ def evaluate(recording: Recording) -> Findings:
     return Findings(
         measured=tuple(
             measured
-            for one, bla, part in zip(found, linear, parts, strict=True)
-            for measured in (*one.measured(), *_levels(one, bla, part))
+            for one, bla in zip(found, linear, strict=True)
+            for measured in (*one.measured(), *_levels(one, bla))
         ),
         curves={"responses": [_curve(one, bla) for one, bla in zip(found, linear, strict=True)]},
         notes=(*notes, *sentences, *(note for one in found for note in one.notes)),
@@ -131,18 +132,20 @@ def _lead(wave: Multisine, settling_s: float) -> Array:
     return made
 
 
-def _levels(one: Evaluated, bla: BestLinearApproximation, part: Mapping[str, Any]) -> tuple[Measured, ...]:
-    """Noise and distortion with the uncertainty that follows from how many lines they were read from."""
-    amplitude = bla.response.output_amplitude
-    noise, odd, even = (
-        100.0 * float(np.median(level / amplitude)) for level in (bla.noise_std, bla.odd_std, bla.even_std)
-    )
-    seen = len(bla.response) * (bla.periods - 1), len(part["odd_detection"]), len(part["even_detection"])
-    label = label_of(one.response)
-    return tuple(
-        what.at(label).size(level, (level**2 + noise**2) / (2.0 * max(level, noise, 1e-12) * math.sqrt(max(lines, 1))))
-        for what, level, lines in zip((NOISE, ODD, EVEN), (noise, odd, even), seen, strict=True)
-    )
+def _levels(one: Evaluated, bla: BestLinearApproximation) -> tuple[Measured, ...]:
+    """Noise with the uncertainty of how often it was seen, distortion with that of the noise redrawn."""
+    amplitude, label = bla.response.output_amplitude, label_of(one.response)
+
+    def share(level: Array) -> float:
+        return 100.0 * float(np.median(level / amplitude))
+
+    noise = share(bla.noise_std)
+    seen = max(len(bla.response) * (bla.periods - 1), 1)
+    distortion = [
+        extreme(what.at(label), share(level), about(np.array([share(again) for again in redrawn]), share(level)))
+        for what, level, redrawn in ((ODD, bla.odd_std, bla.redrawn_odd), (EVEN, bla.even_std, bla.redrawn_even))
+    ]
+    return (NOISE.at(label).size(noise, noise / math.sqrt(seen)), *distortion)
 
 
 def _curve(one: Evaluated, bla: BestLinearApproximation) -> dict[str, Any]:

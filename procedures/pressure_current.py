@@ -13,13 +13,16 @@ from dataclasses import replace
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.pressure_curve import PressureCurve, Sweep, pressure_curve
-from hil.record.measurement import Findings, Measurement
+from hil.identification.characteristic import largest_slope, level_at, over_all, polyline
+from hil.identification.pressure_curve import PressureCurve, pressure_curve
+from hil.identification.sweep_estimate import Sweep
+from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.ramps import triangle
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
-from procedures._recorded import roles_of
+from procedures._extreme import extreme
+from procedures._recorded import calibration_share, roles_of
 from procedures._scale import check_above
 
 PRESSURE = Measurement("pressure", "psi", "pressure at a current, middle of the loop")
@@ -34,7 +37,6 @@ MEASUREMENTS = (PRESSURE, SPAN, HYSTERESIS, LAG, HALF, STEEPEST)
 KIND = "pressure-current"
 
 _POINTS_A = (1.2, 1.4, 1.6, 1.8, 2.0)
-_SMOOTHED = 5
 
 
 def run(
@@ -95,26 +97,36 @@ def evaluate(recording: Recording) -> Findings:
     direction = -1.0 if found[0][0]["normally_open"] else 1.0
     curve = curve_of(recording.name, pieces, command.name, response.name)
     span = direction * curve.span
-    per_pressure, per_current = instrument_std(response), instrument_std(command)
-    measured = [SPAN.of(span, math.hypot(curve.span_std, per_pressure))]
+    estimate, share = curve.estimate, calibration_share(response)
+    measured = [SPAN.of(span, curve.span_std, calibration=share * abs(span))]
     notes = list(_notes(curve, span, direction))
     if abs(span) > 10.0 * curve.span_std:
-        slope = np.convolve(np.gradient(curve.nominal, curve.current), np.full(_SMOOTHED, 1.0 / _SMOOTHED), "same")
-        steepest = float(slope[int(np.argmax(np.abs(slope)))])
-        half = curve.current_at(float(curve.nominal[0]) + curve.span / 2.0)
-        half_std = math.hypot(per_current, per_pressure / abs(steepest))
-        pressure_std = math.hypot(float(np.median(curve.std)), per_pressure)
+        (steepest, steepest_std), _ = largest_slope(estimate)
+        half = over_all(estimate, lambda p, _slope: level_at(estimate.command, p, (p[0] + p[-1]) / 2.0))
+        slope_share = math.hypot(share, calibration_share(command))
         measured += [
-            *(PRESSURE.at(f"{i:g} A").of(curve.pressure_at(i), pressure_std)
-              for i in _POINTS_A if curve.current[0] <= i <= curve.current[-1] + 0.02),
-            HYSTERESIS.of(1e3 * curve.hysteresis_a, 1e3 * curve.hysteresis_std_a),
-            LAG.of(1e3 * curve.lag_s, 1e3 * curve.lag_std_s),
-            HALF.of(half, half_std),
-            STEEPEST.of(steepest, pressure_std / (0.05 * float(np.ptp(curve.current)))),
+            *(PRESSURE.at(f"{i:g} A").of(*_pressure_at(curve, i), calibration=instrument_std(response))
+              for i in _POINTS_A if curve.current[0] <= i <= curve.current[-1] + 1e-9),
+            *_of_loop(curve),
+            HALF.of(*half, calibration=instrument_std(command)),
+            STEEPEST.of(steepest, steepest_std, calibration=slope_share * abs(steepest)),
         ]  # fmt: skip
     return Findings(
         tuple(measured), curves={"flow_curve": _curve(curve, command.unit, response.unit)}, notes=tuple(notes)
     )
+
+
+def _pressure_at(curve: PressureCurve, current: float) -> tuple[float, float]:
+    return over_all(curve.estimate, lambda p, _slope: float(np.interp(current, curve.current, p)))
+
+
+def _of_loop(curve: PressureCurve) -> list[Measured]:
+    """Hysteresis and lag."""
+    if curve.loop.width is None or curve.loop.lag is None:
+        return [HYSTERESIS.of(None), LAG.of(None)]
+    width, width_std = curve.loop.width
+    lag_s, lag_std_s = curve.loop.lag
+    return [extreme(HYSTERESIS, 1e3 * width, 1e3 * width_std), LAG.of(1e3 * lag_s, 1e3 * lag_std_s)]
 
 
 def _notes(curve: PressureCurve, span: float, direction: float) -> list[str]:
@@ -127,9 +139,10 @@ def _notes(curve: PressureCurve, span: float, direction: float) -> list[str]:
 
 
 def _curve(curve: PressureCurve, command_unit: str, response_unit: str) -> dict[str, str | Array]:
+    at = polyline()
     return {
-        "command_unit": command_unit, "response_unit": response_unit, "command": curve.current,
-        "rising": curve.rising, "falling": curve.falling, "std": curve.std,
+        "command_unit": command_unit, "response_unit": response_unit, "command": curve.current[at],
+        "rising": curve.rising[at], "falling": curve.falling[at], "std": curve.std[at],
     }  # fmt: skip
 
 

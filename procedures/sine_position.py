@@ -15,12 +15,14 @@ from hil.identification.sine_segments import declared_segments
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
+from hil.signals.harmonic_order import sine_fit_beyond
 from hil.signals.sine_fit import SineFit, sine_fit
 from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
+from procedures._extreme import extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
-from procedures._recorded import calibration_std, departures, parts_of, roles_of
+from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_above, check_at_least, scale_of
 
 AMPLITUDE = Measurement("amplitude", "", "amplitude of the position's fundamental")
@@ -107,13 +109,14 @@ def evaluate(recording: Recording) -> Findings:
     """Amplitude, phase, gain and distortion on each side, and what a process model makes of them."""
     closed = bool(parts_of(recording, "sine")[0]["closed"])
     command, response = roles_of(recording)
+    share = math.hypot(calibration_share(response), calibration_share(command))
     measured: list[Measured] = []
     curves, notes, gains = [], [], []
     for segment in declared_segments(recording):
         rows = segment.samples
         time_s = recording.time_s[rows]
         given = sine_fit(time_s, command.values[rows], segment.frequency_hz, harmonics=1)
-        answer = sine_fit(
+        answer = sine_fit_beyond(
             recording.stamps(response.name)[rows], response.values[rows], segment.frequency_hz, harmonics=HARMONICS,
             drift_order=0 if closed else 1,
         )  # fmt: skip
@@ -121,7 +124,8 @@ def evaluate(recording: Recording) -> Findings:
         measured += _measured(recording, place, given, answer)
         gain = _gain(given, answer, closed)
         gains.append(gain)
-        measured.append(GAIN.at(place, f"{response.unit}{'' if closed else '/s'} per {command.unit}").of(*gain))
+        unit = f"{response.unit}{'' if closed else '/s'} per {command.unit}"
+        measured.append(GAIN.at(place, unit).of(*gain, calibration=share * gain[0]))
         shown = shown_samples(time_s, segment.frequency_hz)
         picked = slice(0, shown, thinning(shown))
         curves.append({
@@ -207,10 +211,12 @@ def _measured(recording: Recording, place: str, given: SineFit, answer: SineFit)
     phase_std_deg = math.degrees(math.hypot(given.phase_std_rad, answer.phase_std_rad))
     harmonic_std = math.sqrt(float(np.trace(answer.phasor_covariance())) / 2.0) / answer.amplitude
     return [
-        AMPLITUDE.at(place, response.unit).of(answer.amplitude, answer.amplitude_std),
+        AMPLITUDE.at(place, response.unit).of(
+            answer.amplitude, answer.amplitude_std, calibration=calibration_share(response) * answer.amplitude
+        ),
         PHASE.at(place).of(math.degrees(math.atan2(turned.imag, turned.real)), phase_std_deg),
-        OFFSET.at(place, response.unit).of(answer.offset, math.hypot(answer.offset_std, calibration_std(response))),
-        THD.at(place).of(100.0 * answer.distortion, 100.0 * harmonic_std),
+        OFFSET.at(place, response.unit).of(answer.offset, answer.offset_std, calibration=calibration_std(response)),
+        extreme(THD.at(place), 100.0 * answer.distortion, 100.0 * harmonic_std),
     ]
 
 

@@ -9,13 +9,14 @@ from typing import Any, Literal
 import numpy as np
 
 from hil.errors import InputError, SettingError
-from hil.identification.step_response import MeasuredStep, measured_steps
+from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 from procedures._course import Course, joined
-from procedures._recorded import departures, parts_of, roles_of
+from procedures._extreme import extreme
+from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import check_above, check_at_least, scale_of
 from procedures._step_model import step_model
 
@@ -34,7 +35,7 @@ _HOLD_SETTLINGS = 2.0
 _BEFORE = 0.1  # of a step's time, shown before it
 _MOST_POINTS = 1500
 _TAIL, _CLEAR = 4, 3.0  # the last quarter of a level is steady; a change of so many noise deviations can be read
-_BY_NOISE = 5.0  # standard deviations of a smoothed sample: the largest of thousands of them
+_STILL = 0.002  # of the change, by which the response may still move at its end without a word
 
 
 def run(
@@ -99,7 +100,10 @@ def evaluate(recording: Recording) -> Findings:
         except InputError as error:
             notes.append(f"{label}: no figures: {_reason(error)}.")
             continue
-        measured += _measured(label, found, roles_of(recording)[1].unit)
+        _, response = roles_of(recording)
+        measured += _measured(label, found, response)
+        if abs(found.moving) > _STILL * abs(found.figures.final - found.figures.start):
+            notes.append(_still_moving(label, found, response.unit))
         curves.append(_curve(recording, part, before, label, found))
     return Findings(tuple(measured), {"steps": curves}, tuple(notes), departures(recording))
 
@@ -129,35 +133,34 @@ def _label(recording: Recording, part: Mapping[str, Any], number: int) -> str:
     return text if len(same) == 1 else f"{text} ({number})"
 
 
-def _measured(label: str, found: MeasuredStep, unit: str) -> list[Measured]:
+def _measured(label: str, found: MeasuredStep, response: Channel) -> list[Measured]:
     value, std = found.figures, found.std
     times = [
         (DEAD_TIME, value.dead_time_s, std.dead_time_s), (RISE, value.rise_s, std.rise_s),
         (RESPONSE, value.response_s, std.response_s), (SETTLING, value.settling_s, std.settling_s),
         (REACHES, value.reaches_s, std.reaches_s),
     ]  # fmt: skip
-    change_std = float(np.hypot(std.start, std.final))
+    change = value.final - value.start
     return [
         *(_time(what.at(label), at_s, at_std_s) for what, at_s, at_std_s in times),
-        _overshoot(OVERSHOOT.at(label), found),
-        CHANGE.at(label, unit).of(value.final - value.start, change_std),
+        extreme(OVERSHOOT.at(label), 100.0 * value.overshoot, 100.0 * std.overshoot),
+        CHANGE.at(label, response.unit).of(
+            change, found.change_std, calibration=calibration_share(response) * abs(change)
+        ),
     ]
 
 
-def _overshoot(what: Measurement, found: MeasuredStep) -> Measured:
-    """The overshoot, or what noise alone can make of the largest of many samples."""
-    value, change = found.figures.overshoot, abs(found.figures.final - found.figures.start)
-    least = _BY_NOISE * found.smoothed_std / change
-    if value < least:
-        return what.of(round(100.0 * least, 2), 0.0, relation="<")
-    return what.of(100.0 * value, 100.0 * found.std.overshoot)
-
-
 def _time(what: Measurement, value_s: float, std_s: float) -> Measured:
-    known = bool(np.isfinite(value_s))
-    if not known or not np.isfinite(std_s):
-        return what.of(round(1e3 * value_s) if known else None)
-    return what.of(1e3 * value_s, 1e3 * std_s)
+    """A time; what noise can move past the record cannot be told."""
+    known = bool(np.isfinite(value_s) and np.isfinite(std_s))
+    return what.of(1e3 * value_s, 1e3 * std_s) if known else what.of(None)
+
+
+def _still_moving(label: str, found: MeasuredStep, unit: str) -> str:
+    return (
+        f"{label}: the response still moves by {found.moving:.2g} {unit} over the end of the step, from which its "
+        "final value is read; hold it longer."
+    )
 
 
 def _curve(

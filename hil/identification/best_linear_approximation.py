@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency_response import FrequencyResponse
+from hil.identification.redrawn import DRAWS
 from hil.record.recording import Array, Recording
 
 Complex = NDArray[np.complex128]
@@ -37,6 +38,7 @@ class BestLinearApproximation:
         response: at the excited lines, covariance from noise and odd distortion together.
         noise_std: of the mean over periods, in the output's unit, at the excited lines, shape (n,).
         odd_std, even_std: level of odd and even distortion there, rms, in the output's unit, shape (n,).
+        redrawn_odd, redrawn_even: the same levels with the noise drawn again, shape (draws, n).
         verdicts: which of the three is largest, per line.
         periods: how many were averaged.
     """
@@ -45,6 +47,8 @@ class BestLinearApproximation:
     noise_std: Array
     odd_std: Array
     even_std: Array
+    redrawn_odd: Array
+    redrawn_even: Array
     verdicts: tuple[Verdict, ...]
     periods: int
 
@@ -102,7 +106,7 @@ def approximate(
     odd, even = (np.asarray(part[key], dtype=np.int64) for key in ("odd_detection", "even_detection"))
     given, answer = _spectrum(inputs), _spectrum(outputs)
     response, noise = _ratio(given[:, excited], answer[:, excited])
-    odd_level, even_level = (
+    (odd_level, odd_again), (even_level, even_again) = (
         _distortion(given, answer, silent, excited, response) for silent in (odd, even)
     )  # fmt: skip
     size = np.abs(given[:, excited].mean(axis=0))
@@ -119,7 +123,7 @@ def approximate(
     levels = np.sqrt(np.stack((noise, even_level, odd_level)))
     names: tuple[Verdict, Verdict, Verdict] = ("noise", "even nonlinearity", "odd nonlinearity")
     verdicts = tuple(names[int(k)] for k in np.argmax(levels, axis=0))
-    return BestLinearApproximation(made, levels[0], levels[2], levels[1], verdicts, len(inputs))
+    return BestLinearApproximation(made, levels[0], levels[2], levels[1], odd_again, even_again, verdicts, len(inputs))
 
 
 def _read_later(found: BestLinearApproximation, delay_s: float) -> BestLinearApproximation:
@@ -154,17 +158,31 @@ def _noise(rest: Complex) -> Array:
     return made
 
 
-def _distortion(given: Complex, answer: Complex, silent: Lines, excited: Lines, response: Complex) -> Array:
-    """Power on silent lines beyond noise and the input's own leakage, averaged around each excited line."""
+def _distortion(
+    given: Complex, answer: Complex, silent: Lines, excited: Lines, response: Complex
+) -> tuple[Array, Array]:
+    """Power on silent lines beyond noise and the input's own leakage, averaged around each excited line, shape (n,).
+
+    The second is the root of it with the noise redrawn, shape (draws, n).
+    """
     if not silent.size:
-        return np.zeros(len(excited))
+        return np.zeros(len(excited)), np.zeros((DRAWS, len(excited)))
     linear = np.interp(silent, excited, response.real) + 1j * np.interp(silent, excited, response.imag)
     rest = answer[:, silent] - linear * given[:, silent]
-    power = np.abs(rest.mean(axis=0)) ** 2 - _noise(rest)
-    return np.array([max(_near(power, silent, line), 0.0) for line in excited.tolist()])
+    noise, mean = _noise(rest), rest.mean(axis=0)
+    near = _near(silent, excited)
+    power = np.maximum((np.abs(mean) ** 2 - noise) @ near, 0.0)
+    # redrawn about answers as large as they are without the noise in them
+    level = np.sqrt(np.interp(silent, excited, power)) * np.exp(1j * np.angle(mean))
+    parts = np.random.default_rng(0).normal(size=(2, DRAWS, len(silent)))
+    drawn = np.abs(level + (parts[0] + 1j * parts[1]) * np.sqrt(noise / 2.0)) ** 2
+    return power, np.sqrt(np.maximum((drawn - np.mean(noise)) @ near, 0.0))
 
 
-def _near(power: Array, silent: Lines, line: int) -> float:
+def _near(silent: Lines, excited: Lines) -> Array:
+    """Weights that average the silent lines nearest to each excited one, shape (silent, excited)."""
     count = min(_NEIGHBOURS, max(2, len(silent) // _SHARE))
-    nearest = np.argsort(np.abs(silent - line))[:count]
-    return float(np.mean(power[nearest]))
+    weights = np.zeros((len(silent), len(excited)))
+    for i, line in enumerate(excited.tolist()):
+        weights[np.argsort(np.abs(silent - line))[:count], i] = 1.0 / min(count, len(silent))
+    return weights

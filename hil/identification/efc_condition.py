@@ -29,9 +29,10 @@ from hil.identification.classification import (
     leave_one_out_thresholds,
 )
 from hil.identification.frequency_response import from_table
-from hil.identification.pressure_curve import Sweep, pressure_curve
+from hil.identification.pressure_curve import pressure_curve
 from hil.identification.sine_test import SineTest, sine_test
 from hil.identification.step_response import step_figures
+from hil.identification.sweep_estimate import Sweep
 from hil.physics.model import Model
 from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI, rms_error

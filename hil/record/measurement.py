@@ -60,10 +60,12 @@ class Measurement:
             self.name, value, self.unit, whole, self.low, self.high, verdict, relation, self.meaning, calibration
         )
 
-    def size(self, value: float, std: float) -> Measured:
+    def size(self, value: float, std: float, *, calibration: float = 0.0) -> Measured:
         """What was found of a quantity that is never below zero: a bound where its uncertainty covers the value."""
-        expanded = COVERAGE_FACTOR * std
-        return self.of(value, std) if expanded < value else self.of(value + expanded, 0.0, relation="<")
+        expanded = COVERAGE_FACTOR * math.hypot(std, calibration)
+        if expanded < value:
+            return self.of(value, std, calibration=calibration)
+        return self.of(value + expanded, 0.0, relation="<")
 
 
 @dataclass(frozen=True, slots=True)

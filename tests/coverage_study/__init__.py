@@ -1,1 +1,1 @@
-"""How often what the procedures print holds the truth: seeded runs against truths that the evaluation has no part in."""
+"""How often what procedures print holds the truth: seeded runs against truths that no evaluation has a part in."""

@@ -57,7 +57,9 @@ def of_multisine(clean: Recording, bench: str, situation: Situation) -> Truths:
         spectra = []
         for role in _ROLES:
             _, values = _rows(clean, part, role)
-            spectra.append(np.fft.rfft(values[: periods * samples].reshape(periods, samples).mean(axis=0)) * 2 / samples)
+            spectra.append(
+                np.fft.rfft(values[: periods * samples].reshape(periods, samples).mean(axis=0)) * 2 / samples
+            )
         given, answer = spectra
         excited = np.asarray(part["excited"])
         response, size = answer[excited] / given[excited], np.abs(answer[excited])
@@ -153,7 +155,9 @@ def _noise(clean: Recording, bench: str, situation: Situation, samples: int) -> 
     told = tomllib.loads(benches()[bench].read_text(encoding="utf-8"))
     name = clean.meta["roles"]["response"]
     slope = float(told["channels"][name]["calibration"]["slope"])
-    noise = math.hypot(float(told["devices"]["daq"]["noise_v"]) * slope, told["simulation"]["instruments"][name]["noise"])
+    noise = math.hypot(
+        float(told["devices"]["daq"]["noise_v"]) * slope, told["simulation"]["instruments"][name]["noise"]
+    )
     rounding = slope * 20.0 / 2.0**situation.bits / math.sqrt(12.0)
     return 2.0 * math.hypot(situation.noise * noise, rounding) / math.sqrt(samples)
 
@@ -162,6 +166,7 @@ def _sine(clean: Recording, part: dict[str, Any], place: str, drift: bool = Fals
     given, _ = harmonics(*_rows(clean, part, "command"), part["frequency_hz"])
     answer, mean = harmonics(*_rows(clean, part, "response"), part["frequency_hz"], drift)
     return {
-        f"amplitude, {place}": float(abs(answer[0])), f"phase, {place}": float(np.degrees(np.angle(answer[0] / given[0]))),
+        f"amplitude, {place}": float(abs(answer[0])),
+        f"phase, {place}": float(np.degrees(np.angle(answer[0] / given[0]))),
         f"offset, {place}": mean, f"thd, {place}": 100.0 * float(np.linalg.norm(answer[1:]) / abs(answer[0])),
     }  # fmt: skip

@@ -29,7 +29,7 @@ from hil.identification.efc_condition import (
     simulated_tests,
 )
 from hil.identification.efc_condition import tested as run_test
-from hil.identification.pressure_curve import Sweep
+from hil.identification.sweep_estimate import Sweep
 from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES
 

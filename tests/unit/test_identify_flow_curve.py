@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.flow_curve import flow_curve, polynomial, spline
-from hil.record.recording import recording
+from hil.identification.characteristic import loop, side
+from hil.identification.flow_curve import polynomial, spline
+from hil.identification.sweep_estimate import Sweep, sweep_estimate
 from hil.signals.ramps import triangle
 
 RATE_HZ = 100.0
@@ -15,53 +16,65 @@ def metered(command, positive=20.0, negative=-18.0, exponent=1.2, full=70.0):
     return full * (up**exponent - down**exponent)
 
 
-def sweep(lag_s=0.0, noise=0.3, play=0.0, seed=0, **curve):
-    command = triangle(-100.0, 100.0, 80.0, RATE_HZ)
+def sweep(cycle_s=80.0, lag_s=0.0, noise=0.3, play=0.0, seed=0, lame=1.0, **curve):
+    command = triangle(-100.0, 100.0, cycle_s, RATE_HZ, start=-100.0)
     time_s = np.arange(len(command)) / RATE_HZ
     shifted = np.interp(time_s - lag_s, time_s, command)
-    opening = shifted - play * np.sign(np.gradient(shifted))
-    flow = metered(opening, **curve) + 0.1 + noise * np.random.default_rng(seed).normal(size=len(command))
-    return recording("sweep", time_s, {"command [%]": command, "flow [l/min]": flow})
+    flow = metered(shifted - play * np.sign(np.gradient(shifted)), **curve)
+    flow = np.where(flow > 0, flow, lame * flow) + 0.1
+    flow += noise * np.random.default_rng([seed, round(cycle_s)]).normal(size=len(command))
+    return Sweep(command, flow, 400.0 / cycle_s)
+
+
+def estimate(**given):
+    return sweep_estimate("sweep", [sweep(**given), sweep(cycle_s=160.0, **given)])
+
+
+def sides(found, lame=1.0):
+    return side(found, 0.0, 0.1, 70.1, 1), side(found, 0.0, 0.1, 0.1 - 70.0 * lame, -1)
 
 
 def test_figures_of_a_known_curve_lie_within_their_uncertainty():
-    found = flow_curve(sweep(), "command", "flow")
-    for number, truth in (
-        (found.dead_band_positive, 20.0),
-        (found.dead_band_negative, -18.0),
-        (found.rated_positive, 70.1),
-        (found.rated_negative, -69.9),
-        (found.leakage, 0.1),
-    ):
-        assert number.value == pytest.approx(truth, abs=max(4 * number.std, 0.15))
-        assert number.std < 0.3
-    assert (found.dead_band_positive.unit, found.rated_positive.unit) == ("%", "l/min")
-    assert found.gain_positive.unit == "[l/min]/[%]"
-    assert 0.9 < found.symmetry.value <= 1.0
-    assert found.hysteresis.value < 0.5
-    assert len(found.nominal) == len(found.command)
+    above, below = sides(estimate())
+    for (value, std), truth in ((above.edge, 20.0), (below.edge, -18.0)):
+        assert value == pytest.approx(truth, abs=4 * std)
+        assert std < 0.3
+    command = np.linspace(20.0, 100.0, 20001)
+    share = metered(command) / 70.0
+    body = (share >= 0.3) & (share <= 0.9)
+    gain, level = np.polyfit(command[body], metered(command[body]), 1)
+    departure = np.max(np.abs(metered(command[body]) - gain * command[body] - level)) / 70.0
+    assert above.gain[0] == pytest.approx(gain, abs=4 * above.gain[1])
+    assert above.departure[0] == pytest.approx(departure, abs=4 * above.departure[1])
+    assert above.gain[1] < 0.002
 
 
 def test_edges_are_as_uncertain_as_they_scatter():
-    edges = [flow_curve(sweep(noise=1.0, seed=s), "command", "flow").dead_band_positive for s in range(15)]
-    assert np.mean([e.std for e in edges]) == pytest.approx(np.std([e.value for e in edges]), rel=0.6)
+    edges = [sides(estimate(noise=1.0, seed=s))[0].edge for s in range(12)]
+    assert np.mean([std for _, std in edges]) == pytest.approx(np.std([value for value, _ in edges]), rel=0.6)
 
 
-def test_hysteresis_is_the_width_along_the_command_and_lag_is_not_taken_for_it():
-    assert flow_curve(sweep(play=2.0), "command", "flow").hysteresis.value == pytest.approx(2.0, abs=0.3)  # 4 of 200 %
-    late = sweep(lag_s=0.2)
-    assert flow_curve(late, "command", "flow").hysteresis.value > 0.7
-    assert flow_curve(late, "command", "flow", lag_s=0.2).hysteresis.value < 0.5
+@pytest.mark.parametrize(("play", "lag_s"), [(0.0, 0.0), (2.0, 0.0), (0.0, 0.2), (2.0, 0.2)])
+def test_hysteresis_is_the_width_along_the_command_and_lag_is_not_taken_for_it(play, lag_s):
+    between = loop(estimate(play=play, lag_s=lag_s), 4.0, (5.0, 2.5))
+    assert between.lag[0] == pytest.approx(lag_s, abs=4 * between.lag[1])
+    assert between.is_friction == (play > 0.0)
+    if play:
+        assert between.width[0] == pytest.approx(2.0 * play, abs=4 * between.width[1])
+    else:
+        assert between.width[0] < 4.0 * between.width[1]
+
+
+def test_one_speed_tells_no_lag():
+    between = loop(sweep_estimate("sweep", [sweep()]), 4.0, (5.0,))
+    assert (between.lag, between.width) == (None, None)
 
 
 def test_asymmetry_and_curvature_show():
-    lame = sweep()
-    flow = lame.values("flow")
-    columns = {"command [%]": lame.values("command"), "flow [l/min]": np.where(flow > 0, flow, 0.8 * flow)}
-    found = flow_curve(recording("lame", lame.time_s, columns), "command", "flow")
-    assert found.symmetry.value == pytest.approx(0.8 * 80 / 82, abs=0.03)
-    curved = flow_curve(sweep(exponent=1.8), "command", "flow").linearity.value
-    assert curved > 3 * flow_curve(sweep(exponent=1.0), "command", "flow").linearity.value
+    above, below = sides(estimate(lame=0.8), lame=0.8)
+    assert below.gain[0] / above.gain[0] == pytest.approx(0.8 * 80 / 82, abs=0.01)
+    curved, straight = (sides(estimate(exponent=exponent))[0].departure[0] for exponent in (1.8, 1.0))
+    assert curved > 3 * straight
 
 
 def test_the_ninth_order_polynomial_ripples_in_the_dead_band_and_the_spline_does_not():
@@ -79,14 +92,13 @@ def test_the_ninth_order_polynomial_ripples_in_the_dead_band_and_the_spline_does
 
 
 def test_what_is_no_sweep_is_said():
-    n = 4000
-    time_s, one = np.arange(n) / RATE_HZ, np.ones(n)
+    one = np.ones(4000)
     with pytest.raises(InputError, match="does not move"):
-        flow_curve(recording("r", time_s, {"command [%]": one, "flow [l/min]": one}), "command", "flow")
-    up = np.linspace(-100, 100, n)
+        sweep_estimate("r", [Sweep(one, one, 1.0)])
+    up = np.linspace(-100, 100, 4000)
     with pytest.raises(InputError, match="both up and down"):
-        flow_curve(recording("r", time_s, {"command [%]": up, "flow [l/min]": up}), "command", "flow")
+        sweep_estimate("r", [Sweep(up, up, 5.0)])
     dead = triangle(-10.0, 10.0, 40.0, RATE_HZ)
-    columns = {"command [%]": dead, "flow [l/min]": 1e-3 * np.sin(np.arange(len(dead)))}
+    noise = 1e-3 * np.random.default_rng(0).normal(size=len(dead))
     with pytest.raises(InputError, match="no flow beyond the noise"):
-        flow_curve(recording("r", np.arange(len(dead)) / RATE_HZ, columns), "command", "flow")
+        side(sweep_estimate("r", [Sweep(dead, noise, 1.0)]), 0.0, 0.0, 1e-4, 1)

@@ -6,7 +6,8 @@ import pytest
 from scipy.signal import lfilter
 
 from hil.errors import InputError
-from hil.identification.step_response import measured_steps, second_order_from_step, step_figures
+from hil.identification.step_estimate import measured_steps
+from hil.identification.step_response import second_order_from_step, step_figures
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 
@@ -73,7 +74,7 @@ def test_coloured_noise_is_no_overshoot_and_widens_what_is_stated(corner_hz):
         noisy = plain.values("flow") + 0.2 * noise / noise.std()
         columns = {"command [%]": plain.values("command"), "flow [l/min]": noisy}
         (found,) = measured_steps(recording("noisy", plain.time_s, columns), "command", "flow")
-        assert found.figures.overshoot == 0.0
+        assert found.figures.overshoot < 4.0 * found.std.overshoot
         assert found.noise_std == pytest.approx(0.2, rel=0.35)
         rises.append(found.figures.rise_s)
         stated.append(found.std.rise_s)

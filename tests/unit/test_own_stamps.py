@@ -19,7 +19,7 @@ from hil.identification.measuring_chain import MeasuringChain, corrected
 from hil.identification.process_model import process_model
 from hil.identification.rational import Form
 from hil.identification.sine_segments import frequency_responses
-from hil.identification.step_response import measured_steps
+from hil.identification.step_estimate import measured_steps
 from hil.identification.transfer_function import fit_form
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate

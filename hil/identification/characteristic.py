@@ -1,0 +1,171 @@
+"""Figures of a steady characteristic, read from the smooth curve through sweeps, each with its uncertainty."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.errors import InputError
+from hil.identification.redrawn import about
+from hil.identification.sweep_estimate import LEVELS, SweepEstimate
+from hil.record.recording import Array
+
+GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
+_STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
+_CLEAR = 10.0  # times its standard uncertainty: a response that can be read
+_FOOT_TO = 0.4  # of the response at the end, up to which the edge of the dead band is read
+_STICTION = (
+    0.3  # by which static friction exceeds sliding friction, at most (Armstrong-Hélouvry, Automatica 30(7), 1994)
+)
+# Friction that falls with speed as exp(−(v/v_s)²) differs between a sweep and one at half its speed by up to 0.39 of
+# that; the straight line through both lies above the friction at rest by up to 0.19 of it.
+_BETWEEN_SPEEDS, _AT_REST = 0.39, 0.19
+
+Read = tuple[float, float]
+"""Value and standard uncertainty."""
+
+
+@dataclass(frozen=True, slots=True)
+class Side:
+    """One side of a curve that goes both ways from neutral."""
+
+    edge: Read
+    gain: Read
+    departure: Read
+
+
+@dataclass(frozen=True, slots=True)
+class Loop:
+    """What lies between the branches, along the command; `lag` and `width` are None for sweeps of one speed.
+
+    Attributes:
+        lag: s. `width`: the largest that speed does not explain, where the curve is steep.
+        is_friction: whether the width is more than noise makes.
+    """
+
+    lag: Read | None
+    width: Read | None
+    is_friction: bool
+
+
+def over_all(estimate: SweepEstimate, figure: Callable[[Array, Array], float]) -> Read:
+    """A figure of (response, slope) at the levels, with its uncertainty from the redrawn curves."""
+    value = figure(estimate.response, estimate.slope)
+    redrawn = [figure(one, slope) for one, slope in zip(estimate.responses, estimate.slopes, strict=True)]
+    return value, about(np.array(redrawn), value)
+
+
+def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> Loop:
+    """Lag and hysteresis; friction that depends on speed could be taken for lag, and is granted to both.
+
+    Args:
+        estimate: of the sweeps.
+        certain: standard uncertainties from which a width is no noise.
+        speeds: of the sweeps, in the command's unit per second.
+    """
+    if math.isnan(estimate.lag_s):
+        return Loop(None, None, False)
+    low, high = estimate.covered
+    steep = (np.abs(estimate.slope) > _STEEP * float(np.max(np.abs(estimate.slope)))) & (
+        (estimate.command >= low) & (estimate.command <= high)
+    )
+    width = float(np.max(np.abs(estimate.width[steep])))
+    width_std = about(np.max(np.abs(estimate.widths[:, steep]), axis=1), width)
+    lag_std_s = about(estimate.lags_s, estimate.lag_s)
+    friction = width >= certain * width_std
+    if friction:
+        granted = width * _STICTION / (1.0 + _STICTION) / math.sqrt(3.0)
+        width_std = math.hypot(width_std, _AT_REST * granted)
+        lag_std_s = math.hypot(lag_std_s, _BETWEEN_SPEEDS * granted / (2.0 * (max(speeds) - min(speeds))))
+    return Loop((estimate.lag_s, lag_std_s), (width, width_std), friction)
+
+
+def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int) -> Side:
+    """Edge of the dead band, gain, and largest departure from its line as a share of the response at the end.
+
+    Args:
+        estimate: of the sweeps.
+        neutral: command from which both sides go.
+        zero: response there.
+        end: response at the end of this side.
+        sign: 1 for the side above neutral, −1 for that below.
+
+    Raises:
+        InputError: no response beyond the noise, or too few levels carry one.
+    """
+    noise = float(np.median(np.std(estimate.responses, axis=0)))
+    if abs(end - zero) < _CLEAR * noise:
+        raise InputError(f"flow curve: at the {'positive' if sign > 0 else 'negative'} end no flow beyond the noise")
+    mine = sign * (estimate.command - neutral) >= 0.0
+    command = estimate.command[mine]
+
+    def line(response: Array, _slope: Array) -> tuple[float, float]:
+        share = (response[mine] - zero) / (end - zero)
+        body = (share >= GAIN_FROM) & (share <= GAIN_TO)
+        if body.sum() < 4:
+            raise InputError("flow curve: too few levels carry flow on one side of centre")
+        late = command[body] - np.mean(command[body])
+        gain = float(late @ response[mine][body] / (late @ late))
+        left = response[mine][body] - np.mean(response[mine][body]) - gain * late
+        return gain, float(np.max(np.abs(left))) / abs(end - zero)
+
+    gain, departure = (over_all(estimate, lambda r, s, i=i: line(r, s)[i]) for i in (0, 1))  # type: ignore[misc]
+    return Side(_edge(estimate, neutral, zero, end, sign), gain, departure)
+
+
+def level_at(levels: Array, values: Array, wanted: float) -> float:
+    """First level at which the values pass a wanted one; NaN where they do not."""
+    beyond = (values >= wanted) if values[-1] > values[0] else (values <= wanted)
+    i = int(np.argmax(beyond))
+    if not beyond[i] or i == 0:
+        return math.nan
+    share = (wanted - values[i - 1]) / (values[i] - values[i - 1])
+    return float(levels[i - 1] + share * (levels[i] - levels[i - 1]))
+
+
+def largest_slope(estimate: SweepEstimate) -> tuple[Read, float]:
+    """(steepest slope, the level at which it is)."""
+    steepest = int(np.argmax(np.abs(estimate.slope)))
+    sign = math.copysign(1.0, float(estimate.slope[steepest]))
+    value, std = over_all(estimate, lambda _response, slope: float(np.max(sign * slope)))
+    return (sign * value, std), float(estimate.command[steepest])
+
+
+def polyline(count: int = 121) -> NDArray[np.int64]:
+    """Indices of so many levels of an estimate, evenly spread: a curve for the page."""
+    made: NDArray[np.int64] = np.linspace(0, LEVELS - 1, count).round().astype(np.int64)
+    return made
+
+
+def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int) -> Read:
+    """Where a power law through the foot of the curve begins, with its uncertainty."""
+    from scipy.optimize import least_squares
+
+    points = estimate.points
+    place = sign * (points.command - neutral)
+    share = (points.response - zero) / (end - zero)
+    foot = (place > 0.0) & (share < _FOOT_TO)
+    if foot.sum() < 4:
+        raise InputError("flow curve: too few levels carry flow on one side of centre")
+    opening, part = place[foot], share[foot]
+    weight = 1.0 / np.maximum(estimate.std[foot] / abs(end - zero), 1e-6)
+    top = float(opening.max())
+
+    def residuals(p: Array) -> Array:
+        over = np.maximum((opening - p[0]) / (top - p[0]), 0.0)
+        made: Array = (p[2] * over ** p[1] - part) * weight
+        return made
+
+    flowing = np.sort(opening[part > 0.02])
+    start = float(flowing[0]) if len(flowing) else 0.0
+    found = least_squares(
+        residuals, [min(0.9 * start, 0.9 * top), 1.2, float(part.max())],
+        bounds=([0.0, 0.3, 0.0], [0.98 * top, 5.0, 2.0]), x_scale=[top, 1.0, 1.0],
+    )  # fmt: skip
+    slopes = np.asarray(found.jac, dtype=np.float64)
+    covariance = np.linalg.pinv(slopes.T @ slopes) * max(1.0, 2.0 * found.cost / max(len(opening) - 3, 1))
+    return neutral + sign * float(found.x[0]), math.sqrt(float(covariance[0, 0]))

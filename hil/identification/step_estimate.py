@@ -1,0 +1,160 @@
+"""Figures of a noisy step response, read from a smooth estimate of all of it, with their uncertainty.
+
+The response is as sharp soon after the command jumps as it is smooth later on, so it is smoothed over the logarithm of
+time. The uncertainty comes from recordings that are drawn again: the estimate with noise of the size and colour that
+was found, rounded as the converter rounds, smoothed and read in the same way.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, dataclass, replace
+
+import numpy as np
+
+from hil.errors import InputError
+from hil.identification.redrawn import DRAWS, about
+from hil.identification.step_response import StepFigures, step_figures
+from hil.record.recording import Array, Recording
+from hil.signals.rounding import before_rounding, rounded_again, rounding_step
+from hil.signals.smooth_curve import Smoother, coloured, whitener_of
+
+TAIL_SHARE = 0.15  # of the time after the step: its end gives the final value
+REST_SHARE = 0.25  # of the time before it: its end gives the value at the start
+_LEAST_JUMP = 0.01  # of the command's span
+_COEFFICIENTS = 80
+_SHARP = 0.005  # of the time after the step, up to which time counts as it is
+_MOVING = 2.0  # standard uncertainties of the final value by which the response still moves at its end
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredStep:
+    """Figures of a noisy step with their standard uncertainties.
+
+    Attributes:
+        figures: of the smooth estimate.
+        std: standard uncertainty of each figure, infinite where the noise can move it past the record.
+        change_std: of final less start.
+        noise_std: of a sample, in the output's unit.
+        moving: by how much the response still changes over the stretch that gives its final value; 0 for less than
+            noise can make.
+        from_command, to_command: the step, in the command's unit.
+    """
+
+    figures: StepFigures
+    std: StepFigures
+    change_std: float
+    noise_std: float
+    moving: float
+    from_command: float
+    to_command: float
+
+
+def measured_steps(
+    recording: Recording, input_name: str, output_name: str, *, band: float = 0.02
+) -> tuple[MeasuredStep, ...]:
+    """Figures of every step of the command in a recording, with uncertainty.
+
+    A step begins where the command jumps and ends at the next jump. Draws are seeded, so results repeat.
+
+    Raises:
+        InputError: the command holds no step, or the response does not follow one.
+    """
+    command = recording.channel(input_name)
+    edges = _jumps(command.values)
+    if not edges:
+        raise InputError(f"{recording.name}: channel '{command.heading}' holds no step")
+    output = recording.values(output_name)
+    stamps_s, grid = recording.stamps(output_name), rounding_step(output)
+    made = []
+    for before, first, stop in zip([0, *edges], edges, [*edges[1:], len(recording)], strict=False):
+        step = _Step(stamps_s[first:stop] - recording.time_s[first], output[first:stop], output[before:first], grid)
+        made.append(_measured(step, float(command.values[first - 1]), float(command.values[first]), band))
+    return tuple(made)
+
+
+@dataclass(frozen=True, slots=True)
+class _Step:
+    """Stamps from the step on and the response there, the response before it, the step of the converter."""
+
+    time_s: Array
+    response: Array
+    before: Array
+    grid: float
+
+    @property
+    def rest(self) -> Array:
+        """What stands before the step."""
+        return self.before[-max(1, round(REST_SHARE * len(self.before))) :]
+
+    @property
+    def tail(self) -> slice:
+        """What stands at its end."""
+        return slice(-max(1, round(TAIL_SHARE * len(self.response))), None)
+
+
+def _measured(step: _Step, from_command: float, to_command: float, band: float) -> MeasuredStep:
+    whitener = _whitener(step)
+    places = np.log1p(np.maximum(step.time_s, 0.0) / (_SHARP * float(step.time_s[-1])))
+    smoother = Smoother.on(places, min(_COEFFICIENTS, max(8, len(places) // 2)), whitener, twice=True)
+    start = float(np.mean(step.rest))
+    found = smoother.curves(step.response - start)
+    curve, innovation = start + smoother.at(found)[0], float(found.noise_std[0])
+    figures = step_figures(step.time_s, curve, start=start, final=float(np.mean(curve[step.tail])), band=band)
+
+    rng = np.random.default_rng(0)
+    shift = rng.random((DRAWS, 1)) if step.grid else np.zeros((DRAWS, 1))
+
+    def drawn(level: Array, count: int) -> Array:
+        noise = coloured(before_rounding(innovation, step.grid) * rng.normal(size=(DRAWS, count + 200)), whitener)
+        return rounded_again(level + noise[:, 200:], step.grid, shift)
+
+    again = start + smoother.at(smoother.curves(drawn(curve, len(curve)) - start))
+    starts = np.mean(drawn(np.full(len(step.rest), start), len(step.rest)), axis=1)
+    read = [_read(step, one, level, band) for one, level in zip(again, starts.tolist(), strict=True)]
+    columns = np.array([astuple(one) for one in read if one is not None], dtype=np.float64)
+    std = _spread(columns, figures, missing=len(read) - len(columns))
+    changes = columns[:, 1] - columns[:, 0]
+    change_std = about(changes, figures.final - figures.start)
+    moved = float(curve[-1] - curve[step.tail][0])
+    return MeasuredStep(
+        figures, replace(std, band=band), change_std,
+        float(np.std(step.response - curve)), moved if abs(moved) > _MOVING * std.final else 0.0,
+        from_command, to_command,
+    )  # fmt: skip
+
+
+def _read(step: _Step, curve: Array, start: float, band: float) -> StepFigures | None:
+    """Figures of a redrawn response; None where it has none."""
+    try:
+        return step_figures(step.time_s, curve, start=start, final=float(np.mean(curve[step.tail])), band=band)
+    except InputError:
+        return None
+
+
+def _spread(columns: Array, figures: StepFigures, missing: int) -> StepFigures:
+    if missing or len(columns) < 2:
+        return StepFigures(*[math.inf] * columns.shape[1])
+    return StepFigures(*(about(column, value) for column, value in zip(columns.T, astuple(figures), strict=True)))
+
+
+def _whitener(step: _Step) -> Array:
+    """From the quieter of the stretches in which the response stands."""
+    stretches = [_straightened(values) for values in (step.rest, step.response[step.tail]) if len(values) > 2]
+    return whitener_of(min(stretches, key=lambda values: float(np.std(values)))) if stretches else np.ones(1)
+
+
+def _straightened(values: Array) -> Array:
+    """Less the straight line through it."""
+    late = np.linspace(-1.0, 1.0, len(values))
+    made: Array = values - np.mean(values) - late * float(late @ values) / float(late @ late)
+    return made
+
+
+def _jumps(values: Array) -> list[int]:
+    """Samples at which the command jumps from standing still to standing still."""
+    change = np.abs(np.diff(values))
+    still = np.concatenate(([True, True], change == 0.0, [True, True]))
+    large = np.flatnonzero(change > max(_LEAST_JUMP * float(np.ptp(values)), 0.0))
+    # still[i + 2] belongs to change[i]: two samples at rest on either side make a step of it
+    return [int(i) + 1 for i in large if still[i : i + 2].all() and still[i + 3 : i + 5].all()]

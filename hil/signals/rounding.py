@@ -1,0 +1,56 @@
+"""The steps in which a converter gives its readings, and what they hide."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_SAME = 1e-6  # of the range: closer values are one code, calculated twice
+_MOST = 20_000  # samples that are looked at
+_ON_GRID = 1e-3  # of a step: how far values lie from the grid by calculation
+
+
+def rounding_step(values: Array) -> float:
+    """The distance of neighbouring codes of a converter; 0 where the values lie on no grid that can be seen.
+
+    Args:
+        values: readings, shape (n,).
+    """
+    distinct = np.unique(values[:: max(1, len(values) // _MOST)])
+    if len(distinct) < 2:
+        return 0.0
+    apart = np.diff(distinct)
+    apart = apart[apart > _SAME * (distinct[-1] - distinct[0])]
+    if not len(apart):
+        return 0.0
+    step = float(apart.min())
+    codes = (distinct - distinct[0]) / step
+    on_grid = np.abs(codes - np.rint(codes)) <= _ON_GRID * np.maximum(1.0, codes)
+    return step if bool(on_grid.all()) else 0.0
+
+
+def rounded_again(values: Array, step: float, shift: Array) -> Array:
+    """Values as a converter would give them whose codes lie elsewhere by `shift` steps; 0 for no converter."""
+    if step == 0.0:
+        return values
+    made: Array = (np.rint(values / step + shift) - shift) * step
+    return made
+
+
+def before_rounding(std: float, step: float) -> float:
+    """Noise that was there before the converter added its own."""
+    return float(np.sqrt(max(std**2 - step**2 / 12.0, 0.0)))
+
+
+def mean_rounding_std(noise_std: float, step: float) -> float:
+    """Standard uncertainty that rounding leaves in a mean of readings of one level: noise spreads them over codes.
+
+    The mean of rounded values is periodic in the level; its Fourier series, with the level anywhere between two codes.
+    """
+    if step == 0.0:
+        return 0.0
+    k = np.arange(1.0, 20.0)
+    faded = np.exp(-2.0 * (np.pi * k * before_rounding(noise_std, step) / step) ** 2)
+    return float(step * np.sqrt(np.sum((faded / (np.pi * k)) ** 2 / 2.0)))

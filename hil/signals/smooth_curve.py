@@ -1,0 +1,181 @@
+"""A smooth curve through noisy samples, as stiff as the samples themselves ask for.
+
+Penalised B-splines (Eilers, Marx: Flexible smoothing with B-splines and penalties, Statist. Sci. 11, 1996). How much
+roughness is paid for is chosen by evidence: the restricted likelihood of the samples, in which the curve's coefficients
+and the noise's size have been integrated out (Wood: Generalized Additive Models, 2nd ed., 2017, ch. 6.2). Noise that is
+not white is made so first: samples and basis pass the same filter.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_DEGREE = 3
+_ROUGHNESS = 3  # order of the differences that are penalised: straight lines and parabolas cost nothing
+_STIFFNESSES = 10.0 ** np.arange(-8.0, 12.01, 0.25)
+_LEAST_HEARD = 1e-10  # of the best heard coefficient: less is given by its neighbours
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """Smooth curves.
+
+    Attributes:
+        coefficients: of each, shape (m, k).
+        noise_std: of the whitened samples about each, shape (m,).
+        spent: how many coefficients each amounts to, shape (m,).
+    """
+
+    coefficients: Array
+    noise_std: Array
+    spent: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Smoother:
+    """Everything about a smooth curve on given places but the samples; makes many curves at little cost.
+
+    Attributes:
+        basis: of the curve at the places, shape (n, k).
+        whitener: what makes the noise white, [1, −a₁, −a₂, …].
+        weights: of the samples, one over the relative size of their noise, shape (n,).
+        knots: of the splines. `places`: of the samples, shape (n,).
+    """
+
+    basis: Array
+    whitener: Array
+    weights: Array
+    knots: Array
+    places: Array
+    _heard: Array
+    _turn: Array
+    _cost: Array
+    _unit: float
+    _twice: bool
+
+    @classmethod
+    def on(
+        cls, places: Array, count: int, whitener: Array | None = None, weights: Array | None = None,
+        twice: bool = False,
+    ) -> Smoother:  # fmt: skip
+        """For places, shape (n,), with `count` coefficients evenly spread over them; a whitener asks for rising ones.
+
+        A whitener takes what was before the first sample for 0. `twice` smooths what the first curve leaves once more and adds it: corners stay sharper, noise counts more.
+        """
+        from scipy.linalg import cholesky, eigh, solve_triangular
+
+        knots = _knots(float(np.min(places)), float(np.max(places)), count)
+        basis = _basis(places, knots)
+        filter_ = np.ones(1) if whitener is None else whitener
+        known = np.ones(len(places)) if weights is None else weights
+        heard = _whitened(basis * known[:, None], filter_, axis=0)
+        normal = heard.T @ heard
+        rough = np.diff(np.eye(count), _ROUGHNESS, axis=0)
+        penalty = rough.T @ rough
+        scale = float(np.trace(normal)) / count
+        # a coefficient that no sample hears is held by its neighbours alone
+        root = cholesky(normal / scale + _LEAST_HEARD * (penalty + np.eye(count)), lower=True)
+        half = solve_triangular(root, penalty, lower=True)
+        cost, vectors = eigh(solve_triangular(root, half.T, lower=True))
+        turn = solve_triangular(root.T, vectors)
+        return cls(
+            basis, filter_, known, knots, places, heard / scale**0.5, turn, np.maximum(cost, 0.0), scale**0.5, twice
+        )
+
+    def curves(self, samples: Array) -> Curves:
+        """One curve for each row of samples, shape (m, n), each as stiff as it asks for."""
+        white = _whitened(np.atleast_2d(samples) * self.weights, self.whitener, axis=1)
+        loads = (white @ self._heard) @ self._turn
+        power = np.sum(white**2, axis=1)
+        bent = len(self._cost) - _ROUGHNESS
+        dof = white.shape[1] - _ROUGHNESS
+        paid = _STIFFNESSES[:, None] * self._cost
+        left = np.maximum(power[:, None] - loads**2 @ (1.0 / (1.0 + paid)).T, 1e-12 * power[:, None] + 1e-300)
+        price = np.sum(np.log1p(paid), axis=1) - bent * np.log(_STIFFNESSES)
+        chosen = np.argmin(dof * np.log(left) + price, axis=1)
+        kept = 1.0 / (1.0 + paid[chosen])
+        if self._twice:
+            kept = kept * (2.0 - kept)
+        coefficients = (loads * kept) @ self._turn.T / self._unit
+        rest = power - np.sum(loads**2 * (2.0 * kept - kept**2), axis=1)
+        spent = np.sum(kept, axis=1)
+        return Curves(coefficients, np.sqrt(np.maximum(rest, 0.0) / (white.shape[1] - spent)), spent)
+
+    def at(self, curves: Curves) -> Array:
+        """The curves at the places, shape (m, n)."""
+        made: Array = curves.coefficients @ self.basis.T
+        return made
+
+    def slopes(self, curves: Curves) -> Array:
+        """Slopes of the curves at the places, shape (m, n)."""
+        return self.beside(curves, self.places)[1]
+
+    def beside(self, curves: Curves, places: Array) -> tuple[Array, Array]:
+        """(the curves, their slopes) at other places, each of shape (m, places); beyond the samples they go on."""
+        values: Array = curves.coefficients @ _basis(places, self.knots).T
+        steps = np.diff(curves.coefficients, axis=1) / (self.knots[1] - self.knots[0])
+        slopes: Array = steps @ _basis(places, self.knots[1:-1], _DEGREE - 1).T
+        return values, slopes
+
+
+def whitener_of(rest: Array, orders: tuple[int, ...] = (1, 2, 4, 8, 16)) -> Array:
+    """The filter that makes noise white, from a stretch of it: autoregression by Yule and Walker, order by evidence.
+
+    [1] where white noise explains the stretch as well.
+    """
+    from scipy.linalg import solve_toeplitz
+
+    n = len(rest)
+    centred = rest - rest.mean()
+    power = float(centred @ centred)
+    if n < 8 * orders[0] or power == 0.0:
+        return np.ones(1)
+    best, score = np.ones(1), n * np.log(power)
+    for order in orders:
+        if n < 8 * order:
+            break
+        lagged = np.array([float(centred[: n - k] @ centred[k:]) for k in range(order + 1)])
+        weights = solve_toeplitz(lagged[:-1], lagged[1:])
+        left = float(lagged[0] - weights @ lagged[1:])
+        told = n * np.log(max(left, 1e-12 * power)) + order * np.log(n)
+        if told < score:
+            best, score = np.concatenate(([1.0], -weights)), told
+    return best
+
+
+def coloured(noise: Array, whitener: Array) -> Array:
+    """White noise, shape (m, n), with the colour that a whitener takes away."""
+    from scipy.signal import lfilter
+
+    made: Array = lfilter([1.0], whitener, noise, axis=-1) if len(whitener) > 1 else noise
+    return made
+
+
+def _whitened(values: Array, whitener: Array, axis: int) -> Array:
+    from scipy.signal import lfilter
+
+    if len(whitener) == 1:
+        return values
+    made: Array = np.asarray(lfilter(whitener, [1.0], values, axis=axis), dtype=np.float64)
+    return made
+
+
+def _knots(low: float, high: float, count: int) -> Array:
+    """Even knots for cubic splines with so many coefficients from low to high."""
+    step = (high - low) / (count - _DEGREE)
+    made: Array = low + step * np.arange(-_DEGREE, count + 1, dtype=np.float64)
+    return made
+
+
+def _basis(places: Array, knots: Array, degree: int = _DEGREE) -> Array:
+    """B-splines at places, shape (n, k)."""
+    from scipy.interpolate import BSpline
+
+    found = BSpline.design_matrix(places, knots, degree, extrapolate=True).toarray()
+    made: Array = np.asarray(found, dtype=np.float64)
+    return made

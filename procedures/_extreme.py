@@ -1,0 +1,34 @@
+"""Extremes: the largest of many noisy values is a value only where noise alone could not have made it."""
+
+from __future__ import annotations
+
+import math
+
+from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
+
+CERTAIN = 4.0  # standard uncertainties: the largest of many values by noise alone stays below
+
+
+def extreme(what: Measurement, value: float, std: float, *, calibration: float = 0.0) -> Measured:
+    """A largest value that cannot be below 0: as measured, or `<` the bound that these data give it.
+
+    Args:
+        what: the quantity.
+        value: as read from the estimate, not below 0.
+        std: its standard uncertainty, offset of the extreme included.
+        calibration: as in `Measurement.of`.
+    """
+    if not (math.isfinite(value) and math.isfinite(std)):
+        return what.of(None)
+    if value >= CERTAIN * std:
+        return what.of(value, std, calibration=calibration)
+    bound = value + COVERAGE_FACTOR * math.hypot(std, calibration)
+    return what.of(rounded_up(bound), 0.0, relation="<")
+
+
+def rounded_up(bound: float) -> float:
+    """An upper bound to two digits, never lower."""
+    if not bound > 0.0:
+        return bound
+    digits = 1 - math.floor(math.log10(bound))
+    return round(math.ceil(bound * 10.0**digits) / 10.0**digits, max(digits, 0))
