@@ -65,7 +65,8 @@ class Smoother:
     ) -> Smoother:  # fmt: skip
         """For places, shape (n,), with `count` coefficients evenly spread over them; a whitener asks for rising ones.
 
-        A whitener takes what was before the first sample for 0. `twice` smooths what the first curve leaves once more and adds it: corners stay sharper, noise counts more.
+        A whitener takes what was before the first sample for 0. `twice` smooths what the first curve leaves once more
+        and adds it: corners stay sharper, noise counts more.
         """
         from scipy.linalg import cholesky, eigh, solve_triangular
 
