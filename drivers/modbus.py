@@ -475,7 +475,10 @@ class ModbusLink:
                 f"{_EXCEPTIONS.get(answer.exception_code, '')}"
             )
         if not _belongs(answer, function, address, count, values):
-            self._fail(None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}")
+            echo = ": an adapter that echoes does so, then say echo = true" if self._may_echo else ""
+            self._fail(
+                None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}{echo}"
+            )
         if self._settings.pause_s:
             self._rest_until_s = time.monotonic() + self._settings.pause_s
         return [int(bit) for bit in answer.bits[:count]] if function == 1 else list(answer.registers)
@@ -483,16 +486,21 @@ class ModbusLink:
     def _what_came(self) -> str:
         """What can be said of an answer that was none."""
         if not self._heard:
-            return ""
+            first = self._settings.transport == "rtu" and not self._before and not self._settings.pause_s
+            return "; if it answers now and then, it may need a pause between frames: say pause_s" if first else ""
         if self._settings.transport == "tcp" and self._heard[:2] != self._sent[:2]:
             came, sent = (int.from_bytes(frame[:2], "big") for frame in (self._heard, self._sent))
             return (
                 f": one came, but with transaction number {came} instead of {sent}: a gateway that numbers by itself, "
                 f"which cannot be used, or answers that come late"
             )
-        if self._settings.transport == "rtu" and self._heard.startswith(self._sent):
+        if self._may_echo and self._heard.startswith(self._sent):
             return ": what was sent came back: the adapter echoes, say echo = true"
         return f": what came is none ({self._heard[:20].hex(' ')})"
+
+    @property
+    def _may_echo(self) -> bool:
+        return self._settings.transport == "rtu" and not self._settings.echo
 
     def _trace(self, sending: bool, frame: bytes) -> bytes:
         if sending:

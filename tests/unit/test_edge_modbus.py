@@ -176,6 +176,33 @@ def test_an_adapter_that_echoes_is_named_and_a_setting_helps() -> None:
         link.close()
 
 
+def test_an_echo_of_what_was_written_is_named_too() -> None:
+    """The echo of function 6 is just what its answer would be; what came behind it is taken for the next answer."""
+    device = Tables(inputs={0: 453}, holding={4: 0, 8: 0, 9: 0})
+    out = {name: Register("out", "value", "bar", 0.0, 9.0, "holding", at) for name, at in (("q", 8), ("r", 9))}
+    model = Model(out, watchdog=((4, "{tenths}"), (4, 1)))
+    with (
+        ForeignLine(lambda frame: frame + device.on_serial(frame)) as line,
+        pytest.raises(LinkError, match="say echo = true"),
+    ):
+        opened(line, model, wired(outputs=("q", "r")), transport="rtu", watchdog_s=1.0).standing()
+
+
+def test_a_device_that_needs_a_pause_is_told_of_the_setting() -> None:
+    device, answered_s = Tables(holding={4: 0}, inputs={0: 453}), [0.0]
+
+    def slow(frame: bytes) -> bytes:
+        if time.monotonic() - answered_s[0] < 0.2:
+            return b""
+        answered_s[0] = time.monotonic()
+        return device.on_serial(frame)
+
+    out = Register("out", "value", "bar", 0.0, 9.0, "holding", 4)
+    model = Model({"q": out}, watchdog=((4, "{tenths}"), (4, 1)))
+    with ForeignLine(slow) as line, pytest.raises(LinkError, match="may need a pause between frames: say pause_s"):
+        opened(line, model, wired(outputs=("q",)), transport="rtu", watchdog_s=1.0)
+
+
 def test_echo_belongs_to_a_serial_line() -> None:
     settings = LineSettings(address="127.0.0.1:502", echo=True)
     assert [place for place, _ in modbus.line_faults(settings, Model({"t": gauge()}))] == [("echo",)]
