@@ -12,7 +12,7 @@ import importlib
 import importlib.util
 import pkgutil
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import entry_points
@@ -93,6 +93,22 @@ def find(kind: Kind, name: str) -> Entry:
         if entry.name == wanted:
             return entry
     raise UnknownNameError(_SINGULAR[kind], name, (entry.name for entry in entries(kind)))
+
+
+def files_of(groups: Iterable[str], folder: str, pattern: str) -> dict[str, Path]:
+    """Files that installed packages bring along in a folder of that name, by their stem: benches, models."""
+    found: dict[str, Path] = {}
+    for group in groups:
+        for point in entry_points(group=group):
+            spec = importlib.util.find_spec(point.value)
+            for home in (spec.submodule_search_locations or ()) if spec else ():
+                found |= {file.stem: file for file in sorted(Path(home, folder).glob(pattern))}
+    return dict(sorted(found.items()))
+
+
+def models() -> dict[str, Path]:
+    """Every model file that packages of plants bring along in a folder `models`, by name."""
+    return files_of(["hil.plants"], "models", "*.json")
 
 
 def _check_not_hidden(package: str) -> None:

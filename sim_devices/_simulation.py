@@ -9,6 +9,7 @@ from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
 
+from hil.catalog import models
 from hil.errors import HilError, UnitError
 from hil.physics.compose import effects as installed_effects
 from hil.physics.effect import Effect
@@ -92,7 +93,7 @@ def model_of(simulation: Simulation) -> Model:
 
 def _base(simulation: Simulation) -> Model:
     name = simulation.plant
-    return load_model(Path(name)) if name.endswith(".json") else typical_model(name)
+    return load_model(Path(name)) if name.endswith(".json") or name in models() else typical_model(name)
 
 
 def _sites(plant: Plant, asked: SimulatedEffect) -> list[tuple[Effect, Hook]]:

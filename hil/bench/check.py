@@ -10,7 +10,7 @@ from hil.bench.check_interlocks import interlock_faults, known_channel
 from hil.bench.device import DeviceInUse, mixes, model_path
 from hil.bench.draft import Draft
 from hil.bench.fault import Fault
-from hil.catalog import find
+from hil.catalog import find, models
 from hil.daq.address import address_fault
 from hil.errors import HilError
 
@@ -44,7 +44,7 @@ def _plant(draft: Draft, folder: Path) -> Iterator[Fault]:
         if plant.endswith(".json"):
             if not Path(plant).is_file():
                 yield Fault(("valve", "plant"), f"no model file {plant}; it is looked for beside the bench file")
-        else:
+        elif plant not in models():
             find("plants", plant)
     except HilError as error:
         yield Fault(("valve", "plant"), str(error))

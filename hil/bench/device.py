@@ -142,7 +142,7 @@ def simulation_of(names: Collection[str], draft: Draft | Bench, folder: Path) ->
 
 
 def model_path(plant: str, folder: Path) -> str:
-    """A model file beside the bench file as a path; the name of an installed plant as it is."""
+    """A model file beside the bench file as a path; the name of an installed plant or model as it is."""
     return str(folder / plant) if isinstance(plant, str) and plant.endswith(".json") else plant
 
 

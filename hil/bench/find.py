@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import importlib.util
-from importlib.metadata import entry_points
 from pathlib import Path
 
+from hil.catalog import files_of
 from hil.errors import FileError, UnknownNameError
 
 _GROUPS = ("hil.sim_devices", "hil.drivers")
@@ -33,10 +32,4 @@ def find_bench(name: str) -> Path:
 
 def benches() -> dict[str, Path]:
     """Every bench that installed packages bring along, by name."""
-    found: dict[str, Path] = {}
-    for group in _GROUPS:
-        for point in entry_points(group=group):
-            spec = importlib.util.find_spec(point.value)
-            for folder in (spec.submodule_search_locations or ()) if spec else ():
-                found |= {file.stem: file for file in sorted(Path(folder, "benches").glob("*.toml"))}
-    return found
+    return files_of(_GROUPS, "benches", "*.toml")

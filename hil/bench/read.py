@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from hil.bench.base import whole_bench
 from hil.bench.check import faults_of
 from hil.bench.device import DeviceInUse, device_in_use, open_devices
 from hil.bench.draft import draft_of
@@ -23,7 +23,7 @@ class BenchFile:
 
     Attributes:
         path: where it was read.
-        text: as it stood there; it goes into the header of every run.
+        text: as it stood there, with what it is based on; it goes into the header of every run.
         bench: what it says.
         devices: what drives the bench, by name, settings checked, not yet opened.
     """
@@ -57,9 +57,9 @@ def read_bench(path: Path) -> BenchFile:
     """
     try:
         text = path.read_text(encoding="utf-8")
-        content = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+    except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"{path}: not a bench file: {error}") from None
+    content, whole = whole_bench(path, text)
     draft, faults = draft_of(content)
     devices: dict[str, DeviceInUse] = {}
     for name in draft.devices:
@@ -71,7 +71,7 @@ def read_bench(path: Path) -> BenchFile:
     if faults:
         raise _error(path, text, faults)
     bench = Bench.model_validate(content)
-    return BenchFile(path, text, bench, devices)
+    return BenchFile(path, whole, bench, devices)
 
 
 def _error(path: Path, text: str, faults: list[Fault]) -> BenchError:

@@ -2,22 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from pathlib import Path
+
 import typer
 
-from hil.catalog import KINDS, entries
+from hil.catalog import KINDS, entries, models
 from hil.errors import UnknownNameError
+
+_FILES = ("benches", "models")
 
 
 def command(
-    kind: str = typer.Argument("", metavar="[drivers|devices|procedures|plants|effects]", help="Only one kind."),
+    kind: str = typer.Argument(
+        "", metavar="[drivers|devices|procedures|plants|effects|benches|models]", help="Only one kind."
+    ),
 ) -> None:
-    """List the installed drivers, devices, procedures, plants and effects."""
-    if kind and kind not in KINDS:
-        raise UnknownNameError("kind of entry", kind, KINDS)
-    for name in (known for known in KINDS if kind in ("", known)):
+    """List the installed drivers, devices, procedures, plants, effects, benches and models."""
+    if kind and kind not in (*KINDS, *_FILES):
+        raise UnknownNameError("kind of entry", kind, (*KINDS, *_FILES))
+    for name in (known for known in (*KINDS, *_FILES) if kind in ("", known)):
         if not kind:
             typer.echo(f"{name}:")
-        found = entries(name)
-        width = max((len(entry.name) for entry in found), default=0)
-        for entry in found:
-            typer.echo(f"{'' if kind else '  '}{entry.name:{width}}  {entry.summary}")
+        found = dict(_lines(name))
+        width = max(map(len, found), default=0)
+        for entry, summary in found.items():
+            typer.echo(f"{'' if kind else '  '}{entry:{width}}  {summary}".rstrip())
+
+
+def _lines(kind: str) -> Iterator[tuple[str, str]]:
+    """(name, what it is) of every entry of a kind."""
+    if kind == "benches":
+        from hil.bench.find import benches
+
+        yield from ((name, _first_words(path, "name = ")) for name, path in benches().items())
+    elif kind == "models":
+        yield from ((name, _first_words(path, '"title": ')) for name, path in models().items())
+    else:
+        yield from ((entry.name, entry.summary) for entry in entries(kind))  # type: ignore[arg-type]
+
+
+def _first_words(path: Path, key: str) -> str:
+    """What stands behind the first occurrence of a key, read as text: listing opens nothing else."""
+    with path.open(encoding="utf-8") as file:
+        line = next((line for line in file if line.strip().startswith(key)), "")
+    return line.strip().removeprefix(key).strip().rstrip(",").strip('"')

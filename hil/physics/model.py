@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from hil.catalog import models
 from hil.errors import FileError
 from hil.physics.compose import effects as installed_effects
 from hil.physics.compose import kernel, plant
@@ -138,7 +139,7 @@ def save_model(model: Model, path: Path) -> None:
 
 
 def load_model(path: Path) -> Model:
-    """Read a model file.
+    """Read a model file, or an installed model by its bare name.
 
     Raises:
         FileError: not a model file, of another version, or of a plant, parameter or effect that is not
@@ -147,6 +148,7 @@ def load_model(path: Path) -> Model:
     """
     from pydantic import TypeAdapter, ValidationError
 
+    path = path if path.exists() or len(path.parts) > 1 else models().get(path.name, path)
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

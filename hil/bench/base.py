@@ -1,0 +1,84 @@
+"""A bench file that says only in what it differs from another one: `based_on = "NAME"`."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from hil.bench.find import find_bench
+from hil.errors import FileError, HilError
+
+BASED_ON = "based_on"
+_DEEPEST = 5  # files on files; more is a circle
+
+
+def whole_bench(path: Path, text: str) -> tuple[dict[str, Any], str]:
+    """The content of a bench file with what it is based on, and that as one text.
+
+    Tables are merged key by key; everything else replaces what the other file says. The text of a file that stands
+    for itself is its own.
+
+    Raises:
+        FileError: a file cannot be read, is not TOML, or is based on itself.
+    """
+    content = _content(path, text)
+    if BASED_ON not in content:
+        return content, text
+    import tomlkit
+
+    merged = _with_base(path, content, 0)
+    return merged, f"# {path.name} with what it is based on, {content[BASED_ON]}\n{tomlkit.dumps(merged)}"
+
+
+def _with_base(path: Path, content: Mapping[str, Any], depth: int) -> dict[str, Any]:
+    own = {key: value for key, value in content.items() if key != BASED_ON}
+    if BASED_ON not in content:
+        return own
+    if depth == _DEEPEST:
+        raise FileError(f"{path}: {BASED_ON}: more than {_DEEPEST} files one on the other, or one on itself")
+    home = _base_path(path, content[BASED_ON])
+    base = _with_base(home, _content(home, _text(home)), depth + 1)
+    return merged(_at_home(base, home.parent), own)
+
+
+def _base_path(path: Path, name: Any) -> Path:
+    if not isinstance(name, str) or not name:
+        raise FileError(f"{path}: {BASED_ON}: name a bench file, or an installed bench; found {name!r:.40}")
+    try:
+        return find_bench(str(path.parent / name) if name.endswith(".toml") else name)
+    except HilError as error:
+        raise FileError(f"{path}: {BASED_ON}: {error}") from None
+
+
+def merged(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
+    """Two tables as one, the second going before the first."""
+    both = dict(base)
+    for key, value in own.items():
+        below = both.get(key)
+        both[key] = merged(below, value) if isinstance(below, Mapping) and isinstance(value, Mapping) else value
+    return both
+
+
+def _at_home(content: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """A model file beside the base is found from elsewhere too."""
+    valve = content.get("valve")
+    plant = valve.get("plant") if isinstance(valve, dict) else None
+    if isinstance(valve, dict) and isinstance(plant, str) and plant.endswith(".json"):
+        return {**content, "valve": {**valve, "plant": str(folder / plant)}}
+    return content
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise FileError(f"{path}: not a bench file: {error}") from None
+
+
+def _content(path: Path, text: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise FileError(f"{path}: not a bench file: {error}") from None

@@ -1,0 +1,112 @@
+"""Published valves as model files and benches: equal to the papers' numbers, and found by name."""
+
+from pathlib import Path
+
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.read import read_bench
+from hil.catalog import models
+from hil.cli import app
+from hil.errors import FileError
+from hil.findings.results import read_results
+from hil.physics.model import load_model
+from hil.physics.published import tordal
+from hil.physics.published.models import FOLDER, published_models
+from hil.physics.transfer_function import from_parameters
+
+
+def test_model_files_are_what_the_papers_numbers_make(tmp_path):
+    made = published_models()
+    assert {path.stem for path in FOLDER.glob("*.json")} == set(made)
+    for name, model in made.items():
+        assert load_model(FOLDER / f"{name}.json") == model, f"run: python -m hil.physics.published.models ({name})"
+        assert model.origin["title"]
+
+
+def test_installed_model_is_loaded_by_its_bare_name():
+    assert set(published_models()) <= set(models())
+    run = tordal.RUNS[1]
+    linear = from_parameters(load_model(Path("hpv41-plus-10")).values)
+    assert linear.numerator == pytest.approx([run.b1, run.b0])
+    assert linear.denominator == pytest.approx([1.0, run.a2, run.a1, run.a0])
+
+
+def test_every_published_valve_has_a_bench():
+    stated = {read_bench(path).bench.valve.plant for path in benches().values()}
+    assert set(published_models()) <= stated
+
+
+def _said(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+    return app.main(), capsys.readouterr()
+
+
+def test_bench_gives_back_the_published_transfer_function(monkeypatch, capsys, tmp_path):
+    frequencies = ",".join(str(f) for f in tordal.FREQUENCIES_HZ[::2])
+    options = ("--set", f"frequencies={frequencies}", "--set", "biases=50", "--set", "amplitudes=10")
+    options += ("--set", "poles=3", "--set", "zeros=1", "--set", "dead_time=no")
+    run = ("run", "frequency_response", "--bench", "hpv41-plus-10", "--out", tmp_path / "run", *options)
+    assert _said(monkeypatch, capsys, *run)[0] == 0
+    fitted = read_results(tmp_path / "run" / "results.json").transfer_functions[0]
+    published = (-150.8, 6361.0, 31.7, 1225.0, 6345.0)
+    for value, variance, expected in zip(
+        fitted.coefficient_values, [row[i] for i, row in enumerate(fitted.covariance)], published, strict=True
+    ):
+        assert abs(value - expected) < 4.0 * variance**0.5
+        assert value == pytest.approx(expected, rel=0.01)
+
+
+def test_list_shows_benches_and_models(monkeypatch, capsys):
+    _, said = _said(monkeypatch, capsys, "list", "models")
+    assert "hpv41-plus-10" in said.out
+    assert "table 1" in said.out
+    _, said = _said(monkeypatch, capsys, "list", "benches")
+    assert "hpv41-identified" in said.out
+    assert "HPV41 as identified" in said.out
+
+
+# -- a bench that is based on another ----------------------------------------------------------------------
+
+
+def written(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_bench_is_another_one_with_changes(tmp_path):
+    path = written(tmp_path / "mine.toml", 'based_on = "brevini-hpv41"\nname = "mine"\n[valve]\nsettling_s = 3.0\n')
+    mine, base = read_bench(path), read_bench(benches()["brevini-hpv41"])
+    assert (mine.bench.name, mine.bench.valve.settling_s) == ("mine", 3.0)
+    assert mine.bench.channels == base.bench.channels
+    assert mine.bench.valve.name == base.bench.valve.name
+    again = written(tmp_path / "again.toml", mine.text)
+    assert read_bench(again).bench == mine.bench
+
+
+def test_fault_of_the_own_file_is_told_with_its_line(tmp_path):
+    path = written(tmp_path / "mine.toml", 'based_on = "brevini-hpv41"\n[channels.command]\nsafe = 200.0\n')
+    with pytest.raises(FileError, match=r"mine\.toml:3.*200"):
+        read_bench(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('based_on = "nothing"', "did you mean|known"),
+        ('based_on = "gone.toml"', "no such bench file"),
+        ("based_on = 3", "name a bench file"),
+        ('based_on = "mine.toml"', "one on itself"),
+    ],
+)
+def test_base_that_cannot_be_is_refused_in_words(tmp_path, text, said):
+    with pytest.raises(FileError, match=said):
+        read_bench(written(tmp_path / "mine.toml", text + "\n"))
+
+
+def test_model_beside_the_base_is_found_from_elsewhere(tmp_path):
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "valve.json").write_text((FOLDER / "hpv41-identified.json").read_text("utf-8"), "utf-8")
+    written(tmp_path / "lab" / "base.toml", 'based_on = "brevini-hpv41"\n[valve]\nplant = "valve.json"\n')
+    mine = read_bench(written(tmp_path / "mine.toml", 'based_on = "lab/base.toml"\nname = "mine"\n'))
+    assert load_model(Path(mine.bench.valve.plant)).plant == "brevini-hpv41"
