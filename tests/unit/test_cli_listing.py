@@ -9,7 +9,8 @@ import time
 
 import pytest
 
-from hil.catalog import KINDS, entries
+from hil.bench.find import benches
+from hil.catalog import KINDS, entries, models
 
 # typer brings pydantic and its own needs; none of these is its.
 HEAVY = (
@@ -49,7 +50,14 @@ def test_listing_shows_everything_with_a_summary() -> None:
         here = lines[start : start + len(entries(kind))]
         for entry, line in zip(entries(kind), here, strict=True):
             assert line.split(maxsplit=1) == [entry.name, entry.summary]
-    assert len(lines) == len(KINDS) + sum(len(entries(kind)) for kind in KINDS)
+    files = {"benches": benches(), "models": models()}
+    for kind, found in files.items():
+        start = lines.index(f"{kind}:") + 1
+        here = lines[start : start + len(found)]
+        assert [line.split()[0] for line in here] == list(found)
+        assert all(len(line.split()) > 1 for line in here), "an entry without a summary"
+    counted = sum(len(entries(kind)) for kind in KINDS) + sum(map(len, files.values()))
+    assert len(lines) == len(KINDS) + len(files) + counted
 
 
 @pytest.mark.parametrize("kind", KINDS)
