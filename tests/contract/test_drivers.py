@@ -17,7 +17,7 @@ from hil.bench.twin import subject
 from hil.catalog import entries
 from hil.cli import new as begin
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
-from hil.daq.conformance import CHECKS, Subject, Witness, examine, verdict_of
+from hil.daq.conformance import CHECKS, Subject, Witness, examine, left_safe, verdict_of
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError
 from tests.conftest import Install
@@ -331,3 +331,18 @@ def test_check_finds_the_driver_that_breaks_it(check: str, fault: str) -> None:
 
 def test_every_check_has_a_driver_that_breaks_it() -> None:
     assert set(BREAKS) == set(CHECKS)
+
+
+def test_board_that_has_no_link_is_asked_at_the_end_too() -> None:
+    for fault in ("", "does not go safe"):
+        device = Device()
+        module = driver(device, fault)
+        del module.open_link
+        board = Subject(module, SimpleNamespace(there=True, timeout_s=0.05), WIRING)
+        assert verdict_of(CHECKS["closes_safe_and_twice"], board)[0] == ("broken" if fault else "passed")
+        if fault:
+            device.value = 7.0
+            with pytest.raises(DeviceLostError, match=r"not safe: 'a' stands at 7 V; use the emergency stop"):
+                left_safe(board)
+        else:
+            assert left_safe(board) == "outputs stand at their safe values, read back"

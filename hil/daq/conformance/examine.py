@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from hil.daq.conformance import inputs, outputs, spoiled, tasks, watchdog, what_it_says, witness
-from hil.daq.conformance.subject import Broken, LeftOut, Subject
+from hil.daq.conformance.subject import Broken, LeftOut, Subject, agree, expect
 from hil.errors import DeviceLostError, HardwareError, HilError
 
 Check = Callable[[Subject], str | None]
@@ -84,12 +84,17 @@ def left_safe(subject: Subject) -> str:
     Raises:
         HardwareError: an output cannot be reached, or does not stand at its safe value.
     """
-    if not subject.wiring.outputs or not hasattr(subject.module, "open_link"):
+    if not subject.wiring.outputs:
         return ""
     try:
-        with subject.asking() as link:
-            subject.drive(link, subject.safe())
-            subject.stand_there(link, subject.safe())
+        if hasattr(subject.module, "open_link"):
+            with subject.asking() as link:
+                subject.drive(link, subject.safe())
+                subject.stand_there(link, subject.safe())
+        else:
+            with subject.daq():
+                pass  # it is made safe when it is let go of
+            _check_safe(subject)
     except LeftOut as reason:
         return f"outputs were driven to their safe values, but {reason}"
     except Broken as reason:
@@ -97,3 +102,10 @@ def left_safe(subject: Subject) -> str:
     except HardwareError as error:
         raise DeviceLostError(f"outputs could not be made safe: {error}; use the emergency stop") from error
     return "outputs stand at their safe values, read back"
+
+
+def _check_safe(subject: Subject) -> None:
+    found = subject.asked_anew()
+    for channel in subject.outputs:
+        at = found[channel.terminal]
+        expect(agree(channel, at, channel.safe), f"'{channel.name}' stands at {at:.4g} {channel.unit}")

@@ -196,6 +196,22 @@ class Subject:
             raise LeftOut("cannot tell: this device does not say where its outputs stand")
         return found
 
+    def asked_anew(self) -> Mapping[str, float]:
+        """Where outputs stand, by terminal, as the device says when it has just been opened.
+
+        Raises:
+            LeftOut: it cannot be asked.
+        """
+        if hasattr(self.module, "open_link"):
+            with self.asking() as link:
+                return dict(self.asked(link))
+        with self.daq() as daq:
+            answers = daq.read_back()
+        found = {c.terminal: at for name, c in self.wiring.outputs.items() if (at := answers[name].at) is not None}
+        if len(found) < len(self.outputs):
+            raise LeftOut("cannot tell: this device cannot be asked where its outputs stand")
+        return found
+
     def stand_there(self, link: Any, told: Mapping[str, float], longest_s: float = SOON_S) -> None:
         """Wait until every output is seen where it was driven, but not for its watchdog to do it.
 

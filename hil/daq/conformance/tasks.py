@@ -102,9 +102,10 @@ def closes_safe_and_twice(subject: Subject) -> None:
         daq.close()
         daq.close()
         _is_safe(subject, daq)
-    if subject.side is None:
-        with subject.asking() as again:
-            subject.stand_there(again, subject.safe(), 0.0)
+    found = subject.asked_anew() if subject.side is None else {}
+    for channel in subject.outputs if found else ():
+        at = found[channel.terminal]
+        expect(agree(channel, at, channel.safe), f"'{channel.name}' was left at {at:.4g} {channel.unit}, not safe")
 
 
 def rate_of(daq: Daq) -> float:
