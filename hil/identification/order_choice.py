@@ -115,7 +115,7 @@ def _noted(fit: TransferFunctionFit) -> TransferFunctionFit:
     notes = list(fit.notes)
     if fit.misfit > _MISFIT_NOTE:
         notes.append(
-            f"χ² is {fit.misfit:.3g} per degree of freedom: no linear model of this form explains the lines within "
+            f"χ² is {fit.misfit:.3g} per degree of freedom: a linear model of this form misses the lines by more than "
             "their noise; intervals are widened accordingly"
         )
     if not fit.converged:

@@ -65,6 +65,8 @@ def _how_far(m: Measured) -> str:
         return "a bound, the value itself may lie anywhere beyond it" if m.verdict == "cannot tell" else ""
     if m.std is None:
         return f"it is {where}, but the uncertainty is not known"
+    if m.std == 0.0:
+        return f"it is {where}"
     width = f"{number(_expanded(m), 2)} {unit_text(m.unit)}".rstrip()
     return f"it is {where}, {'but' if m.verdict == 'cannot tell' else 'and'} the uncertainty is {width}"
 

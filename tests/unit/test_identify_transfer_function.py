@@ -128,7 +128,7 @@ def test_a_nonlinear_misfit_does_not_buy_poles():
     ripple = 1 + 0.02 * np.sin(7 * FREQUENCIES) * np.cos(3.1 * FREQUENCIES**2)
     found = fit_transfer_function(replace(lines, response=lines.response * ripple))
     assert found.form.poles <= 2
-    assert "no linear model of this form explains the lines" in found.notes[0]
+    assert "a linear model of this form misses the lines" in found.notes[0]
 
 
 def test_the_right_half_plane_zero_is_explained_and_the_alternative_offered():
