@@ -5,7 +5,7 @@ import sys
 from contextlib import suppress
 
 from hil.cli.app import main as run
-from hil.safety.interrupt import ignore_signals, terminable
+from hil.safety.interrupt import ignore_signals, status_of, terminable
 
 # Fits multiply small matrices in threads of their own. A threaded BLAS beneath them waits for cores that are
 # busy: with other work on both cores one fit took 18 s instead of 1. Read when numpy is first imported.
@@ -15,7 +15,10 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 def main() -> None:
     """Entry point of the console script."""
     with terminable():
-        status = run()
+        try:
+            status = run()
+        except KeyboardInterrupt as stopped:  # before any command had begun
+            status = status_of(stopped)
         ignore_signals()
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):

@@ -125,6 +125,11 @@ def marked(error: BaseException, status: int, text: str) -> None:
         error.add_note(text)
 
 
+def reason(error: BaseException) -> str:
+    """What an error says, or what it is when it says nothing, as when memory runs out."""
+    return " ".join(str(error).split()) or type(error).__name__
+
+
 def told(error: BaseException) -> str:
     """An error and what has been noted about it since, in one line."""
     return "; ".join(filter(None, (" ".join(str(error).split()), *getattr(error, "__notes__", ()))))

@@ -26,11 +26,15 @@ protocols; nothing here was measured on hardware.
 
 - *safe after*: from the fault to the safe output. In virtual time for the simulated DAQ (blocks of {block_s:g} s, ramp
   of {ramp:g} %/s from 60 or 70 %), in wall-clock time on the links. *promised* is what the test asks for. “–” is where
-  nobody can reach the output: the message says where it stands, and only an emergency stop or the device itself helps.
+  nobody can reach the output: the message says NOT SAFE, the exit status is 3, and only an emergency stop, the device
+  itself or the watchdog process helps, once it can be reached again. −9 is a program that was killed.
 - “No answers”, “garbled”, “late”, “restarts” concern what comes back: the device still hears, and outputs are told to
   be safe without waiting for an answer. “Cable pulled” is where nothing gets through: there its own watchdog acts.
 - *lost*: samples that the device had given and the recording does not have, where they can be counted. Samples for
   which the disk has no room cannot be recorded.
+- What is said of outputs, and the exit status, follow from what the device answered when it was asked
+  ([safety](../explanation/safety.md#what-is-known-of-an-output)). A device that freezes its output and says that it
+  obeys reads back safe: the interlock tells.
 - In every case the run folder could be read afterwards, up to its last block, where there was one.
 - On the links, blocks are 0.1 s, time-outs 0.1 … 0.2 s and the devices' own watchdogs 0.5 … 1 s. Where the *program* is
   killed or hangs, the devices' own watchdogs were off, except on CANopen, and the watchdog process ({watchdog_s:g} s)
@@ -50,8 +54,8 @@ def main() -> None:
         count=len(rows), block_s=faults_simulated.BLOCK_S, ramp=faults_simulated.RAMP_PER_S,
         watchdog_s=faults_on_links.WATCHDOG_S,
     )  # fmt: skip
-    table = ["| link | fault | moment | safe after [s] | promised [s] | lost | what is said |",
-             "|---|---|---|---|---|---|---|"]  # fmt: skip
+    table = ["| link | fault | moment | safe after [s] | promised [s] | lost | exit status | what is said |",
+             "|---|---|---|---|---|---|---|---|"]  # fmt: skip
     PAGE.write_text("\n".join([head, *table, *rows]) + "\n", encoding="utf-8")
 
 
@@ -68,7 +72,7 @@ def row(case: Case, seen: Seen, folder: str) -> str:
     promised = "–" if case.within_s is None else f"{case.within_s:.3g}"
     lost = "" if seen.lost is None else f"{seen.lost}"
     message = seen.message.replace(f"{folder}/", "").replace("|", "\\|")
-    return f"| {case.link} | {case.fault} | {case.moment} | {after} | {promised} | {lost} | {message} |"
+    return f"| {case.link} | {case.fault} | {case.moment} | {after} | {promised} | {lost} | {seen.status} | {message} |"
 
 
 if __name__ == "__main__":

@@ -45,6 +45,7 @@ class Seen:
         safe_after_s: from the fault until the output was safe at the device, for good; None: it was not.
         lost: samples that the device gave and the recording does not have; None where nobody can count them.
         message: what the operator read.
+        status: with which exit status it ended.
         samples: in the run folder, read back.
     """
 
@@ -52,6 +53,7 @@ class Seen:
     lost: int | None
     message: str
     samples: int
+    status: int
 
 
 class Observer:

@@ -207,7 +207,7 @@ def _recorded(folder: Path) -> str:
 
 def _watchdog(folder: Path, state: Path) -> Mapping[str, Any]:
     """What the watchdog wrote down, in the run folder or, where that is gone, in the state folder."""
-    deadline_s = time.monotonic() + 5.0
+    deadline_s = time.monotonic() + 20.0
     while time.monotonic() < deadline_s:
         for path in (folder / "watchdog.json", *state.glob("watchdog/*.json")):
             with suppress(OSError, ValueError):
@@ -222,9 +222,7 @@ def main() -> int:
     wrong = 0
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as for what a shell runs in the background; it is inherited
         signal.signal(signal.SIGINT, signal.default_int_handler)
-    print(
-        "| link falls dead, and | link | exit status | output at its end [%] | safe after healing [s] | recorded | so |"
-    )
+    print("| link | then | exit status | output at the end [%] | safe after healing [s] | recorded | so |")
     print("|---|---|---|---|---|---|---|", flush=True)
     for second in SECOND:
         for link in LINKS:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import socket
 import threading
 import time
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, suppress
 from pathlib import Path
 from subprocess import Popen
 from typing import Any
@@ -18,7 +19,7 @@ import numpy as np
 
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
-from hil.errors import HilError, told
+from hil.errors import HilError, exit_status_of, told
 from sim_devices._quirks import Quirks
 from tests.faults import PATIENCE_S, Case, Observer, Seen, observed, samples_in, start_run, watchdog_of
 from tests.links import served
@@ -87,6 +88,7 @@ _OF_PROGRAMS: Mapping[str, tuple[Callable[[int], None], float, str]] = {
     "SIGKILL of the watchdog": (lambda pid: os.kill(watchdog_of(pid), signal.SIGKILL), _REACTION_S,
                                 "the watchdog process ended: killed by SIGKILL; the run was stopped"),
     "SIGTERM": (lambda pid: os.kill(pid, signal.SIGTERM), _REACTION_S, "stopped; outputs are safe"),
+    "SIGHUP, a closed terminal": (lambda pid: os.kill(pid, signal.SIGHUP), _REACTION_S, "stopped; outputs are safe"),
     "Ctrl-C": (lambda pid: os.kill(pid, signal.SIGINT), _REACTION_S, "stopped; outputs are safe"),
 }  # fmt: skip
 
@@ -113,13 +115,13 @@ def _of_a_device(case: Case, folder: Path) -> Seen:
             happened.append(time.monotonic())
             fault(devices[name])
 
-        message = _driven(file, folder / "run", observer, happen)
+        message, status = _driven(file, folder / "run", observer, happen)
         after_s = observer.safe_after(happened[0], 1.0 if case.within_s is None else PATIENCE_S)
-    return Seen(after_s, None, message, samples_in(folder / "run"))
+    return Seen(after_s, None, message, samples_in(folder / "run"), status)
 
 
-def _driven(file: BenchFile, run: Path, observer: Observer, happen: Callable[[], None]) -> str:
-    """A sine of 40 ± 30 % at 1 Hz; something happens meanwhile. What the program says when it ends."""
+def _driven(file: BenchFile, run: Path, observer: Observer, happen: Callable[[], None]) -> tuple[str, int]:
+    """A sine of 40 ± 30 % at 1 Hz; something happens meanwhile. What the program says when it ends, and its status."""
     timer = threading.Thread(target=_after_a_while, args=(observer, happen), daemon=True)
     try:
         with open_rig(file, run, {}, lambda _done, _text: None) as rig:
@@ -128,11 +130,11 @@ def _driven(file: BenchFile, run: Path, observer: Observer, happen: Callable[[],
                 time_s = np.arange(round(rig.rate_hz)) / rig.rate_hz
                 rig.play(40.0 + 30.0 * np.sin(2.0 * np.pi * time_s))
     except HilError as error:
-        return f"{type(error).__name__}: {told(error)}"
+        return f"{type(error).__name__}: {told(error)}", exit_status_of(error)
     finally:
         if timer.is_alive():
             timer.join(PATIENCE_S)
-    return ""
+    return "", 0
 
 
 def _after_a_while(observer: Observer, happen: Callable[[], None]) -> None:
@@ -157,5 +159,20 @@ def _of_a_program(case: Case, folder: Path) -> Seen:
         _OF_PROGRAMS[case.fault][0](process.pid)
         after_s = observer.safe_after(at_s, PATIENCE_S)
         _, err = process.communicate(timeout=PATIENCE_S)
-    lines = [line for line in err.splitlines() if line.startswith("hil")]
-    return Seen(after_s, None, " ".join(lines), samples_in(folder / "run"))
+        of_the_watchdog = _of_the_watchdog(folder / "run", process)
+    lines = [*(line for line in err.splitlines() if line.startswith("hil")), *of_the_watchdog]
+    return Seen(after_s, None, " ".join(lines), samples_in(folder / "run"), process.returncode)
+
+
+def _of_the_watchdog(run: Path, process: Popen[str]) -> list[str]:
+    """What it wrote down, where the program could not say anything any more: nobody waits for its words on a pipe."""
+    if process.returncode != -signal.SIGKILL:
+        return []
+    report = run / "watchdog.json"
+    deadline_s = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline_s:
+        with suppress(OSError, ValueError):
+            told = json.loads(report.read_text(encoding="utf-8"))
+            return [f"{report}: {told['why']}; outputs made safe in {told['safe_after_s']:g} s"]
+        time.sleep(0.02)
+    return []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import shutil
 import signal
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
@@ -14,16 +15,27 @@ from unittest.mock import patch
 
 import numpy as np
 
+from hil.bench.ending import accounted
 from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Block, Daq, ReadBack, Waveform
-from hil.errors import DeviceLostError, FileError, HilError, LinkError, OutputUnderflowError, OverrunError, told
+from hil.errors import (
+    DeviceLostError,
+    FileError,
+    HilError,
+    LinkError,
+    OutputUnderflowError,
+    OverrunError,
+    exit_status_of,
+    told,
+)
 from hil.record.folder import read
 from hil.record.recording import Recording
 from hil.record.samples import RowsWriter
 from hil.rig import Rig
 from hil.safety.interrupt import terminable
+from hil.safety.outputs import Outputs
 from tests.faults import Case, Seen
 
 LINK = "simulated DAQ"
@@ -49,6 +61,7 @@ class Faulty:
     happened_s: float | None = None
     samples: int = 0
     gone: bool = False
+    run: Path | None = None
     course: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)
 
     def __getattr__(self, name: str) -> Any:
@@ -155,6 +168,13 @@ def _full_disk(daq: Faulty, block: Block) -> Block:
     return block
 
 
+def _delete_folder(daq: Faulty, block: Block) -> Block:
+    if daq.run is not None:
+        shutil.rmtree(daq.run, ignore_errors=True)
+        daq.run = None
+    return block
+
+
 _EVERYWHERE = tuple(MOMENTS)
 _DRIVEN = _EVERYWHERE[1:]
 _FAULTS: dict[str, tuple[Callable[[Faulty, Block], Block], tuple[str, ...], float | None, str]] = {
@@ -175,6 +195,9 @@ _FAULTS: dict[str, tuple[Callable[[Faulty, Block], Block], tuple[str, ...], floa
                                "interlock 'command-not-obeyed'"),
     "Ctrl-C": (_signal(signal.SIGINT), _EVERYWHERE, _RAMP_S, "KeyboardInterrupt"),
     "SIGTERM": (_signal(signal.SIGTERM), _DRIVEN, _RAMP_S, "Terminated"),
+    "SIGHUP": (_signal(signal.SIGHUP), _DRIVEN[:1], _RAMP_S, "Terminated: SIGHUP"),
+    "SIGQUIT": (_signal(signal.SIGQUIT), _DRIVEN[:1], _RAMP_S, "Terminated: SIGQUIT"),
+    "run folder deleted": (_delete_folder, _DRIVEN, _RAMP_S, "the run folder was deleted"),
     "disk full": (_full_disk, _EVERYWHERE, _RAMP_S, "No space left on device"),
 }  # fmt: skip
 _OF_THE_PROCEDURE = {
@@ -210,11 +233,17 @@ def measure(case: Case, folder: Path) -> Seen:
 
     (real,) = file.devices.values()
     faulty = replace(real, module=SimpleNamespace(open_daq=open_daq))
-    message = ""
+    message, status = "", 0
     try:
-        with terminable(), open_rig(replace(file, devices={real.name: faulty}), folder / "run", {}, _silent) as rig:
+        with (
+            accounted(Outputs()),
+            terminable(),
+            open_rig(replace(file, devices={real.name: faulty}), folder / "run", {}, _silent) as rig,
+        ):
+            opened[0].run = folder / "run"
             _drive(rig, case, opened[0])
     except (HilError, KeyboardInterrupt, Stop) as error:
+        status = exit_status_of(error)
         message = ": ".join(filter(None, (type(error).__name__, told(error))))
     finally:
         patch.stopall()
@@ -223,7 +252,7 @@ def measure(case: Case, folder: Path) -> Seen:
     with suppress(FileError):
         recording = read(folder / "run")
         samples, message = len(recording), message or _last_event(recording)
-    return Seen(daq.safe_after_s, daq.samples - samples, message, samples)
+    return Seen(daq.safe_after_s, daq.samples - samples, message, samples, status)
 
 
 def _last_event(recording: Recording) -> str:

@@ -84,7 +84,7 @@ def devices_of(path: Path) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
     finally:
         process.send_signal(signal.SIGINT)
         try:
-            process.wait(5.0)
+            process.wait(30.0)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

@@ -31,12 +31,12 @@ from hil.bench.lease import leased
 from hil.bench.pinned import pinned
 from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Daq
-from hil.errors import HardwareError, HilError, InUseError
+from hil.errors import HardwareError, HilError, InUseError, reason
 from hil.safety.latch import state_path
 from hil.safety.outputs import Outputs
 
 _AGAIN_S = 0.05
-_HANGS_S = 5.0  # so long after it has given up a driver may still be at its last try
+_HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
 
@@ -184,7 +184,7 @@ def _made_safe_with_patience(file: BenchFile, begun_s: float) -> tuple[list[str]
         thread.join(max(0.0, begun_s + GIVE_UP_S + _HANGS_S - time.monotonic()))
     devices = [device for line in lines.values() for device in line]
     return (
-        [device.failure or f"{device.name}: its driver does not return" for device in devices if not device.done],
+        [device.failure for device in devices if not device.done],
         [device.unasked for device in devices if device.unasked],
     )
 
@@ -193,8 +193,20 @@ def _with_patience(file: BenchFile, line: list[_Device], begun_s: float) -> None
     while not all(device.done for device in line) and time.monotonic() - begun_s <= GIVE_UP_S:
         for device in line:
             if not device.done:
-                _make_safe(file, device)
+                _tried(file, device)
         time.sleep(_AGAIN_S)
+
+
+def _tried(file: BenchFile, device: _Device) -> None:
+    """One try, as long as a driver may take that returns."""
+    attempt = _Device(device.name)
+    thread = threading.Thread(target=_make_safe, args=(file, attempt), daemon=True)
+    thread.start()
+    thread.join(_HANGS_S)
+    if thread.is_alive():
+        device.failure = f"{device.name}: its driver does not return"
+    else:
+        device.failure, device.unasked, device.done = attempt.failure, attempt.unasked, attempt.done
 
 
 def _make_safe(file: BenchFile, device: _Device) -> None:
@@ -208,9 +220,7 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
         if any(entry.device == device.name for entry in outputs.values()):
             _ask_to_be_safe(file.devices[device.name].open(outputs), known)
     except BaseException as error:
-        device.failure = f"{device.name}: {error or type(error).__name__}".replace(
-            f"{device.name}: " * 2, f"{device.name}: "
-        )
+        device.failure = f"{device.name}: {reason(error).removeprefix(f'{device.name}: ')}"
         return
     if not known.settled:
         device.failure = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}"

@@ -12,8 +12,10 @@ from hil import cli
 from hil.cli import said
 from hil.cli.said import say
 from hil.errors import marked
-from hil.safety.interrupt import status_of
+from hil.safety.interrupt import raised, status_of
 from hil.version import __version__
+
+_CTRL_C = 130
 
 
 def _options(
@@ -48,10 +50,12 @@ def _assembled() -> typer.Typer:
 
 def main() -> int:
     """Run the command line; returns the exit status of the contract (0, 1, 2, 3)."""
-    app = _assembled()
     silent = len(sys.argv) == 1  # the help is shown, and nothing was done
     try:
+        app = _assembled()
         status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
+        if status == _CTRL_C and (signalled := raised()) is not None and status_of(signalled) != _CTRL_C:
+            return _stopped(signalled)  # typer takes every signal that was raised for Ctrl-C
         return 2 if silent else int(status or 0)
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         sys.stderr.close()

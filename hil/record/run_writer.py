@@ -46,7 +46,7 @@ class RunWriter:
         self._header_sum = sha256_of(path / HEADER_FILE)
         self._syncer = Syncer((*self._rows.descriptors, self._events.descriptor))
         self._parts = 0
-        self._closed = False
+        self._closed = self._deletion_is_told = False
 
     @classmethod
     def create(cls, path: str | Path, header: Mapping[str, Any], channels: Sequence[tuple[str, str] | Column]) -> Self:
@@ -78,7 +78,7 @@ class RunWriter:
 
         Raises:
             StorageError: it could not be written, or its time does not go on from the last sample. What was
-                recorded before is kept.
+                recorded before is kept. Once, also, when the folder was deleted; what comes then is kept too.
             ValueError: other channels than declared, or of another length.
         """
         time_s = np.asarray(time_s, dtype=np.float64)
@@ -87,11 +87,12 @@ class RunWriter:
         for start in range(0, len(time_s), _ROWS_AT_ONCE):
             table = np.stack([column[start : start + _ROWS_AT_ONCE] for column in columns], axis=1)
             with self._storing():
-                if self._rows.is_deleted:
-                    raise OSError(errno.ENOENT, "the run folder was deleted")
                 self._syncer.check()
                 self._rows.append(np.ascontiguousarray(table, dtype="<f8"))
         self._syncer.written()
+        if self._rows.is_deleted and not self._deletion_is_told:
+            self._deletion_is_told = True
+            raise StorageError(f"{self.path}: the run folder was deleted; {self._kept()}")
 
     def event(self, event: str, /, **details: Any) -> None:
         """Write down that something happened now: a level reached, a trip, a decision."""

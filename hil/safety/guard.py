@@ -11,7 +11,7 @@ import numpy as np
 from hil.clock import Clock, VirtualClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks
-from hil.errors import LinkError, RangeError, StoppedError, StorageError
+from hil.errors import LinkError, RangeError, StoppedError, StorageError, reason
 from hil.safety.envelope import Envelope
 from hil.safety.interlock import Violation, Watches
 from hil.safety.interrupt import check_signals, uninterrupted
@@ -205,7 +205,7 @@ class Guard:
             try:
                 self._ramp_down()
             except BaseException as error:  # whatever it is, a jump is left
-                self._note_if_possible("ramp to safe failed", error=f"{error or type(error).__name__}")
+                self._note_if_possible("ramp to safe failed", error=reason(error))
             self._tell_safe()
 
     def _tell_safe(self) -> None:
@@ -224,7 +224,7 @@ class Guard:
         try:
             self._daq.close()
         except BaseException as error:
-            self._note_if_possible("the device could not be closed", error=f"{error or type(error).__name__}")
+            self._note_if_possible("the device could not be closed", error=reason(error))
 
     def _played(self, waveform: Waveform, samples: int) -> Iterator[Block]:
         self.known.driving(waveform)

@@ -62,7 +62,8 @@ class _Requests:
         return True
 
     def silence(self) -> None:
-        """None has any effect any more, in this process."""
+        """None has any effect any more, in this process: neither one that comes nor one that came."""
+        self.came = []
         for number in _SIGNALS:
             self._before[number] = signal.SIG_IGN
             signal.signal(number, signal.SIG_IGN)
@@ -144,6 +145,11 @@ def check_signals() -> None:
     """Raise a signal that came and had no effect: what it raised was lost on its way, or somebody swallowed it."""
     if threading.current_thread() is threading.main_thread() and _requests.can_raise and _requests.came:
         raise _exception(_requests.came[0])
+
+
+def raised() -> KeyboardInterrupt | None:
+    """The first signal that was raised, where one was."""
+    return _exception(_requests.came[0]) if _requests.raised and _requests.came else None
 
 
 def begin_ending() -> None:

@@ -16,7 +16,7 @@ import numpy as np
 from hil.clock import Clock, RealClock
 from hil.daq.channel import OutputChannel
 from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
-from hil.errors import HilError, NotSafeError, marked
+from hil.errors import HilError, NotSafeError, marked, reason
 from hil.safety.interrupt import status_of
 
 _AGREES = 0.0025  # of the range: what a converter or a protocol may round
@@ -174,12 +174,12 @@ class Outputs:
         try:
             daq.make_safe()
         except BaseException as error:
-            failure = f"{error or type(error).__name__}"
+            failure = reason(error)
         alive()
         try:
             answers = daq.read_back()
         except BaseException as error:
-            answers = dict.fromkeys(self._known, ReadBack(why=f"{error or type(error).__name__}"))
+            answers = dict.fromkeys(self._known, ReadBack(why=reason(error)))
         alive()
         for name in self._known:
             self._known[name] = self._after(name, answers.get(name, CANNOT_BE_ASKED), failure, daq.levels)

@@ -24,6 +24,10 @@ def test_outputs_are_safe_and_nothing_recorded_is_lost(case: Case, tmp_path: Pat
         assert (seen.safe_after_s is None) == moved
     else:
         assert seen.safe_after_s is not None and seen.safe_after_s <= case.within_s
+        if case.fault not in ("Ctrl-C", "SIGTERM", "SIGHUP", "SIGQUIT"):
+            assert seen.status == (3 if seen.message and not seen.message.startswith("event") else 0)
+    if case.within_s is None:
+        assert seen.status == 3 and "NOT SAFE" in seen.message
     assert seen.lost is not None
     if case.fault != "disk full":  # cannot be recorded
         assert 0 <= seen.lost <= LONGEST_BLOCK
@@ -47,4 +51,4 @@ def test_the_page_has_just_these_cases_and_what_it_says_was_measured_keeps_what_
             assert row[3] == "–" or case.moment == "before anything moves", row
         else:
             assert float(row[3]) <= case.within_s, row
-        assert row[6]
+        assert row[6] and row[7]

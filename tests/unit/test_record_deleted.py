@@ -29,11 +29,15 @@ def go_on(run: RunWriter) -> None:
 def test_deleted_folder_is_noticed_at_the_next_block_and_made_again(tmp_path: Path) -> None:
     run = begun(tmp_path / "run")
     shutil.rmtree(tmp_path / "run")
-    with pytest.raises(StorageError, match=r"run: cannot be written: the run folder was deleted; 50 samples"):
+    with pytest.raises(StorageError, match=r"run: the run folder was deleted; 60 samples"):
         go_on(run)
+    run.append(np.arange(60, 70) / 100.0, {"flow": np.arange(10) * 1.0})  # the way down
     run.close("StorageError: the run folder was deleted")
     found = read(tmp_path / "run")
-    assert found.channels["flow"].values.tolist() == list(range(50)) and "incomplete" not in found.meta
+    assert (
+        found.channels["flow"].values.tolist() == [*range(50), *range(10), *range(10)]
+        and "incomplete" not in found.meta
+    )
     assert [event["event"] for event in found.meta["events"]] == [
         "driven", "the run folder was deleted, and made again",
     ]  # fmt: skip

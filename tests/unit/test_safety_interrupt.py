@@ -4,10 +4,20 @@ from __future__ import annotations
 
 import signal
 import threading
+from contextlib import suppress
 
 import pytest
 
-from hil.safety.interrupt import Terminated, terminable, uninterrupted
+from hil.errors import StoppedError
+from hil.safety.interrupt import (
+    Terminated,
+    begin_ending,
+    check_signals,
+    ignore_signals,
+    status_of,
+    terminable,
+    uninterrupted,
+)
 
 
 def hold_back(number: signal.Signals, reached: list[str]) -> None:
@@ -46,6 +56,73 @@ def test_sigterm_is_an_exception_and_the_handler_comes_back() -> None:
     with pytest.raises(Terminated), terminable():
         signal.raise_signal(signal.SIGTERM)
     assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("number", [signal.SIGHUP, signal.SIGQUIT, signal.SIGTERM])
+def test_every_request_to_end_is_an_exception_with_its_number(number: signal.Signals) -> None:
+    with pytest.raises(Terminated, match=number.name) as raised, terminable():
+        signal.raise_signal(number)
+    assert raised.value.number == number and status_of(raised.value) == 128 + number
+
+
+def fail_while_signals_come(reached: list[str]) -> None:
+    with terminable():
+        begin_ending()
+        signal.raise_signal(signal.SIGTERM)
+        reached.append("nothing is raised on the way out")
+        raise StoppedError("first")
+
+
+def test_error_on_its_way_is_not_replaced_by_a_signal() -> None:
+    reached: list[str] = []
+    with pytest.raises(StoppedError, match="first"):
+        fail_while_signals_come(reached)
+    assert reached
+
+
+def end_well_while_a_signal_comes(reached: list[str]) -> None:
+    with terminable():
+        begin_ending()
+        signal.raise_signal(signal.SIGHUP)
+        reached.append("safe")
+
+
+def test_signal_that_came_on_the_way_out_of_a_good_end_is_raised_then() -> None:
+    reached: list[str] = []
+    with pytest.raises(Terminated):
+        end_well_while_a_signal_comes(reached)
+    assert reached == ["safe"]
+
+
+def swallow_and_go_on() -> None:
+    with terminable():
+        with suppress(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+        check_signals()
+
+
+def test_signal_that_somebody_swallowed_is_raised_again() -> None:
+    with pytest.raises(KeyboardInterrupt):
+        swallow_and_go_on()
+
+
+def test_what_is_ignored_stays_ignored() -> None:
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup has it
+    with terminable():
+        signal.raise_signal(signal.SIGHUP)
+
+
+def end_as_the_program_does() -> str:
+    with terminable():
+        begin_ending()
+        signal.raise_signal(signal.SIGTERM)
+        ignore_signals()
+    signal.raise_signal(signal.SIGINT)
+    return "its status is said"
+
+
+def test_nothing_changes_the_status_once_it_is_said() -> None:
+    assert end_as_the_program_does() == "its status is said"
 
 
 def test_other_threads_have_no_signals_to_hold() -> None:

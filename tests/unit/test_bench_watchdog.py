@@ -1,0 +1,145 @@
+"""The watchdog process: each device by itself, nothing of the working folder, and a reason when it dies."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+import time
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from wire import Wire
+
+from hil.bench import watchdog
+from hil.bench.heartbeat import Heart
+from hil.bench.read import BenchFile, read_bench
+from hil.daq.channel import Wiring
+from hil.daq.contract import ReadBack
+from hil.errors import HardwareError
+from tests.links import bench_text, moved, served
+
+BROKEN = [RuntimeError("error 105"), SystemExit("of a library"), MemoryError(), KeyError("ao0")]
+
+
+class Valve(Wire):
+    """Two devices' worth of outputs; what it throws it throws at every call."""
+
+    def __init__(self, error: BaseException | None, answers: bool = True) -> None:
+        super().__init__(levels={"a": 5.0})
+        self._error, self._answers = error, answers
+
+    def make_safe(self) -> None:
+        if self._error is not None:
+            raise self._error
+        super().make_safe()
+
+    def read_back(self) -> Mapping[str, ReadBack]:
+        return super().read_back() if self._answers else dict.fromkeys(self.outputs, ReadBack(why="no answer"))
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+def bench_of(folder: Path, devices: Mapping[str, Valve]) -> BenchFile:
+    """A bench file whose devices are these, each with one output."""
+    path = folder / "bench.toml"
+    path.write_text(moved(bench_text("hpv41-modbus-tcp"), folder), encoding="utf-8")
+    file = read_bench(path)
+    (real,) = (device for device in file.devices.values() if device.module)
+    command = file.bench.channels["command"]
+    channels = {name: command.model_copy(update={"device": name}) for name in devices}
+    bench = file.bench.model_copy(update={"channels": channels})
+
+    def opening(valve: Valve) -> SimpleNamespace:
+        def open_daq(_settings: object, _wiring: Wiring) -> Valve:
+            return valve
+
+        return SimpleNamespace(open_daq=open_daq)
+
+    return replace(
+        file, bench=bench,
+        devices={name: replace(real, name=name, module=opening(valve)) for name, valve in devices.items()},
+    )  # fmt: skip
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It gives up after a moment."""
+    monkeypatch.setattr(watchdog, "GIVE_UP_S", 0.2)
+    monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
+
+
+@pytest.mark.parametrize("error", BROKEN)
+def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, error: BaseException) -> None:
+    devices = {"sick": Valve(error, answers=False), "healthy": Valve(None)}
+    left, unasked = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
+    assert devices["healthy"].levels["a"] == 0.0 and devices["healthy"].closed
+    assert len(left) == 1 and left[0].startswith("sick: nobody knows") and not unasked
+    assert devices["sick"].closed > 1  # tried again, and let go of each time
+
+
+def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Hanging(Valve):
+        tries = 0
+
+        def make_safe(self) -> None:
+            self.tries += 1
+            if self.tries == 1:
+                threading.Event().wait(30.0)
+            super().make_safe()
+
+    monkeypatch.setattr(watchdog, "GIVE_UP_S", 5.0)
+    monkeypatch.setattr(watchdog, "_HANGS_S", 0.2)
+    devices = {"hanging": Hanging(None)}
+    assert watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic()) == ([], [])
+    assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries == 2
+
+
+def test_told_is_not_safe_until_it_is_read_back(tmp_path: Path) -> None:
+    devices = {"mute": Valve(None, answers=False)}
+    left, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
+    remedy = "was told to be safe, and could not be read back (no answer): use the emergency stop"
+    assert left == [f"mute: 'a' {remedy}; 'b' {remedy}"]
+
+
+def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    watchdog._act(bench_of(tmp_path, {"healthy": Valve(None)}), os.getpid(), tmp_path / "gone", "ended")
+    (told,) = (tmp_path / "state" / "watchdog").glob("*.json")
+    assert "safe_after_s" in told.read_text() and "outputs made safe in" in capfd.readouterr().err
+
+
+def test_nothing_of_the_working_folder_is_executed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("queue", "json", "socket"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'w')\n")
+    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
+        monkeypatch.chdir(tmp_path)
+        heart = Heart(file, tmp_path / "run")
+        heart.wait_until_ready()
+        heart.say_farewell()
+    assert not (tmp_path / "executed").exists()
+
+
+def test_watchdog_that_dies_says_why(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    missing = tmp_path / "nowhere"
+    assert watchdog.main(str(tmp_path / "bench.toml"), "1", str(tmp_path), str(missing)) == 3
+    said = capfd.readouterr()
+    assert said.out.startswith("error died of FileNotFoundError") and "hil watchdog: died of" in said.err
+
+
+def test_run_hears_what_its_watchdog_died_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "bench.toml"
+    path.write_text(moved(bench_text("hpv41-modbus-tcp"), tmp_path), encoding="utf-8")
+    heart = Heart(read_bench(path), tmp_path / "run")  # nobody serves the device
+    with pytest.raises(HardwareError, match=r"^the watchdog process: io: .*cannot be reached"):
+        heart.wait_until_ready()
+    monkeypatch.setattr(sys, "executable", "/bin/false")
+    heart = Heart(read_bench(path), tmp_path / "run")
+    with pytest.raises(HardwareError, match="the watchdog process: ended with status 1"):
+        heart.wait_until_ready()

@@ -1,0 +1,135 @@
+"""What is said of outputs, by what is known of them, whatever ended the run."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from wire import Wire
+
+from hil.clock import VirtualClock
+from hil.daq.contract import CANNOT_BE_ASKED, ReadBack, Waveform
+from hil.errors import DeviceLostError, HilError, LinkError, NotSafeError, RangeError, exit_status_of, told
+from hil.safety.interrupt import Terminated
+from hil.safety.outputs import Outputs
+
+
+class Device(Wire):
+    """Outputs whose device answers what it is told to answer, and may refuse to be made safe."""
+
+    def __init__(self, answers: Mapping[str, ReadBack], failure: BaseException | None = None) -> None:
+        super().__init__(levels={"a": 5.0})
+        self._answers, self._failure = answers, failure
+
+    def make_safe(self) -> None:
+        if self._failure is not None:
+            raise self._failure
+        super().make_safe()
+
+    def read_back(self) -> Mapping[str, ReadBack]:
+        return {**super().read_back(), **self._answers}
+
+
+def after(answer: ReadBack | None, failure: BaseException | None = None, level: float = 5.0) -> Outputs:
+    """What is known when `a` was driven, made safe and asked, and answered so."""
+    device = Device({} if answer is None else {"a": answer}, failure)
+    known = Outputs()
+    known.opened(device.outputs)
+    known.driving(Waveform(100.0, {"a": np.array([0.0, level])}))
+    known.make_safe(device, clock=VirtualClock())
+    return known
+
+
+SAFE, ELSEWHERE, SILENT = ReadBack(0.01), ReadBack(4.0), ReadBack(why="no answer")
+ENDS: list[tuple[BaseException | None, int]] = [
+    (None, 0), (KeyboardInterrupt(), 130), (Terminated(signal.SIGTERM), 143), (Terminated(signal.SIGHUP), 129),
+    (Terminated(signal.SIGQUIT), 131), (LinkError("lost"), 3), (RangeError("too far"), 3),
+    (TypeError("of a program"), 3),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("error", "status"), ENDS)
+@pytest.mark.parametrize(
+    ("answer", "failure", "state", "settled", "says"),
+    [
+        (SAFE, None, "safe", True, "outputs are safe (read back)"),
+        (SAFE, LinkError("no answer"), "safe", True, "outputs are safe (read back)"),
+        (CANNOT_BE_ASKED, None, "unconfirmed", True, "outputs were told to be safe; 'a' cannot be read back"),
+        (SILENT, None, "unconfirmed", False, "'a' was told to be safe, and could not be read back (no answer)"),
+        (ELSEWHERE, None, "driven", False, "'a' stands at 4 V: use the emergency stop"),
+        (SILENT, DeviceLostError("gone"), "unknown", False, "nobody knows where 'a' stands, driven to 5 V last"),
+        (CANNOT_BE_ASKED, OSError("gone"), "unknown", False, "nobody knows where 'a' stands"),
+        (replace(SILENT, rescue="it acts by itself after 1 s"), None, "unconfirmed", False, ": it acts by itself"),
+    ],
+)  # fmt: skip
+def test_message_and_status_follow_from_what_is_known(
+    answer: ReadBack, failure: BaseException | None, state: str, settled: bool, says: str,
+    error: BaseException | None, status: int,
+) -> None:  # fmt: skip
+    known = after(answer, failure)
+    assert (known.known["a"].state, known.settled) == (state, settled)
+    assert says in known.text and ("NOT SAFE" in known.text) == (not settled)
+    own = getattr(type(error), "exit_status", HilError.exit_status) if error else 0
+    assert known.status(error, own) == (status if settled else 3)
+
+
+def test_nothing_was_driven_is_the_only_end_with_status_2() -> None:
+    known = Outputs()
+    assert (known.status(RangeError("x"), 2), known.text) == (2, "nothing was driven")
+    device = Device({})
+    known.opened(device.outputs)
+    assert known.status(RangeError("x"), 2) == 3 and "nobody knows" in known.text
+    known.make_safe(device)
+    known.driving(Waveform(100.0, {"a": np.zeros(3)}))
+    known.make_safe(device)
+    assert (known.status(RangeError("x"), 2), known.text) == (2, "nothing was driven")
+    known.driving(Waveform(100.0, {"a": np.array([0.0, 1.0, 0.0])}))
+    assert known.status(RangeError("x"), 2) == 3
+    known.make_safe(device)
+    assert known.status(RangeError("x"), 2) == 3 and known.text == "outputs are safe (read back)"
+
+
+def test_error_carries_status_and_sentence_once() -> None:
+    error = RangeError("too far")
+    known = after(SILENT, DeviceLostError("gone"))
+    known.mark(error)
+    known.mark(error)
+    assert exit_status_of(error) == 3 and told(error).count("NOT SAFE") == 1
+    with pytest.raises(NotSafeError):
+        known.check()
+
+
+def test_device_that_obeys_a_little_later_is_waited_for() -> None:
+    class Slow(Device):
+        asked = 0
+
+        def read_back(self) -> Mapping[str, ReadBack]:
+            self.asked += 1
+            return {**super().read_back(), "a": ReadBack(0.0 if self.asked > 5 else 3.0)}
+
+    known, device = Outputs(), Slow({})
+    known.opened(device.outputs)
+    known.driving(Waveform(100.0, {"a": np.array([5.0])}))
+    known.make_safe(device, clock=VirtualClock())
+    assert known.are_safe and device.asked == 6
+
+
+@pytest.mark.parametrize("error", [MemoryError(), SystemExit(1), RuntimeError("can't start new thread")])
+def test_whatever_is_thrown_on_the_way_is_what_nobody_knows(error: BaseException) -> None:
+    class Broken(Device):
+        def read_back(self) -> Mapping[str, ReadBack]:
+            raise error
+
+    known, device = Outputs(), Broken({}, error)
+    known.opened(device.outputs)
+    known.make_safe(device, clock=VirtualClock())
+    assert known.known["a"].state == "unknown" and known.status(KeyboardInterrupt(), 2) == 3
+
+
+def test_record_says_state_place_and_why() -> None:
+    assert after(SILENT, DeviceLostError("gone")).record()["a"] == {
+        "state": "unknown", "at": 5.0, "unit": "V", "read_back": True, "why": "no answer",
+    }  # fmt: skip
