@@ -21,7 +21,8 @@ def measured_findings(evaluate: Callable[[Recording], Findings], recording: Reco
     """What an evaluation finds in a recording, of which samples may be no measurements.
 
     It is asked twice, with two different suppositions in their place. A value that depends on the supposition rests on
-    what nobody measured and is not given; of a bound ("above 4.9 Hz") the weaker one holds.
+    what nobody measured and is not given; of two uncertainties the larger is given, of two bounds ("above 4.9 Hz") the
+    weaker.
 
     Raises:
         InputError: the recording does not hold what the evaluation needs.
@@ -62,6 +63,8 @@ def _common(near: Findings, far: Findings) -> Findings:
 def _weaker(near: Measured, far: Measured | None) -> Measured:
     """What holds whichever of two suppositions is true."""
     if far is not None and near.relation == far.relation and near.value is not None and far.value is not None:
+        if _same(float(near.value), float(far.value)) and None not in (near.std, far.std):
+            return max(near, far, key=lambda m: m.std or 0.0)
         if _same((near.value, near.std), (far.value, far.std)):
             return near
         if near.relation != "=":

@@ -61,7 +61,8 @@ def bus(request: pytest.FixtureRequest) -> str:
 def linked(kind: str, bus: str, **more: Any) -> Iterator[Any]:
     driver, twin, wiring = KINDS[kind]
     served = twin.serve({"address": f"virtual:{bus}"}, twin.world(SIMULATION, {"": wiring}).side(""), Quirks())
-    told = {"address": f"sick:{bus}", "timeout_s": 0.2, **more}
+    patient = {"timeout_s": 0.2} if kind == "canopen" else {"timeout_s": 1.0, "longest_reply_s": 1.0}
+    told = {"address": f"sick:{bus}", **patient, **more}
     try:
         link = driver.open_link(driver.Settings.model_validate(told), wiring)
         try:
