@@ -24,6 +24,7 @@ from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Wavefor
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from hil.record.recording import Array
 
+_OVER = 0.024  # M Series boards resolve their ranges with 5 % of over-range, half of it at either end
 _WAIT_S = 2.0  # beyond the time that samples take
 _LEAST = 2  # samples of a buffered task
 _Channel = TypeVar("_Channel", OutputChannel, InputChannel)
@@ -84,7 +85,7 @@ def terminals(settings: Settings) -> dict[str, Terminal]:
         **{f"ctr{i}": Terminal("out", "value", "%", 0.0, 100.0) for i in range(settings.counters)},
         **{f"do{i}": Terminal("out", "digital", "1", 0.0, 1.0) for i in range(settings.digital_outputs)},
         **{f"hb{i}": Terminal("out", "digital", "1", 0.0, 1.0) for i in range(settings.digital_outputs * beats)},
-        **{f"ai{i}": Terminal("in", "voltage", "V", -10.0, 10.0)
+        **{f"ai{i}": Terminal("in", "voltage", "V", -10.0, 10.0, over=_OVER)
            for i in input_numbers(settings.inputs, settings.wiring)},
         **{f"di{i}": Terminal("in", "digital", "1", 0.0, 1.0) for i in range(settings.digital_inputs)},
     }  # fmt: skip
