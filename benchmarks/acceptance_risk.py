@@ -140,6 +140,8 @@ def _judged(label: str, findings: Findings) -> Judged:
 
 
 def _share(count: int, of: int) -> str:
+    if not of:
+        return "—"
     low, high = (100.0 * share for share in wilson(count, of))
     return f"{count} of {of}: {low:.1f} … {high:.1f} %"
 

@@ -27,3 +27,7 @@ def test_risks_are_counted_and_stated() -> None:
     assert rows["good valves not accepted"] == "2 of 10: 5.7 … 51.0 %"
     assert float(rows["— as the certificates state it"].split()[0]) == pytest.approx(100 * 1.2 / 9.2, abs=0.06)
     assert rows["— of these, cannot tell"] == "1"
+
+
+def test_a_study_that_was_stopped_at_once_still_has_its_table() -> None:
+    assert "| good valves not accepted | — |" in list(table([("none", [])]))
