@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         Model,
         Recording,
         Results,
+        average,
         compare,
         diagnose,
         find_runs,
@@ -36,8 +37,8 @@ if TYPE_CHECKING:
     )  # fmt: skip
 
 __all__ = [
-    "Model", "Recording", "Results", "compare", "diagnose", "find_runs", "identify", "load_model", "open_bench", "read",
-    "results", "run", "save_model", "simulate", "typical_model", "write",
+    "Model", "Recording", "Results", "average", "compare", "diagnose", "find_runs", "identify", "load_model",
+    "open_bench", "read", "results", "run", "save_model", "simulate", "typical_model", "write",
 ]  # fmt: skip
 
 

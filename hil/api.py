@@ -41,8 +41,8 @@ Progress = Callable[[float, str], None]
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 __all__ = [
-    "Model", "Recording", "Results", "compare", "diagnose", "find_runs", "identify", "load_model", "open_bench", "read",
-    "results", "run", "save_model", "simulate", "typical_model", "write",
+    "Model", "Recording", "Results", "average", "compare", "diagnose", "find_runs", "identify", "load_model",
+    "open_bench", "read", "results", "run", "save_model", "simulate", "typical_model", "write",
 ]  # fmt: skip
 
 
@@ -97,6 +97,10 @@ def identify(
     free: Sequence[str] = (),
     inputs: Sequence[str] = (),
     output: str = "",
+    poles: int | None = None,
+    zeros: int | None = None,
+    dead_time: bool | None = None,
+    weights: str = "",
 ) -> Identified:
     """Fit a plant's parameters to recordings together (`hil identify`).
 
@@ -106,13 +110,30 @@ def identify(
         free: parameters that are held fixed otherwise.
         inputs: names of the input channels, where they are not the plant's own.
         output: name of the output channel, likewise.
+        poles: of the transfer function of a frequency response; by evidence where not given.
+        zeros: likewise.
+        dead_time: whether it has one; likewise.
+        weights: of its lines, "relative" (of their size), "uniform" (all alike) or "covariance".
 
     Returns:
         `model`, the fit in words as `text`, and the `experiments` that were fitted.
     """
+    from hil.identification.table_fit import orders_of
     from hil.session.identification import identified
 
-    return identified(plant, recordings, free, inputs, output)
+    return identified(plant, recordings, free, inputs, output, orders_of(poles, zeros, dead_time, weights))
+
+
+def average(responses: Sequence[ResponseTable], *, normalised: bool = False) -> ResponseTable:
+    """The mean of frequency responses on the same frequencies: mean dB and mean phase (`hil average`).
+
+    Args:
+        responses: tables, as `read` gives them.
+        normalised: take each over its gain at the lowest frequency first.
+    """
+    from hil.identification.table_fit import averaged
+
+    return averaged(responses, normalised=normalised)
 
 
 def compare(

@@ -111,6 +111,11 @@ def models() -> dict[str, Path]:
     return files_of(["hil.plants"], "models", "*.json")
 
 
+def tables() -> dict[str, Path]:
+    """Every table of a frequency response that packages of plants bring along in a folder `tables`, by name."""
+    return files_of(["hil.plants"], "tables", "*.csv")
+
+
 def _check_not_hidden(package: str) -> None:
     """Refuse to list somebody else's folder as a package of this program: they lie beside each other."""
     home = Path(__file__).resolve().parents[1]

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import typer
 
-from hil.catalog import KINDS, entries, models
+from hil.catalog import KINDS, entries, models, tables
 from hil.errors import UnknownNameError
 
-_FILES = ("benches", "models")
+_FILES = ("benches", "models", "tables")
 
 
 def command(
     kind: str = typer.Argument(
-        "", metavar="[drivers|devices|procedures|plants|effects|benches|models]", help="Only one kind."
+        "", metavar="[drivers|devices|procedures|plants|effects|benches|models|tables]", help="Only one kind."
     ),
 ) -> None:
-    """List the installed drivers, devices, procedures, plants, effects, benches and models."""
+    """List the installed drivers, devices, procedures, plants, effects, benches, models and tables."""
     if kind and kind not in (*KINDS, *_FILES):
         raise UnknownNameError("kind of entry", kind, (*KINDS, *_FILES))
     for name in (known for known in (*KINDS, *_FILES) if kind in ("", known)):
@@ -38,6 +38,8 @@ def _lines(kind: str) -> Iterator[tuple[str, str]]:
         yield from ((name, _first_words(path, "name = ")) for name, path in benches().items())
     elif kind == "models":
         yield from ((name, _first_words(path, '"title": ')) for name, path in models().items())
+    elif kind == "tables":
+        yield from ((name, str(path)) for name, path in tables().items())
     else:
         yield from ((entry.name, entry.summary) for entry in entries(kind))  # type: ignore[arg-type]
 

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast, get_args
 
 import numpy as np
 
-from hil.errors import FileError, InputError
+from hil.errors import FileError, InputError, SettingError
 from hil.identification.factored import model_of
-from hil.identification.frequency_response import FrequencyResponse, from_polar
+from hil.identification.frequency_response import FrequencyResponse, average, from_polar
 from hil.identification.linear_evidence import doubts
 from hil.identification.order_choice import fit_transfer_function
-from hil.identification.transfer_function import TransferFunctionFit, fit_percent
+from hil.identification.transfer_function import TransferFunctionFit, Weights, fit_percent
 from hil.physics.model import Covariance, Model, Value
 from hil.physics.plants.transfer_function import PLANT
 from hil.physics.transfer_function import from_parameters
@@ -21,6 +21,7 @@ from hil.record.recording import Array
 from hil.record.response_table import ResponseTable
 
 _STEP = 1e-4  # of a parameter's standard uncertainty, for slopes
+_LEAST_STEP = 1e-6  # of the parameter itself, where lines without noise leave no uncertainty
 _WORST = 3
 
 
@@ -41,15 +42,49 @@ class TableFit:
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
 
 
-def fit_tables(tables: Sequence[ResponseTable], input_name: str = "", output_name: str = "") -> TableFit:
-    """The transfer function of all lines together, its orders and dead time chosen by evidence.
+@dataclass(frozen=True, slots=True)
+class Orders:
+    """What a transfer function is asked to have, and how its lines are weighted; what is None is chosen by evidence."""
+
+    poles: int | None = None
+    zeros: int | None = None
+    dead_time: bool | None = None
+    weights: Weights | None = None
+
+    @property
+    def are_open(self) -> bool:
+        """Whether nothing is asked."""
+        return self == AS_THEY_SHOW
+
+
+AS_THEY_SHOW = Orders()
+
+
+def orders_of(poles: int | None, zeros: int | None, dead_time: bool | None, weights: str) -> Orders:
+    """What somebody asked for in words.
+
+    Raises:
+        SettingError: weights that there are not.
+    """
+    known = {"": None, **{name: name for name in get_args(Weights)}}
+    if weights not in known:
+        raise SettingError(f"weights '{weights}': there are {', '.join(get_args(Weights))}")
+    return Orders(poles, zeros, dead_time, cast("Weights | None", known[weights]))
+
+
+def fit_tables(
+    tables: Sequence[ResponseTable], input_name: str = "", output_name: str = "", orders: Orders = AS_THEY_SHOW
+) -> TableFit:
+    """The transfer function of all lines together; orders and dead time that are not asked for, chosen by evidence.
 
     Raises:
         FileError: tables whose gains have different units.
         InputError: too few lines, or a response that no stable transfer function has.
     """
     response = as_response(tables)
-    fit = fit_transfer_function(response)
+    fit = fit_transfer_function(
+        response, poles=orders.poles, zeros=orders.zeros, dead_time=orders.dead_time, weights=orders.weights
+    )
     given, answer = _headings(tables[0].unit, input_name, output_name)
     made = fit.model.to_model(given, answer)
     names, covariance = _covariance(fit, made)
@@ -66,6 +101,32 @@ def fit_tables(tables: Sequence[ResponseTable], input_name: str = "", output_nam
         origin=origin,
     )  # fmt: skip
     return TableFit(model, fit, tuple(f"the lines do not bear it out: {why}" for why in doubts(fit)))
+
+
+def averaged(tables: Sequence[ResponseTable], *, normalised: bool = False) -> ResponseTable:
+    """The mean of responses on the same frequencies: of their dB and of their phases.
+
+    Args:
+        tables: one for each response.
+        normalised: take each over its gain at the lowest frequency first, as eq. 1 of the HPV41 paper does.
+
+    Raises:
+        FileError: other frequencies than those of the first, or gains of different units.
+    """
+    first = tables[0]
+    for other in tables[1:]:
+        if not np.array_equal(other.frequency_hz, first.frequency_hz):
+            raise FileError(f"{other.name}: other frequencies than {first.name}; a mean is taken line by line")
+        if other.unit != first.unit and not normalised:
+            raise FileError(f"{other.name}: its gain is in {other.unit}, that of {first.name} in {first.unit}")
+    one_each = [as_response([table]) for table in tables]
+    mean = average([one.normalised() for one in one_each] if normalised else one_each)
+    said = [f"mean dB and mean phase of {len(tables)} responses{', each over its lowest line' if normalised else ''}"]
+    unit = "1" if normalised else first.unit
+    return ResponseTable(
+        mean.name, mean.frequency_hz, mean.response, unit, in_db=unit == "1",
+        meta={"assumed": said, "recordings": [table.name for table in tables]},
+    )  # fmt: skip
 
 
 def as_response(tables: Sequence[ResponseTable]) -> FrequencyResponse:
@@ -167,7 +228,7 @@ def _covariance(fit: TransferFunctionFit, made: Model) -> tuple[tuple[str, ...],
     spread = np.sqrt(np.maximum(np.diag(fit.covariance), 0.0))
     slopes = []
     for k, std in enumerate(spread.tolist()):
-        step = _STEP * (std or abs(float(fit.parameters[k])) or 1.0)
+        step = max(_STEP * std, _LEAST_STEP * abs(float(fit.parameters[k]))) or _STEP
         high, low = (_parameters(fit, k, sign * step) for sign in (1.0, -1.0))
         slopes.append({name: (high[name] - low[name]) / (2.0 * step) for name in high})
     moving = [name for name in made.parameters if any(slope.get(name, 0.0) for slope in slopes)]

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 from types import ModuleType
 
+from hil.catalog import tables
 from hil.errors import FileError, StorageError
 from hil.record import exchange
 from hil.record.named import as_said
@@ -71,12 +72,13 @@ def read_recording(path: str | Path, reading: Reading = AS_IT_IS) -> Recording:
 
 
 def read_any(path: str | Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
-    """Read a recording, or the table of a frequency response.
+    """Read a recording, or the table of a frequency response; an installed table by its bare name.
 
     Raises:
         FileError: as `read_recording`.
     """
     path = Path(path)
+    path = path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path)
     if path.is_dir():
         from hil.record.folder import read
         from hil.record.unmeasured import measured_rows

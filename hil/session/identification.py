@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hil.errors import FileError
+from hil.errors import FileError, SettingError
 from hil.identification.experiment import Experiment, experiment
 from hil.identification.grey_box import fit_plant, starting_model
-from hil.identification.table_fit import fit_tables
+from hil.identification.table_fit import AS_THEY_SHOW, Orders, fit_tables
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.record.read import read_any
@@ -65,6 +65,7 @@ def identified(
     free: Sequence[str] = (),
     input_name: Sequence[str] = (),
     output_name: str = "",
+    orders: Orders = AS_THEY_SHOW,
 ) -> Identified:
     """Fit a plant, or the model of a file, to everything that was read.
 
@@ -73,8 +74,13 @@ def identified(
     """
     tables = [one for one in read if isinstance(one, ResponseTable)]
     if tables:
-        fitted = fit_tables(tables, input_name[0] if input_name else "", output_name)
+        fitted = fit_tables(tables, input_name[0] if input_name else "", output_name, orders)
         return Identified(fitted.model, fitted.summary())
+    if not orders.are_open:
+        raise SettingError(
+            "poles, zeros and dead time are asked for where a frequency response is fitted; from samples in time they "
+            "are chosen by evidence"
+        )
     start = starting_model(plant, free)
     recordings = [one for one in read if isinstance(one, Recording)]
     experiments = [bound(one, start.definition, input_name, output_name) for one in recordings]

@@ -1,9 +1,11 @@
 """Published valves as model files and benches: equal to the papers' numbers, and found by name."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+import hil
 from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.catalog import models
@@ -12,8 +14,9 @@ from hil.errors import FileError
 from hil.findings.results import read_results
 from hil.physics.model import load_model
 from hil.physics.published import tordal
-from hil.physics.published.models import FOLDER, published_models
+from hil.physics.published.models import FOLDER, TABLES, published_models, published_tables
 from hil.physics.transfer_function import from_parameters
+from hil.record.read import read_any
 
 
 def test_model_files_are_what_the_papers_numbers_make(tmp_path):
@@ -110,3 +113,54 @@ def test_model_beside_the_base_is_found_from_elsewhere(tmp_path):
     written(tmp_path / "lab" / "base.toml", 'based_on = "brevini-hpv41"\n[valve]\nplant = "valve.json"\n')
     mine = read_bench(written(tmp_path / "mine.toml", 'based_on = "lab/base.toml"\nname = "mine"\n'))
     assert load_model(Path(mine.bench.valve.plant)).plant == "brevini-hpv41"
+
+
+# -- tables of the published responses ---------------------------------------------------------------------
+
+ORDERS = ("--plant", "transfer-function", "--poles", "3", "--zeros", "1", "--no-dead-time")
+RUNS = [name for name in published_models() if name.startswith(("hpv41-plus", "hpv41-minus"))]
+
+
+def _function(path):
+    return from_parameters(load_model(path).values)
+
+
+def test_table_files_are_what_the_papers_numbers_make():
+    assert {path.stem for path in TABLES.glob("*.csv")} == set(published_tables()) == set(RUNS)
+    for name, table in published_tables().items():
+        assert read_any(name).response == pytest.approx(table.response, rel=1e-12)
+
+
+@pytest.mark.parametrize("run", tordal.RUNS, ids=lambda run: run.name)
+def test_section_6_gives_every_row_of_tables_1_and_2(monkeypatch, capsys, tmp_path, run):
+    name = f"hpv41-{'plus' if run.bias > 0 else 'minus'}-{run.amplitude:g}"
+    status, _ = _said(monkeypatch, capsys, "identify", name, *ORDERS, "--out", tmp_path / "g.json")
+    assert status == 0
+    linear = _function(tmp_path / "g.json")
+    assert linear.numerator == pytest.approx([run.b1, run.b0], rel=1e-4)
+    assert linear.denominator == pytest.approx([1.0, run.a2, run.a1, run.a0], rel=1e-4)
+
+
+def test_mean_of_six_responses_is_the_mean_model(monkeypatch, capsys, tmp_path):
+    mean, found = tmp_path / "mean.csv", tmp_path / "mean.json"
+    assert _said(monkeypatch, capsys, "average", *RUNS, "--normalised", "--out", mean)[0] == 0
+    options = (*ORDERS, "--weights", "uniform", "--out", found)
+    assert _said(monkeypatch, capsys, "identify", mean, *options)[0] == 0
+    assert _function(found).numerator == pytest.approx(tordal.MEAN_MODEL.numerator, rel=1e-3)
+    assert _function(found).denominator == pytest.approx(tordal.MEAN_MODEL.denominator, rel=1e-3)
+
+
+def test_average_in_python_refuses_other_frequencies():
+    one = hil.read("hpv41-plus-10")
+    two = replace(one, frequency_hz=one.frequency_hz * 1.01)
+    with pytest.raises(FileError, match="other frequencies"):
+        hil.average([one, two])
+    assert hil.average([one, one]).response == pytest.approx(one.response)
+
+
+def test_orders_are_asked_of_a_frequency_response_only(monkeypatch, capsys, tmp_path):
+    path = written(tmp_path / "r.csv", "time [s],command [%],flow [l/min]\n0,0,0\n0.1,1,0\n0.2,1,1\n")
+    options = ("--plant", "transfer-function", "--poles", "2", "--out", tmp_path / "m.json")
+    status, said = _said(monkeypatch, capsys, "identify", path, *options)
+    assert status == 2
+    assert "where a frequency response is fitted" in said.err

@@ -2,7 +2,8 @@
 
     python -m hil.physics.published.models
 
-writes `hil/physics/plants/models/*.json`; a test holds them against what this makes.
+writes `hil/physics/plants/models/*.json`, and the six frequency responses as `hil/physics/plants/tables/*.csv`; a test
+holds them against what this makes.
 """
 
 from __future__ import annotations
@@ -12,10 +13,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from hil.physics.model import Model, save_model
 from hil.physics.published import efc_population, tordal
+from hil.record.response_table import ResponseTable, write_response_table
 
 FOLDER = Path(__file__).parents[1] / "plants" / "models"
+TABLES = FOLDER.with_name("tables")
 
 
 def published_models() -> Mapping[str, Model]:
@@ -29,13 +34,25 @@ def _published() -> Iterator[tuple[str, Model]]:
         _titled(tordal.valve(), "HPV41 identified from tables 1 and 2: sides of their own, friction"),
     )
     for run in tordal.RUNS:
-        side = "plus" if run.bias > 0.0 else "minus"
         title = f"HPV41, sine of {run.amplitude:g} % about {run.bias:+g} %: table {1 if run.bias > 0.0 else 2}"
-        yield f"hpv41-{side}-{run.amplitude:g}", _titled(run.model, title)
+        yield _name(run), _titled(run.model, title)
     mean = tordal.MEAN_MODEL.to_model(tordal.INPUT, tordal.OUTPUT)
     yield "hpv41-mean", _titled(mean, "HPV41, G_M: one zero and three poles to the mean of the six responses")
     for name in efc_population.SETS:
         yield f"efc-{name}", _titled(efc_population.valve(name), f"Cummins EFC, {name} valve of the thesis")
+
+
+def published_tables() -> Mapping[str, ResponseTable]:
+    """The frequency responses of tables 1 and 2 on the paper's 25 frequencies, by the name of their file."""
+    frequency_hz = np.array(tordal.FREQUENCIES_HZ)
+    return {
+        _name(run): ResponseTable(_name(run), frequency_hz, run.transfer_function.at(frequency_hz), in_db=True)
+        for run in tordal.RUNS
+    }
+
+
+def _name(run: tordal.Run) -> str:
+    return f"hpv41-{'plus' if run.bias > 0.0 else 'minus'}-{run.amplitude:g}"
 
 
 def _titled(model: Model, title: str) -> Model:
@@ -53,6 +70,9 @@ def write() -> None:
             part.unlink()
         else:
             part.replace(path)
+    TABLES.mkdir(exist_ok=True)
+    for name, table in published_tables().items():
+        write_response_table(table, TABLES / f"{name}.csv")
 
 
 if __name__ == "__main__":

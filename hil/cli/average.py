@@ -1,0 +1,36 @@
+"""`hil average`: the mean of several frequency responses."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+from hil.cli.reading import Columns, Rename, Unit
+
+
+def command(
+    responses: list[Path] = typer.Argument(
+        ..., metavar="TABLE|RUN...", help="Tables of a frequency response, installed ones by name, or runs."
+    ),
+    out: Path = typer.Option(..., "--out", help="Table to write, .csv."),
+    normalised: bool = typer.Option(False, "--normalised", help="Each over its gain at the lowest frequency first."),
+    part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
+    unit: Unit = [],  # noqa: B006 — typer makes a new one
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+) -> None:
+    """Write the mean of frequency responses on the same frequencies: mean dB and mean phase."""
+    from hil.cli.places import check_distinct, check_file
+    from hil.cli.reading import reading_of
+    from hil.identification.table_fit import averaged
+    from hil.record.response_table import write_response_table
+    from hil.session.responses import read_responses
+
+    check_distinct(responses)
+    check_file(out, responses)
+    mean = averaged(
+        read_responses(responses, reading_of("", 0.0, unit, rename, columns, False), part), normalised=normalised
+    )
+    write_response_table(mean, out)
+    typer.echo(f"{out}: {len(mean)} frequencies, {mean.meta['assumed'][0]}")
