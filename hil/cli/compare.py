@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
 
+if TYPE_CHECKING:
+    from hil.session.comparison import RunComparison
+
 
 def command(
     recordings: list[Path] = typer.Argument(
-        ..., metavar="RECORDING...", help="Recordings or tables of a frequency response to compare with."
+        ..., metavar="RECORDING...", help="Recordings or tables of a frequency response; without --model two runs."
     ),
-    model: Path = typer.Option(..., "--model", help="Model file."),
+    model: Path | None = typer.Option(None, "--model", help="Model file."),
+    page: Path | None = typer.Option(
+        None, "--page", metavar="FILE.html", help="Of two runs: a page with their curves."
+    ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
@@ -24,7 +32,15 @@ def command(
     columns: Columns = "",
     gaps: Gaps = False,
 ) -> None:
-    """Compare a model with recordings: fit, ceiling by the noise, and where the model fails."""
+    """Compare a model with recordings: fit, ceiling by the noise, and where the model fails.
+
+    Without `--model`: two runs of one procedure side by side, each difference with its significance.
+    """
+    if model is None:
+        _compare_runs(recordings, as_json, page)
+        return
+    if page is not None:
+        raise typer.BadParameter("a page is made of two runs, without --model", param_hint="--page")
     from hil.cli.reading import notes_on, reading_of, say
     from hil.identification.compare import compare
     from hil.identification.experiment import for_model
@@ -49,3 +65,52 @@ def command(
                             "assumed": notes}))  # fmt: skip
     else:
         typer.echo("\n".join(c.as_text() for c in found))
+
+
+def _compare_runs(runs: list[Path], as_json: bool, page: Path | None) -> None:
+    from hil.cli.places import check_file
+    from hil.session.comparison import compare_runs
+
+    if len(runs) != 2:
+        raise typer.BadParameter(f"two runs are compared, {len(runs)} given; with --model any number of recordings")
+    found = compare_runs(*runs)
+    if page is not None:
+        from hil.report.comparison_page import write_comparison_page
+
+        check_file(page)
+        write_comparison_page(found.first, found.second, found.differences, found.one_bench, page)
+    typer.echo(_json(found) if as_json else _table(found))
+
+
+def _json(found: RunComparison) -> str:
+    from hil.record.plain import plain
+
+    rows = [
+        {
+            "name": one.name, "unit": one.unit,
+            "first": one.first.model_dump(include=_VALUE) if one.first else None,
+            "second": one.second.model_dump(include=_VALUE) if one.second else None,
+            "change": one.change, "std": one.std, "chance": one.chance, "meaning": one.meaning,
+        }
+        for one in found.differences
+    ]  # fmt: skip
+    document = {
+        "schema": "hil.run-comparison/1", "runs": [found.first.run, found.second.run],
+        "serials": [found.first.serial, found.second.serial], "same_instruments": found.one_bench, "differences": rows,
+    }  # fmt: skip
+    return json.dumps(plain(document), indent=1, ensure_ascii=False)
+
+
+_VALUE = {"value", "std", "relation", "verdict"}
+
+
+def _table(found: RunComparison) -> str:
+    from hil.report.comparison_page import change_text, headline, shared_sentence, value_text
+    from hil.report.number import MINUS
+
+    rows = [("quantity", "unit", found.first.run, found.second.run, "change", "")]
+    for one in found.differences:
+        rows.append((one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one), one.meaning))
+    widths = [max(len(row[i]) for row in rows) for i in range(6)]
+    lines = ["  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join([*lines, headline(found.differences), shared_sentence(found.one_bench)]).replace(MINUS, "-")

@@ -1,0 +1,124 @@
+"""The page of two runs side by side: every value with its change, and their curves over each other."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hil.findings.difference import Difference
+from hil.findings.results import Curve, Results, Value
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plain_log, thinned
+from hil.report.number import with_uncertainty
+from hil.report.page import write_page
+from hil.report.section import Section, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_MOST_CURVES = 12
+
+
+def write_comparison_page(
+    first: Results, second: Results, found: Sequence[Difference], one_bench: bool, path: Path
+) -> None:
+    """Write the page.
+
+    Raises:
+        StorageError: it cannot be written.
+    """
+    write_page(
+        "comparison.html", path, kicker="Two runs", title=f"{first.run} and {second.run}",
+        headline=headline(found), shared=shared_sentence(one_bench),
+        sections=[Section("Values", tables=(_table(first, second, found),)), *_overlays(first, second)],
+    )  # fmt: skip
+
+
+def headline(found: Sequence[Difference]) -> str:
+    """How many values differ, in one sentence."""
+    moved = [one.name for one in found if one.meaning == "differs"]
+    if not moved:
+        return "No value differs beyond its uncertainty."
+    names = "; ".join(moved)
+    return f"{len(moved)} of {len(found)} values differ beyond their uncertainty: {names}."
+
+
+def shared_sentence(one_bench: bool) -> str:
+    """What was done with the calibration."""
+    if one_bench:
+        return "Both runs have the same instruments; what their calibration adds cancels and is left out."
+    return "The runs have different instruments or calibrations; these are in the uncertainty of each change."
+
+
+def value_text(value: Value | None) -> str:
+    """A value with its expanded uncertainty."""
+    if value is None:
+        return "not measured"
+    if value.value is None:
+        return "not determined"
+    sign = "" if value.relation == "=" else f"{value.relation} "
+    return sign + with_uncertainty(value.value, None if value.std is None else COVERAGE_FACTOR * value.std)
+
+
+def change_text(one: Difference) -> str:
+    """The change with its expanded uncertainty; nothing where it cannot be told."""
+    if one.change is None or one.std is None:
+        return ""
+    return with_uncertainty(one.change, COVERAGE_FACTOR * one.std)
+
+
+def _table(first: Results, second: Results, found: Sequence[Difference]) -> Table:
+    heads = ("Quantity", "Unit", first.run, second.run, "Change ± U", "Chance", "")
+    rows = tuple(
+        (one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one),
+         "" if one.chance is None else f"{one.chance:.2g}", one.meaning)
+        for one in found
+    )  # fmt: skip
+    caption = "Chance: how likely a change so large is when nothing has changed."
+    return Table(caption, heads, rows, text_columns=(1, 6))
+
+
+def _overlays(first: Results, second: Results) -> Iterator[Section]:
+    by_name = {curve.name: curve for curve in second.curves}
+    pairs = [(curve, by_name[curve.name]) for curve in first.curves if curve.name in by_name]
+    pictures = [picture for a, b in pairs[:_MOST_CURVES] if (picture := _overlay(a, b, first.run, second.run))]
+    if pictures:
+        yield Section("Curves", figures=tuple(pictures))
+
+
+def _overlay(a: Curve, b: Curve, first: str, second: str) -> Picture | None:
+    """Both curves over their first column, a drawing for each unit."""
+    if a.columns != b.columns or len(a.columns) < 2:
+        return None
+    shown = [column for column in a.columns[1:] if not column.name.endswith("std")]
+    units = list(dict.fromkeys(column.unit for column in shown))
+
+    def draw(figure: Figure) -> None:
+        grid = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+        for axes, unit in zip(grid, units, strict=True):
+            for colour, column in zip(SERIES, (c for c in shown if c.unit == unit), strict=False):
+                for curve, run, dash in ((a, first, DASHES[0]), (b, second, DASHES[1])):
+                    x, y = (_points(curve, name) for name in (a.columns[0].name, column.name))
+                    axes.plot(*thinned(x, y), color=colour, ls=dash, label=f"{column.name}, {run}")
+            axes.set_ylabel(unit)
+            legend_above(axes, 2)
+        _across(grid[-1], a)
+
+    return drawn(re.sub(r"\W+", "-", a.name), 0.8 + 2.2 * len(units), draw, a.name)
+
+
+def _across(axes: Axes, curve: Curve) -> None:
+    first = curve.columns[0]
+    axes.set_xlabel(f"{first.name} [{first.unit}]")
+    if first.unit == "Hz":
+        axes.set_xscale("log")
+        plain_log(axes)
+
+
+def _points(curve: Curve, name: str) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    return np.array([np.nan if value is None else value for value in curve.column(name)], dtype=np.float64)

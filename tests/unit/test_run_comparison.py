@@ -1,0 +1,108 @@
+"""Two runs side by side: which value differs, at a stated rate of false alarms."""
+
+import json
+
+import numpy as np
+import pytest
+
+from hil.cli import app
+from hil.findings.difference import ALPHA, differences
+from hil.findings.results import Results, Value
+from hil.report.comparison_page import headline
+
+
+def results(*values):
+    return Results(run="one", procedure="step_response", serial="A7", verdict=None, values=values)
+
+
+def value(number, std=1.0, calibration=0.0, name="rise", **more):
+    return Value(name=name, value=number, std=std, unit="ms", calibration_std=calibration, **more)
+
+
+def one(first, second, one_bench=True):
+    (found,) = differences(results(first), results(second), one_bench=one_bench)
+    return found
+
+
+def test_change_beyond_the_uncertainty_differs():
+    found = one(value(10.0), value(15.0))
+    assert (found.meaning, found.change) == ("differs", 5.0)
+    assert found.std == pytest.approx(2.0**0.5)
+    assert one(value(10.0), value(12.0)).meaning == "within uncertainty"
+
+
+def test_calibration_that_both_share_cancels():
+    first, second = value(10.0, 3.0, 2.9), value(15.0, 3.0, 2.9)
+    assert one(first, second).std == pytest.approx((2.0 * (9.0 - 2.9**2)) ** 0.5)
+    assert one(first, second).meaning == "differs"
+    assert one(first, second, one_bench=False).meaning == "within uncertainty"
+
+
+@pytest.mark.parametrize(
+    "other",
+    [value(15.0, relation="<"), value(None), value(15.0, None), value(15.0, name="settling")],
+    ids=["bound", "missing", "unknown uncertainty", "another value"],
+)
+def test_what_cannot_be_compared_is_said(other):
+    found = differences(results(value(10.0)), results(other), one_bench=True)
+    assert {difference.meaning for difference in found} == {"cannot tell"}
+
+
+def test_false_alarms_come_at_the_stated_rate_over_all_values():
+    rng = np.random.default_rng(3)
+    alarms, pairs = 0, 1500
+    for _ in range(pairs):
+        runs = [results(*(value(x, name=f"v{i}") for i, x in enumerate(rng.standard_normal(8)))) for _ in range(2)]
+        alarms += any(one.meaning == "differs" for one in differences(*runs, one_bench=True))
+    assert alarms / pairs == pytest.approx(ALPHA, abs=3.0 * (ALPHA / pairs) ** 0.5)
+
+
+def test_headline_names_what_differs():
+    assert headline([one(value(10.0), value(15.0))]) == "1 of 1 values differ beyond their uncertainty: rise."
+    assert headline([one(value(10.0), value(10.0))]) == "No value differs beyond its uncertainty."
+
+
+def _said(monkeypatch, capsys, *arguments):
+    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+    return app.main(), capsys.readouterr()
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory):
+    import hil
+
+    folder = tmp_path_factory.mktemp("runs")
+    worn = folder / "worn.toml"
+    effect = 'effects = [{ name = "friction", hook = "force", parameters = { coulomb = 3.0 } }]'
+    name = 'name = "HPV41 on the simulated bench"'
+    worn.write_text(f'based_on = "brevini-hpv41"\n{name}\n[simulation]\nseed = 2\n{effect}\n', encoding="utf-8")
+    for bench, run in (("brevini-hpv41", "new"), (str(worn), "old")):
+        hil.run("step_response", bench, folder / run, levels=(0, 80))
+    return folder
+
+
+def test_worn_valve_is_told_from_the_new_one(monkeypatch, capsys, runs):
+    compare = ("compare", runs / "new", runs / "old")
+    status, said = _said(monkeypatch, capsys, *compare, "--json")
+    document = json.loads(said.out)
+    assert status == 0
+    assert document["same_instruments"]
+    by_name = {row["name"]: row for row in document["differences"]}
+    assert by_name["change, 0 → 80 %"]["meaning"] == "differs"
+    page = runs / "page.html"
+    status, said = _said(monkeypatch, capsys, *compare, "--page", page)
+    assert "beyond their uncertainty" in said.out
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<svg") == 1
+    assert "measured, new" in text and "measured, old" in text
+
+
+def test_run_compared_with_itself_does_not_differ(monkeypatch, capsys, runs):
+    _, said = _said(monkeypatch, capsys, "compare", runs / "new", runs / "new")
+    assert "No value differs" in said.out
+
+
+def test_wrong_use_is_said(monkeypatch, capsys, runs):
+    status, said = _said(monkeypatch, capsys, "compare", runs / "new")
+    assert status == 2
+    assert "two runs are compared, 1 given" in said.err
