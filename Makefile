@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check wheel bench acceptance-risk proof docs clean help
+.PHONY: demo test test-slow check wheel bench acceptance-risk proof coverage docs clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -53,6 +53,9 @@ ifdef RECORDINGS
 else
 	@echo "real recordings were not run: make proof RECORDINGS=DIR names their folder"
 endif
+
+coverage: $(STAMP)  ## how often what procedures print holds the truth (SEEDS=300): the table in docs/explanation/coverage.md
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_study --seeds $(or $(SEEDS),300) --page docs/explanation/coverage.md
 
 clean:           ## remove the environment and everything generated
 	rm -rf $(VENV) demo proof .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -24,6 +24,7 @@ from hil.catalog import entries
 from hil.physics.compose import effects, plant
 from hil.physics.effect import Effect, EffectParameter
 from hil.physics.plant import Parameter, Plant
+from hil.session.procedure import load_procedure
 
 REFERENCE = Path(__file__).parent / "reference"
 NOTE = "<!-- Made by docs/generate.py from the program itself; edit it there. -->"
@@ -41,8 +42,28 @@ def main() -> None:
 def pages() -> dict[str, str]:
     """The generated pages by file name."""
     made = {"command-line.md": command_line(), "plants.md": plants_page(), "effects.md": effects_page(),
-            "results.md": results_page(), "python.md": python_page()}  # fmt: skip
+            "results.md": results_page(), "python.md": python_page(),
+            "figures.md": figures_page()}  # fmt: skip
     return {name: "\n".join(lines).rstrip() + "\n" for name, lines in made.items()}
+
+
+# -- figures -----------------------------------------------------------------------------------------------
+
+
+def figures_page() -> Iterator[str]:
+    """Every declared quantity with its definition."""
+    yield "# Figures"
+    yield ""
+    yield (
+        "What each figure means and how it is read. `hil run NAME --describe` prints the same. How often the stated "
+        "intervals hold is on a page of [its own](../explanation/coverage.md)."
+    )
+    for entry in entries("procedures"):
+        procedure = load_procedure(entry.name)
+        if any(m.definition for m in procedure.measurements):
+            yield from ("", f"## `{procedure.name}`", "", "| figure | unit | definition |", "|---|---|---|")
+            for m in procedure.measurements:
+                yield f"| `{m.name}` | {m.unit or 'of the bench'} | {m.definition or m.meaning} |"
 
 
 # -- commands ----------------------------------------------------------------------------------------------

@@ -48,12 +48,17 @@ class Characteristic:
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """The sweeps of a run as figures are read from them: the estimate, the steady ends, speeds, channels."""
+    """The sweeps of a run as figures are read from them: the estimate, the steady ends, speeds, channels.
+
+    `drifted` is what the visits of one end differ by beyond noise, `rounding` what the converter leaves in a mean of
+    a level, as a standard uncertainty.
+    """
 
     estimate: SweepEstimate
     low: Standing
     high: Standing
     drifted: float
+    rounding: float
     speeds: tuple[float, ...]
     command: Channel
     response: Channel
@@ -67,11 +72,13 @@ def swept(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> Swept:
         rows = slice(part["first"], part["first"] + part["count"])
         driven, measured = command.values[rows], response.values[rows]
         sweeps.append(Sweep(driven, measured, float(part["speed_per_s"])))
-        waits += _waits(driven, measured, rounding_step(response.values))
+        waits += _waits(driven, measured)
     ends = [_together([wait for wait in waits if wait.risen == risen]) for risen in (False, True)]
     estimate = sweep_estimate(recording.name, sweeps, ends, float(parts[0]["settling_s"]))
     speeds = tuple(sweep.speed_per_s for sweep in sweeps)
-    return Swept(estimate, ends[0], ends[1], _drift(waits), speeds, command, response)
+    noise_std = float(np.median(estimate.std * np.sqrt(estimate.points.count)))
+    rounding = mean_rounding_std(noise_std, rounding_step(response.values))
+    return Swept(estimate, ends[0], ends[1], _drift(waits, rounding), rounding, speeds, command, response)
 
 
 def characteristic(
@@ -86,7 +93,9 @@ def characteristic(
     neutral, span = float(part["neutral"]), float(part["span"])
     between = loop(estimate, CERTAIN, swept_.speeds)
     measured = [
-        of[name].at(unit=unit).of(end.response, math.hypot(end.std, swept_.drifted), calibration=_level(swept_))
+        of[name]
+        .at(unit=unit)
+        .of(end.response, math.hypot(end.std, swept_.rounding, swept_.drifted), calibration=_level(swept_))
         for name, end in (("response_high", swept_.high), ("response_low", swept_.low))
     ]
     spoilt = _spoilt(swept_)
@@ -111,28 +120,26 @@ def characteristic(
 def steady(recording: Recording, part: Mapping[str, Any], channel: Channel) -> tuple[float, float]:
     """Mean of a channel over the second half of a part that stands still, and its standard uncertainty from noise."""
     values = recording.rows(part["first"], part["count"]).values(channel.name)
-    return _settled(values, rounding_step(channel.values))
+    value, std = _settled(values)
+    return value, math.hypot(std, mean_rounding_std(float(np.std(values)), rounding_step(channel.values)))
 
 
-def _waits(driven: Array, measured: Array, grid: float) -> list[Standing]:
+def _waits(driven: Array, measured: Array) -> list[Standing]:
     """Every wait at an end, from the second half of it."""
     found = []
     for level, risen in ((float(driven.min()), False), (float(driven.max()), True)):
         at = np.flatnonzero(driven == level)
         for stretch in np.split(at, np.flatnonzero(np.diff(at) > 1) + 1):
             if len(stretch) > 1:
-                value, std = _settled(measured[stretch], grid)
+                value, std = _settled(measured[stretch])
                 found.append(Standing(level, value, std, max(1, len(stretch) // 2), risen))
     return found
 
 
-def _settled(waited: Array, grid: float) -> tuple[float, float]:
-    """Mean of the second half, and its standard uncertainty from noise and rounding."""
+def _settled(waited: Array) -> tuple[float, float]:
+    """Mean of the second half, and its standard uncertainty from noise."""
     rest = waited[len(waited) // 2 :]
-    noise = float(np.std(rest))
-    return float(np.mean(rest)), math.hypot(
-        noise * math.sqrt(colour_factor(rest) / len(rest)), mean_rounding_std(noise, grid)
-    )
+    return float(np.mean(rest)), float(np.std(rest)) * math.sqrt(colour_factor(rest) / len(rest))
 
 
 def _together(waits: Sequence[Standing]) -> Standing:
@@ -143,14 +150,14 @@ def _together(waits: Sequence[Standing]) -> Standing:
     return Standing(waits[0].command, value, std, int(weights.sum()), waits[0].risen)
 
 
-def _drift(waits: Sequence[Standing]) -> float:
-    """Standard deviation of what the visits of one end differ by, where that is more than noise makes; else 0."""
+def _drift(waits: Sequence[Standing], rounding: float) -> float:
+    """What the visits of one end differ by, where that is more than noise and rounding make; else 0."""
     found = 0.0
     for risen in (False, True):
         mine = [wait for wait in waits if wait.risen == risen]
         apart = float(np.ptp([wait.response for wait in mine]))
-        if apart > CERTAIN * math.sqrt(2.0) * max(wait.std for wait in mine):
-            found = max(found, apart / 2.0)
+        if apart > CERTAIN * math.sqrt(2.0) * math.hypot(max(wait.std for wait in mine), rounding):
+            found = max(found, apart)
     return found
 
 
@@ -163,9 +170,9 @@ def _spoilt(swept_: Swept) -> str | None:
     if not swept_.drifted:
         return None
     return (
-        f"The response at one and the same end of the sweep changes by {2.0 * swept_.drifted:.2g} "
+        f"The response at one and the same end of the sweep changes by {swept_.drifted:.2g} "
         f"{swept_.response.unit} from visit to visit: reading or valve drifts, and what drifts looks like hysteresis "
-        "and lag. Neither can be told."
+        "and lag. Neither can be told, nor where a dead band ends."
     )
 
 
@@ -228,7 +235,8 @@ def _both_ways(
     level = calibration_std(swept_.command)
     found = []
     for sign, word in ((1, "positive"), (-1, "negative")):
-        found.append(of[f"dead_band_{word}"].at(unit=swept_.command.unit).of(*sides[sign].edge, calibration=level))
+        edge = of[f"dead_band_{word}"].at(unit=swept_.command.unit)
+        found.append(edge.of(None) if swept_.drifted else edge.of(*sides[sign].edge, calibration=level))
     for sign, word in ((1, "positive"), (-1, "negative")):
         value, std = sides[sign].gain
         found.append(of[f"gain_{word}"].at(unit=per).of(value, std, calibration=share * abs(value)))
@@ -246,6 +254,9 @@ def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measuremen
     if abs(end - start) < 10.0 * float(np.median(np.std(estimate.responses, axis=0))):
         raise InputError(f"the response '{response.name}' does not follow '{command.name}' beyond the noise")
     half = over_all(estimate, lambda curve, _slope: level_at(estimate.command, curve, (start + end) / 2.0))
+    at_half = abs(float(np.interp(half[0], estimate.command, estimate.slope)))
+    ends_std = math.hypot(swept_.low.std, swept_.high.std, math.sqrt(2.0) * swept_.rounding, swept_.drifted) / 2.0
+    half = half[0], math.hypot(half[1], ends_std / at_half)
     (gain, gain_std), steepest = largest_slope(estimate)
     share = math.hypot(calibration_share(response), calibration_share(command))
     found = [

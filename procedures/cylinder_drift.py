@@ -14,9 +14,11 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
 from hil.signals.colour import colour_factor
+from hil.signals.rounding import rounding_step
 from hil.signals.smooth_curve import Smoother
 from hil.units import scale_and_offset
 from procedures._course import Course, joined
+from procedures._definitions import CYLINDERS, defined
 from procedures._extreme import extreme
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
 from procedures._scale import check_above, check_at_least, scale_of
@@ -27,7 +29,7 @@ RESTLESSNESS = Measurement(
     "restlessness", "", "standard deviation of the position about its drift, sensor noise included"
 )
 OFFSET = Measurement("offset", "", "position less command, in a closed loop")
-MEASUREMENTS = (RATE, DRIFT, RESTLESSNESS, OFFSET)
+MEASUREMENTS = defined(CYLINDERS, RATE, DRIFT, RESTLESSNESS, OFFSET)
 
 _KIND = "drift"
 _LEAST_S = 5.0
@@ -91,7 +93,7 @@ def evaluate(recording: Recording) -> Findings:
         measured += [
             RATE.at(place, f"{response.unit}/min").of(60.0 * found["slope"], 60.0 * found["slope_std"]),
             extreme(DRIFT.at(place, response.unit), found["way"], found["way_std"]),
-            RESTLESSNESS.at(place, response.unit).of(found["restless"], found["restless_std"]),
+            _restlessness(RESTLESSNESS.at(place, response.unit), found, rounding_step(response.values)),
         ]
         if closed:
             measured.append(
@@ -118,6 +120,15 @@ def _one(recording: Recording, part: Mapping[str, Any]) -> tuple[dict[str, Array
         "restless_std": noise * math.sqrt(colour / (2.0 * len(position))), "way": way, "way_std": way_std,
         "mean": mean, "mean_std": noise * math.sqrt(colour / len(position)),
     }  # fmt: skip
+
+
+def _restlessness(what: Measurement, found: Mapping[str, float], grid: float) -> Measured:
+    """How restless the position is; less than a step of the converter cannot be told."""
+    if found["restless"] == 0.0:
+        return what.of(None)
+    if found["restless"] < grid:
+        return what.of(grid, 0.0, relation="<")
+    return what.of(found["restless"], found["restless_std"])
 
 
 def _way(time_s: Array, position: Array) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
+from procedures._definitions import STEPS, defined
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
 from procedures._extreme import extreme
 from procedures._recorded import roles_of
@@ -27,7 +28,7 @@ RISE = Measurement("rise", "ms", "from 10 % to 90 % of the change")
 DEAD_TIME = Measurement("dead_time", "ms", "until the pressure has moved")
 SETTLING = Measurement("settling", "ms", "after which the pressure stays within 5 % of its change")
 OVERSHOOT = Measurement("overshoot", "%", "beyond the final pressure, of the change")
-MEASUREMENTS = (FINAL, RISE, DEAD_TIME, SETTLING, OVERSHOOT)
+MEASUREMENTS = defined(STEPS, FINAL, RISE, DEAD_TIME, SETTLING, OVERSHOOT)
 KIND = "efc-step"
 
 _BAND = 0.05

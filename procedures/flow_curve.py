@@ -20,10 +20,12 @@ from hil.rig import Rig
 from hil.signals.ramps import ramp
 from procedures._characteristic import Characteristic, characteristic, steady, swept
 from procedures._course import Course, joined
+from procedures._definitions import SWEEPS, defined
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_at_least, scale_of
 
-MEASUREMENTS = (
+MEASUREMENTS = defined(
+    SWEEPS,
     Measurement("response_high", "", "response at the upper end of the sweep"),
     Measurement("response_low", "", "response at the lower end of the sweep"),
     Measurement("hysteresis", "%", "largest width of the loop along the command, in % of the swept command"),

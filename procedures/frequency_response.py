@@ -20,6 +20,7 @@ from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.stepped_sine import check_frequencies, even_frequencies
 from procedures._course import Course, joined
+from procedures._definitions import FREQUENCIES, defined
 from procedures._extreme import extreme
 from procedures._overlay import overlay
 from procedures._recorded import departures, parts_of, roles_of
@@ -35,7 +36,7 @@ from procedures._scale import about_levels, check_above, check_at_least, check_f
 from procedures._steady_sine import Heard, Patience, Tone, heard_before, listen, steady_path
 
 THD = Measurement("thd", "%", "largest distortion of the response beyond noise: harmonics 2 to 5 over the fundamental")
-MEASUREMENTS = (*MEASURED, THD)
+MEASUREMENTS = defined(FREQUENCIES, *MEASURED, THD)
 RESUMABLE = True
 
 _STANDARD_HZ, _STANDARD_SHARE = 5.0, 0.05  # reference: the first, or this share of the −90° frequency if that is less

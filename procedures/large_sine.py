@@ -16,9 +16,11 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Recording
 from hil.rig import Rig
 from hil.signals.harmonic_order import sine_fit_beyond
+from hil.signals.rounding import mean_rounding_std, rounding_step
 from hil.signals.sine_fit import SineFit
 from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
+from procedures._definitions import SINES, defined
 from procedures._extreme import extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
@@ -28,7 +30,7 @@ AMPLITUDE = Measurement("amplitude", "", "amplitude of the response's fundamenta
 PHASE = Measurement("phase", "deg", "phase of the response's fundamental against the command")
 OFFSET = Measurement("offset", "", "mean of the response")
 THD = Measurement("thd", "%", "harmonics 2 to 5 over the fundamental")
-MEASUREMENTS = (AMPLITUDE, PHASE, OFFSET, THD)
+MEASUREMENTS = defined(SINES, AMPLITUDE, PHASE, OFFSET, THD)
 
 
 def run(
@@ -121,11 +123,13 @@ def _measured(recording: Recording, given: SineFit, answer: SineFit) -> list[Mea
     phase_std_deg = math.degrees(math.hypot(given.phase_std_rad, answer.phase_std_rad))
     harmonic_std = math.sqrt(float(np.trace(answer.phasor_covariance())) / 2.0) / answer.amplitude
     level_std = calibration_std(response)
+    rounding = mean_rounding_std(answer.residual_std, rounding_step(response.values))
+    amplitude_std, offset_std = (math.hypot(std, rounding) for std in (answer.amplitude_std, answer.offset_std))
+    thd_std = math.hypot(harmonic_std, rounding / answer.amplitude)
+    share = calibration_share(response)
     return [
-        AMPLITUDE.at(place, response.unit).of(
-            answer.amplitude, answer.amplitude_std, calibration=calibration_share(response) * answer.amplitude
-        ),
+        AMPLITUDE.at(place, response.unit).of(answer.amplitude, amplitude_std, calibration=share * answer.amplitude),
         PHASE.at(place).of(math.degrees(math.atan2(turned.imag, turned.real)), phase_std_deg),
-        OFFSET.at(place, response.unit).of(answer.offset, answer.offset_std, calibration=level_std),
-        extreme(THD.at(place), 100.0 * answer.distortion, 100.0 * harmonic_std),
+        OFFSET.at(place, response.unit).of(answer.offset, offset_std, calibration=level_std),
+        extreme(THD.at(place), 100.0 * answer.distortion, 100.0 * thd_std),
     ]

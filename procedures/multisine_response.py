@@ -20,6 +20,7 @@ from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.multisine import Multisine, odd_multisine
 from procedures._course import Course, joined
+from procedures._definitions import FREQUENCIES, defined
 from procedures._extreme import extreme
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, label_of, reference_deviations
@@ -32,7 +33,7 @@ ODD = Measurement(
 EVEN = Measurement(
     "even_distortion", "%", "even distortion (asymmetry, curvature), median over the lines, in % of the response"
 )
-MEASUREMENTS = (*MEASURED, NOISE, ODD, EVEN)
+MEASUREMENTS = defined(FREQUENCIES, *MEASURED, NOISE, ODD, EVEN)
 
 
 def run(

@@ -20,6 +20,8 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.ramps import triangle
+from hil.signals.rounding import mean_rounding_std, rounding_step
+from procedures._definitions import SWEEPS, defined
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
 from procedures._extreme import extreme
 from procedures._recorded import calibration_share, roles_of
@@ -33,7 +35,7 @@ HYSTERESIS = Measurement("hysteresis", "mA", "width of the loop along the curren
 LAG = Measurement("lag", "ms", "lag that widens the loop with the sweep's speed")
 HALF = Measurement("current_half", "A", "current at half of the change of pressure")
 STEEPEST = Measurement("slope_largest", "psi/A", "steepest slope of the curve")
-MEASUREMENTS = (PRESSURE, SPAN, HYSTERESIS, LAG, HALF, STEEPEST)
+MEASUREMENTS = defined(SWEEPS, PRESSURE, SPAN, HYSTERESIS, LAG, HALF, STEEPEST)
 KIND = "pressure-current"
 
 _POINTS_A = (1.2, 1.4, 1.6, 1.8, 2.0)
@@ -98,15 +100,28 @@ def evaluate(recording: Recording) -> Findings:
     curve = curve_of(recording.name, pieces, command.name, response.name)
     span = direction * curve.span
     estimate, share = curve.estimate, calibration_share(response)
-    measured = [SPAN.of(span, curve.span_std, calibration=share * abs(span))]
+    # the branches are shifted by the mean delay; how far the delays of the valve lie apart bends the curve a little
+    swept_s = sum(1.0 / speed for speed, _ in pieces)
+    bent = curve.lag_s**2 * sum(speed for speed, _ in pieces) / swept_s / math.sqrt(12.0)
+    noise_std = float(np.median(estimate.std * np.sqrt(estimate.points.count)))
+    level_std = mean_rounding_std(noise_std, rounding_step(response.values))
+    span_std = math.hypot(curve.span_std, level_std * math.sqrt(2.0))
+    measured = [SPAN.of(span, span_std, calibration=share * abs(span))]
     notes = list(_notes(curve, span, direction))
     if abs(span) > 10.0 * curve.span_std:
         (steepest, steepest_std), _ = largest_slope(estimate)
         half = over_all(estimate, lambda p, _slope: level_at(estimate.command, p, (p[0] + p[-1]) / 2.0))
+        points = [
+            PRESSURE.at(f"{i:g} A").of(
+                *_pressure_at(curve, i, math.hypot(level_std, bent * _curvature(curve, i))),
+                calibration=instrument_std(response),
+            )
+            for i in _POINTS_A
+            if curve.current[0] <= i <= curve.current[-1] + 1e-9
+        ]
         slope_share = math.hypot(share, calibration_share(command))
         measured += [
-            *(PRESSURE.at(f"{i:g} A").of(*_pressure_at(curve, i), calibration=instrument_std(response))
-              for i in _POINTS_A if curve.current[0] <= i <= curve.current[-1] + 1e-9),
+            *points,
             *_of_loop(curve),
             HALF.of(*half, calibration=instrument_std(command)),
             STEEPEST.of(steepest, steepest_std, calibration=slope_share * abs(steepest)),
@@ -116,8 +131,15 @@ def evaluate(recording: Recording) -> Findings:
     )
 
 
-def _pressure_at(curve: PressureCurve, current: float) -> tuple[float, float]:
-    return over_all(curve.estimate, lambda p, _slope: float(np.interp(current, curve.current, p)))
+def _pressure_at(curve: PressureCurve, current: float, level_std: float) -> tuple[float, float]:
+    value, std = over_all(curve.estimate, lambda p, _slope: float(np.interp(current, curve.current, p)))
+    return value, math.hypot(std, level_std)
+
+
+def _curvature(curve: PressureCurve, current: float) -> float:
+    """Of the curve at a current, in psi/A²."""
+    bends = np.abs(np.gradient(curve.estimate.slope, curve.current))
+    return float(np.interp(current, curve.current, bends))
 
 
 def _of_loop(curve: PressureCurve) -> list[Measured]:

@@ -20,6 +20,7 @@ from hil.signals.sine_fit import SineFit, sine_fit
 from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
+from procedures._definitions import SINES, defined
 from procedures._extreme import extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
@@ -31,7 +32,7 @@ OFFSET = Measurement("offset", "", "mean of the position")
 THD = Measurement("thd", "%", "harmonics 2 to 5 over the fundamental")
 GAIN = Measurement("gain", "", "amplitude of position over command; in an open loop of speed over command")
 RATIO = Measurement("direction_ratio", "1", "gain of the positive side over that of the negative side")
-MEASUREMENTS = (AMPLITUDE, PHASE, OFFSET, THD, GAIN, RATIO)
+MEASUREMENTS = defined(SINES, AMPLITUDE, PHASE, OFFSET, THD, GAIN, RATIO)
 
 _SETTLING = 0.1  # of the measured sine: the process model starts from rest, the cylinder was moving
 

@@ -15,6 +15,7 @@ from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 from procedures._course import Course, joined
+from procedures._definitions import STEPS, defined
 from procedures._extreme import extreme
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import check_above, check_at_least, scale_of
@@ -29,7 +30,7 @@ REACHES = Measurement(
 )
 OVERSHOOT = Measurement("overshoot", "%", "beyond the final value, in % of the change")
 CHANGE = Measurement("change", "", "final value minus the value before the step")
-MEASUREMENTS = (DEAD_TIME, RISE, RESPONSE, SETTLING, REACHES, OVERSHOOT, CHANGE)
+MEASUREMENTS = defined(STEPS, DEAD_TIME, RISE, RESPONSE, SETTLING, REACHES, OVERSHOOT, CHANGE)
 
 _HOLD_SETTLINGS = 2.0
 _BEFORE = 0.1  # of a step's time, shown before it

@@ -19,12 +19,13 @@ from hil.rig import Rig
 from hil.signals.colour import colour_factor
 from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
+from procedures._definitions import CYLINDERS, defined
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._scale import Scale, check_above, check_at_least, scale_of
 
 SPEED = Measurement("speed", "", "steady speed after a step, extending positive")
 RATIO = Measurement("speed_ratio", "1", "speed retracting over speed extending")
-MEASUREMENTS = (SPEED, RATIO)
+MEASUREMENTS = defined(CYLINDERS, SPEED, RATIO)
 
 _KIND = "velocity step"
 _CLOSED_LEVELS, _OPEN_LEVELS = (80.0,), (50.0, 100.0)

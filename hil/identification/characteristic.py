@@ -15,6 +15,8 @@ from hil.identification.sweep_estimate import LEVELS, SweepEstimate
 from hil.record.recording import Array
 
 GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
+_GAIN_POINTS = 200
+_EDGE_DRAWS = 12
 _STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
 _CLEAR = 10.0  # times its standard uncertainty: a response that can be read
 _FOOT_TO = 0.4  # of the response at the end, up to which the edge of the dead band is read
@@ -101,16 +103,18 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
     if abs(end - zero) < _CLEAR * noise:
         raise InputError(f"flow curve: at the {'positive' if sign > 0 else 'negative'} end no flow beyond the noise")
     mine = sign * (estimate.command - neutral) >= 0.0
-    command = estimate.command[mine]
+    command, outwards = estimate.command[mine], slice(None, None, sign)
 
     def line(response: Array, _slope: Array) -> tuple[float, float]:
-        share = (response[mine] - zero) / (end - zero)
-        body = (share >= GAIN_FROM) & (share <= GAIN_TO)
-        if body.sum() < 4:
+        share = ((response[mine] - zero) / (end - zero))[outwards]
+        first, last = (level_at(command[outwards], share, part) for part in (GAIN_FROM, GAIN_TO))
+        if math.isnan(first) or math.isnan(last):
             raise InputError("flow curve: too few levels carry flow on one side of centre")
-        late = command[body] - np.mean(command[body])
-        gain = float(late @ response[mine][body] / (late @ late))
-        left = response[mine][body] - np.mean(response[mine][body]) - gain * late
+        places = np.linspace(first, last, _GAIN_POINTS)
+        values = np.interp(places, command, response[mine])
+        late = places - np.mean(places)
+        gain = float(late @ values / (late @ late))
+        left = values - np.mean(values) - gain * late
         return gain, float(np.max(np.abs(left))) / abs(end - zero)
 
     gain, departure = (over_all(estimate, lambda r, s, i=i: line(r, s)[i]) for i in (0, 1))  # type: ignore[misc]
@@ -157,15 +161,21 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
 
     def residuals(p: Array) -> Array:
         over = np.maximum((opening - p[0]) / (top - p[0]), 0.0)
-        made: Array = (p[2] * over ** p[1] - part) * weight
+        made: Array = (p[3] + p[2] * over ** p[1] - part) * weight
         return made
 
+    bounds = ([0.0, 0.3, 0.0, -0.5], [0.98 * top, 5.0, 2.0, 0.5])
     flowing = np.sort(opening[part > 0.02])
     start = float(flowing[0]) if len(flowing) else 0.0
     found = least_squares(
-        residuals, [min(0.9 * start, 0.9 * top), 1.2, float(part.max())],
-        bounds=([0.0, 0.3, 0.0], [0.98 * top, 5.0, 2.0]), x_scale=[top, 1.0, 1.0],
+        residuals, [min(0.9 * start, 0.9 * top), 1.2, float(part.max()), 0.0],
+        bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0],
     )  # fmt: skip
-    slopes = np.asarray(found.jac, dtype=np.float64)
-    covariance = np.linalg.pinv(slopes.T @ slopes) * max(1.0, 2.0 * found.cost / max(len(opening) - 3, 1))
-    return neutral + sign * float(found.x[0]), math.sqrt(float(covariance[0, 0]))
+    # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
+    scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 3, 1)))
+    law, rng = residuals(found.x) / weight + part, np.random.default_rng(0)
+    edges = []
+    for _ in range(_EDGE_DRAWS):
+        part = law + scale * rng.normal(size=len(law)) / weight
+        edges.append(least_squares(residuals, found.x, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0]).x[0])
+    return neutral + sign * float(found.x[0]), about(np.array(edges), float(found.x[0]))

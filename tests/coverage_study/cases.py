@@ -11,8 +11,15 @@ from tests.coverage_study.situations import ACCEPTANCE, CLOSED, EFC, HPV41, OPEN
 from tests.coverage_study.truth_static import Truths
 
 WITHOUT_TRUTH = {
+    "parts_completed": "whether every part of a test was run",
     "model_fit": "says how a model fits this recording; nothing of the valve",
-    "condition": "a classification, not a figure",
+    "function": "a rise of pressure that is only compared with its limit",
+    "probability_good": "a class, held against classes in `make acceptance-risk`",
+    "probability_malfunctioned": "a class",
+    "probability_severe": "a class",
+    "usual_among_good": "a rank among classes",
+    "rise_over_good": "a ratio to the good reference, held against it in `make acceptance-risk`",
+    "bandwidth_over_good": "a ratio to the good reference",
 }
 
 

@@ -78,7 +78,7 @@ def _read(
 
 
 def _off(channel: Channel, drawn: float) -> Channel:
-    """A channel whose slope is off by what its calibration allows at its largest value."""
-    largest = float(np.max(np.abs(channel.values)))
+    """A channel whose slope is off by what its calibration allows at the end of its range."""
     uncertainty = float(channel.calibration.get("uncertainty") or 0.0) / 2.0
-    return replace(channel, values=channel.values * (1.0 + drawn * uncertainty / largest)) if largest else channel
+    end = abs(float(channel.calibration.get("slope") or 1.0)) * _RAW_SPAN / 2.0
+    return replace(channel, values=channel.values * (1.0 + drawn * uncertainty / end))

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
+from hil.bench.find import benches
 from hil.record.recording import Array, Recording
-from tests.coverage_study.score import Truth
+from tests.coverage_study.score import Truth, ends
 from tests.coverage_study.situations import EFC, HPV41, Situation
 
 Truths = dict[str, Truth]
@@ -36,6 +38,11 @@ class Static:
     coulomb: float = 0.0
     stiction: float = 1.2
     play: float = 0.0
+
+    @property
+    def short_of_ends(self) -> tuple[float, ...]:
+        """By how much the valve may stop before where the command waits, at least and at most."""
+        return (0.0, self.coulomb * self.stiction) if self.coulomb else (self.play,)
 
     @property
     def hysteresis(self) -> Truth:
@@ -73,7 +80,7 @@ def efc(situation: Situation) -> Static:
     return Static(curve, 0.0, 2.2, lag_ms, coulomb, play=found.get("backlash", {}).get("half_width", 0.0))
 
 
-def efc_drive(frictionless: bool, top: float) -> Static:
+def efc_drive(coulomb: float, top: float) -> Static:
     """207 psi by the five steps of the thesis, a monotone cubic through them, 2.5 psi when closed."""
     through = PchipInterpolator(
         [1.1, 1.2, 1.4, 1.6, 1.8, 2.0, 2.2], [0.0, 0.0005, 0.111, 0.565, 0.758, 1.0, 1.0], extrapolate=False
@@ -84,15 +91,21 @@ def efc_drive(frictionless: bool, top: float) -> Static:
         return made
 
     lag_ms = 2.0 + 1e3 / 250.0 + 8.0 + 1e3 * 2.0 * 3.14 / 187.0 + 4.0 + _HALF_HOLD_MS
-    return Static(curve, 0.0, top, lag_ms, 0.0 if frictionless else 0.004)
+    return Static(curve, 0.0, top, lag_ms, coulomb)
 
 
 def two_sided(static: Static) -> Truths:
     """Figures of `flow_curve` for a command that goes both ways from zero."""
+    found = [_two_sided(static, short) for short in static.short_of_ends]
+    return {name: _between([truths[name] for truths in found]) for name in found[0]}
+
+
+def _two_sided(static: Static, short: float) -> Truths:
+    """The same where the valve stops by `short` before where the command waits."""
     zero = float(static.curve(np.zeros(1))[0])
-    ends = {side: float(static.curve(np.array([side * static.high]))[0]) for side in (1.0, -1.0)}
+    last = {side: float(static.curve(np.array([side * (static.high - short)]))[0]) for side in (1.0, -1.0)}
     gains, departures = {}, {}
-    for side, end in ends.items():
+    for side, end in last.items():
         command = side * np.linspace(0.0, static.high, _POINTS)
         change = static.curve(command) - zero
         share = change / (end - zero)
@@ -101,7 +114,7 @@ def two_sided(static: Static) -> Truths:
         gains[side] = float(gain)
         departures[side] = float(np.max(np.abs(change[body] - gain * command[body] - level)) / abs(end - zero))
     return {
-        "response_high": ends[1.0], "response_low": ends[-1.0],
+        "response_high": last[1.0], "response_low": last[-1.0],
         "hysteresis": _scaled(static.hysteresis, 100.0 / (static.high - static.low)),
         "dead_band_positive": 20.0, "dead_band_negative": -20.0,
         "gain_positive": gains[1.0], "gain_negative": gains[-1.0],
@@ -110,15 +123,27 @@ def two_sided(static: Static) -> Truths:
     }  # fmt: skip
 
 
+def _between(truths: list[Truth]) -> Truth:
+    """Everything between them."""
+    low, high = min(ends(truth)[0] for truth in truths), max(ends(truth)[1] for truth in truths)
+    return low if low == high else (low, high)
+
+
 def one_sided(static: Static) -> Truths:
     """Figures of `flow_curve` for a command that goes one way."""
+    found = [_one_sided(static, short) for short in static.short_of_ends]
+    return {name: _between([truths[name] for truths in found]) for name in found[0]}
+
+
+def _one_sided(static: Static, short: float) -> Truths:
     command = np.linspace(static.low, static.high, _POINTS)
     response = static.curve(command)
-    half = float(np.interp((response[0] + response[-1]) / 2.0, response, command))
+    low, high = (float(static.curve(np.array([at]))[0]) for at in (static.low + short, static.high - short))
     return {
-        "response_high": float(response[-1]), "response_low": float(response[0]),
+        "response_high": high, "response_low": low,
         "hysteresis": _scaled(static.hysteresis, 100.0 / (static.high - static.low)),
-        "command_half": half, "gain_largest": float(np.max(np.gradient(response, command))),
+        "command_half": float(np.interp((low + high) / 2.0, response, command)),
+        "gain_largest": float(np.max(np.gradient(response, command))),
         "lag": static.lag_ms, "leakage": float(response[0]),
     }  # fmt: skip
 
@@ -142,7 +167,10 @@ def of_flow_curve(_clean: Recording, bench: str, situation: Situation) -> Truths
 
 def of_pressure_current(_clean: Recording, bench: str, situation: Situation) -> Truths:
     """Of the acceptance bench, which has friction as installed."""
-    return pressure(efc_drive(frictionless=bench in situation.effects, top=2.0))
+    told = tomllib.loads(benches()[bench].read_text(encoding="utf-8"))
+    own = {effect["name"]: effect["parameters"] for effect in told["simulation"].get("effects", ())}
+    coulomb = 0.0 if bench in situation.effects else float(own.get("friction", {}).get("coulomb", 0.0))
+    return pressure(efc_drive(coulomb, top=2.0))
 
 
 def _scaled(truth: Truth, factor: float) -> Truth:

@@ -1,0 +1,126 @@
+"""What every figure means, in one place: the standard's term, the range it is read from, what is in it.
+
+`hil run NAME --describe` prints it under each figure, docs/reference/figures.md lists it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from hil.record.measurement import Measurement
+
+_READING = (
+    "Of the reading: the meter's lag and half a hold of the command are in it; frequency responses are without them."
+)
+
+STEPS: Mapping[str, str] = {
+    "dead_time": f"From the command's jump until the response has made 2 % of its change. {_READING}",
+    "rise": (
+        "IEC 60469 transition duration, 10 % to 90 % of the change between the levels before and after. The meter's "
+        "lag lengthens it."
+    ),
+    "response": f"ISO 10770-1 step response time: from the command's jump until 90 % of the change. {_READING}",
+    "settling": (
+        "IEC 60469 settling: from the command's jump until the response stays within the band (in % of the change) "
+        f"about its final value for good. {_READING}"
+    ),
+    "reaches": (
+        "From the command's jump until the response first comes within the band. The HPV41 paper calls this settling "
+        f"time; where the response overshoots it is shorter than `settling`. {_READING}"
+    ),
+    "overshoot": (
+        "IEC 60469 overshoot: largest value beyond the final one, in % of the change. `<` where noise alone could "
+        "make it."
+    ),
+    "change": (
+        "Final value (mean of the last 15 % of the step) less that before (mean of the last quarter before it)."
+    ),
+    "step_pressure": "Mean of the last 15 % of the step.",
+}
+SWEEPS: Mapping[str, str] = {
+    "response_high": "Steady response while the command waits at the upper end, mean of the visits.",
+    "response_low": "Steady response while the command waits at the lower end, mean of the visits.",
+    "hysteresis": (
+        "ISO 10770-1 hysteresis: largest difference of command for one response, where the curve is steeper than 30 % "
+        "of its steepest; less what speed makes of it. With friction it lies between twice the sliding and twice the "
+        "static friction. `<` where noise alone could make it."
+    ),
+    "dead_band_positive": (
+        "ISO 10770-1 dead band, upper edge: where a power law through the curve between the branches, up to 40 % of "
+        "the response at the end, begins. With play or friction the branches begin half the hysteresis to either "
+        "side."
+    ),
+    "dead_band_negative": "Lower edge of the dead band, as the upper one.",
+    "gain_positive": (
+        "ISO 10770-1 gain: least-squares line through the curve between the branches, even in command, from 30 % to "
+        "90 % of the change of response between neutral and the upper end."
+    ),
+    "gain_negative": "The same below neutral.",
+    "symmetry": "Smaller of the two gains over the larger.",
+    "linearity": (
+        "ISO 10770-1 linearity error within the gain's range: largest departure from its line, in % of the change of "
+        "response between neutral and the end; the worse of the two sides."
+    ),
+    "leakage": "Mean of the reading at neutral before the sweep.",
+    "command_half": "Where the curve between the branches passes the middle of the responses at both ends.",
+    "gain_largest": "Steepest slope of the curve between the branches.",
+    "lag": (
+        "All delays from the command to the reading together: valve, meter, half a hold. From the widths of the loop "
+        "at two speeds; friction that depends on speed is granted to it."
+    ),
+    "pressure": "Of the curve between the branches.",
+    "pressure_span": "Pressure at the highest current less that at the lowest.",
+    "current_half": "Where the curve between the branches passes the middle of the pressures at both ends.",
+    "slope_largest": "Steepest slope of the curve between the branches.",
+}
+FREQUENCIES: Mapping[str, str] = {
+    "gain": (
+        "Amplitude of the response's fundamental over that of the command at the reference frequency, without the "
+        "measuring chain (meter's lag, hold, reading delay) unless correct_chain=no."
+    ),
+    "bandwidth_3db": (
+        "ISO 10770-1: lowest frequency at which the amplitude ratio is 3.000 dB below that at the reference (a ratio "
+        "of 0.7079, not 1/√2), on a cubic spline through the lines over log frequency; without the measuring chain."
+    ),
+    "bandwidth_90deg": (
+        "ISO 10770-1: lowest frequency at which the response lags by 90°, read as the −3 dB frequency."
+    ),
+    "model_fit": "100·(1 − ‖H − Ĥ‖/‖H − mean H‖) over the lines; its uncertainty is what noise does to it.",
+    "thd": (
+        "Root of the summed powers of harmonics 2 to 5 over the fundamental, noise taken off, at the worst line. `<` "
+        "where noise alone could make it."
+    ),
+    "noise": "Of the mean over the periods, over the amplitude of the response there; median over the driven lines.",
+    "odd_distortion": (
+        "Rms on silent odd lines near a driven one beyond noise, over the response's amplitude there; median over the "
+        "driven lines. `<` where noise alone could make it."
+    ),
+    "even_distortion": "The same on even lines.",
+}
+SINES: Mapping[str, str] = {
+    "amplitude": "Of the fundamental, meter's lag and hold included.",
+    "phase": "Of the response's fundamental less that of the command's, meter's lag and hold included.",
+    "offset": "Mean of the response over whole periods.",
+    "thd": "Root of the summed powers of harmonics 2 to 5 over the fundamental.",
+    "gain": "Amplitude of the position over that of the command; in an open loop times 2π·f, of the speed.",
+    "direction_ratio": "Gain of the positive side over that of the negative side.",
+}
+CYLINDERS: Mapping[str, str] = {
+    "speed": (
+        "Slope of a line through the position: closed loop from 10 % to 40 % of the way, open loop from 40 % of the "
+        "time on; mean of the repeats."
+    ),
+    "speed_ratio": "Speed retracting over speed extending, of one level.",
+    "drift_rate": "Slope of a line through the position while the command stands.",
+    "drift": (
+        "Largest less smallest value of a smooth curve through one-second means. `<` where noise alone could make it."
+    ),
+    "restlessness": "Standard deviation of the position about its line, sensor noise included.",
+    "offset": "Mean position less command, in a closed loop.",
+}
+
+
+def defined(definitions: Mapping[str, str], *measurements: Measurement) -> tuple[Measurement, ...]:
+    """The measurements with their definitions."""
+    return tuple(replace(m, definition=definitions.get(m.name, "")) for m in measurements)

@@ -1,0 +1,76 @@
+"""What procedures print holds the truth: every declared figure has one, and a few seeds of each are held against it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import cont2discrete, lfilter
+
+from hil.catalog import entries
+from hil.session.procedure import load_procedure
+from tests.coverage_study.cases import CASES, WITHOUT_TRUTH, Case
+from tests.coverage_study.recordings import driven, driven_on, noisy
+from tests.coverage_study.situations import HPV41, SITUATIONS
+from tests.coverage_study.study import tried
+
+AS_INSTALLED = SITUATIONS[0]
+FIRST, SEEDS = 5000, 4
+PROCEDURES = (
+    "flow_curve", "step_response", "multisine_response", "large_sine", "velocity_steps", "cylinder_drift",
+    "pressure_current", "leakage_check", "electrical_check",
+)  # fmt: skip
+QUICK = [next(case for case in CASES if case.procedure == name) for name in PROCEDURES]
+
+
+def name_of(case: Case) -> str:
+    return f"{case.procedure}-{case.bench}"
+
+
+@pytest.mark.parametrize("case", QUICK, ids=name_of)
+def test_a_few_seeds_of_the_bench_as_installed_hold_the_truth(case: Case, tmp_path: Path) -> None:
+    outcome = tried(case, AS_INSTALLED, range(FIRST, FIRST + SEEDS), tmp_path, lambda _text: None)
+    assert [name for name, tally in outcome.tallies.items() if 2 * tally.held < tally.stated] == []
+    assert [name for name, tally in outcome.tallies.items() if 2 * tally.bounds_held < tally.bounds] == []
+    assert {name.partition(", ")[0] for name in outcome.strange} <= WITHOUT_TRUTH.keys()
+
+
+def test_every_declared_figure_has_a_truth(tmp_path: Path) -> None:
+    told: set[str] = set()
+    for case in CASES:
+        clean = driven(
+            load_procedure(case.procedure), case.bench, case.settings, AS_INSTALLED, tmp_path / name_of(case)
+        )
+        told |= {name.partition(", ")[0] for name in case.truth(clean, case.bench, AS_INSTALLED)}
+    declared = {m.name for entry in entries("procedures") for m in load_procedure(entry.name).measurements}
+    assert declared - told - WITHOUT_TRUTH.keys() == set()
+
+
+def test_a_recording_made_from_one_without_noise_is_that_of_the_bench(tmp_path: Path) -> None:
+    from hil.bench.find import benches
+
+    procedure = load_procedure("step_response")
+    made = noisy(driven(procedure, HPV41, {}, AS_INSTALLED, tmp_path / "quiet"), HPV41, AS_INSTALLED, 17)
+    text = benches()[HPV41].read_text(encoding="utf-8").replace("seed = 1", "seed = 17")
+    real = driven_on(procedure, text, {}, tmp_path / "loud")
+    apart = made.values("flow") - real.values("flow")
+    assert np.abs(apart).max() <= 1.01 * 10.0 * 20.0 / 2**16  # a code of the converter
+    assert np.mean(apart == 0.0) > 0.85  # the command's converter is a finer one there
+
+
+def test_the_response_without_noise_is_that_of_the_published_equations(tmp_path: Path) -> None:
+    clean = driven(load_procedure("step_response"), HPV41, {}, AS_INSTALLED, tmp_path / "quiet")
+    every, interval_s = 10, 1e-4
+    command = np.repeat(clean.values("command"), every)
+    late = np.concatenate((np.zeros(200), command[:-200]))
+    pilot = filtered([7.0], [1.0, 7.0], late, interval_s)
+    spool = filtered([33.0**2], [1.0, 33.0, 33.0**2], pilot, interval_s)
+    flow = np.sign(spool) * 70.0 * (np.maximum(np.abs(spool) - 20.0, 0.0) / 80.0) ** 1.2
+    read = filtered([1.0], [0.008, 1.0], flow, interval_s)[::every]
+    assert np.abs(read - clean.values("flow")).max() < 0.1
+
+
+def filtered(numerator: list[float], denominator: list[float], values: np.ndarray, interval_s: float) -> np.ndarray:
+    b, a, _ = cont2discrete((numerator, denominator), interval_s, method="zoh")
+    return lfilter(np.ravel(b), a, values)
