@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from hil.daq.contract import Block, Promises, ReadBack, Waveform
 from hil.errors import DeviceLostError, HardwareError, OutputUnderflowError, OverrunError
 from hil.record.recording import Array
 from sim_devices._chain import InputStages, OutputStage
+from sim_devices._converter import Converter
 from sim_devices._lines import lines_of
 from sim_devices._settings import Fault, Settings, faults, terminals
 from sim_devices._simulation import model_of
@@ -43,7 +45,10 @@ class SimulatedDaq:
     """
 
     def __init__(self, settings: Settings, wiring: Wiring, by: Clock) -> None:
-        self.outputs: Mapping[str, OutputChannel] = wiring.outputs
+        self.outputs: Mapping[str, OutputChannel] = {
+            name: replace(c, step=float(Converter.of(c.kind, c.low, c.high, settings.bits).lsb))
+            for name, c in wiring.outputs.items()
+        }
         self.inputs: Mapping[str, InputChannel] = wiring.inputs
         self.promises = _promises(settings, len(wiring.inputs))
         self.levels = {

@@ -44,7 +44,8 @@ class OutputChannel:
     """An output in use: its name on the bench, where it is connected, its range, and where it is safe.
 
     0 V is not neutral for every valve, so `safe` is always said. Values are in `unit`: raw as the device
-    drives it, or engineering units once a calibration stands in front (see `hil.daq.scaled`).
+    drives it, or engineering units once a calibration stands in front (see `hil.daq.scaled`). The device drives the
+    nearest of the levels that lie `step` apart, `low` being one of them; 0 where that is not known.
     """
 
     name: str
@@ -55,6 +56,13 @@ class OutputChannel:
     high: float
     safe: float = 0.0
     pwm: Pwm | None = None
+    step: float = 0.0
+
+    @property
+    def driven(self) -> dict[str, float]:
+        """How what it is told reaches the valve, as a recording keeps it: lowest and highest level, step, dither."""
+        dither = 0.0 if self.pwm is None or self.pwm.dither_hz is None else self.pwm.dither_amplitude
+        return {"low": self.low, "high": self.high - self.step, "step": self.step, "dither_amplitude": dither}
 
 
 @dataclass(frozen=True, slots=True)

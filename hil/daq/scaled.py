@@ -86,7 +86,10 @@ class Scaled:
     def _scaled_output(self, channel: OutputChannel) -> OutputChannel:
         by = self._calibrations[channel.name]
         low, high = by.range_of(channel.low, channel.high)
-        return replace(channel, unit=by.unit, low=low, high=high, safe=by.value_at(channel.safe))
+        size = abs(by.slope)
+        pwm = channel.pwm and replace(channel.pwm, dither_amplitude=size * channel.pwm.dither_amplitude)
+        safe, step = by.value_at(channel.safe), size * channel.step
+        return replace(channel, unit=by.unit, low=low, high=high, safe=safe, pwm=pwm, step=step)
 
     def _scaled_input(self, channel: InputChannel) -> InputChannel:
         by = self._calibrations[channel.name]

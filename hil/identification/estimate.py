@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.cores import spread
+from hil.identification.told import Slopes, Told, told
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -18,8 +18,6 @@ _FIRST_DAMPING = 1e-3
 _STILL = 1e-9
 # Slopes are carried on by secants while a step brings at least this share of what they promised.
 _AS_PROMISED = 0.5
-# A value has a part in a direction, of unit length in scales, that leads along it by more than this.
-_HAS_A_PART = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,24 +36,6 @@ class Unknown:
         return min(value - self.low, self.high - value) <= 1e-3 * self.scale
 
 
-@dataclass(frozen=True, slots=True)
-class Told:
-    """What data tell of k values together.
-
-    Attributes:
-        covariance: in all directions but those that no sample tells, shape (k, k).
-        untold: those directions, orthonormal in the values' scales, shape (m, k).
-    """
-
-    covariance: Array
-    untold: Array
-
-    @property
-    def is_untold(self) -> NDArray[np.bool_]:
-        """Which values have a part in a direction that no sample tells, shape (k,)."""
-        return np.asarray(np.linalg.norm(self.untold, axis=0) > _HAS_A_PART)
-
-
 @dataclass(frozen=True)
 class Estimate:
     """The outcome of a fit.
@@ -65,7 +45,7 @@ class Estimate:
         values: shape (k,).
         residuals: weighted, shape (n,).
         converged: whether the optimiser met its tolerance. `sentence`: what it said.
-        slopes_at_values: computes the `jacobian`; most fits of a search are only compared, and none asks for it.
+        slopes_at_values: computes the `slopes`; most fits of a search are only compared, and none asks for them.
     """
 
     unknowns: tuple[Unknown, ...]
@@ -73,23 +53,35 @@ class Estimate:
     residuals: Array
     converged: bool
     sentence: str
-    slopes_at_values: Callable[[], Array]
+    slopes_at_values: Callable[[], Slopes]
 
     @cached_property
+    def slopes(self) -> Slopes:
+        """Of the residuals."""
+        return self.slopes_at_values()
+
+    @property
     def jacobian(self) -> Array:
         """Of the residuals, shape (n, k)."""
-        return self.slopes_at_values()
+        return self.slopes.slopes
 
     @cached_property
     def told(self) -> Told:
         """What the data tell of the values together."""
-        return _told(self.jacobian, self.residuals, np.array([u.scale for u in self.unknowns]))
+        return self._told_of(range(len(self.unknowns)))
+
+    def _told_of(self, places: Sequence[int]) -> Told:
+        """Of some of them, the others given; times residual variance and the loss of independent samples by colour."""
+        dof = max(len(self.residuals) - len(places), 1)
+        variance = self.chi2 / dof * colour_factor(self.residuals)
+        widths = np.array([self.unknowns[k].high - self.unknowns[k].low for k in places])
+        return told(self.slopes.of(places), variance, widths)
 
     @property
     def covariance(self) -> Array:
         """Shape (k, k), scaled by the residual's variance and its colour; infinite variances of what is not told."""
         infinite: Array = np.diag(np.where(self.told.is_untold, np.inf, 0.0))
-        return self.told.covariance + infinite
+        return self.told.whole + infinite
 
     @property
     def chi2(self) -> float:
@@ -109,9 +101,8 @@ class Estimate:
     def std_holding(self, k: int, held: Collection[int]) -> float:
         """Standard uncertainty of value k if those that are held were known."""
         free = [i for i in range(len(self.unknowns)) if i not in held]
-        scale = np.array([self.unknowns[i].scale for i in free])
-        told, at = _told(self.jacobian[:, free], self.residuals, scale), free.index(k)
-        return float("inf") if told.is_untold[at] else float(np.sqrt(told.covariance[at, at]))
+        known, at = self._told_of(free), free.index(k)
+        return float("inf") if known.is_untold[at] else float(np.sqrt(known.whole[at, at]))
 
     def value(self, name: str) -> float:
         """An estimated value by name."""
@@ -130,6 +121,7 @@ def estimate(
     sketch: Callable[[Array], Array] | None = None,
     max_evaluations: int = 60,
     tolerance: float = 1e-7,
+    careful: bool = False,
 ) -> Estimate:
     """Minimise the sum of squared residuals within the bounds, from the unknowns' start values.
 
@@ -138,6 +130,8 @@ def estimate(
 
     Levenberg and Marquardt; slopes are differences once, and secants as long as steps bring what they promise. It ends
     only by slopes from differences. `max_evaluations` counts the steps that were taken by those.
+
+    `careful`: the slopes from which uncertainties follow are taken on both sides, and their bend with them.
     """
     low = np.array([u.low for u in unknowns])
     high = np.array([u.high for u in unknowns])
@@ -145,7 +139,7 @@ def estimate(
     values = np.clip([u.start for u in unknowns], low, high)
     r = residuals(values)
     if not len(unknowns):
-        return Estimate((), values, r, True, "nothing to estimate", lambda: np.zeros((len(r), 0)))
+        return Estimate((), values, r, True, "nothing to estimate", lambda: Slopes(np.zeros((len(r), 0))))
 
     def differences() -> Array:
         if sketch is None:
@@ -178,7 +172,8 @@ def estimate(
         elif fell or secants:
             slopes, secants = differences(), 0
     done = not sentence.startswith("stopped")
-    return Estimate(tuple(unknowns), values, r, done, sentence, partial(jacobian, residuals, values, high, scale, r))
+    at_values = partial(_slopes_both_ways if careful else _slopes, residuals, values, low, high, scale, r)
+    return Estimate(tuple(unknowns), values, r, done, sentence, at_values)
 
 
 def _secant(slopes: Array, step: Array, scale: Array, missed: Array) -> Array:
@@ -223,13 +218,31 @@ def jacobian(residuals: Callable[[Array], Array], values: Array, high: Array, sc
     return np.array(spread(column, range(len(values)))).T
 
 
-def _told(jac: Array, residuals: Array, scale: Array) -> Told:
-    """Inverse information, times residual variance and the loss of independent samples by colour."""
-    scaled = jac * scale
-    information = scaled.T @ scaled
-    values, vectors = np.linalg.eigh(information)
-    blind = values <= 1e-12 * values.max()
-    inverse = vectors @ np.diag(np.where(blind, 0.0, 1.0 / np.where(blind, 1.0, values))) @ vectors.T
-    dof = max(len(residuals) - len(scale), 1)
-    covariance = inverse * (residuals @ residuals) / dof * colour_factor(residuals)
-    return Told(covariance * np.outer(scale, scale), vectors[:, blind].T)
+def _slopes(
+    residuals: Callable[[Array], Array], values: Array, _low: Array, high: Array, scale: Array, base: Array
+) -> Slopes:
+    return Slopes(jacobian(residuals, values, high, scale, base))
+
+
+def _slopes_both_ways(
+    residuals: Callable[[Array], Array], values: Array, low: Array, high: Array, scale: Array, base: Array
+) -> Slopes:
+    """To second order, in all unknowns at once (in threads); near a bound from two steps away from it."""
+
+    def at(k: int, step: float) -> Array:
+        moved = values.copy()
+        moved[k] += step
+        made: Array = (residuals(moved) - base) / step
+        return made
+
+    def column(k: int) -> tuple[Array, Array]:
+        step = _RELATIVE_STEP * scale[k]
+        if low[k] <= values[k] - step and values[k] + step <= high[k]:
+            above, below = at(k, step), at(k, -step)
+            return (above + below) / 2.0, (above - below) / 2.0
+        step = step if values[k] - step < low[k] else -step
+        near, far = at(k, step), at(k, 2.0 * step)
+        return 2.0 * near - far, far - near
+
+    columns = spread(column, range(len(values)))
+    return Slopes(np.array([slope for slope, _ in columns]).T, np.array([bend for _, bend in columns]).T)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError, SettingError
+from hil.identification.driven import as_driven
 from hil.identification.time_base import held_grid, missing_of_even
 from hil.physics.model import Model
 from hil.physics.plant import Plant
@@ -189,7 +190,7 @@ def experiment(
 ) -> Experiment:
     """Bind a recording to a plant by channel names.
 
-    A command holds between its samples; the output is compared when it was sampled.
+    A command acts as its output drives it and holds between its samples; the output is compared when it was sampled.
 
     Args:
         recording: what was measured.
@@ -202,6 +203,7 @@ def experiment(
         FileError: a channel is missing, or the input never changes.
         UnitError: a channel's unit does not convert to the plant's.
     """
+    recording = as_driven(recording)
     names = _input_names(plant, input_name)
     output_name = output_name or plant.output.name
     _check_named(recording, plant, names[0], output_name)

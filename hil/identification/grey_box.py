@@ -232,7 +232,7 @@ def _fit_from(
 
         return side_by_side(errors_of, len(experiments))
 
-    return estimate(residuals, start)
+    return estimate(residuals, start, careful=True)
 
 
 def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
@@ -261,13 +261,15 @@ def _as_if_told(errors: Array, told: NDArray[np.bool_]) -> Array:
 
 def _covariance(found: Estimate) -> Covariance:
     """The covariance for the model file; a direction that no sample tells is as uncertain as bounds let it be."""
-    matrix = found.told.covariance.copy()
-    scale = np.array([u.scale for u in found.unknowns])
-    widths = np.array([u.high - u.low for u in found.unknowns]) / scale
-    for direction in found.told.untold:
-        reach = scale * direction * np.min(widths / np.maximum(np.abs(direction), 1e-300))
-        matrix += np.outer(reach, reach)
-    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in matrix.tolist()))
+    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in found.told.whole.tolist()))
+
+
+def _untold(found: Estimate) -> list[str]:
+    """What the recordings do not tell, or only together, in words."""
+    shared = [u.name for u, is_shared in zip(found.unknowns, found.told.is_shared, strict=True) if is_shared]
+    if len(shared) == 1:
+        return [f"these recordings do not tell {shared[0]}"]
+    return [f"these recordings tell {', '.join(shared[:-1])} and {shared[-1]} only together"] if shared else []
 
 
 def _result(
@@ -297,6 +299,5 @@ def _result(
         },
     )  # fmt: skip
     notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound]
-    if untold := [u.name for u, is_untold in zip(found.unknowns, found.told.is_untold, strict=True) if is_untold]:
-        notes.append(f"these recordings do not tell {', '.join(untold)}, or only what they are together")
+    notes += _untold(found)
     return GreyBoxFit(made, found, fits, (*said, *notes))

@@ -70,3 +70,39 @@ def test_a_sketch_is_asked_for_slopes_and_the_whole_for_what_they_bring() -> Non
     assert valley.calls < 40 < rough.calls
     before = valley.calls
     assert np.all(np.isfinite(found.std)) and valley.calls == before + 8  # uncertainties are of the whole
+
+
+def along_a_bent_valley(*, careful: bool) -> Estimate:
+    """Three values of which only (1 − a/2 − b)/c shows, to a hundred-thousandth, and curved."""
+    noise = np.random.default_rng(2).standard_normal(3000)
+    at = np.linspace(0.0, 1.0, 3000)
+
+    def residuals(values: Array) -> Array:
+        share = (1.0 - values[0] / 2.0 - values[1]) / values[2]
+        left: Array = 1e4 * (np.sqrt(share) - np.sqrt(0.4)) * np.sin(3.0 * at) + noise
+        return left
+
+    starts = {"a": (0.04, 0.3), "b": (0.4, 1.0), "c": (1.4, 3.0)}
+    unknowns = [Unknown(name, "A", start, 0.0, high, start) for name, (start, high) in starts.items()]
+    return estimate(residuals, unknowns, careful=careful)
+
+
+def test_the_bend_of_a_valley_is_no_information_about_the_way_along_it() -> None:
+    found = along_a_bent_valley(careful=True)
+    assert found.told.is_shared.all()
+    assert found.std[0] == np.inf
+    assert np.all(found.std[1:] > 0.1)
+    assert np.all(along_a_bent_valley(careful=False).told.whole.diagonal()[1:] > 0.01)
+
+
+def test_what_is_no_more_certain_than_its_bounds_is_not_told() -> None:
+    noise = np.random.default_rng(3).standard_normal(400)
+
+    def residuals(values: Array) -> Array:
+        left: Array = noise + values[0] * 0.05 + values[1]
+        return left
+
+    weak, strong = Unknown("weak", "1", 0.1, 0.0, 1.0, 1.0), Unknown("strong", "1", 0.0, -9.0, 9.0, 1.0)
+    found = estimate(lambda v: np.concatenate([residuals(v), 50.0 * (v[1:] - 0.0)]), [weak, strong])
+    assert found.std[0] == np.inf  # ± 1 by the samples, where its bounds leave ± 0.29
+    assert found.std[1] < 0.05

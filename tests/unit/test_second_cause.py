@@ -15,6 +15,7 @@ from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.fitted import Fitted, nothing
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.identification.estimate import Estimate, Unknown
+from hil.identification.told import Slopes
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 
@@ -104,7 +105,7 @@ def test_a_loop_of_one_width_is_backlash_and_no_hysteresis(least: float, itself:
     term = next(t for t in all_terms(problem, start.residuals) if (t.name, t.hook) == loop.key)
     values = tuple(loop.parameters[u.name] for u in term.unknowns)
     slopes = 10.0 * np.random.default_rng(1).standard_normal((1000, len(values)))
-    estimate = Estimate(term.unknowns, np.array(values), np.ones(1000), True, "", lambda: slopes)
+    estimate = Estimate(term.unknowns, np.array(values), np.ones(1000), True, "", lambda: Slopes(slopes))
     f = replace(start, terms=(term,), values=(values,), estimate=estimate)
     assert 0.002 < estimate.std[2] < 0.01
     assert are_themselves(f) is itself
@@ -131,7 +132,7 @@ def test_pairs_that_still_fall_are_carried_on_before_they_are_compared(monkeypat
 
     def fitted(name: str, excess: float, converged: bool) -> Fitted:
         f = explanation(name, "coil_lag", chi2=(1.0 + excess) * size)
-        estimate = Estimate((), np.zeros(0), np.zeros(0), converged, "", lambda: np.zeros((0, 0)))
+        estimate = Estimate((), np.zeros(0), np.zeros(0), converged, "", lambda: Slopes(np.zeros((0, 0))))
         return replace(f, estimate=estimate)
 
     carried = []

@@ -1,0 +1,145 @@
+"""What samples tell of several values together: which they tell, which only together, and how well."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.record.recording import Array
+
+# Standard deviation of what lies anywhere within a width, over that width.
+_ANYWHERE = 1.0 / math.sqrt(12.0)
+# Slopes from differences over a thousandth of a value's scale are good to this share of themselves: the square of that
+# step over the sixth part of the square of a scale that is a tenth as long, and what simulations round.
+_SLOPES_GOOD_TO = 1e-4
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Slopes:
+    """Slopes of residuals in the values, shape (n, k), and by how much they bend over a step, or None if unknown."""
+
+    slopes: Array
+    bends: Array | None = None
+
+    def of(self, places: Sequence[int]) -> Slopes:
+        """Those in some of the values."""
+        kept = list(places)
+        return Slopes(self.slopes[:, kept], None if self.bends is None else self.bends[:, kept])
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What data tell of k values together.
+
+    Attributes:
+        covariance: with values held that are known no better than by their bounds once the others may be anything,
+            shape (k, k).
+        untold: directions in which the values give way to each other and the samples tell nothing, as far as one
+            standard deviation of what lies anywhere within the bounds, shape (m, k).
+        widths: from bound to bound, shape (k,).
+    """
+
+    covariance: Array
+    untold: Array
+    widths: Array
+
+    @property
+    def whole(self) -> Array:
+        """The covariance with what the bounds alone say in the directions that are not told, shape (k, k)."""
+        made: Array = self.covariance + self.untold.T @ self.untold
+        return made
+
+    @property
+    def is_untold(self) -> NDArray[np.bool_]:
+        """Which values are known no better than by their bounds, shape (k,)."""
+        return np.asarray(np.sqrt(np.diag(self.whole)) >= (1.0 - _ROUNDING) * _ANYWHERE * self.widths)
+
+    @property
+    def is_shared(self) -> NDArray[np.bool_]:
+        """Which values are told only together with others, or not at all, shape (k,)."""
+        return np.asarray(np.any(self.untold != 0.0, axis=0))
+
+
+def told(slopes: Slopes, variance: float, widths: Array) -> Told:
+    """What residuals of a variance tell of values with these widths.
+
+    A value is not told when the others give way to it: what is left of its slope then is no more than what slopes from
+    differences leave along a valley that is bent, or it makes the value no more certain than its bounds do.
+    """
+    sizes = np.linalg.norm(slopes.slopes, axis=0)
+    unit = np.where(sizes > 0.0, sizes, 1.0)
+    valley = _Valley(
+        _products(slopes.slopes / unit), _products(slopes.bends / unit) if slopes.bends is not None else None,
+        math.sqrt(variance), widths * unit,
+    )  # fmt: skip
+    kept, untold = list(range(len(unit))), []
+    while (k := valley.least_told(kept)) is not None:
+        direction = valley.along(k, kept)
+        kept.remove(k)
+        untold.append(direction * valley.reach(direction))
+    covariance = np.zeros((len(unit), len(unit)))
+    covariance[np.ix_(kept, kept)] = variance * np.linalg.inv(valley.alike[np.ix_(kept, kept)])
+    return Told(covariance / np.outer(unit, unit), np.array(untold).reshape(-1, len(unit)) / unit, widths)
+
+
+def _products(columns: Array) -> Array:
+    made: Array = columns.T @ columns
+    return made
+
+
+@dataclass(frozen=True, slots=True)
+class _Valley:
+    """Products of slopes of unit length, and of their bends; the noise; widths in what slopes of unit length leave."""
+
+    alike: Array
+    bent: Array | None
+    std: float
+    widths: Array
+
+    def least_told(self, kept: Sequence[int]) -> int | None:
+        """Of those that are not told, the one of whose slope least is left; None where all are told."""
+        left = {k: self._left(self._against(k, [j for j in kept if j != k])) for k in kept}
+        blind = [k for k in kept if self._is_blind(k, self._against(k, [j for j in kept if j != k]))]
+        return min(blind, key=left.__getitem__, default=None)
+
+    def along(self, k: int, kept: Sequence[int]) -> Array:
+        """The way in which the others give way to a value that is not told, with as few of them as will do."""
+        others = [j for j in kept if j != k]
+        direction = self._against(k, others)
+        for j in sorted(others, key=lambda j: abs(direction[j])):
+            fewer = self._against(k, [i for i in others if i != j])
+            if self._is_blind(k, fewer):
+                others.remove(j)
+                direction = fewer
+        return direction
+
+    def reach(self, direction: Array) -> float:
+        """How far the bounds let it go, as a standard deviation."""
+        parts = np.abs(direction)
+        reach = float(np.min(self.widths[parts > 0.0] / parts[parts > 0.0]))
+        return _ANYWHERE * reach if math.isfinite(reach) else 1e150
+
+    def _against(self, k: int, others: Sequence[int]) -> Array:
+        """A step of one value and those of others that undo it best, shape (k,)."""
+        direction = np.zeros(len(self.alike))
+        direction[k] = 1.0
+        if others:
+            undo = np.linalg.lstsq(
+                self.alike[np.ix_(others, others)], self.alike[others, k], rcond=_SLOPES_GOOD_TO**2 * 1e-4
+            )[0]
+            direction[others] = -undo
+        return direction
+
+    def _left(self, direction: Array) -> float:
+        return math.sqrt(max(float(direction @ self.alike @ direction), 0.0))
+
+    def _is_blind(self, k: int, direction: Array) -> bool:
+        left = self._left(direction)
+        bend = 0.0 if self.bent is None else math.sqrt(max(float(direction @ self.bent @ direction), 0.0))
+        undone = max(1.0 - left**2, 0.0)
+        return left <= max(undone * bend, _SLOPES_GOOD_TO) or self.std / left >= _ANYWHERE * float(self.widths[k])

@@ -1,0 +1,62 @@
+"""What acts is what a converter and a current drive make of a command."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.daq.channel import OutputChannel, Pwm
+from hil.identification.driven import as_driven
+from hil.identification.experiment import experiment
+from hil.physics.compose import plant
+from hil.record.folder import read
+from hil.record.recording import Recording, recording
+
+
+def recorded(**how: float) -> Recording:
+    time_s = np.arange(100) * 0.01
+    command = np.linspace(0.0, 1.0, 100)
+    made = recording("made", time_s, {"current [A]": command, "pressure [psi]": 100.0 * command})
+    return replace(made, meta={"driven": {"current": how}})
+
+
+def test_a_command_acts_as_the_nearest_level_of_the_converter() -> None:
+    acted = as_driven(recorded(low=-1.2, high=0.9, step=0.05)).values("current")
+    assert acted * 20.0 == pytest.approx(np.rint(acted * 20.0), abs=1e-9)
+    assert np.abs(acted - np.linspace(0.0, 1.0, 100))[:90].max() <= 0.025 + 1e-12
+    assert acted.max() == pytest.approx(0.9)
+
+
+def test_a_current_drive_that_cannot_pull_adds_the_mean_of_what_its_dither_lacks() -> None:
+    acted = as_driven(recorded(low=0.0, high=3.0, dither_amplitude=0.2)).values("current")
+    turns = np.linspace(0.0, 2.0 * np.pi, 20_000, endpoint=False)
+    for told, mean in zip(np.linspace(0.0, 1.0, 100)[::7], acted[::7], strict=True):
+        assert mean == pytest.approx(np.mean(np.clip(told + 0.2 * np.sin(turns), 0.0, 3.0)), abs=1e-6)
+
+
+def test_an_experiment_is_driven_by_what_acted_and_a_plain_file_by_what_it_says() -> None:
+    efc = plant("cummins-efc")
+    told = recorded(low=0.0, high=3.0, step=0.1)
+    assert np.unique(np.round(experiment(told, efc).drive.inputs[0], 9)).size == 11
+    assert np.array_equal(experiment(replace(told, meta={}), efc).drive.inputs[0], told.values("current"))
+
+
+def test_an_output_says_how_it_is_driven() -> None:
+    channel = OutputChannel("current", "pwm0", "pwm_current", "A", 0.0, 3.0, pwm=Pwm(1000.0, 125.0, 0.05), step=0.5)
+    assert channel.driven == {"low": 0.0, "high": 2.5, "step": 0.5, "dither_amplitude": 0.05}
+
+
+def test_the_header_of_a_run_knows_how_its_outputs_are_driven(tmp_path: Path) -> None:
+    with open_rig(
+        read_bench(benches()["hydraforce-open-loop"]), tmp_path / "run", {}, lambda _done, _text: None
+    ) as rig:
+        rig.hold(0.1)
+    header = read(tmp_path / "run").meta["driven"]["current"]
+    assert header["step"] == pytest.approx(0.12 * 20.0 / 2**16)
+    assert (header["low"], header["high"]) == pytest.approx((-1.2, 1.2 - header["step"]))
