@@ -13,10 +13,12 @@ from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
+from hil.signals.colour import colour_factor
+from hil.signals.rounding import rounding_step
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
 from procedures._course import Course, joined
 from procedures._definitions import STEPS, defined
-from procedures._extreme import extreme
+from procedures._extreme import CERTAIN, extreme
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import check_above, check_at_least, scale_of
 from procedures._step_model import step_model
@@ -94,15 +96,23 @@ def evaluate(recording: Recording) -> Findings:
     band = float(recording.meta["settings"]["band"])
     measured: list[Measured] = []
     curves, notes = [], []
+    drift = _drift(recording)
+    if drift:
+        notes.append(
+            f"The response at one and the same level changes by {drift:.2g} {roles_of(recording)[1].unit} from visit "
+            "to visit: reading or valve drifts. Half of that is granted to every level."
+        )
     for number, (part, before) in enumerate(_steps(recording), start=1):
         label = _label(recording, part, number)
         try:
-            found = _one(recording, part, before, band)
+            found = _one(recording, part, before, band, drift / 2.0)
         except InputError as error:
             notes.append(f"{label}: no figures: {_reason(error)}.")
             continue
         _, response = roles_of(recording)
         measured += _measured(label, found, response)
+        if found.tone_hz is not None:
+            notes.append(f"{label}: a tone of {found.tone_hz:.3g} Hz goes on before and after it and was taken out.")
         if abs(found.moving) > _STILL * abs(found.figures.final - found.figures.start):
             notes.append(_still_moving(label, found, response.unit))
         curves.append(_curve(recording, part, before, label, found))
@@ -115,14 +125,34 @@ def _steps(recording: Recording) -> list[tuple[Mapping[str, Any], Mapping[str, A
     return [(after, before) for before, after in pairwise(parts) if after["from"] != after["to"]]
 
 
-def _one(recording: Recording, part: Mapping[str, Any], before: Mapping[str, Any], band: float) -> MeasuredStep:
+def _drift(recording: Recording) -> float:
+    """The most that the visits of one level differ by, where noise does not explain it; else 0."""
+    _, response = roles_of(recording)
+    visits: dict[float, list[tuple[float, float]]] = {}
+    for part in parts_of(recording, "level"):
+        values = recording.rows(part["first"], part["count"]).values(response.name)
+        rest = values[-max(1, len(values) // _TAIL) :]
+        grid = rounding_step(response.values)
+        noise = float(np.std(rest)) * np.sqrt(colour_factor(rest) / len(rest))
+        visits.setdefault(float(part["to"]), []).append((float(np.mean(rest)), float(np.hypot(noise, grid))))
+    found = 0.0
+    for seen in visits.values():
+        apart = float(np.ptp([value for value, _ in seen]))
+        if apart > CERTAIN * np.sqrt(2.0) * max(std for _, std in seen):
+            found = max(found, apart)
+    return found
+
+
+def _one(
+    recording: Recording, part: Mapping[str, Any], before: Mapping[str, Any], band: float, level_std: float
+) -> MeasuredStep:
     command, response = roles_of(recording)
     ends = [recording.rows(p["first"], p["count"]).values(response.name) for p in (before, part)]
     start, final = (values[-max(1, len(values) // _TAIL) :] for values in ends)
     if abs(float(final.mean() - start.mean())) < _CLEAR * float(np.hypot(start.std(), final.std())):
         raise InputError("the response does not follow it beyond the noise")
     rows = recording.rows(before["first"], before["count"] + part["count"])
-    (found,) = measured_steps(rows, command.name, response.name, band=band / 100.0)
+    (found,) = measured_steps(rows, command.name, response.name, band=band / 100.0, level_std=level_std)
     return found
 
 

@@ -18,6 +18,7 @@ from hil.identification.step_response import StepFigures, step_figures
 from hil.record.recording import Array, Recording
 from hil.signals.rounding import before_rounding, rounded_again, rounding_step
 from hil.signals.smooth_curve import Smoother, coloured, whitener_of
+from hil.signals.tone import Tone, standing_tone
 
 TAIL_SHARE = 0.15  # of the time after the step: its end gives the final value
 REST_SHARE = 0.25  # of the time before it: its end gives the value at the start
@@ -39,6 +40,7 @@ class MeasuredStep:
         moving: by how much the response still changes over the stretch that gives its final value; 0 for less than
             noise can make.
         from_command, to_command: the step, in the command's unit.
+        tone_hz: frequency of a tone that went on before and after the step and was taken out, or None.
     """
 
     figures: StepFigures
@@ -48,14 +50,16 @@ class MeasuredStep:
     moving: float
     from_command: float
     to_command: float
+    tone_hz: float | None = None
 
 
 def measured_steps(
-    recording: Recording, input_name: str, output_name: str, *, band: float = 0.02
+    recording: Recording, input_name: str, output_name: str, *, band: float = 0.02, level_std: float = 0.0
 ) -> tuple[MeasuredStep, ...]:
     """Figures of every step of the command in a recording, with uncertainty.
 
-    A step begins where the command jumps and ends at the next jump. Draws are seeded, so results repeat.
+    A step begins where the command jumps and ends at the next jump. Draws are seeded, so results repeat. `level_std` is
+    how well a steady level is known beyond the noise of its own stretch, in the output's unit.
 
     Raises:
         InputError: the command holds no step, or the response does not follow one.
@@ -68,19 +72,24 @@ def measured_steps(
     stamps_s, grid = recording.stamps(output_name), rounding_step(output)
     made = []
     for before, first, stop in zip([0, *edges], edges, [*edges[1:], len(recording)], strict=False):
-        step = _Step(stamps_s[first:stop] - recording.time_s[first], output[first:stop], output[before:first], grid)
+        time_s = stamps_s[first:stop] - recording.time_s[first]
+        step = _Step(time_s, output[first:stop], output[before:first], grid, level_std)
         made.append(_measured(step, float(command.values[first - 1]), float(command.values[first]), band))
     return tuple(made)
 
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """Stamps from the step on and the response there, the response before it, the step of the converter."""
+    """Stamps from the step on and the response there, the response before it, the step of the converter.
+
+    `level_std` is as in `measured_steps`.
+    """
 
     time_s: Array
     response: Array
     before: Array
     grid: float
+    level_std: float
 
     @property
     def rest(self) -> Array:
@@ -93,7 +102,8 @@ class _Step:
         return slice(-max(1, round(TAIL_SHARE * len(self.response))), None)
 
 
-def _measured(step: _Step, from_command: float, to_command: float, band: float) -> MeasuredStep:
+def _measured(recorded: _Step, from_command: float, to_command: float, band: float) -> MeasuredStep:
+    step, tone = _without_tone(recorded)
     whitener = _whitener(step)
     places = np.log1p(np.maximum(step.time_s, 0.0) / (_SHARP * float(step.time_s[-1])))
     smoother = Smoother.on(places, min(_COEFFICIENTS, max(8, len(places) // 2)), whitener, twice=True)
@@ -110,8 +120,13 @@ def _measured(step: _Step, from_command: float, to_command: float, band: float) 
         return rounded_again(level + noise[:, 200:], step.grid, shift)
 
     again = start + smoother.at(smoother.curves(drawn(curve, len(curve)) - start))
-    starts = np.mean(drawn(np.full(len(step.rest), start), len(step.rest)), axis=1)
-    read = [_read(step, one, level, band) for one, level in zip(again, starts.tolist(), strict=True)]
+    moved_levels = step.level_std * rng.normal(size=(2, DRAWS))
+    starts = np.mean(drawn(np.full(len(step.rest), start), len(step.rest)), axis=1) + moved_levels[0]
+    finals = np.mean(again[:, step.tail], axis=1) + moved_levels[1]
+    read = [
+        _read(step, one, first, last, band)
+        for one, first, last in zip(again, starts.tolist(), finals.tolist(), strict=True)
+    ]
     columns = np.array([astuple(one) for one in read if one is not None], dtype=np.float64)
     std = _spread(columns, figures, missing=len(read) - len(columns))
     changes = columns[:, 1] - columns[:, 0]
@@ -120,14 +135,14 @@ def _measured(step: _Step, from_command: float, to_command: float, band: float) 
     return MeasuredStep(
         figures, replace(std, band=band), change_std,
         float(np.std(step.response - curve)), moved if abs(moved) > _MOVING * std.final else 0.0,
-        from_command, to_command,
+        from_command, to_command, None if tone is None else tone.frequency_hz,
     )  # fmt: skip
 
 
-def _read(step: _Step, curve: Array, start: float, band: float) -> StepFigures | None:
+def _read(step: _Step, curve: Array, start: float, final: float, band: float) -> StepFigures | None:
     """Figures of a redrawn response; None where it has none."""
     try:
-        return step_figures(step.time_s, curve, start=start, final=float(np.mean(curve[step.tail])), band=band)
+        return step_figures(step.time_s, curve, start=start, final=final, band=band)
     except InputError:
         return None
 
@@ -136,6 +151,19 @@ def _spread(columns: Array, figures: StepFigures, missing: int) -> StepFigures:
     if missing or len(columns) < 2:
         return StepFigures(*[math.inf] * columns.shape[1])
     return StepFigures(*(about(column, value) for column, value in zip(columns.T, astuple(figures), strict=True)))
+
+
+def _without_tone(step: _Step) -> tuple[_Step, Tone | None]:
+    """The step without a tone that goes on where the response stands, before it and at its end."""
+    interval_s = float(np.median(np.diff(step.time_s)))
+    before_s = step.time_s[0] + interval_s * np.arange(-len(step.before), 0)
+    tail_s = step.time_s[step.tail]
+    stretches = [(before_s[-len(step.rest) :], step.rest), (tail_s, step.response[step.tail])]
+    tone = standing_tone([(at_s, _straightened(values)) for at_s, values in stretches if len(values) > 2])
+    if tone is None:
+        return step, None
+    before, response = step.before - tone.at(before_s), step.response - tone.at(step.time_s)
+    return replace(step, before=before, response=response), tone
 
 
 def _whitener(step: _Step) -> Array:

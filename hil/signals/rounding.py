@@ -9,7 +9,7 @@ Array = NDArray[np.float64]
 
 _SAME = 1e-6  # of the range: closer values are one code, calculated twice
 _MOST = 20_000  # samples that are looked at
-_ON_GRID = 1e-3  # of a step: how far values lie from the grid by calculation
+_ON_GRID = 1e-2  # of a step: how far values lie from the grid by calculation
 
 
 def rounding_step(values: Array) -> float:
@@ -27,7 +27,7 @@ def rounding_step(values: Array) -> float:
         return 0.0
     step = float(apart.min())
     codes = (distinct - distinct[0]) / step
-    on_grid = np.abs(codes - np.rint(codes)) <= _ON_GRID * np.maximum(1.0, codes)
+    on_grid = np.abs(codes - np.rint(codes)) <= _ON_GRID
     return step if bool(on_grid.all()) else 0.0
 
 
