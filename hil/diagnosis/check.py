@@ -6,23 +6,29 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from hil.diagnosis.units import GOOD_FIT, expected, fit_but_for_gain, good_fit, refuse_wrong_time, refuse_wrong_unit
+from hil.diagnosis.units import (
+    GOOD_FIT,
+    expected,
+    fit_but_for_gain,
+    good_fit,
+    is_of_its_origin,
+    refuse_reversed,
+    refuse_wrong_time,
+    refuse_wrong_unit,
+)
 from hil.errors import FileError
+from hil.identification.clipped import without_clipped
 from hil.identification.experiment import DEAD, Experiment, require_excitation
 from hil.identification.gaps import bridged
 from hil.identification.grey_box import fit_percent
-from hil.identification.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
+from hil.identification.noise import channel_floor, resolution, white_floor
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.record.recording import Array
-from hil.signals.runs import runs
 
 # Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
 _HOPELESS, _FITS_BETTER = 35.0, 20.0
-_LEAST_CLIPPED = 0.002
-_LEAST_RUN, _FEW_BELOW = 5, 50
 # A coarse channel that stands still may hide moves of this many of its steps.
 _MANY_STEPS = 3.0
 _TELLING = 0.02
@@ -55,13 +61,16 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
     for e in alive:
         _refuse_short(model, e)
         likely = expected(model, e)
+        if is_of_its_origin(model, e):
+            continue  # what a model was made of is what it says
+        refuse_reversed(model, e, likely)
         _refuse_swapped(model, e, likely)
         refuse_wrong_unit(model, e, likely)
     even, bridges = bridged(model, alive)
     warnings += bridges
     kept = []
     for e in even:
-        e, said = _without_clipped(e)
+        e, said = without_clipped(e)
         warnings += said
         simulated = e.respond(model.definition, model.values, model.active_effects)[0]
         kept.append(_Timed(e, simulated, _floor(model, e)))
@@ -97,7 +106,8 @@ def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
     command, before = e.on_grid_input(), fit_percent(e.output, simulated)
     # What is commanded has no noise, unless a position loop that keeps an integrating plant in its stroke commands it.
     by_a_loop = model.definition.observer is not None
-    if before > _HOPELESS and not by_a_loop and white_floor(command) <= 10.0 * white_floor(e.output):
+    noisy = _noise_share(white_floor(command), command) > 10.0 * _noise_share(channel_floor(e.output), e.output)
+    if before > _HOPELESS and not by_a_loop and not noisy:
         return
     inputs = e.drive.inputs.copy()
     inputs[0] = e.to_follow
@@ -110,37 +120,9 @@ def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
         )
 
 
-def _without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
-    """Samples at one extreme value, in runs, are a channel at the end of its range, not the valve."""
-    floor = white_floor(e.output)
-    if floor <= 0.0:
-        return e, []
-    # a coarse channel is at its extreme again and again, and nothing in between is wrong
-    fine = floor >= NOISE_OVER_RESOLUTION * resolution(e.output)
-    few_below = _FEW_BELOW if fine else 0
-    clipped = np.zeros(len(e.output), dtype=np.bool_)
-    for extreme in (float(e.output.max()), float(e.output.min())):
-        clipped |= _at_the_end(e.output == extreme, few_below)
-    if clipped.mean() < _LEAST_CLIPPED:
-        return e, []
-    at = e.output[clipped & ((e.output == e.output.max()) | (e.output == e.output.min()))]
-    said = (
-        f"{e.name}: channel '{e.output_heading}' is clipped at {at[0]:.4g} in {100 * clipped.mean():.1f} % of its "
-        "samples; they are left out"
-    )
-    return e.without(clipped), [said]
-
-
-def _at_the_end(at_extreme: NDArray[np.bool_], few_below: int) -> NDArray[np.bool_]:
-    """Stretches of the extreme value in which there is a run; noise leaves it for a few samples where it just ends."""
-    together, kept = at_extreme.copy(), np.zeros_like(at_extreme)
-    for start, stop in runs(~at_extreme):
-        if stop - start <= few_below:
-            together[start:stop] = True
-    for start, stop in runs(together):
-        if any(last - first >= _LEAST_RUN for first, last in runs(at_extreme[start:stop])):
-            kept[start:stop] = True
-    return kept
+def _noise_share(floor: float, values: Array) -> float:
+    """Noise over how far a channel goes; a coarse one has at least that of its steps."""
+    return floor / (float(np.ptp(values)) or 1.0)
 
 
 def _with_clocks_set(timed: Sequence[_Timed]) -> tuple[list[Experiment], list[str]]:

@@ -7,41 +7,89 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.errors import FileError
+from hil.errors import FileError, UnitError
 from hil.identification.experiment import Experiment
 from hil.identification.grey_box import fit_percent
 from hil.physics.model import Model
-from hil.record.recording import Array
+from hil.record.recording import Array, split_heading
+from hil.units import scale_and_offset
 
-# Factors that a wrong unit brings: decimals, minutes for seconds, psi for kPa or bar, gallons for litres.
-_UNIT_FACTORS = (
-    1000.0,
-    100.0,
-    10.0,
-    60.0,
-    6.895,
-    14.504,
-    3.785,
-    0.1,
-    0.01,
-    0.001,
-    1 / 60.0,
-    1 / 6.895,
-    1 / 14.504,
-    1 / 3.785,
+# Units in which channels of one kind are written; one of them taken for another is off by their ratio.
+_MISTAKEN = (
+    ("l/min", "ml/min", "l/s", "m^3/h", "m^3/s", "gallon/minute", "cm^3/s"),
+    ("bar", "mbar", "kPa", "MPa", "Pa", "psi"),
+    ("m", "cm", "mm", "um", "inch"),
+    ("N", "kN", "kgf", "lbf"),
+    ("A", "mA"),
+    ("V", "mV"),
+    ("%", "1"),
+    ("N*m", "kgf*m", "lbf*ft"),
+    ("rad", "deg"),
+    ("m/s", "mm/s", "mm/min", "m/min"),
+    ("rpm", "rad/s", "Hz"),
 )
+_BARE = ("%", "rad", "rpm")  # kinds that arithmetic of units does not tell from other numbers
+_LARGEST_FACTOR = 2000.0
+# Decimals that were lost.
+_DECIMALS = (1000.0, 100.0, 10.0, 0.1, 0.01, 0.001)
 _FACTOR_TOLERANCE = 0.08
 # Those of time: minutes, milliseconds, and lost decimals. Stamps are exact where the unit is all that is wrong.
 _TIME_FACTORS = (1000.0, 100.0, 60.0, 10.0, 0.1, 1 / 60.0, 0.01, 0.001)
 _TIME_TOLERANCE = 0.01
 GOOD_FIT = 80.0
 _POOR_FIT = 50.0
+_AS_THEN = 2.0  # per cent, from the fit that a recording had when a model was made of it
 _MUCH_LESS, _HALF = 0.2, 0.5
 _LESS_THAN_OWN, _SAME_FIT = 10.0, 0.1
 _ALSO_MOVES, _CHANGED_GAIN = 0.5, 1.5
 # Below and above so many times what is expected, in level and moves alike, no effect makes an output of the same shape;
 # an effect beside a wrong unit hides how many times exactly.
 _TOO_SMALL, _TOO_LARGE = 0.12, 5.0
+
+
+def unit_factors(unit: str) -> tuple[float, ...]:
+    """Factors that a wrong unit brings to a channel of this one."""
+    factors = set(_DECIMALS)
+    for group in _MISTAKEN:
+        try:
+            sizes = [scale_and_offset(other, unit)[0] for other in group]
+        except UnitError:
+            continue
+        belongs = any(abs(np.log(size)) < _FACTOR_TOLERANCE for size in sizes)
+        if belongs or group[0] not in _BARE:
+            both = {factor for size in sizes for factor in (size, 1.0 / size)}
+            large = {f for f in both if _FACTOR_TOLERANCE < abs(np.log(f)) < np.log(_LARGEST_FACTOR)}
+            factors |= {f for f in large if all(abs(np.log(f / known)) > 1e-6 for known in factors)}
+    return tuple(sorted(factors, key=lambda f: float(f"{f:.12g}")))
+
+
+def is_of_its_origin(model: Model, e: Experiment) -> bool:
+    """Whether this is a recording that the model was identified from: it fits as it did then."""
+    fits = {str(name).rpartition("/")[2]: fit for name, fit in (model.origin.get("fit_percent") or {}).items()}
+    then = fits.get(e.name.rpartition("/")[2])
+    if then is None:
+        return False
+    free_run = e.respond(model.definition, model.values, model.active_effects)[0]
+    return bool(abs(fit_percent(e.output, free_run) - float(then)) < _AS_THEN)
+
+
+def refuse_reversed(model: Model, e: Experiment, simulated: Array) -> None:
+    """An output that is what the model expects but for its sign; `simulated` of `expected`.
+
+    Raises:
+        FileError: it runs the other way.
+    """
+    before = fit_percent(e.output, simulated)
+    if model.definition.observer is None:
+        slope, fit = _moves(simulated, e.output)
+        turned = fit if slope < 0.0 else 0.0
+    else:
+        turned = _in_another_unit(model, e, len(e.drive.inputs), -1.0).fit
+    if before < 0.0 and turned > _POOR_FIT:
+        raise FileError(
+            f"{e.name}: the output '{e.output_heading}' runs the other way than the model: where the model rises, it "
+            "falls; is its sign right, or that of the command?"
+        )
 
 
 def expected(model: Model, e: Experiment) -> Array:
@@ -71,7 +119,7 @@ def refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
     also_moves = abs(moves / level - 1.0) < _ALSO_MOVES if level else False
     for slope, fit in ((moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0)):
         beyond_effects = also_moves and not led_back and not _TOO_SMALL < slope < _TOO_LARGE
-        factor = _unit_factor(slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
+        factor = _unit_factor(e.output_heading, slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
         if factor and fit > GOOD_FIT:
             raise FileError(
                 f"{e.name}: channel '{e.output_heading}' is {slope:.3g} times what the model expects; "
@@ -82,7 +130,9 @@ def refuse_wrong_unit(model: Model, e: Experiment, simulated: Array) -> None:
 
 def _refuse_what_fits_in_another_unit(model: Model, e: Experiment, before: float) -> None:
     tried = [
-        _in_another_unit(model, e, channel, k) for channel in range(len(e.drive.inputs) + 1) for k in _UNIT_FACTORS
+        _in_another_unit(model, e, channel, k)
+        for channel in range(len(e.drive.inputs) + 1)
+        for k in unit_factors(_unit_of(model, e, channel))
     ]
     best = max(tried, key=lambda found: found.fit)
     likely = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
@@ -157,11 +207,18 @@ def _moves(simulated: Array, measured: Array) -> tuple[float, float]:
     return _times(simulated - simulated.mean(), measured - measured.mean())
 
 
-def _unit_factor(slope: float, tolerance: float) -> float | None:
-    """The factor between common units that is nearest to this one, within a tolerance of its logarithm."""
+def _unit_of(model: Model, e: Experiment, channel: int) -> str:
+    """The unit of an input, in their order; of the output after them."""
+    if channel == len(e.drive.inputs):
+        return split_heading(e.output_heading)[1]
+    return model.definition.inputs[channel].unit if channel else split_heading(e.input)[1]
+
+
+def _unit_factor(heading: str, slope: float, tolerance: float) -> float | None:
+    """The factor of a wrong unit of this channel that is nearest, within a tolerance of its logarithm."""
     if slope <= 0.0:
         return None
-    near = min(_UNIT_FACTORS, key=lambda factor: abs(np.log(slope / factor)))
+    near = min(unit_factors(split_heading(heading)[1]), key=lambda factor: abs(np.log(slope / factor)))
     return near if abs(np.log(slope / near)) < tolerance else None
 
 

@@ -7,7 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from hil.identification.experiment import Experiment
+from hil.identification.clipped import without_clipped
+from hil.identification.experiment import DEAD, Experiment
 from hil.identification.gaps import bridged
 from hil.identification.grey_box import fit_ceiling, fit_percent
 from hil.identification.noise import channel_floor
@@ -16,6 +17,7 @@ from hil.record.recording import Array
 
 _BLOCKS = 50
 _WORST = 3
+_STILL = 1e-9  # of its size: what a simulation at rest moves by rounding
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,10 +34,12 @@ class Comparison:
     """One model on one recording.
 
     Attributes:
-        fit, ceiling: in %; the ceiling is what the true model would reach, given the noise.
+        fit, ceiling: in %; the ceiling is what the true model would reach, given the noise. None where the output
+            stands still.
         rms_error, noise_std: in `unit`, the output's unit.
         mean_error: simulated minus measured.
-        lag_s: by how much the model is late (positive) or early, at the best correlation of their slopes.
+        lag_s: by how much the model is late (positive) or early, at the best correlation of their slopes; None where
+            one of them does not move.
         worst: where the error is largest, in time.
         by_level: rms error over the lower, middle and upper third of the model's output.
         notes: what of the recording says nothing and is left out, in words.
@@ -43,15 +47,21 @@ class Comparison:
 
     name: str
     unit: str
-    fit: float
-    ceiling: float
+    fit: float | None
+    ceiling: float | None
     rms_error: float
     noise_std: float
     mean_error: float
-    lag_s: float
+    lag_s: float | None
     worst: tuple[Interval, ...]
     by_level: tuple[float, float, float]
     notes: tuple[str, ...]
+
+    @property
+    def _fit_text(self) -> str:
+        if self.fit is None or self.ceiling is None:
+            return "no fit: the output stands still"
+        return f"fit {self.fit:.2f} % (the noise allows {self.ceiling:.2f} %)"
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
@@ -61,12 +71,13 @@ class Comparison:
         """As lines for a terminal."""
         worst = ", ".join(f"{i.start_s:.4g}…{i.stop_s:.4g} s ({i.rms:.3g})" for i in self.worst)
         low, middle, high = self.by_level
+        late = "" if self.lag_s is None else f", model late by {1e3 * self.lag_s:+.1f} ms"
         notes = "".join(f"\n  note: {note}" for note in self.notes)
         return (
             f"{self.name}\n"
-            f"  fit {self.fit:.2f} % (the noise allows {self.ceiling:.2f} %), "
+            f"  {self._fit_text}, "
             f"rms error {self.rms_error:.4g} {self.unit}, noise {self.noise_std:.3g} {self.unit}\n"
-            f"  mean error {self.mean_error:+.3g} {self.unit}, model late by {1e3 * self.lag_s:+.1f} ms\n"
+            f"  mean error {self.mean_error:+.3g} {self.unit}{late}\n"
             f"  largest errors at {worst}\n"
             f"  rms by level: low {low:.3g}, middle {middle:.3g}, high {high:.3g} {self.unit}{notes}"
         )
@@ -75,15 +86,22 @@ class Comparison:
 def compare(model: Model, experiment: Experiment) -> Comparison:
     """Simulate a model on a recording's input and measure the difference, where the recording says something."""
     (e,), notes = bridged(model, [experiment])
+    e, clipped = without_clipped(e)
+    notes = (*notes, *clipped, *experiment.notes)
     response = e.respond(model.definition, model.values, model.active_effects)[0]
     time_s, measured, simulated = e.time_s[e.told], e.output[e.told], response[e.told]
     error = simulated - measured
     noise = channel_floor(measured)
+    moves = not e.stands_still
+    if not moves:
+        notes = (*notes, f"{e.where_it_stands}: no fit can be stated; {DEAD}")
+    elif np.ptp(e.drive.inputs[0]) == 0.0:
+        notes = (*notes, f"{e.name}: channel '{e.input}' never changes: what is compared is a level and no dynamics")
     return Comparison(
         e.name,
         e.output_heading.rpartition("[")[2].rstrip("]"),
-        fit_percent(measured, simulated),
-        fit_ceiling(measured, noise),
+        fit_percent(measured, simulated) if moves else None,
+        fit_ceiling(measured, noise) if moves else None,
         _rms(error),
         noise,
         float(error.mean()),
@@ -111,8 +129,10 @@ def _by_level(simulated: Array, error: Array) -> tuple[float, float, float]:
     return first, second, third
 
 
-def _lag(time_s: Array, measured: Array, simulated: Array) -> float:
+def _lag(time_s: Array, measured: Array, simulated: Array) -> float | None:
     """The shift that makes the error orthogonal to the slope: first order, enough for a hint."""
+    if np.ptp(simulated) <= _STILL * float(np.abs(simulated).max()) or np.ptp(measured) == 0.0:
+        return None
     slope = np.gradient(simulated, time_s)
-    power = float(slope @ slope)
-    return float(slope @ (measured - simulated)) / power if power else 0.0
+    late_s = float(slope @ (measured - simulated)) / float(slope @ slope)
+    return late_s if abs(late_s) < time_s[-1] - time_s[0] else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -41,6 +41,8 @@ class Experiment:
         read_s: where the recording knows when every single sample was read: those instants for the output and the
             plant's inner signals, shape (1 + observed, n), else None. They lie on the time of `grid_s` then, and
             `drive.read_at` says nothing.
+        silent: samples of inner signals that say nothing, by name, shape (n,) each.
+        skew_s: how much later than the output each row of `respond` was read, where that is the same in every sample.
         notes: what of the recording is used in another way than it was sampled, in words.
     """
 
@@ -57,6 +59,8 @@ class Experiment:
     lost: NDArray[np.bool_] | None = None
     read_s: Array | None = None
     notes: tuple[str, ...] = ()
+    silent: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    skew_s: tuple[float, ...] = ()
 
     def respond(
         self,
@@ -75,9 +79,16 @@ class Experiment:
         measured = self.to_follow if following else None
         rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
         if self.grid_s is None or self.read_s is None:
-            return self.at_stamps(rows)
+            return self._skewed(self.at_stamps(rows))
         grid_s = self.grid_s
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
+
+    def _skewed(self, rows: Array) -> Array:
+        """Rows that were read a little later than the output, along straight lines between the samples."""
+        if not any(self.skew_s):
+            return rows
+        pairs = zip(rows, self.skew_s, strict=True)
+        return np.array([np.interp(self.time_s + late_s, self.time_s, row) if late_s else row for row, late_s in pairs])
 
     def observed_errors(self, plant: Plant, rows: Array, noise: Mapping[str, float]) -> list[Array]:
         """Simulated minus recorded inner signals, in units of the noise of those that have one; `rows` of `respond`.
@@ -85,7 +96,10 @@ class Experiment:
         0 where they are lost.
         """
         return [
-            _but_for(self.lost, (row - self.observed[signal.name]) / noise[signal.name])
+            _but_for(
+                self.silent.get(signal.name),
+                _but_for(self.lost, (row - self.observed[signal.name]) / noise[signal.name]),
+            )
             for signal, row in zip(plant.observed, rows[1:], strict=True)
             if signal.name in noise
         ]
@@ -164,6 +178,10 @@ class Experiment:
         """The same with more samples of the output ignored, shape (n,)."""
         return replace(self, ignored=_either(self.ignored, samples))
 
+    def without_inner(self, name: str, samples: NDArray[np.bool_]) -> Experiment:
+        """The same with samples of an inner signal left out, shape (n,)."""
+        return replace(self, silent={**self.silent, name: _either(self.silent.get(name), samples)})
+
     def without_all(self, samples: NDArray[np.bool_]) -> Experiment:
         """The same with more samples of every channel ignored, shape (n,)."""
         return replace(self.without(samples), lost=_either(self.lost, samples))
@@ -228,6 +246,7 @@ def experiment(
     return Experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
         recording.time_s, drive, grid_s, output, observed, at is not None, read_s=read_s,
+        skew_s=() if read_s is not None else _skew_s(recording, measured.name, plant, at or 0.0),
     )  # fmt: skip
 
 
@@ -375,6 +394,16 @@ def _read_s(recording: Recording, output: str, plant: Plant) -> Array | None:
     names = [output, *(signal.name for signal in plant.observed)]
     stamps = np.array([_stamps(recording, name) for name in names])
     return None if (stamps == recording.time_s).all() else stamps
+
+
+def _skew_s(recording: Recording, output: str, plant: Plant, read_at: float) -> tuple[float, ...]:
+    """How much later than `read_at` says the output and the inner signals were read, as the header states it."""
+    sampling = recording.meta.get("sampling")
+    delays = sampling.get("delay_s") if isinstance(sampling, Mapping) else None
+    if not isinstance(delays, Mapping):
+        return ()
+    at_s = read_at * recording.interval_s
+    return tuple(float(delays.get(name, at_s)) - at_s for name in (output, *(signal.name for signal in plant.observed)))
 
 
 def _stamps(recording: Recording, name: str) -> Array:

@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.check import check
+from hil.diagnosis.units import unit_factors
 from hil.errors import FileError
 from hil.identification.experiment import experiment, for_model
-from hil.identification.grey_box import fit_plant
+from hil.identification.grey_box import fit_percent, fit_plant
 from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
@@ -51,7 +52,7 @@ def test_a_wrong_unit_is_refused_though_the_supply_gives_way(factor: float) -> N
         check(nominal(), bound(nominal(), [made]))
 
 
-@pytest.mark.parametrize("factor", [1000.0, 60.0, 10.0, 0.1])
+@pytest.mark.parametrize("factor", [1000.0, 25.4, 10.0, 0.1])
 def test_a_loop_whose_output_has_a_wrong_unit_is_refused(factor: float) -> None:
     loop, time_s = typical_model("hydraforce-sp08-47c"), np.arange(0.0, DURATION_S, 1.0 / RATE_HZ)
     request = 125.0 + 40.0 * np.sin(2.0 * np.pi * 0.3 * time_s)
@@ -101,7 +102,7 @@ def test_a_model_that_never_fitted_well_is_not_asked_for_more(channel: str, fact
         check(poor, bound(poor, scaled(made, channel, factor)))
 
 
-@pytest.mark.parametrize("factor", [1000.0, 60.0, 10.0])
+@pytest.mark.parametrize("factor", [1000.0, 100.0, 10.0])
 def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor: float) -> None:
     """Its friction is in no model yet, so that the right unit does not fit well either."""
     axis, time_s = plant("linear-axis"), np.arange(0.0, 16.0, 1.0 / RATE_HZ)
@@ -151,3 +152,30 @@ def test_moves_that_are_many_times_what_is_expected_at_the_right_level_are_no_un
         rows = dict(zip((s.heading for s in (*cylinder.inputs, cylinder.output)), (*inputs, force), strict=True))
         made.append(for_model(start, recording(f"{bar:g} bar", time_s, rows)))
     check(fit_plant(start, made).model, made)
+
+
+def test_factors_are_those_of_the_unit() -> None:
+    gallon, psi_in_kpa, rate = 3.785, 6.895, 60.0
+
+    def holds(unit: str, factor: float) -> bool:
+        return any(abs(found / factor - 1.0) < 0.01 for found in unit_factors(unit))
+
+    assert holds("l/min", gallon) and holds("l/min", rate)
+    assert holds("psi", psi_in_kpa)
+    assert not any(holds("N", factor) for factor in (gallon, psi_in_kpa, rate))
+    assert not any(holds("%", factor) for factor in (gallon, psi_in_kpa, rate, 57.3))
+
+
+def test_an_output_that_runs_the_other_way_is_refused() -> None:
+    made = scaled(changed(lambda _each: None), "flow", -1.0)
+    with pytest.raises(FileError, match=r"'flow \[l/min\]' runs the other way .* is its sign right"):
+        check(nominal(), bound(nominal(), made))
+
+
+def test_what_a_model_was_made_of_is_never_refused() -> None:
+    """However wrong it was: a model of a reversed, scaled channel fits it."""
+    model = nominal()
+    turned = scaled(records(seed=31), "flow", -1.0)
+    fits = {each.name: float(fit_percent(e.output, e.respond(model.definition, model.values)[0]))
+            for each, e in zip(turned, bound(model, turned), strict=True)}  # fmt: skip
+    check(replace(model, origin={**model.origin, "fit_percent": fits}), bound(model, turned))

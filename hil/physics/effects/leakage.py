@@ -28,7 +28,7 @@ EFFECT = Effect(
         EffectParameter("leak", "{value}", 0.0, 0.02, -0.3, 0.3, "what passes the closed edge"),
         EffectParameter("fall", "1", None, 0.5, 0.0, 20.0, "full opening over that at which a third is left"),
         EffectParameter(
-            "lean", "1", None, 0.0, -3.0, 3.0, "by how much less so on the positive side, more on the other"
+            "lean", "1", None, 0.0, -1.0, 1.0, "by how much less so on the positive side, more on the other"
         ),
     ),
     transform=transform,
