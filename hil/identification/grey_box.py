@@ -15,6 +15,7 @@ from hil.identification.experiment import DEAD, Experiment, require_excitation, 
 from hil.identification.first_reading import start_slope, with_free_start
 from hil.identification.gaps import bridged
 from hil.identification.lines import common_line, line_at
+from hil.identification.looks import doubts, look
 from hil.identification.noise import channel_floor, channel_floors, measured_noise, resolution
 from hil.identification.structure import choose_structure
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
@@ -101,7 +102,9 @@ def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequen
 def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str]) -> GreyBoxFit:
     require_excitation(experiments)
     still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
-    alive = [e for e in experiments if not e.stands_still]
+    looked = look(model, [e for e in experiments if not e.stands_still])
+    alive = looked.experiments
+    still = (*still, *looked.said)
     even, said = bridged(model, alive)
     found = _fitted(model, even, also_free, (*still, *said))
     again, said = bridged(found.model, alive)
@@ -300,4 +303,4 @@ def _result(
     )  # fmt: skip
     notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound]
     notes += _untold(found)
-    return GreyBoxFit(made, found, fits, (*said, *notes))
+    return GreyBoxFit(made, found, fits, (*said, *notes, *doubts(made, experiments, fits)))
