@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.errors import SettingError
 from hil.identification.estimate import Estimate, Unknown, estimate, side_by_side
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
 from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.free import all_values, check_free, moved, moved_effects, unknown_of
 from hil.identification.gaps import bridged
 from hil.identification.lines import common_line, line_at
-from hil.identification.looks import doubts, look
+from hil.identification.looks import doubts, look, one_frequency
 from hil.identification.noise import channel_floor, channel_floors, measured_noise, resolution
 from hil.identification.structure import choose_structure
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
@@ -46,6 +46,9 @@ class GreyBoxFit:
         rows = [f"{self.model.plant}"]
         for name, found in self.model.parameters.items():
             rows.append(f"  {name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit}")
+        for e in self.model.effects:
+            for name, found in e.parameters.items():
+                rows.append(f"  {e.name + '.' + name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit}")
         rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
 
@@ -64,10 +67,8 @@ def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
     """
     path = Path(plant_or_file)
     model = load_model(path) if path.suffix == ".json" else typical_model(plant_or_file)
-    known = {p.name for p in model.definition.parameters}
     for name in free:
-        if name not in known:
-            raise SettingError(f"plant {model.plant} has no parameter '{name}'; known: {', '.join(sorted(known))}")
+        check_free(model, name)
     return model
 
 
@@ -111,7 +112,13 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Seque
     lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
     if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
         found = _fitted(model, again, also_free, (*still, *said))
-    return found
+    return _untold(found) if model.definition.structures and one_frequency(alive) else found
+
+
+def _untold(found: GreyBoxFit) -> GreyBoxFit:
+    """The same with no parameter told: of a linear plant one frequency tells two numbers, whatever its form."""
+    parameters = {n: v if v.std is None else replace(v, std=np.inf) for n, v in found.model.parameters.items()}
+    return replace(found, model=replace(found.model, parameters=parameters))
 
 
 def _fitted(
@@ -121,7 +128,8 @@ def _fitted(
     model, note = _with_structure(model, experiments, weights)
     plant = model.definition
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
-    found, used = _best_reading(model, plant, names, experiments, weights)
+    names += [name for name in dict.fromkeys(also_free) if "." in name]
+    found, used = _best_reading(model, names, experiments, weights)
     return _result(model, plant, found, used, (*said, *note))
 
 
@@ -162,7 +170,6 @@ def _resolution(values: Array) -> float:
 
 def _best_reading(
     model: Model,
-    plant: Plant,
     names: Sequence[str],
     experiments: Sequence[Experiment],
     weights: Sequence[float],
@@ -172,7 +179,7 @@ def _best_reading(
     declared = {e.drive.read_at for e in experiments if e.reading_known}
     for read_at in sorted(declared) or (0.0, 1.0):
         moved = [e.reading_at(read_at) for e in experiments]
-        start = _unknowns(plant, names, model.values if best is None else _merged(model, best[0]))
+        start = _unknowns(model, names, all_values(model) if best is None else _merged(model, best[0]))
         found = _fit_from(model, moved, weights, start)
         if best is None:
             found = _restarted(model, moved, weights, found)
@@ -184,7 +191,7 @@ def _best_reading(
 
 
 def _merged(model: Model, found: Estimate) -> dict[str, float]:
-    return model.values | {u.name: float(v) for u, v in zip(found.unknowns, found.values, strict=True)}
+    return all_values(model) | {u.name: float(v) for u, v in zip(found.unknowns, found.values, strict=True)}
 
 
 def _restarted(model: Model, experiments: Sequence[Experiment], weights: Sequence[float], first: Estimate) -> Estimate:
@@ -204,8 +211,12 @@ def _restarted(model: Model, experiments: Sequence[Experiment], weights: Sequenc
     return best
 
 
-def _unknowns(plant: Plant, names: Sequence[str], values: dict[str, float]) -> list[Unknown]:
-    return [unknown(plant.parameter(name), values[name]) for name in names]
+def _unknowns(model: Model, names: Sequence[str], values: dict[str, float]) -> list[Unknown]:
+    plant = model.definition
+    return [
+        unknown_of(moved(model, values), name) if "." in name else unknown(plant.parameter(name), values[name])
+        for name in names
+    ]
 
 
 def unknown(parameter: Parameter, start: float) -> Unknown:
@@ -225,11 +236,12 @@ def _fit_from(
     inner = channel_floors([e.observed for e in experiments])
 
     def residuals(values: Array) -> Array:
-        parameters = base | dict(zip(names, values.tolist(), strict=True))
+        tried = dict(zip(names, values.tolist(), strict=True))
+        parameters, effects = base | {n: v for n, v in tried.items() if "." not in n}, moved_effects(model, tried)
 
         def errors_of(i: int) -> list[Array]:
             e = experiments[i]
-            rows = e.respond(plant, parameters, active)
+            rows = e.respond(plant, parameters, effects)
             output = with_free_start(e.telling((rows[0] - e.output) * weights[i]), starts[i])
             return [output, *e.observed_errors(plant, rows, inner[i])]
 
@@ -282,16 +294,18 @@ def _result(
     values = _merged(model, found)
     units = plant.units(experiments[0].input, experiments[0].output_heading)
     parameters = {p.name: Value(values[p.name], units[p.name], stds.get(p.name)) for p in plant.parameters}
+    effects, active = moved(model, values, stds).effects, moved_effects(model, values)
+    plain = {p.name: values[p.name] for p in plant.parameters}
     fits, errors = {}, []
     for e in experiments:
-        simulated = e.respond(plant, values, model.active_effects)[0]
+        simulated = e.respond(plant, plain, active)[0]
         fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
         floor = channel_floor(e.told_output)
-        slope = start_slope(e, plant, values, model.active_effects, floor)
+        slope = start_slope(e, plant, plain, active, floor)
         error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
         errors.append(_as_if_told(error, e.told))
     made = Model(
-        model.plant, parameters, model.effects, experiments[0].input, experiments[0].output_heading,
+        model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,
         _noise(experiments, errors),
         _covariance(found),

@@ -85,7 +85,10 @@ def fit_tables(
     fit = fit_transfer_function(
         response, poles=orders.poles, zeros=orders.zeros, dead_time=orders.dead_time, weights=orders.weights
     )
-    given, answer = _headings(tables[0].unit, input_name, output_name)
+    roles = tables[0].meta.get("roles", {})
+    given, answer = _headings(
+        tables[0].unit, input_name or roles.get("command", ""), output_name or roles.get("response", "")
+    )
     made = fit.model.to_model(given, answer)
     names, covariance = _covariance(fit, made)
     stds = dict(zip(names, np.sqrt(np.maximum(np.diag(covariance), 0.0)).tolist(), strict=True))

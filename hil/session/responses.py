@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -74,6 +75,9 @@ def response_of_run(path: Path, part: str) -> ResponseTable:
     recording: Recording = read(path)
     procedure = load_procedure(str(recording.meta["procedure"]))
     found = response_tables(measured_findings(procedure.evaluate, recording), str(path))
+    roles = recording.meta.get("roles", {})
+    said = {"roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
+    found = {label: replace(table, meta=said) for label, table in found.items()}
     if part in found:
         return found[part]
     if part or len(found) != 1:
