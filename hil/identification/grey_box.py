@@ -112,10 +112,10 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Seque
     lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
     if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
         found = _fitted(model, again, also_free, (*still, *said))
-    return _untold(found) if model.definition.structures and one_frequency(alive) else found
+    return _none_told(found) if model.definition.structures and one_frequency(alive) else found
 
 
-def _untold(found: GreyBoxFit) -> GreyBoxFit:
+def _none_told(found: GreyBoxFit) -> GreyBoxFit:
     """The same with no parameter told: of a linear plant one frequency tells two numbers, whatever its form."""
     parameters = {n: v if v.std is None else replace(v, std=np.inf) for n, v in found.model.parameters.items()}
     return replace(found, model=replace(found.model, parameters=parameters))
