@@ -22,7 +22,9 @@ if TYPE_CHECKING:
         Results,
         average,
         compare,
+        corners,
         diagnose,
+        estimate_online,
         find_runs,
         identify,
         load_model,
@@ -32,13 +34,15 @@ if TYPE_CHECKING:
         run,
         save_model,
         simulate,
+        step_models,
         typical_model,
         write,
     )  # fmt: skip
 
 __all__ = [
-    "Model", "Recording", "Results", "average", "compare", "diagnose", "find_runs", "identify", "load_model",
-    "open_bench", "read", "results", "run", "save_model", "simulate", "typical_model", "write",
+    "Model", "Recording", "Results", "average", "compare", "corners", "diagnose", "estimate_online", "find_runs",
+    "identify", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
+    "typical_model", "write",
 ]  # fmt: skip
 
 

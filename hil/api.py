@@ -32,8 +32,11 @@ if TYPE_CHECKING:
     from hil.archive.entry import Entry
     from hil.bench.rig import BenchRig
     from hil.diagnosis.diagnose import Diagnosed
+    from hil.identification.asymptotic_bode import AsymptoticFit
     from hil.identification.compare import Comparison
+    from hil.identification.step_models import StepModels
     from hil.record.response_table import ResponseTable
+    from hil.session.analyses import OnlineEstimate
     from hil.session.identification import Identified
     from hil.session.outcome import Outcome
 
@@ -41,8 +44,9 @@ Progress = Callable[[float, str], None]
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 __all__ = [
-    "Model", "Recording", "Results", "average", "compare", "diagnose", "find_runs", "identify", "load_model",
-    "open_bench", "read", "results", "run", "save_model", "simulate", "typical_model", "write",
+    "Model", "Recording", "Results", "average", "compare", "corners", "diagnose", "estimate_online", "find_runs",
+    "identify", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
+    "typical_model", "write",
 ]  # fmt: skip
 
 
@@ -134,6 +138,62 @@ def average(responses: Sequence[ResponseTable], *, normalised: bool = False) -> 
     from hil.identification.table_fit import averaged
 
     return averaged(responses, normalised=normalised)
+
+
+def step_models(
+    recording: Recording, *, input: str = "", output: str = "", beside: ResponseTable | None = None, band: float = 0.02
+) -> list[StepModels]:
+    """Two first-order models and a second-order one for every step of a recording (`hil analyse step`).
+
+    Args:
+        recording: with steps of the command.
+        input: name of the command, where the recording does not say it.
+        output: name of the response, likewise.
+        beside: measured frequency response to hold the models against.
+        band: share of the change within which a response counts as settled.
+    """
+    from hil.session.analyses import channels_of, models_of_steps
+
+    return models_of_steps(recording, *channels_of(recording, input, output), beside, band)
+
+
+def corners(response: ResponseTable, poles: int, zeros: int = 0) -> AsymptoticFit:
+    """Real poles and zeros from the magnitude of a frequency response (`hil analyse corners`)."""
+    from hil.session.analyses import corners_of
+
+    return corners_of(response, poles, zeros)
+
+
+def estimate_online(
+    recording: Recording,
+    poles: int,
+    inputs: int,
+    *,
+    input: str = "",
+    output: str = "",
+    delay: int = 0,
+    difference: bool = False,
+    memory: float = 1.0,
+    prior_std: float = 1e3,
+) -> OnlineEstimate:
+    """Recursive least squares over a recording; its `estimator` goes on with `update` (`hil analyse recursive`).
+
+    Args:
+        recording: with even stamps.
+        poles: number of coefficients a1 ….
+        inputs: number of coefficients b0 ….
+        input: name of the command, where the recording does not say it.
+        output: name of the response, likewise.
+        delay: samples by which the input is late.
+        difference: of changes from sample to sample.
+        memory: weight of a sample that is one older.
+        prior_std: of each parameter before the first sample.
+    """
+    from hil.identification.recursive_least_squares import ArxForm
+    from hil.session.analyses import channels_of, estimated_online
+
+    form = ArxForm(poles, inputs, delay, difference)
+    return estimated_online(recording, *channels_of(recording, input, output), form, memory=memory, prior_std=prior_std)
 
 
 def compare(

@@ -4,15 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 
 from hil.errors import InputError, SettingError
 from hil.identification.step_estimate import MeasuredStep, measured_steps
+from hil.identification.step_models import over_lowest, step_models
+from hil.identification.table_fit import as_response
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
+from hil.record.response_table import ResponseTable
 from hil.rig import Rig
+from hil.session.responses import read_responses
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import rounding_step
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
@@ -34,6 +39,7 @@ OVERSHOOT = Measurement("overshoot", "%", "beyond the final value, in % of the c
 CHANGE = Measurement("change", "", "final value minus the value before the step")
 MEASUREMENTS = defined(STEPS, DEAD_TIME, RISE, RESPONSE, SETTLING, REACHES, OVERSHOOT, CHANGE)
 
+_BESIDE = "frequency response beside"
 _HOLD_SETTLINGS = 2.0
 _BEFORE = 0.1  # of a step's time, shown before it
 _MOST_POINTS = 1500
@@ -49,6 +55,7 @@ def run(
     hold_s: float | None = None,
     repeats: int = 1,
     band: float = 2.0,
+    beside: str = "",
     warm_up_s: float = 0.0,
     full_command: float | None = None,
     rate_hz: float | None = None,
@@ -63,6 +70,8 @@ def run(
         hold_s: time at each level, in s; twice the settling time of the valve when not given.
         repeats: how often the sequence is driven.
         band: about the final value within which a response counts as settled, in % of its change.
+        beside: a frequency response of the valve, beside which the models of each step are put: table, installed table
+            or run with one frequency response.
         warm_up_s: time at the first level before anything is measured, in s.
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
@@ -81,7 +90,10 @@ def run(
     name = "sequence" if levels is None else "levels"
     values = [scale.level(name, percent) for percent in asked] * repeats
     steps = [step_sequence([level], held_s, rate_hz) for level in values]
+    measured = _response_beside(beside)
     course = Course(rig, rate_hz, joined(rig, rate_hz, warm_up_s, [np.concatenate(steps)]), {"levels": values})
+    if measured is not None:
+        rig.note(_BESIDE, **measured)
     course.warm_up(values[0], warm_up_s)
     before = values[0]
     for level, piece in zip(values, rig.stream(iter(steps), rate_hz), strict=True):
@@ -92,7 +104,7 @@ def run(
 
 
 def evaluate(recording: Recording) -> Findings:
-    """Figures of every step with uncertainty, and a first-order model with dead time beside each."""
+    """Figures of every step with uncertainty, and beside each a fitted model and those that its two times make."""
     band = float(recording.meta["settings"]["band"])
     measured: list[Measured] = []
     curves, notes = [], []
@@ -102,6 +114,7 @@ def evaluate(recording: Recording) -> Findings:
             f"The response at one and the same level changes by {drift:.2g} {roles_of(recording)[1].unit} from visit "
             "to visit: reading or valve drifts. Half of that is granted to every level."
         )
+    beside = _noted_beside(recording)
     for number, (part, before) in enumerate(_steps(recording), start=1):
         label = _label(recording, part, number)
         try:
@@ -115,7 +128,9 @@ def evaluate(recording: Recording) -> Findings:
             notes.append(f"{label}: a tone of {found.tone_hz:.3g} Hz goes on before and after it and was taken out.")
         if abs(found.moving) > _STILL * abs(found.figures.final - found.figures.start):
             notes.append(_still_moving(label, found, response.unit))
-        curves.append(_curve(recording, part, before, label, found))
+        models, why = _models(label, found, beside)
+        notes += why
+        curves.append(_curve(recording, part, before, label, found) | models)
     return Findings(tuple(measured), {"steps": curves}, tuple(notes), departures(recording))
 
 
@@ -215,6 +230,47 @@ def _curve(
         "start": found.figures.start, "final": found.figures.final,
         "figures": {**figures, "overshoot_percent": (100.0 * found.figures.overshoot, 100.0 * found.std.overshoot)},
     }  # fmt: skip
+
+
+def _models(label: str, found: MeasuredStep, beside: ResponseTable | None) -> tuple[dict[str, Any], list[str]]:
+    """The models that rise and settling make, and the response beside them; and what to say of them."""
+    value, std = found.figures, found.std
+    try:
+        made = step_models(
+            value.rise_s, value.settling_s, None if beside is None else as_response([beside]),
+            band=value.band, std_s=(std.rise_s, std.settling_s),
+        )  # fmt: skip
+    except InputError as error:
+        return {}, [f"{label}: {error}."]
+    models: dict[str, Any] = {"models": [one.as_dict() for one in made.models]}
+    models["damping_roots"] = {"label": "roots of eq. 17", "real": made.roots.real, "imaginary": made.roots.imag}
+    if beside is not None:
+        response = over_lowest(as_response([beside]))
+        models["response"] = {
+            "frequency_hz": response.frequency_hz, "magnitude_db": response.magnitude_db,
+            "phase_deg": response.phase_deg,
+        }  # fmt: skip
+    return models, [f"{label}: {note}." for note in made.notes]
+
+
+def _response_beside(place: str) -> dict[str, Any] | None:
+    """The lines of a frequency response as a run's header keeps them."""
+    if not place:
+        return None
+    (table,) = read_responses([Path(place)])
+    return {
+        "source": table.name, "frequency_hz": table.frequency_hz.tolist(), "unit": table.unit,
+        "real": table.response.real.tolist(), "imaginary": table.response.imag.tolist(),
+    }  # fmt: skip
+
+
+def _noted_beside(recording: Recording) -> ResponseTable | None:
+    for found in recording.meta.get("events", ()):
+        if found.get("event") == _BESIDE:
+            noted = found["details"]
+            response = np.array(noted["real"]) + 1j * np.array(noted["imaginary"])
+            return ResponseTable(noted["source"], np.array(noted["frequency_hz"]), response, noted["unit"])
+    return None
 
 
 def _reason(error: InputError) -> str:

@@ -7,9 +7,11 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from io import StringIO
 
+from hil.errors import SettingError
 from hil.export.function import PLANT, function_of
 from hil.findings.results import FittedFunction
 from hil.physics.model import Model
+from hil.physics.transfer_function import TransferFunction
 from hil.record.plain import plain
 
 FUNCTIONS_SCHEMA, PARAMETERS_SCHEMA = "hil.transfer-functions/1", "hil.parameters/1"
@@ -22,6 +24,21 @@ def functions_text(functions: Sequence[FittedFunction], form: str) -> str:
         "python": _python, "matlab": _matlab, "json": _json, "csv": _functions_csv,
     }  # fmt: skip
     return writers[form](functions)
+
+
+def function_text(linear: TransferFunction, name: str, form: str) -> str:
+    """A transfer function of which no uncertainty is known.
+
+    Raises:
+        SettingError: a form that there is not.
+    """
+    if form not in ("python", "matlab", "json", "csv"):
+        raise SettingError(f"--to {form}: there are python, matlab, json and csv")
+    one = FittedFunction(
+        name=name, numerator=tuple(plain(linear.numerator)), denominator=tuple(plain(linear.denominator)),
+        dead_time_s=linear.dead_time_s, unit="1", coefficients=(), covariance=(),
+    )  # fmt: skip
+    return functions_text([one], form)
 
 
 def model_text(model: Model, name: str, form: str) -> str:

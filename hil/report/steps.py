@@ -8,19 +8,36 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.physics.formula import formula
+from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
 from hil.report.field import Curve, array, label_of, needed, unit_of
-from hil.report.figure import BLUE, INK, SOFT, Picture, small_multiples, thinned
+from hil.report.figure import (
+    BLUE,
+    DASHES,
+    INK,
+    SERIES,
+    SOFT,
+    Picture,
+    drawn,
+    legend_above,
+    plain_log,
+    small_multiples,
+    thinned,
+)
 from hil.report.number import with_uncertainty
 from hil.report.section import Section, Table
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 NEEDED = ("time_s", "measured", "start", "final")
 _FEW = 4  # steps that are drawn two beside each other, more of them three
 _MOST_STEPS = 12
+_FINE = 200  # points of a drawn model
+_ERRORS = ("fit_percent", "gain_error_db", "phase_error_deg")
 _FIGURES = (
     ("dead_time_s", "Dead time [s]"), ("rise_s", "Rise 10…90 % [s]"), ("response_s", "To 90 % [s]"),
     ("settling_s", "Settling [s]"), ("reaches_s", "First in band [s]"), ("overshoot_percent", "Overshoot [%]"),
@@ -30,8 +47,10 @@ _FIGURES = (
 def steps_section(curves: Sequence[Curve]) -> Section:
     """Every step with its figures."""
     shown = curves[:_MOST_STEPS]
-    tables = [table for table in (_figures(curves), _models(curves)) if table.rows]
-    return Section("Step response", figures=(_picture(shown, len(curves) - len(shown)),), tables=tuple(tables))
+    tables = [table for table in (_figures(curves), _models(curves), _from_times(curves)) if table.rows]
+    beside = [_bode(f"step-models-{k}", c) for k, c in enumerate(shown) if c.get("response") and c.get("models")]
+    figures = (_picture(shown, len(curves) - len(shown)), *beside)
+    return Section("Step response", figures=figures, tables=tuple(tables))
 
 
 def _picture(curves: Sequence[Curve], left_out: int) -> Picture:
@@ -85,3 +104,48 @@ def _value(pair: Any) -> str:
 def _models(curves: Sequence[Curve]) -> Table:
     rows = tuple((label_of(c), str(c["fitted_text"])) for c in curves if c.get("fitted_text"))
     return Table("Fitted models", ("Step", "Model"), rows, text_columns=(1,))
+
+
+def _from_times(curves: Sequence[Curve]) -> Table:
+    """Those of the HPV41 paper, eqs 11 to 22."""
+    heads = ("Step", "Model", "Transfer function", "Fit [%]", "Gain, rms [dB]", "Phase, rms [°]")
+    rows = tuple(
+        (label_of(c), one["label"], formula(_function(one)), *(_error(one, key) for key in _ERRORS))
+        for c in curves
+        for one in c.get("models") or ()
+    )
+    caption = "Models from rise and settling time, and their errors beside the frequency response where there is one"
+    return Table(caption, heads, rows, text_columns=(1, 2))
+
+
+def _error(model: Curve, key: str) -> str:
+    return "—" if model.get(key) is None else f"{model[key]:.3g}"
+
+
+def _function(model: Curve) -> TransferFunction:
+    return transfer_function(model["numerator"], model["denominator"])
+
+
+def _bode(name: str, curve: Curve) -> Picture:
+    """The measured response and every model, as figure 16 of the HPV41 paper."""
+    measured = curve["response"]
+    frequency_hz = needed(measured, "frequency_hz")
+    fine = np.geomspace(frequency_hz[0], frequency_hz[-1], _FINE)
+
+    def draw(figure: Figure) -> None:
+        above, below = figure.subplots(2, 1, sharex=True)
+        for axes, key in ((above, "magnitude_db"), (below, "phase_deg")):
+            axes.plot(frequency_hz, needed(measured, key), ls="", marker="o", color=INK, label="measured")
+        for k, one in enumerate(curve["models"]):
+            response = _function(one).at(fine)
+            style = {"color": SERIES[k % len(SERIES)], "ls": DASHES[k % len(DASHES)], "label": one["label"]}
+            above.plot(fine, 20.0 * np.log10(np.abs(response)), **style)
+            below.plot(fine, np.degrees(np.unwrap(np.angle(response))), **style)
+        above.set_xscale("log")
+        plain_log(below)
+        above.set_ylabel("amplitude ratio [dB]")
+        below.set_ylabel("phase [°]")
+        below.set_xlabel("frequency [Hz]")
+        legend_above(above)
+
+    return drawn(name, 4.4, draw, f"{label_of(curve)}: models of the step beside the measured frequency response.")

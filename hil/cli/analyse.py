@@ -1,0 +1,210 @@
+"""`hil analyse`: the calculations of the three papers on a recording of one's own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from hil.cli.reading import Columns, Interval, Rename, Time, Unit
+
+if TYPE_CHECKING:
+    from hil.physics.transfer_function import TransferFunction
+    from hil.record.recording import Recording
+
+group = typer.Typer(
+    help="The calculations of the papers behind the valves, on a recording of one's own.", no_args_is_help=True
+)
+
+_Input = typer.Option("", "--input", metavar="NAME", help="Command; a run says it, as does a file of two channels.")
+_Output = typer.Option("", "--output", metavar="NAME", help="Response, likewise.")
+_Json = typer.Option(False, "--json", help="Print JSON.")
+
+
+@group.command("step")
+def step(
+    recording: Path | None = typer.Argument(None, metavar="[RECORDING]", help="Recording with steps of the command."),
+    input_name: str = _Input,
+    output_name: str = _Output,
+    rise: float | None = typer.Option(None, "--rise", metavar="S", help="Instead of a recording: rise time."),
+    settling: float | None = typer.Option(None, "--settling", metavar="S", help="Instead of one: settling time."),
+    band: float = typer.Option(2.0, "--band", metavar="%", help="Of the change, within which it counts as settled."),
+    beside: Path | None = typer.Option(
+        None, "--beside", metavar="TABLE|RUN", help="Measured frequency response to hold the models against."
+    ),
+    as_json: bool = _Json,
+    time: Time = "",
+    interval: Interval = 0.0,
+    unit: Unit = [],  # noqa: B006 — typer makes a new one
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+) -> None:
+    """Two first-order models and a second-order one from rise and settling time: eqs 9 to 22 of the HPV41 paper."""
+    from hil.errors import SettingError
+    from hil.identification.step_models import step_models
+    from hil.identification.table_fit import as_response
+    from hil.session.analyses import channels_of, models_of_steps
+    from hil.session.responses import read_responses
+
+    table = None if beside is None else read_responses([beside])[0]
+    if recording is not None:
+        read = _read(recording, time, interval, unit, rename, columns)
+        found = models_of_steps(read, *channels_of(read, input_name, output_name), table, band / 100.0)
+    elif rise is not None and settling is not None:
+        found = [step_models(rise, settling, None if table is None else as_response([table]), band=band / 100.0)]
+    else:
+        raise SettingError("name a recording with steps, or say --rise S and --settling S")
+    _show([one.as_dict() for one in found], "\n".join(one.as_text() for one in found), as_json)
+
+
+@group.command("corners")
+def corners(
+    table: Path = typer.Argument(..., metavar="TABLE|RUN", help="Frequency response."),
+    poles: int = typer.Option(..., "--poles", min=1, help="Real poles."),
+    zeros: int = typer.Option(0, "--zeros", min=0, help="Real zeros."),
+    part: str = typer.Option("", "--part", metavar="NAME", help="Of a run with several frequency responses, this one."),
+    out: str = typer.Option("", "--out", metavar="FILE", help="Also write the transfer function, as --to says."),
+    to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
+    as_json: bool = _Json,
+) -> None:
+    """Real corners from a Bode magnitude by its asymptotes: eqs 3.1 to 3.6 of the EFC thesis."""
+    from hil.record.plain import plain
+    from hil.session.analyses import corners_of, corners_text
+    from hil.session.responses import read_responses
+
+    fit = corners_of(read_responses([table], part=part)[0], poles, zeros)
+    found = {
+        "schema": "hil.corners/1", "gain": fit.model.dc_gain, "poles_rad_s": fit.poles_rad_s,
+        "zeros_rad_s": fit.zeros_rad_s, "rms_db": fit.rms_db, "asymptotic_misfit": fit.asymptotic_misfit,
+        "misfit": fit.misfit, "numerator": fit.model.numerator, "denominator": fit.model.denominator,
+    }  # fmt: skip
+    _write(out, to, "corners", fit.model)
+    _show(plain(found), corners_text(fit), as_json)
+
+
+@group.command("recursive")
+def recursive(
+    recording: Path = typer.Argument(..., help="Recording with even stamps."),
+    poles: int = typer.Option(..., "--poles", min=0, help="Coefficients a1 …"),
+    inputs: int = typer.Option(..., "--inputs", min=1, help="Coefficients b0 …"),
+    delay: int = typer.Option(0, "--delay", min=0, help="Samples by which the input is late."),
+    difference: bool = typer.Option(False, "--difference", help="Of changes from sample to sample, as eq. 3.7."),
+    memory: float = typer.Option(1.0, "--memory", metavar="λ", help="Weight of a sample that is one older."),
+    exponential: bool = typer.Option(False, "--exponential", help="Forget everywhere, as eq. 3.15."),
+    prior: float = typer.Option(1e3, "--prior", metavar="STD", help="Standard deviation before the first: √P(0)."),
+    path: Path | None = typer.Option(None, "--path", metavar="FILE", help="Parameters after each sample, .csv."),
+    input_name: str = _Input,
+    output_name: str = _Output,
+    as_json: bool = _Json,
+    time: Time = "",
+    interval: Interval = 0.0,
+    unit: Unit = [],  # noqa: B006
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+) -> None:
+    """Recursive least squares, sample by sample: eqs 3.7 to 3.15 of the EFC thesis."""
+    from hil.identification.recursive_least_squares import ArxForm
+    from hil.session.analyses import channels_of, estimated_online
+
+    read = _read(recording, time, interval, unit, rename, columns)
+    found = estimated_online(
+        read, *channels_of(read, input_name, output_name), ArxForm(poles, inputs, delay, difference), memory=memory,
+        forgetting="exponential" if exponential else "directional", prior_std=prior,
+    )  # fmt: skip
+    if path is not None:
+        found.write_path(path)
+    _show(found.as_dict(), found.as_text(), as_json)
+
+
+@group.command("loop")
+def loop(
+    model: Path | None = typer.Argument(None, metavar="[MODEL.json]", help="Closed loop, a transfer function."),
+    numerator: str = typer.Option("", "--numerator", metavar="B,…", help="Instead of a model, highest power first."),
+    denominator: str = typer.Option("", "--denominator", metavar="A,…", help="Likewise."),
+    sensor: Path | None = typer.Option(None, "--sensor", metavar="MODEL.json", help="C of the loop; 1 without one."),
+    feedback: bool = typer.Option(False, "--feedback", help="The sensor stands in the feedback, not the forward path."),
+    out: str = typer.Option("", "--out", metavar="FILE", help="Also write the open loop, as --to says."),
+    to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
+    as_json: bool = _Json,
+) -> None:
+    """The plant of a closed loop: eqs 10 to 12 of the SP08-47C paper. A plant that would run away is said."""
+    from hil.errors import SettingError
+    from hil.identification.closed_loop import UNITY, opened
+    from hil.physics.formula import formula
+    from hil.physics.model import load_model
+    from hil.record.plain import plain
+    from hil.session.analyses import linear_of, ratio
+
+    if (model is None) == (not numerator or not denominator):
+        raise SettingError("name a model of the closed loop, or say --numerator B,… and --denominator A,…")
+    closed = linear_of(load_model(model), str(model)) if model else ratio(_numbers(numerator), _numbers(denominator))
+    by = UNITY if sensor is None else linear_of(load_model(sensor), str(sensor))
+    found = opened(closed, by, "feedback" if feedback else "forward")
+    poles = ", ".join(f"{p.real:.4g}" if abs(p.imag) < 1e-12 else f"{p:.4g}" for p in found.model.poles)
+    text = [f"open loop {formula(found.model)}", f"  poles {poles} rad/s, gain at rest {found.model.dc_gain:.5g}"]
+    content = {
+        "schema": "hil.open-loop/1", "numerator": found.model.numerator, "denominator": found.model.denominator,
+        "poles": [{"re": float(p.real), "im": float(p.imag)} for p in found.model.poles],
+        "unstable_poles": [{"re": float(p.real), "im": float(p.imag)} for p in found.unstable_poles],
+        "closed_at_rest": found.rest, "notes": list(found.notes),
+    }  # fmt: skip
+    _write(out, to, "open loop", found.model)
+    _show(plain(content), "\n".join([*text, *(f"  note: {note}" for note in found.notes)]), as_json)
+
+
+@group.command("error")
+def error(
+    recording: Path = typer.Argument(..., help="Pressure of a step to 1.4 or 1.6 A, from the step on."),
+    reference: Path = typer.Option(..., "--reference", metavar="RECORDING", help="Pressure of a good valve."),
+    level: str = typer.Option(..., "--level", metavar="low|high", help="1.4 A or 1.6 A."),
+    output_name: str = typer.Option("pressure", "--output", metavar="NAME", help="Channel of the pressure."),
+    as_json: bool = _Json,
+    time: Time = "",
+    interval: Interval = 0.0,
+    unit: Unit = [],  # noqa: B006
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+) -> None:
+    """Eq. 4.1 of the EFC thesis, its crisp class and the degrees of eqs 4.2 to 4.7."""
+    from hil.errors import SettingError
+    from hil.session.analyses import error_between
+
+    if level not in ("low", "high"):
+        raise SettingError(f"--level {level}: there are low (1.4 A) and high (1.6 A)")
+    measured, good = (_read(p, time, interval, unit, rename, columns) for p in (recording, reference))
+    found = error_between(measured, good, "low" if level == "low" else "high", output_name)
+    _show(found.as_dict(), found.as_text(), as_json)
+
+
+def _read(path: Path, time: str, interval: float, unit: list[str], rename: list[str], columns: str) -> Recording:
+    from hil.cli.reading import notes_on, reading_of, say
+    from hil.record.read import read_recording
+
+    found = read_recording(path, reading_of(time, interval, unit, rename, columns, False))
+    say(notes_on([found]), aside=True)
+    return found
+
+
+def _numbers(text: str) -> list[float]:
+    from hil.errors import SettingError
+
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise SettingError(f"'{text}': coefficients are numbers between commas, the highest power first") from None
+
+
+def _write(out: str, to: str, name: str, model: TransferFunction) -> None:
+    if out:
+        from hil.cli.places import check_file
+        from hil.export.texts import function_text
+
+        text = function_text(model, name, to)
+        check_file(Path(out))
+        Path(out).write_text(text, encoding="utf-8")
+
+
+def _show(content: Any, text: str, as_json: bool) -> None:
+    typer.echo(json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False) if as_json else text)

@@ -1,0 +1,311 @@
+"""The papers' own calculations on what was read: models of steps, corners, an estimate on line, eq. 4.1."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hil.errors import FileError, InputError, StorageError
+from hil.identification.asymptotic_bode import AsymptoticFit, asymptotic_bode
+from hil.identification.frequency_response import FrequencyResponse
+from hil.identification.recursive_least_squares import (
+    ArxForm,
+    Forgetting,
+    RecursiveLeastSquares,
+    excitation_order,
+)
+from hil.identification.step_estimate import MeasuredStep, measured_steps
+from hil.identification.step_models import StepModels, step_models
+from hil.identification.table_fit import as_response
+from hil.physics.model import Model
+from hil.physics.published.tugsal import (
+    CLASSIFIED_CURRENT_A,
+    Level,
+    crisp_class,
+    current_memberships,
+    error_4_1,
+    error_memberships,
+)
+from hil.physics.transfer_function import TransferFunction, from_parameters
+from hil.record.plain import plain
+from hil.record.recording import Array, Recording
+from hil.record.response_table import ResponseTable
+
+_LINEAR = "transfer-function"
+_MEMBERSHIPS = ("left trapezoid", "left triangle", "right triangle", "right trapezoid")
+_EVEN = 1e-3  # of the interval, by which stamps of an even recording may differ
+
+
+def models_of_steps(
+    recording: Recording, input_name: str, output_name: str, beside: ResponseTable | None = None, band: float = 0.02
+) -> list[StepModels]:
+    """The models of every step in a recording: eqs 9 to 22 of the HPV41 paper.
+
+    Raises:
+        InputError: no step, or a response that does not follow one.
+    """
+    response = None if beside is None else as_response([beside])
+    found = measured_steps(_levels(recording), input_name, output_name, band=band)
+    return [_of_step(one, response, band) for one in found]
+
+
+def _levels(recording: Recording) -> Recording:
+    """Of a run that drove levels, those alone: it goes back to rest slowly, which is no step."""
+    parts = [part for part in recording.meta.get("parts", ()) if part.get("kind") == "level"]
+    if not parts:
+        return recording
+    first = int(parts[0]["first"])
+    return recording.rows(first, int(parts[-1]["first"]) + int(parts[-1]["count"]) - first)
+
+
+def _of_step(one: MeasuredStep, response: FrequencyResponse | None, band: float) -> StepModels:
+    label, times = f"{one.from_command:.4g} → {one.to_command:.4g}", (one.figures.rise_s, one.figures.settling_s)
+    try:
+        made = step_models(*times, response, band=band, std_s=(one.std.rise_s, one.std.settling_s))
+    except InputError as error:
+        return StepModels(*times, np.zeros(0, dtype=np.complex128), (), (str(error),), label)
+    return replace(made, label=label)
+
+
+def corners_of(table: ResponseTable, poles: int, zeros: int = 0) -> AsymptoticFit:
+    """Real poles and zeros from the magnitude of a frequency response: eqs 3.1 to 3.6 of the EFC thesis."""
+    return asymptotic_bode(as_response([table]), poles, zeros)
+
+
+def corners_text(fit: AsymptoticFit) -> str:
+    """Corners, gain and misfits, for a terminal."""
+    rows = [f"gain at rest {fit.model.dc_gain:.6g}, rms error of the magnitude {fit.rms_db:.3g} dB"]
+    for what, rates in (("poles", fit.poles_rad_s), ("zeros", fit.zeros_rad_s)):
+        if len(rates):
+            hz = ", ".join(f"{rate / (2.0 * math.pi):.4g}" for rate in rates)
+            rows.append(f"  {what} {', '.join(f'{rate:.5g}' for rate in rates)} rad/s ({hz} Hz)")
+    rows.append(f"  J of eq. 3.6 {fit.asymptotic_misfit:.3g}, V of eq. 3.1 {fit.misfit:.3g} per line")
+    rows.append("  note: the magnitude tells no zero from its mirror image, no dead time, and no resonance")
+    return "\n".join(rows)
+
+
+# -- recursive least squares -------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class OnlineEstimate:
+    """What recursive least squares found in a recording.
+
+    Attributes:
+        estimator: after the last sample; it goes on with `update`.
+        path: parameters after each sample, shape (n, parameters).
+        time_s: stamps, shape (n,).
+        excitation_order: how many parameters the command can tell apart in steady state.
+    """
+
+    estimator: RecursiveLeastSquares
+    path: Array
+    time_s: Array
+    excitation_order: int
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        found, told = self.estimator, self.estimator.excitation
+        rows = zip(found.form.names, found.parameters.tolist(), found.std.tolist(), strict=True)
+        poles = [{"re": float(p.real), "im": float(p.imag)} for p in found.poles]
+        made: dict[str, Any] = plain({
+            "schema": "hil.online-estimate/1",
+            "parameters": [{"name": n, "value": value, "std": std, "unit": "1"} for n, value, std in rows],
+            "numerator": found.numerator, "denominator": found.denominator, "poles": poles,
+            "noise_std": found.noise_std, "samples": found.samples, "informed": told.informed, "asked": told.asked,
+            "unknown": list(told.unknown), "excitation_order": self.excitation_order,
+        })  # fmt: skip
+        return made
+
+    def as_text(self) -> str:
+        """As lines for a terminal."""
+        found, told = self.estimator, self.estimator.excitation
+        rows = [
+            f"{found.samples} samples, noise {found.noise_std:.3g}, {told.informed} of {told.asked} directions told"
+        ]
+        rows += [
+            f"  {name:4} {value:12.6g} ± {1.96 * std:.2g}"
+            for name, value, std in zip(found.form.names, found.parameters, found.std, strict=True)
+        ]
+        largest = float(np.abs(found.poles).max()) if len(found.poles) else 0.0
+        rows.append(f"  largest pole |z| {largest:.4g}{'' if largest < 1.0 else ': unstable'}")
+        if not told.enough:
+            rows.append(
+                f"  note: the command tells {self.excitation_order} parameters apart in steady state, {told.asked} are "
+                f"asked; unknown: {', '.join(told.unknown) or 'combinations of them'}"
+            )
+        return "\n".join(rows)
+
+    def write_path(self, path: Path) -> None:
+        """Write the parameters after each sample as CSV."""
+        try:
+            with path.open("w", encoding="utf-8", newline="") as file:
+                writer = csv.writer(file, lineterminator="\n")
+                writer.writerow(["time [s]", *(f"{name} [1]" for name in self.estimator.form.names)])
+                writer.writerows(np.column_stack((self.time_s, self.path)).tolist())
+        except OSError as error:
+            raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def estimated_online(
+    recording: Recording,
+    input_name: str,
+    output_name: str,
+    form: ArxForm,
+    *,
+    memory: float = 1.0,
+    forgetting: Forgetting = "directional",
+    prior_std: float = 1e3,
+) -> OnlineEstimate:
+    """Recursive least squares over a recording, sample by sample: eqs 3.7 to 3.15 of the EFC thesis.
+
+    Raises:
+        FileError: uneven stamps, or input and output stamped apart.
+        InputError: what `RecursiveLeastSquares` refuses.
+    """
+    time_s = recording.time_s
+    intervals = np.diff(time_s)
+    if np.ptp(intervals) > _EVEN * float(np.median(intervals)):
+        raise FileError(f"{recording.name}: its stamps are uneven; recursive least squares needs one interval")
+    command, output = recording.values(input_name), recording.values(output_name)
+    estimator = RecursiveLeastSquares(form, memory, forgetting, prior_std)
+    path = np.empty((len(output), len(form.names)))
+    estimator.run(command, output, path)
+    order = excitation_order(command, len(form.names), form.difference)
+    return OnlineEstimate(estimator, path, time_s, order)
+
+
+# -- eq. 4.1 -----------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class ThesisError:
+    """How a response differs from a reference, as the EFC thesis counts it, and what its section 4.1.3 calls that.
+
+    Attributes:
+        level: low (1.4 A) or high (1.6 A).
+        error: of eq. 4.1, in psi·√samples/s: it grows with the root of the rate.
+        rms: root mean square error, in psi, which does not.
+        duration_s, rate_hz: that were taken; the thesis states neither.
+        crisp: class by the thresholds of section 4.1.3.
+        memberships: degrees of eqs 4.4 to 4.7. `levels`: of eqs 4.2 and 4.3.
+    """
+
+    level: Level
+    error: float
+    rms: float
+    duration_s: float
+    rate_hz: float
+    crisp: str
+    memberships: Mapping[str, float]
+    levels: Mapping[str, float]
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        made: dict[str, Any] = plain({
+            "schema": "hil.thesis-error/1", "level": self.level, "error_4_1": self.error, "rms_psi": self.rms,
+            "duration_s": self.duration_s, "rate_hz": self.rate_hz, "crisp_class": self.crisp,
+            "error_memberships": dict(self.memberships), "current_memberships": dict(self.levels),
+        })  # fmt: skip
+        return made
+
+    def as_text(self) -> str:
+        """As lines for a terminal."""
+        degrees = ", ".join(f"{name} {degree:.2f}" for name, degree in self.memberships.items() if degree)
+        levels = ", ".join(f"{name} {degree:.2f}" for name, degree in self.levels.items() if degree)
+        return "\n".join((
+            f"{self.level} current: eq. 4.1 {self.error:.4g}, rms {self.rms:.4g} psi",
+            f"  by the thresholds of section 4.1.3: {self.crisp}",
+            f"  degrees of eqs 4.4 to 4.7: {degrees or 'none'}; of eqs 4.2 and 4.3: {levels}",
+            f"  note: {self.caveat}",
+        ))  # fmt: skip
+
+    @property
+    def caveat(self) -> str:
+        """What was assumed, and what the thesis does not publish."""
+        return (
+            f"taken over {self.duration_s:g} s at {self.rate_hz:g} Hz; eq. 4.1 grows with the root of the rate, and "
+            "the thesis states neither. Its fuzzy rule base and table 4.2 are not published, so there is no fuzzy class"
+        )
+
+
+def thesis_error(measured: Array, reference: Array, rate_hz: float, level: Level) -> ThesisError:
+    """Eq. 4.1 between two responses on the same stamps, in psi, shape (n,) each.
+
+    Raises:
+        InputError: of different lengths, or empty.
+    """
+    if len(measured) != len(reference) or not len(measured):
+        raise InputError(f"eq. 4.1: {len(measured)} samples and a reference of {len(reference)}; they must be as many")
+    duration_s = len(measured) / rate_hz
+    error = error_4_1(measured, reference, duration_s)
+    degrees = dict(zip(_MEMBERSHIPS, error_memberships(error), strict=True))
+    return ThesisError(
+        level, error, error * math.sqrt(duration_s / rate_hz), duration_s, rate_hz, crisp_class(error, level), degrees,
+        {str(name): degree for name, degree in current_memberships(CLASSIFIED_CURRENT_A[level]).items()},
+    )  # fmt: skip
+
+
+# -- loops -------------------------------------------------------------------------------------------------
+
+
+def linear_of(model: Model, name: str) -> TransferFunction:
+    """The transfer function of a model.
+
+    Raises:
+        InputError: a model of another plant, or with effects.
+    """
+    if model.plant != _LINEAR or model.effects:
+        raise InputError(f"{name}: no transfer function; a model of the plant '{_LINEAR}' without effects is one")
+    return from_parameters(model.values)
+
+
+def ratio(numerator: Sequence[float], denominator: Sequence[float]) -> TransferFunction:
+    """A transfer function from coefficients, highest power first."""
+    from hil.physics.transfer_function import transfer_function
+
+    return transfer_function(list(numerator), list(denominator))
+
+
+def channels_of(recording: Recording, input_name: str = "", output_name: str = "") -> tuple[str, str]:
+    """Names of command and response: those given, else the roles that a run declares, else the only two there are.
+
+    Raises:
+        FileError: nobody says which they are.
+    """
+    roles = recording.meta.get("roles", {})
+    names = list(recording.channels)
+    both = names if len(names) == 2 else ["", ""]
+    given = input_name or str(roles.get("command", "")) or both[0]
+    answer = output_name or str(roles.get("response", "")) or both[1]
+    if not given or not answer:
+        raise FileError(
+            f"{recording.name}: which channel is the command and which the response? Say --input NAME and --output "
+            f"NAME; there are: {', '.join(names)}"
+        )
+    return recording.channel(given).name, recording.channel(answer).name
+
+
+def error_between(
+    measured: Recording, reference: Recording, level: Level, output_name: str = "pressure"
+) -> ThesisError:
+    """Eq. 4.1 between two recordings on the same stamps, as far as both go.
+
+    Raises:
+        FileError: they have different intervals.
+    """
+    shared = min(len(measured), len(reference))
+    steps = [float(np.median(np.diff(one.time_s))) for one in (measured, reference)]
+    if abs(steps[0] - steps[1]) > _EVEN * steps[0]:
+        raise FileError(
+            f"{measured.name}: a sample every {steps[0]:g} s, and every {steps[1]:g} s in {reference.name}; eq. 4.1 "
+            "compares sample by sample"
+        )
+    pressures = [one.values(output_name, "psi")[:shared] for one in (measured, reference)]
+    return thesis_error(pressures[0], pressures[1], 1.0 / steps[0], level)

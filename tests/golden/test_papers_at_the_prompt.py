@@ -1,0 +1,145 @@
+"""The papers' own calculations at the prompt: their printed numbers go in, or come out."""
+
+import json
+
+import numpy as np
+import pytest
+
+import hil
+from hil.cli import app
+from hil.physics.published import gunay, tordal, tugsal
+from hil.record.recording import recording
+from hil.record.response_table import ResponseTable, write_response_table
+
+
+@pytest.fixture
+def said(monkeypatch, capsys):
+    def run(*arguments):
+        monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+        status = app.main()
+        made = capsys.readouterr()
+        return status, made.out, made.err
+
+    return run
+
+
+def functions(found):
+    return {one["label"]: (one["numerator"], one["denominator"]) for one in found["models"]}
+
+
+def test_equations_11_to_22_of_the_hpv41_paper(said):
+    times = ("--rise", tordal.RISE_S, "--settling", tordal.SETTLING_S)
+    status, out, _ = said("analyse", "step", *times, "--beside", "hpv41-plus-10", "--json")
+    (found,) = json.loads(out)
+    roots = sorted((root["re"], abs(root["im"])) for root in found["damping_roots"])
+    assert status == 0
+    assert np.array(roots) == pytest.approx(
+        np.array([(-0.9097, 0), (0.22559, 1.1264), (0.22559, 1.1264), (0.69545, 0)]), abs=1e-4
+    )
+    made = functions(found)
+    assert made["first order, from the rise"][0] == pytest.approx([4.889], abs=1e-3)
+    assert made["first order, from settling"][0] == pytest.approx([3.265], abs=1e-3)
+    assert made["second order"][1] == pytest.approx([1.0, 6.5306, 22.045], abs=1e-3)
+    top, below = made["third order, fitted to the response"]
+    assert top == pytest.approx(tordal.THIRD_ORDER.numerator, rel=1e-4)
+    assert below == pytest.approx(tordal.THIRD_ORDER.denominator, rel=1e-4)
+    assert "dead time of 0.424 s" in found["notes"][0]
+
+
+def test_step_of_a_run_has_its_models_beside_the_response(said, tmp_path):
+    run = tmp_path / "run"
+    settings = ("--set", "beside=hpv41-plus-10", "--set", "levels=0,80")
+    assert said("run", "step_response", "--bench", "hpv41-plus-10", *settings, "--out", run)[0] == 0
+    found = {one.name.rpartition("models, ")[2]: one for one in hil.results(run).transfer_functions}
+    # rise 0.349 s and settling 0.703 s of the published model
+    assert found["first order, from the rise"].numerator == pytest.approx([2.2 / 0.349], rel=0.01)
+    assert found["first order, from settling"].numerator == pytest.approx([4.0 / 0.703], rel=0.02)
+    assert found["second order"].covariance[0][0] > 0.0
+    assert found["third order, fitted to the response"].numerator == pytest.approx([-150.8, 6361.0], rel=1e-3)
+    page = (run / "report.html").read_text("utf-8")
+    assert "Models from rise and settling time" in page
+    assert "models of the step beside the measured frequency response" in page
+    # the same from the run's samples, as from anybody's
+    again = json.loads(said("analyse", "step", run, "--json")[1])
+    assert functions(again[0])["second order"][1] == pytest.approx(list(found["second order"].denominator), rel=1e-3)
+
+
+def test_equation_12_of_the_sp08_47c_paper(said, tmp_path):
+    closed = gunay.CLOSED_LOOP_EQ_11
+    numbers = [",".join(map(str, row.tolist())) for row in (closed.numerator, closed.denominator)]
+    options = ("--numerator", numbers[0], "--denominator", numbers[1])
+    status, out, _ = said("analyse", "loop", *options, "--out", tmp_path / "open.json", "--json")
+    found = json.loads(out)
+    assert status == 0
+    assert found["denominator"] == pytest.approx(gunay.OPEN_LOOP_EQ_12.denominator)
+    assert [pole["re"] for pole in found["unstable_poles"]] == pytest.approx([0.1937], abs=5e-5)
+    assert "run away" in found["notes"][0]
+    (handed_on,) = json.loads((tmp_path / "open.json").read_text("utf-8"))["transfer_functions"]
+    assert handed_on["numerator"] == pytest.approx([0.7837])
+    assert said("analyse", "loop")[0] == 2
+
+
+def example(command):
+    """The example of section 3.2.2.2, driven."""
+    output = np.zeros(len(command))
+    top, below = tugsal.EXAMPLE.numerator, tugsal.EXAMPLE.denominator
+    for k in range(len(command)):
+        output[k] = sum(b * command[k - i] for i, b in enumerate(top) if k >= i)
+        output[k] -= sum(a * output[k - i] for i, a in enumerate(below) if i and k >= i)
+    return output
+
+
+@pytest.fixture
+def sine(tmp_path):
+    time_s = np.arange(1000.0)
+    command = np.sin(0.3 * time_s)
+    path = tmp_path / "sine.csv"
+    hil.write(recording("sine", time_s, {"command [1]": command, "response [1]": example(command)}), path)
+    return path
+
+
+def test_table_3_1_the_sine_finds_what_the_thesis_found(said, sine, tmp_path):
+    options = ("--poles", 4, "--inputs", 3, "--difference", "--exponential", "--prior", 200**0.5)
+    path = tmp_path / "path.csv"
+    status, out, _ = said("analyse", "recursive", sine, *options, "--path", path, "--json")
+    found = json.loads(out)
+    assert status == 0
+    expected = [-0.0406, 0.3015, -0.0279, -0.4687, 0.0008, 0.0474, 0.9178]
+    assert [one["value"] for one in found["parameters"]] == pytest.approx(expected, abs=2e-3)
+    assert found["excitation_order"] == 2 and found["asked"] == 7 and found["informed"] < 7
+    assert len(hil.read(path)) == 1000
+
+
+def test_table_3_2_the_step_is_exact(said, tmp_path):
+    command = np.ones(1000)
+    path = tmp_path / "step.csv"
+    hil.write(recording("s", np.arange(1000.0), {"u [1]": command, "y [1]": example(command)}), path)
+    options = ("--poles", 4, "--inputs", 3, "--difference", "--prior", 1e4, "--input", "u", "--output", "y")
+    found = json.loads(said("analyse", "recursive", path, *options, "--json")[1])
+    assert [one["value"] for one in found["parameters"]] == pytest.approx([0, 0.3, 0, -0.5, 0.001, 0, 1], abs=1e-4)
+
+
+def test_corners_of_the_good_valve_from_its_magnitude(said, tmp_path):
+    frequency_hz = np.geomspace(0.1, 20.0, 60)
+    response = tugsal.FREQUENCY_MODELS["good"].reduced(0.7).at(frequency_hz)
+    path = tmp_path / "good.csv"
+    write_response_table(ResponseTable("good", frequency_hz, response, in_db=True), path)
+    status, out, _ = said("analyse", "corners", path, "--poles", 3, "--zeros", 1, "--json")
+    found = json.loads(out)
+    assert status == 0
+    assert found["poles_rad_s"] == pytest.approx([6.125, 10.0, 10.0], rel=0.02)
+    assert found["zeros_rad_s"] == pytest.approx([13.125], rel=0.02)
+
+
+def test_error_of_equation_4_1_and_its_class(said, tmp_path):
+    time_s = np.arange(1000) / 1000.0
+    for name, psi in (("good", 120.0), ("worn", 120.05)):
+        hil.write(recording(name, time_s, {"pressure [psi]": np.full(1000, psi)}), tmp_path / f"{name}.csv")
+    options = ("--reference", tmp_path / "good.csv", "--level", "low")
+    status, out, _ = said("analyse", "error", tmp_path / "worn.csv", *options)
+    assert status == 0
+    assert "eq. 4.1 1.581, rms 0.05 psi" in out
+    assert "severely malfunctioned" in out
+    assert "over 1 s at 1000 Hz" in out
+    assert "not published" in out
+    assert said("analyse", "error", tmp_path / "worn.csv", "--reference", tmp_path / "good.csv", "--level", "x")[0] == 2
