@@ -232,11 +232,10 @@ def _without_blanks(
             if not kept.any():
                 empty.append(column.heading)
                 continue
-            if missing.any():
+            if missing.any() and not _is_even(one.time_s[kept]):  # one that is even has a rate of its own
                 said += _blanks(name, column, missing, place or _sample, gaps)
-                taken.append(_Taken(one.table, column, one.time_s[kept], values[kept]))
-            else:
-                taken.append(_Taken(one.table, column, one.time_s, values))
+            own_s, own = (one.time_s[kept], values[kept]) if missing.any() else (one.time_s, values)
+            taken.append(_Taken(one.table, column, own_s, own))
     single = [t.column.heading for t in taken if len(t.time_s) < 2]
     if single and len(single) < len(taken):
         said.append(f"left out, a single sample: {', '.join(single)}")

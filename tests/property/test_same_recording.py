@@ -1,0 +1,112 @@
+"""The same recording in every format, heading style and sampling of its channels gives the same model, within noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.identification.experiment import experiment
+from hil.identification.grey_box import GreyBoxFit, fit_plant, starting_model
+from hil.physics.simulate import Drive, simulate
+from hil.record.read import formats, read_recording, write_recording
+from hil.record.reading import Reading
+from hil.record.recording import Recording, Samples, recording
+
+INTERVAL_S, COUNT = 0.01, 3000
+TRUE = {"gain": 2.0, "lag_time": 0.3, "dead_time": 0.05}
+TIME_S = INTERVAL_S * np.arange(COUNT)
+
+
+def made() -> Recording:
+    rng = np.random.default_rng(5)
+    command = np.repeat(rng.integers(-4, 5, COUNT // 100), 100).astype(float)
+    plant = starting_model("transfer-function").definition
+    answer = simulate(plant, plant.typical | TRUE, Drive(command[None, :], 0.0, INTERVAL_S))[0]
+    flow = np.round(answer + 0.05 * rng.standard_normal(COUNT), 4)
+    return recording("made", TIME_S, {"command [%]": command, "flow [l/min]": flow})
+
+
+def identified(read: Recording) -> GreyBoxFit:
+    start = replace(starting_model("transfer-function"), origin={"structure": "1 pole, dead time"})
+    return fit_plant(start, [experiment(read, start.definition, "command", "flow", 0.0)])
+
+
+def agrees(read: Recording) -> None:
+    found = identified(read).model.parameters
+    for name, value in TRUE.items():
+        std = found[name].std
+        assert std is not None and std < 0.05 * value
+        assert abs(found[name].value - value) < 4.0 * std
+
+
+def text(head: str, row: Callable[[float, float, float], str]) -> str:
+    one = made()
+    rows = zip(one.time_s.tolist(), one.values("command").tolist(), one.values("flow").tolist(), strict=True)
+    return head + "".join(row(*values) + "\n" for values in rows)
+
+
+def comma(t: float, u: float, y: float) -> str:
+    return f"{t:.2f},{u},{y}"
+
+
+STYLES = {
+    "contract": ("time [s],command [%],flow [l/min]\n", comma, Reading()),
+    "parentheses": ("Time (s),command (%),flow (l/min)\n", comma, Reading()),
+    "units in a row": ("time,command,flow\ns,%,l/min\n", comma, Reading()),
+    "units after a comma": ("time, s;command, %;flow, l/min\n", lambda *v: comma(*v).replace(",", ";"), Reading()),
+    "decimal comma": ("time [s];command [%];flow [l/min]\n", lambda *v: comma(*v).replace(",", ";").replace(".", ","),
+                      Reading()),
+    "milliseconds": ("time [ms],command [%],flow [l/min]\n", lambda t, u, y: f"{1e3 * t:.0f},{u},{y}", Reading()),
+    "preamble": ("#Logger\nTest,7\n\ntime [s],command [%],flow [l/min]\n", comma, Reading()),
+    "time last": ("command [%],flow [l/min],time [s]\n", lambda t, u, y: f"{u},{y},{t:.2f}", Reading()),
+    "index and text": (",time [s],command [%],flow [l/min],state\n",
+                       lambda t, u, y: f"{t / INTERVAL_S:.0f},{comma(t, u, y)},RUN", Reading()),
+    "calendar": ("timestamp,command [%],flow [l/min]\n",
+                 lambda t, u, y: f"2026-01-31T23:59:{50 + t:06.3f},{u},{y}" if t < 10.0
+                 else f"2026-02-01T00:00:{t - 10.0:06.3f},{u},{y}", Reading()),
+    "clock": ("Clock,command [%],flow [l/min]\n",
+              lambda t, u, y: f"23:59:{50 + t:06.3f},{u},{y}" if t < 10.0 else f"00:00:{t - 10.0:06.3f},{u},{y}",
+              Reading()),
+    "no units": ("time,command,flow\n", comma, Reading(units={"command": "%", "flow": "l/min"})),
+    "no headings": ("", lambda *v: comma(*v).replace(",", "  "), Reading(columns=("time [s]", "command [%]",
+                                                                               "flow [l/min]"))),
+    "no time": ("command [%],flow [l/min]\n", lambda _t, u, y: f"{u},{y}", Reading(interval_s=INTERVAL_S)),
+    "other names": ("t_x,u,y\n", comma, Reading(time="t_x", renamed={"u": "command", "y": "flow"},
+                                               units={"command": "%", "flow": "l/min"})),
+    "two times": ("time command [s],command [%],time flow [s],flow [l/min]\n",
+                  lambda t, u, y: f"{t:.2f},{u},{t:.2f},{y}", Reading()),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("style", STYLES)
+def test_in_every_heading_style(tmp_path: Path, style: str) -> None:
+    head, row, reading = STYLES[style]
+    (tmp_path / "x.csv").write_text(text(head, row), encoding="utf-8")
+    found = read_recording(tmp_path / "x.csv", reading)
+    assert found.time_s - found.time_s[0] == pytest.approx(TIME_S, abs=1e-9)
+    assert np.array_equal(found.values("command", "%"), made().values("command"))
+    assert np.array_equal(found.values("flow", "l/min"), made().values("flow"))
+
+
+@pytest.mark.parametrize("ending", sorted({m.SUFFIXES[0] for m in formats().values() if hasattr(m, "write")}))
+@pytest.mark.parametrize("sampling", ["slow output", "on change", "late output", "gaps"])
+def test_in_every_format_and_sampling_of_its_channels(tmp_path: Path, ending: str, sampling: str) -> None:
+    whole = made()
+    flow, command = whole.values("flow"), whole.values("command")
+    changes = np.concatenate(([0], np.flatnonzero(np.diff(command)) + 1))
+    own = {
+        "slow output": {"flow": Samples(TIME_S[::5], flow[::5])},
+        "on change": {"command": Samples(TIME_S[changes], command[changes])},
+        "late output": {"flow": Samples(TIME_S[7::3] + 0.004, np.interp(TIME_S[7::3] + 0.004, TIME_S, flow))},
+        "gaps": {"flow": Samples(np.delete(TIME_S, slice(500, 520)), np.delete(flow, slice(500, 520)))},
+    }[sampling]
+    write_recording(replace(whole, own=own), tmp_path / f"x{ending}")
+    agrees(read_recording(tmp_path / f"x{ending}", Reading(gaps=sampling == "gaps")))
+
+
+def test_the_whole_recording_gives_what_is_true() -> None:
+    agrees(made())
