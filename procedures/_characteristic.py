@@ -76,8 +76,7 @@ def swept(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> Swept:
     ends = [_together([wait for wait in waits if wait.risen == risen]) for risen in (False, True)]
     estimate = sweep_estimate(recording.name, sweeps, ends, float(parts[0]["settling_s"]))
     speeds = tuple(sweep.speed_per_s for sweep in sweeps)
-    noise_std = float(np.median(estimate.std * np.sqrt(estimate.points.count)))
-    rounding = mean_rounding_std(noise_std, rounding_step(response.values))
+    rounding = mean_rounding_std(0.0, rounding_step(response.values))  # a standing level may never change its code
     return Swept(estimate, ends[0], ends[1], _drift(waits, rounding), rounding, speeds, command, response)
 
 
