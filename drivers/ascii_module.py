@@ -141,7 +141,7 @@ class AsciiModuleLink:
         self._checked_s = time.monotonic()
         try:
             self._recognise()
-            if self.watchdog_s is not None:
+            if self.watchdog_s is not None and self._outputs:
                 self._done(f"$%X{round(10.0 * self.watchdog_s):04d}")
         except BaseException:
             self.close()

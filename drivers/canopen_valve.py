@@ -107,7 +107,7 @@ class CanopenValveLink:
 
     The set point goes out in RPDO 4 with the control word; SYNC asks for status word and actual value, which come
     back in TPDO 1. Our heartbeat goes with every set point, so that it ends when the program does; the valve
-    watches it from the first one on.
+    watches it from the first one on. Opened without its set point the valve is left as it is, and only asked by SDO.
 
     Attributes:
         identity: vendor, product, revision and serial number as its identity object (0x1018) has them.
@@ -125,6 +125,7 @@ class CanopenValveLink:
         self.watchdog_s: float | None = settings.watchdog_s
         self.keep_alive_s: float | None = settings.watchdog_s / 4.0
         self._settings = settings
+        self._commands = bool(wiring.outputs)
         self._pdo: bytes | None = None
         self._emergency: tuple[int, int] | None = None
         self._beat_s: float | None = None
@@ -140,8 +141,9 @@ class CanopenValveLink:
                 self._network.subscribe(base + settings.node, heard)
             self._recognise()
             self.identity = self._told_identity()
-            self._configure()
-            self._activate([c.safe for c in wiring.outputs.values()])
+            if self._commands:
+                self._configure()
+                self._activate([c.safe for c in wiring.outputs.values()])
         except BaseException:
             self.close()
             raise
@@ -157,11 +159,13 @@ class CanopenValveLink:
         self._send(0x500 + self._settings.node, struct.pack("<Hhh", CLIMB[-1], counts, 0))
 
     def read(self) -> dict[str, float]:
-        """Ask with SYNC for status and actual value.
+        """Ask with SYNC for status and actual value; by SDO for the value of a valve that is not ours to command.
 
         Raises:
             LinkError: no answer, the valve is not active any more, or it has sent an emergency.
         """
+        if not self._commands:
+            return {"actual value": 100.0 * self._signed(0x6301, 1) / FULL}
         status, actual = self._synchronised()
         self._look_at(status)
         return {"actual value": 100.0 * actual / FULL}
@@ -172,7 +176,8 @@ class CanopenValveLink:
             return
         self._closed = True
         with suppress(Exception):
-            self._step_down()
+            if self._commands:
+                self._step_down()
         with suppress(Exception):
             self._network.disconnect()
         if self._network.bus is not None:

@@ -91,9 +91,9 @@ def watchdog_levels(settings: Settings) -> dict[str, float]:
     return {"flow command": 0.0 if settings.fail_safe == "block" else math.nan}
 
 
-def open_link(settings: Settings, _wiring: Wiring) -> J1939ValveLink:
-    """The bus, open, our address on it claimed; nothing else is sent before the first command."""
-    return J1939ValveLink(settings)
+def open_link(settings: Settings, wiring: Wiring) -> J1939ValveLink:
+    """The bus, open, our address on it claimed if there is something to command; nothing else is sent before that."""
+    return J1939ValveLink(settings, wiring)
 
 
 def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
@@ -112,7 +112,8 @@ def command_frame(percent: float, fail_safe: Literal["block", "float"]) -> bytes
 class J1939ValveLink:
     """A valve on J1939 (see `hil.daq.polled.Link`). Its flow is estimated by itself, not measured.
 
-    The valve tells it each 100 ms without being asked, so a reading is half as old on average.
+    Opened without its command it sends nothing. The valve tells its flow each 100 ms without being asked, so a reading
+    is half as old on average.
 
     Raises:
         LinkError: another controller has our address.
@@ -120,7 +121,7 @@ class J1939ValveLink:
 
     reading_age_s = 0.05
 
-    def __init__(self, settings: Settings) -> None:
+    def __init__(self, settings: Settings, wiring: Wiring) -> None:
         self.watchdog_s: float | None = settings.watchdog_s
         self.keep_alive_s: float | None = min(0.1, settings.watchdog_s / 3.0)
         self._settings = settings
@@ -135,6 +136,9 @@ class J1939ValveLink:
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=_ECHOES)
         self._log = wire_log("j1939_valve", settings.address)
         self._bus = open_bus(settings.address, settings.bitrate)
+        self._commands = bool(wiring.outputs)
+        if not self._commands:  # who only listens needs no address
+            return
         try:
             self._send(*self._claim.claim())
             until_s = time.monotonic() + CLAIM_WAIT_S
@@ -227,7 +231,7 @@ class J1939ValveLink:
             return False
         if identifier >> 8 & 0x3FF00 == CLAIMED and identifier & 0xFF == self._settings.device and len(data) == 8:
             self._names_device = f"NAME {int.from_bytes(data, 'little'):#018x}"
-        if answer := self._claim.answer_to(identifier, data):
+        if self._commands and (answer := self._claim.answer_to(identifier, data)):
             self._send(*answer)
         mine = identifier >> 8 & 0x3FFFF == self._group and identifier & 0xFF == self._settings.device
         if mine and len(data) == 8:

@@ -302,8 +302,9 @@ class ModbusLink:
         self._client = _client(settings, self._trace)
         try:
             self._connect()
-            self._arm(self.watchdog_s, {c.terminal: c.safe for c in wiring.outputs.values()})
-            self._leave_safe_mode({c.terminal: c.safe for c in wiring.outputs.values()})
+            if wiring.outputs:  # a device whose inputs alone are read is left as it is
+                self._arm(self.watchdog_s, {c.terminal: c.safe for c in wiring.outputs.values()})
+                self._leave_safe_mode({c.terminal: c.safe for c in wiring.outputs.values()})
             self.identity = self._identity()
         except BaseException:
             self.close()

@@ -60,7 +60,9 @@ class SimulatedDaq:
         fitted = {name: (instrument, lines.get(instrument.signal)) for name, instrument in instruments.items()}
         self._output_stages = {name: OutputStage(c, *fitted[name], settings.bits) for name, c in wiring.outputs.items()}
         self._input_stages = InputStages(wiring.inputs, fitted, settings)
-        rest = self._driven({name: np.array([level]) for name, level in self.levels.items()}, 1, 0)
+        driven = {stage.signal for stage in self._output_stages.values()}
+        self._idle = [signal.name for signal in model.definition.inputs if signal.name not in driven]
+        rest = self._driven({name: np.array([level]) for name, level in self.levels.items()}, 1, 1, 0)
         self._world = World(model, 1.0 / settings.clock_hz, {signal: values[0] for signal, values in rest.items()})
         self._zero_s = by.now_s - self._now_s
         self._samples = 0
@@ -134,7 +136,7 @@ class SimulatedDaq:
         outputs |= {name: values[:samples] for name, values in waveform.outputs.items()}
         every = round(self._settings.clock_hz / waveform.rate_hz)
         first = self._world.ticks
-        signals = self._world.advance(self._driven(outputs, every, first))
+        signals = self._world.advance(self._driven(outputs, samples, every, first))
         inputs = self._input_stages.read(signals, self.promises.read_at * every, every, samples)
         self.levels = {name: float(outputs[name][-1]) for name in self.outputs}
         self._samples += samples
@@ -148,10 +150,12 @@ class SimulatedDaq:
         self._lost = fault.kind == "lost"
         return _error(fault, self._samples)
 
-    def _driven(self, outputs: Mapping[str, Array], every: int, first_tick: int) -> dict[str, Array]:
+    def _driven(self, outputs: Mapping[str, Array], samples: int, every: int, first_tick: int) -> dict[str, Array]:
+        """What acts on the plant, tick by tick; what no output is connected to stays at zero."""
         tick_s = 1.0 / self._settings.clock_hz
-        return {stage.signal: stage.drive(outputs[name], every, first_tick, tick_s)
-                for name, stage in self._output_stages.items() if stage.signal}  # fmt: skip
+        driven = {stage.signal: stage.drive(outputs[name], every, first_tick, tick_s)
+                  for name, stage in self._output_stages.items() if stage.signal}  # fmt: skip
+        return driven | {signal: np.zeros(every * samples) for signal in self._idle}
 
     def _catch_up(self) -> None:
         """Let the time pass for which outputs have stood since the last task."""
@@ -160,7 +164,7 @@ class SimulatedDaq:
         while ticks > 0:
             some = min(ticks, _TICKS_AT_ONCE)
             still = {name: np.full(some, level) for name, level in self.levels.items()}
-            self._world.advance(self._driven(still, 1, self._world.ticks))
+            self._world.advance(self._driven(still, some, 1, self._world.ticks))
             ticks -= some
 
     def _check_punctual(self, too_late: type[HardwareError]) -> None:

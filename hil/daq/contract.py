@@ -86,30 +86,32 @@ class Promises:
 
 @dataclass(frozen=True, slots=True)
 class Waveform:
-    """Samples for one or more outputs, started together on one clock; outputs not named hold their level.
+    """Samples for outputs, started together on one clock; outputs not named hold their level.
 
-    `outputs` has one array of shape (n,) for each name, n ≥ 1.
+    `outputs` has one array of shape (n,) for each name, n ≥ 1. Without any output it says by `count` how often the
+    inputs are read: a bench is looked at so, its devices opened with their inputs alone.
 
     Raises:
-        RangeError: no output, no sample, or arrays of different lengths.
+        RangeError: no sample, or arrays of different lengths.
     """
 
     rate_hz: float
     outputs: Mapping[str, Array]
+    count: int = 0
 
     def __post_init__(self) -> None:
-        lengths = {name: len(values) for name, values in self.outputs.items()}
+        lengths = {name: len(values) for name, values in self.outputs.items()} or {"inputs alone": self.count}
         if len(set(lengths.values())) != 1 or 0 in lengths.values():
             raise RangeError(f"outputs of one waveform need the same number of samples, at least one: {lengths}")
 
     def __len__(self) -> int:
-        return len(next(iter(self.outputs.values())))
+        return len(next(iter(self.outputs.values()))) if self.outputs else self.count
 
     def slices(self, samples: int) -> Iterator[Waveform]:
         """The waveform in pieces of at most `samples`."""
         for first in range(0, len(self), samples):
             piece = {name: values[first : first + samples] for name, values in self.outputs.items()}
-            yield Waveform(self.rate_hz, piece)
+            yield Waveform(self.rate_hz, piece, min(samples, len(self) - first))
 
 
 @dataclass(frozen=True, slots=True)

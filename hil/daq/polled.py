@@ -345,7 +345,9 @@ class PolledDaq:
     def _run(self, waveform: Waveform, due_s: float, task: _Task) -> float:
         """Play one waveform from `due_s` on, hand its blocks over, and return when the next sample is due."""
         interval_s = 1.0 / waveform.rate_hz
-        rows = list(zip(*(values.tolist() for values in waveform.outputs.values()), strict=True))
+        rows = list(zip(*(values.tolist() for values in waveform.outputs.values()), strict=True)) or [()] * len(
+            waveform
+        )
         names = tuple(waveform.outputs)
         task.pace.planned(len(rows) * interval_s, interval_s)
         taken = self._nothing_taken()

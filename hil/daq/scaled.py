@@ -70,7 +70,7 @@ class Scaled:
 
     def _raw(self, waveform: Waveform) -> Waveform:
         raw = {name: self._calibrations[name].to_raw(values) for name, values in waveform.outputs.items()}
-        return Waveform(waveform.rate_hz, raw)
+        return Waveform(waveform.rate_hz, raw, waveform.count)
 
     def _values(self, block: Block) -> Block:
         channels = self._daq.inputs

@@ -308,7 +308,7 @@ def test_watchdog_is_told_its_time_in_its_own_unit_and_where_the_output_is_safe(
     wiring = Wiring({"valve": OutputChannel("valve", "ao0", "voltage", "V", 0.0, 10.0, 5.0)}, {})
     for connected, written in (
         (wiring, [(140, count), (141, 5000), (142, 1)]),
-        (Wiring({}, {}), [(140, count), (142, 1)]),
+        (Wiring({}, {}), []),  # a device without an output in use is left as it is
     ):
         device = Bytes()
         settings = modbus.LineSettings(address=device.address, watchdog_s=2.0)

@@ -33,24 +33,25 @@ def live_zeros(file: BenchFile, _day: dt.date) -> Iterator[str]:
     """Transmitters whose broken wire is taken for a reading (4 … 20 mA, 1 … 5 V): no interlock acts on it."""
     for name, channel in file.bench.channels.items():
         terminal = _terminal(file, channel)
-        if not channel.is_output and _has_live_zero(channel, terminal) and not _is_noticed(file, name):
+        if not channel.is_output and has_live_zero(channel, terminal) and not _is_noticed(file, name):
             dead = channel.line.value_at(0.0)
             yield (
-                f"channel '{name}': its zero is at {_zero(channel):.3g} {terminal.unit}, so that a broken wire reads "
+                f"channel '{name}': its zero is at {zero_of(channel):.3g} {terminal.unit}, so that a broken wire reads "
                 f"{dead:g} {channel.unit} and no interlock acts on that: give it one with raw_low = "
-                f'{0.9 * _zero(channel):.2g} and action = "stop"'
+                f'{0.9 * zero_of(channel):.2g} and action = "stop"'
             )
 
 
-def _has_live_zero(channel: ChannelEntry, terminal: Terminal) -> bool:
+def has_live_zero(channel: ChannelEntry, terminal: Terminal) -> bool:
+    """Whether the quantity is zero where the terminal is not: a reading near the terminal's zero is a broken wire."""
     low, high = channel.range or (terminal.low, terminal.high)
-    share = _zero(channel) / high if high > 0.0 else 0.0
+    share = zero_of(channel) / high if high > 0.0 else 0.0
     if terminal.kind == "current":
         return low <= 0.0 and _LEAST <= share <= 1.0
     return terminal.kind == "voltage" and low <= 0.0 and _LEAST <= share <= _MOST
 
 
-def _zero(channel: ChannelEntry) -> float:
+def zero_of(channel: ChannelEntry) -> float:
     """Where the quantity is zero, in the terminal's unit."""
     return channel.line.raw_at(0.0)
 

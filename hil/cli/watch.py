@@ -1,0 +1,137 @@
+"""`hil watch`: what every input of a bench reads, without an output being opened."""
+
+from __future__ import annotations
+
+import math
+import sys
+import time
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from hil.bench.hand.reading import Reading
+
+_HEADINGS = ("channel", "raw", "value", "noise", "age [s]", "state")
+
+
+def command(
+    bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+    channels: list[str] = typer.Option([], "--channel", metavar="NAME", help="Only this input; again for more."),
+    seconds: float = typer.Option(math.inf, "--seconds", metavar="S", help="End after so long; default: at Ctrl-C."),
+    every: float = typer.Option(0.5, "--every", metavar="S", help="How often the readings are shown."),
+    csv: Path | None = typer.Option(None, "--csv", metavar="FILE", help="Write every row that is shown here too."),
+    as_json: bool = typer.Option(False, "--json", help="Say at the end how each input stands, schema hil.watch/1."),
+) -> None:
+    """Every input of a bench: raw value, value, noise, age, and in words whether it can be believed.
+
+    No output is opened, and nothing is written to a device that could move one. A device that does not answer is asked
+    again each second; when one does not at the end, the exit status is 3.
+    """
+    from hil.bench.find import find_bench
+    from hil.bench.hand.inputs import inputs_of
+    from hil.bench.read import read_bench
+    from hil.cli.places import check_file
+    from hil.errors import LinkError, SettingError
+    from hil.safety.interrupt import terminable
+
+    if not 0.05 <= every <= 60.0 or not seconds > 0.0:
+        raise SettingError("--every: 0.05 … 60 s, and --seconds more than 0")
+    file = read_bench(find_bench(bench))
+    if csv is not None:
+        check_file(csv)
+    with terminable(), ExitStack() as stack:
+        looked = stack.enter_context(inputs_of(file, channels))
+        show = (lambda _at_s, _readings: None) if as_json else stack.enter_context(_shown())
+        keep = _kept(stack.enter_context(csv.open("w", encoding="utf-8"))) if csv else (lambda _at_s, _readings: None)
+        readings: Sequence[Reading] = []
+        for step in range(math.ceil(min(seconds / every, 1e12) - 1e-9)):
+            begun_s = time.monotonic()
+            readings = looked.look(every)
+            show((step + 1) * every, readings)
+            keep((step + 1) * every, readings)
+            if not file.is_simulated or sys.stdout.isatty():  # virtual time waits only for somebody who looks on
+                time.sleep(max(0.0, begun_s + every - time.monotonic()))
+        if as_json:
+            typer.echo(_as_json(file.bench.name, readings))
+        if looked.failures:
+            raise LinkError("; ".join(looked.failures.values()))
+
+
+@contextmanager
+def _shown() -> Iterator[Callable[[float, Sequence[Reading]], None]]:
+    """A function that shows readings: a table that lives on a terminal, lines elsewhere."""
+    if not sys.stdout.isatty():
+        yield _plain
+        return
+    from rich.console import Console
+    from rich.live import Live
+
+    with Live(console=Console(), auto_refresh=False) as live:
+        yield lambda _at_s, readings: live.update(_table(readings), refresh=True)
+
+
+def _plain(at_s: float, readings: Sequence[Reading]) -> None:
+    width = max(len(reading.name) for reading in readings)
+    for reading in readings:
+        name, raw, value, noise, age, state = _row(reading)
+        typer.echo(f"{at_s:8.1f} s  {name:{width}}  {raw:>14}  {value:>16}  noise {noise}  age {age} s  {state}")
+
+
+def _table(readings: Sequence[Reading]) -> Any:
+    from rich.table import Table
+    from rich.text import Text
+
+    table = Table(*_HEADINGS)
+    for reading in readings:
+        *cells, state = _row(reading)
+        table.add_row(*map(Text, cells), Text(state, style="" if state == "ok" else "bold red"))
+    return table
+
+
+def _row(reading: Reading) -> tuple[str, str, str, str, str, str]:
+    noise = "–" if reading.noise is None else f"{reading.noise:.3g} {_unit(reading.unit)}".strip()
+    return (
+        reading.name, _number(reading.raw, reading.raw_unit), _number(reading.value, reading.unit), noise,
+        f"{reading.age_s:.1f}", reading.state,
+    )  # fmt: skip
+
+
+def _number(value: float | None, unit: str) -> str:
+    return "–" if value is None or not math.isfinite(value) else f"{value:.5g} {_unit(unit)}".strip()
+
+
+def _unit(unit: str) -> str:
+    return "" if unit == "1" else unit
+
+
+def _kept(stream: IO[str]) -> Callable[[float, Sequence[Reading]], None]:
+    """Rows of a recording: time, and each input's value; empty where there is no measurement."""
+    import csv
+
+    rows = csv.writer(stream, lineterminator="\n")
+    headed: list[bool] = []
+
+    def keep(at_s: float, readings: Sequence[Reading]) -> None:
+        if not headed:
+            rows.writerow(["time [s]", *(f"{reading.name} [{reading.unit}]" for reading in readings)])
+            headed.append(True)
+        rows.writerow([f"{at_s:.6g}", *(_cell(reading) for reading in readings)])
+        stream.flush()
+
+    return keep
+
+
+def _cell(reading: Reading) -> str:
+    told = reading.value is not None and math.isfinite(reading.value) and not reading.state.startswith("stale")
+    return f"{reading.value:.9g}" if told else ""
+
+
+def _as_json(bench: str, readings: Sequence[Reading]) -> str:
+    from hil.record.plain import to_json
+
+    return to_json({"schema": "hil.watch/1", "bench": bench, "channels": list(readings)})

@@ -1,0 +1,67 @@
+"""A device that is opened with its inputs alone is read and left as it is: no output moves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import nidaqmx
+import nidaqmx.system
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.read import BenchFile, read_bench
+from hil.daq.contract import Waveform
+from tests.links import served
+from tests.ni_board import Board, Device, Task
+
+
+@pytest.mark.parametrize("bench", ["hpv41-modbus-tcp", "hpv41-serial", "hpv41-canopen", "hpv41-j1939",
+                                   "cummins-efc-modbus"])  # fmt: skip
+def test_every_device_is_read_and_left_as_it_is(bench: str, tmp_path: Path) -> None:
+    with served(bench, tmp_path) as (file, devices):
+        driven = [_counted(device) for device in devices.values()]
+        for name, device in file.devices.items():
+            inputs = _inputs_of(file, name)
+            if not inputs:
+                continue
+            daq = device.open(inputs)
+            assert daq.outputs == {} and daq.levels == {}
+            blocks = list(daq.play(Waveform(daq.actual_rate_hz(10.0), {}, 3)))
+            assert sum(map(len, blocks)) == 3 and set(blocks[0].inputs) == set(inputs)
+            daq.close()
+        assert driven == [[] for _ in devices]
+
+
+def _inputs_of(file: BenchFile, device: str) -> dict[str, object]:
+    return {name: c for name, c in file.bench.channels.items() if c.device == device and not c.is_output}
+
+
+def _counted(device: object) -> list[object]:
+    """What a device is told to drive from now on, beyond its coming back to rest by itself."""
+    told: list[object] = []
+    drive = device._side.drive  # type: ignore[attr-defined]
+    device._side.drive = lambda values: (told.append(values), drive(values))  # type: ignore[attr-defined]
+    return told
+
+
+def test_ni_board_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = Board()
+    for kind in (Task, Device):
+        monkeypatch.setattr(kind, "board", board, raising=False)
+    monkeypatch.setattr(nidaqmx, "Task", Task)
+    monkeypatch.setattr(nidaqmx.system, "Device", Device)
+    file = read_bench(benches()["hpv41-usb-6211"])
+    board.levels["ao0"] = 3.0
+    daq = file.devices["daq"].open(_inputs_of(file, "daq"))
+    blocks = list(daq.play(Waveform(1000.0, {}, 8), 4))
+    assert [len(block) for block in blocks] == [4, 4] and daq.outputs == {}
+    daq.close()
+    assert (board.levels["ao0"], board.open) == (3.0, 0)
+
+
+def test_a_simulated_device_too() -> None:
+    file = read_bench(benches()["brevini-hpv41"])
+    (name,) = file.devices
+    daq = file.devices[name].open(_inputs_of(file, name))
+    (block,) = daq.play(Waveform(100.0, {}, 50))
+    assert len(block) == 50 and abs(block.inputs["flow"].mean()) < 0.5

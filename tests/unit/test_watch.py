@@ -1,0 +1,100 @@
+"""`hil watch`: the words for a reading, and that looking at a bench writes nothing to its devices."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from hil.bench.find import benches
+from hil.bench.hand.inputs import inputs_of
+from hil.bench.hand.reading import Followed
+from hil.bench.read import read_bench
+from hil.cli.app import _assembled
+from hil.errors import LinkError, SettingError
+from sim_devices._quirks import Quirks
+from tests.links import bench_text, served
+from tests.recorded_line import RecordedLine
+
+
+def _state(raw: Iterable[float], folder: Path, *changes: tuple[str, str], channel: str = "flow") -> str:
+    path = folder / "bench.toml"
+    path.write_text(bench_text("brevini-hpv41", *changes), encoding="utf-8")
+    followed = Followed(channel, read_bench(path))
+    values = np.array(list(raw))
+    followed.take(np.arange(len(values)) * 0.1, values)
+    return followed.reading(0.0).state
+
+
+def test_readings_in_words(tmp_path: Path) -> None:
+    assert _state([1.0, 1.1, 1.0], tmp_path) == "ok"
+    assert _state([1.0, 1.1, math.nan], tmp_path) == "no measurement"
+    assert _state([1.0, 11.0], tmp_path).startswith("over-range: at the upper end")
+    assert _state([1.0] * 80, tmp_path).startswith("frozen: unchanged for 7.9 s")
+    assert _state([1.0] * 80 + [1.1], tmp_path) == "ok"
+
+
+def test_a_live_zero_tells_a_broken_wire(tmp_path: Path) -> None:
+    text = bench_text("brevini-hpv41")
+    (old,) = re.findall(r'\[channels\."supply pressure"\][^\[]*', text)
+    live = re.sub(r"calibration = \{[^}]*\}", "calibration = { slope = 31.25, offset = -62.5 }", old)
+    assert live != old
+    assert _state([1.7, 1.71], tmp_path, (old, live), channel="supply pressure").startswith("open wire: below 1.8 V")
+    assert _state([1.9, 1.91], tmp_path, (old, live), channel="supply pressure") == "ok"
+
+
+def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path: Path) -> None:
+    with served("hpv41-modbus-tcp", tmp_path) as (file, devices):
+        (device,) = devices.values()
+        line = RecordedLine(device.port)
+        path = tmp_path / "through.toml"
+        path.write_text(file.text.replace(f":{device.port}", f":{line.port}"), encoding="utf-8")
+        with inputs_of(read_bench(path)) as looked:
+            for _ in range(3):
+                readings = looked.look(0.2)
+        line.close()
+        assert {reading.state for reading in readings} == {"ok"}, readings
+        assert line.modbus_functions <= {3, 4, 43} and 4 in line.modbus_functions
+        assert device._side._field.levels["command"] == 0.0
+
+
+def test_a_device_that_does_not_answer_is_stale_and_then_back(tmp_path: Path) -> None:
+    with served("hpv41-modbus-tcp", tmp_path) as (file, devices):
+        (device,) = devices.values()
+        with inputs_of(file, ["flow"]) as looked:
+            looked.look(0.2)
+            device.behaviour.quirks = Quirks(silent=True)
+            told = [looked.look(0.2)[0] for _ in range(3)]
+            assert told[-1].state.startswith("stale: ") and "no valid answer" in told[-1].state
+            assert list(looked.failures) == [*file.devices]
+            device.behaviour.quirks = Quirks()
+            assert any(looked.look(0.3)[0].state == "ok" for _ in range(12))
+            assert not looked.failures
+
+
+def test_what_cannot_be_looked_at() -> None:
+    file = read_bench(benches()["brevini-hpv41"])
+    with pytest.raises(SettingError, match="is an output"), inputs_of(file, ["command"]):
+        pass
+
+
+def test_command_line(tmp_path: Path) -> None:
+    runner, app = CliRunner(), _assembled()
+    out = tmp_path / "rows.csv"
+    found = runner.invoke(app, ["watch", "brevini-hpv41", "--seconds", "1", "--json", "--csv", str(out)])
+    told = json.loads(found.stdout)
+    assert found.exit_code == 0 and told["schema"] == "hil.watch/1"
+    assert {c["name"]: c["state"] for c in told["channels"]}["flow"] == "ok"
+    rows = list(csv.reader(out.read_text(encoding="utf-8").splitlines()))
+    assert rows[0][:2] == ["time [s]", "flow [l/min]"] and len(rows) == 3
+    nobody = tmp_path / "nobody.toml"
+    nobody.write_text(re.sub(r"127\.0\.0\.1:\d+", "127.0.0.1:1", bench_text("hpv41-modbus-tcp")), encoding="utf-8")
+    found = runner.invoke(app, ["watch", str(nobody), "--seconds", "0.5"])
+    assert isinstance(found.exception, LinkError) and "no measurement: io: 127.0.0.1:1" in found.stdout
