@@ -127,10 +127,13 @@ def _figures(place: str, steps: list[MeasuredStep], pressure_std: float) -> list
 
 
 def _mean(repeats: list[tuple[float, float]]) -> tuple[float, float]:
-    """Mean of the repeats, with what they state or how they scatter, whichever is larger."""
+    """Mean of the repeats, with what one of them states or how their mean scatters, whichever is larger.
+
+    What the evaluation itself is off by is the same in every repeat, and does not average out.
+    """
     values, stds = (np.array(column) for column in zip(*repeats, strict=True))
     scatter = float(values.std(ddof=1)) / math.sqrt(len(values)) if len(values) > 1 else 0.0
-    return float(values.mean()), max(scatter, float(np.sqrt(np.mean(stds**2))) / math.sqrt(len(values)))
+    return float(values.mean()), max(scatter, float(np.sqrt(np.mean(stds**2))))
 
 
 def _curve(
