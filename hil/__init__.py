@@ -22,9 +22,8 @@ if TYPE_CHECKING:
         Results,
         average,
         compare,
-        corners,
+        compose,
         diagnose,
-        estimate_online,
         find_runs,
         identify,
         load_model,
@@ -40,9 +39,9 @@ if TYPE_CHECKING:
     )  # fmt: skip
 
 __all__ = [
-    "Model", "Recording", "Results", "average", "compare", "corners", "diagnose", "estimate_online", "find_runs",
-    "identify", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
-    "typical_model", "write",
+    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "find_runs", "identify",
+    "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models", "typical_model",
+    "write",
 ]  # fmt: skip
 
 

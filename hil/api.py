@@ -32,11 +32,9 @@ if TYPE_CHECKING:
     from hil.archive.entry import Entry
     from hil.bench.rig import BenchRig
     from hil.diagnosis.diagnose import Diagnosed
-    from hil.identification.asymptotic_bode import AsymptoticFit
     from hil.identification.compare import Comparison
     from hil.identification.step_models import StepModels
     from hil.record.response_table import ResponseTable
-    from hil.session.analyses import OnlineEstimate
     from hil.session.identification import Identified
     from hil.session.outcome import Outcome
 
@@ -44,9 +42,9 @@ Progress = Callable[[float, str], None]
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 __all__ = [
-    "Model", "Recording", "Results", "average", "compare", "corners", "diagnose", "estimate_online", "find_runs",
-    "identify", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
-    "typical_model", "write",
+    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "find_runs", "identify",
+    "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models", "typical_model",
+    "write",
 ]  # fmt: skip
 
 
@@ -157,43 +155,18 @@ def step_models(
     return models_of_steps(recording, *channels_of(recording, input, output), beside, band)
 
 
-def corners(response: ResponseTable, poles: int, zeros: int = 0) -> AsymptoticFit:
-    """Real poles and zeros from the magnitude of a frequency response (`hil analyse corners`)."""
-    from hil.session.analyses import corners_of
-
-    return corners_of(response, poles, zeros)
-
-
-def estimate_online(
-    recording: Recording,
-    poles: int,
-    inputs: int,
-    *,
-    input: str = "",
-    output: str = "",
-    delay: int = 0,
-    difference: bool = False,
-    memory: float = 1.0,
-    prior_std: float = 1e3,
-) -> OnlineEstimate:
-    """Recursive least squares over a recording; its `estimator` goes on with `update` (`hil analyse recursive`).
+def compose(curve: str | Path, dynamics: Model) -> Model:
+    """A measured flow curve and a transfer function as one model (`hil analyse compose`).
 
     Args:
-        recording: with even stamps.
-        poles: number of coefficients a1 ….
-        inputs: number of coefficients b0 ….
-        input: name of the command, where the recording does not say it.
-        output: name of the response, likewise.
-        delay: samples by which the input is late.
-        difference: of changes from sample to sample.
-        memory: weight of a sample that is one older.
-        prior_std: of each parameter before the first sample.
+        curve: run of `flow_curve`, or CSV with command and flow.
+        dynamics: a model of the plant `transfer-function`; its gain at rest is left out.
     """
-    from hil.identification.recursive_least_squares import ArxForm
-    from hil.session.analyses import channels_of, estimated_online
+    from hil.identification.curve_model import curve_model
+    from hil.session.analyses import flow_curve_of, linear_of
 
-    form = ArxForm(poles, inputs, delay, difference)
-    return estimated_online(recording, *channels_of(recording, input, output), form, memory=memory, prior_std=prior_std)
+    found = flow_curve_of(Path(curve))
+    return curve_model(found.command, found.flow, linear_of(dynamics, "dynamics"), found.input, found.output)
 
 
 def compare(

@@ -59,6 +59,32 @@ def step(
     _show([one.as_dict() for one in found], "\n".join(one.as_text() for one in found), as_json)
 
 
+@group.command("compose")
+def compose(
+    curve: Path = typer.Argument(..., metavar="CURVE", help="Run of flow_curve, or CSV: command, flow."),
+    responses: list[Path] = typer.Argument(
+        ..., metavar="RESPONSE...", help="Tables of a frequency response or runs, averaged; or one MODEL.json."
+    ),
+    out: Path = typer.Option(..., "--out", metavar="MODEL.json", help="Model to write."),
+    poles: int = typer.Option(3, "--poles", min=1, max=3, help="Of the dynamics."),
+    zeros: int = typer.Option(1, "--zeros", min=0, max=1, help="Of the dynamics."),
+    dead_time: bool = typer.Option(False, "--dead-time/--no-dead-time", help="Whether they have one."),
+    weights: str = typer.Option("", "--weights", metavar="relative|uniform", help="Of lines without uncertainty."),
+    part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
+) -> None:
+    """A measured flow curve and a mean transfer function as one model: section 8 and figure 17 of the HPV41 paper."""
+    from hil.cli.places import check_file
+    from hil.identification.table_fit import orders_of
+    from hil.physics.formula import formula
+    from hil.physics.model import save_model
+    from hil.session.analyses import composed
+
+    check_file(out, [curve, *responses])
+    made, linear = composed(curve, responses, orders_of(poles, zeros, dead_time, weights), part=part)
+    save_model(made, out)
+    typer.echo(f"{out}: {made.input} → {made.output}\n  dynamics {formula(linear)}")
+
+
 @group.command("corners")
 def corners(
     table: Path = typer.Argument(..., metavar="TABLE|RUN", help="Frequency response."),

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, InputError, StorageError
+from hil.errors import FileError, InputError, StorageError, UnitError
 from hil.identification.asymptotic_bode import AsymptoticFit, asymptotic_bode
+from hil.identification.curve_model import curve_model
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.recursive_least_squares import (
     ArxForm,
@@ -22,8 +23,8 @@ from hil.identification.recursive_least_squares import (
 )
 from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.identification.step_models import StepModels, step_models
-from hil.identification.table_fit import as_response
-from hil.physics.model import Model
+from hil.identification.table_fit import Orders, as_response, averaged, fit_tables
+from hil.physics.model import Model, load_model
 from hil.physics.published.tugsal import (
     CLASSIFIED_CURRENT_A,
     Level,
@@ -34,8 +35,10 @@ from hil.physics.published.tugsal import (
 )
 from hil.physics.transfer_function import TransferFunction, from_parameters
 from hil.record.plain import plain
-from hil.record.recording import Array, Recording
+from hil.record.read import read_recording
+from hil.record.recording import Array, Recording, split_heading
 from hil.record.response_table import ResponseTable
+from hil.session.responses import read_responses
 
 _LINEAR = "transfer-function"
 _MEMBERSHIPS = ("left trapezoid", "left triangle", "right triangle", "right trapezoid")
@@ -309,3 +312,79 @@ def error_between(
         )
     pressures = [one.values(output_name, "psi")[:shared] for one in (measured, reference)]
     return thesis_error(pressures[0], pressures[1], 1.0 / steps[0], level)
+
+
+# -- figure 17 ---------------------------------------------------------------------------------------------
+
+
+def composed(
+    curve: Path, responses: Sequence[Path], orders: Orders, normalised: bool = True, part: str = ""
+) -> tuple[Model, TransferFunction]:
+    """A flow curve and the mean of frequency responses as one model: section 8 of the HPV41 paper.
+
+    Args:
+        curve: run of `flow_curve`, or a table of it as CSV.
+        responses: tables or runs, or one model file of a transfer function.
+        orders: of the transfer function that is fitted to the mean.
+        normalised: whether each response is taken over its lowest line first.
+        part: of runs with several responses, this one.
+
+    Returns:
+        The model, and its dynamics.
+    """
+    levels = flow_curve_of(curve)
+    if len(responses) == 1 and responses[0].suffix == ".json":
+        linear = linear_of(load_model(responses[0]), str(responses[0]))
+    else:
+        mean = averaged(read_responses(responses, part=part), normalised=normalised)
+        linear = fit_tables([mean], orders=orders).fit.model
+    made = curve_model(levels.command, levels.flow, linear, levels.input, levels.output)
+    origin = {"curve": str(curve), "responses": [str(path) for path in responses]}
+    return replace(made, origin=origin), linear
+
+
+@dataclass(frozen=True, slots=True)
+class FlowCurve:
+    """A steady curve: levels of the command and the response between its branches, shape (n,), and their headings."""
+
+    command: Array
+    flow: Array
+    input: str
+    output: str
+
+
+def flow_curve_of(path: Path) -> FlowCurve:
+    """The flow curve of a run, or of a CSV: command first, then one column, or `rising` and `falling`.
+
+    Raises:
+        FileError: no flow curve in it.
+    """
+    if path.is_dir():
+        from hil.session.results import results_of_run
+
+        curves = [one for one in results_of_run(path).curves if one.name == "flow_curve"]
+        if not curves:
+            raise FileError(f"{path}: the run measured no flow curve; `hil run flow_curve` does")
+        roles = read_recording(path).meta["roles"]
+        heads = [f"{column.name} [{column.unit}]" for column in curves[0].columns]
+        rows = np.array(curves[0].rows, dtype=np.float64)
+        found = _between(path, heads, rows)
+        unit_in, unit_out = (split_heading(text)[1] for text in (found.input, found.output))
+        return replace(found, input=f"{roles['command']} [{unit_in}]", output=f"{roles['response']} [{unit_out}]")
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            heads, *lines = list(csv.reader(file))
+        return _between(path, heads, np.array(lines, dtype=np.float64))
+    except (OSError, ValueError, UnitError) as error:
+        raise FileError(f"{path}: not a flow curve as CSV, `command [%],flow [l/min]` and rows: {error}") from error
+
+
+def _between(path: Path, heads: Sequence[str], rows: Array) -> FlowCurve:
+    """The middle between the branches, levels rising."""
+    names = [split_heading(head)[0] for head in heads]
+    picked = [names.index(name) for name in ("rising", "falling") if name in names] or [1]
+    if rows.ndim != 2 or rows.shape[1] <= max(picked) or not np.all(np.isfinite(rows[:, [0, *picked]])):
+        raise FileError(f"{path}: not a flow curve: a command and a response are needed on every row")
+    order = np.argsort(rows[:, 0], kind="stable")
+    flow = rows[order][:, picked].mean(axis=1)
+    return FlowCurve(rows[order, 0], flow, heads[0], heads[picked[0]])
