@@ -34,7 +34,7 @@ def _options(
 
 def _assembled() -> typer.Typer:
     app = typer.Typer(
-        no_args_is_help=True, add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None,
+        no_args_is_help=True, add_completion=True, pretty_exceptions_enable=False, rich_markup_mode=None,
         help="Test, identify and diagnose electrically modulated hydraulic valves.",
     )  # fmt: skip
     app.callback(invoke_without_command=True)(_options)

@@ -14,13 +14,16 @@ import typer
 from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
-    from hil.record.measurement import Measurement
+    from collections.abc import Mapping
+
+    from hil.record.measurement import Limit, Measurement
+    from hil.session.labels import Labels
     from hil.session.procedure import Procedure
     from hil.session.rehearsal import Rehearsal
 
 
 def command(
-    procedure: str = typer.Argument(..., metavar="PROCEDURE", help="Name of an installed procedure."),
+    procedure: str = typer.Argument("", metavar="PROCEDURE", help="Name of an installed procedure."),
     bench: str = typer.Option("", "--bench", metavar="BENCH.toml", help="Bench file, or the name of an installed one."),
     settings: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="A setting; may be given again."),
     limits: list[str] = typer.Option(
@@ -37,17 +40,26 @@ def command(
     rehearse: bool = typer.Option(
         False, "--rehearse", help="First play it on the simulated valve; drive only what goes through there."
     ),
+    rehearse_only: bool = typer.Option(
+        False, "--rehearse-only", help="Play it on the simulated valve, and no further."
+    ),
     resume: Path | None = typer.Option(
-        None, "--resume", metavar="RUN", help="Go on where this run was broken off, with its settings."
+        None, "--resume", metavar="RUN", help="Go on where this run was broken off: its procedure, bench and settings."
     ),
     describe: bool = typer.Option(False, "--describe", help="Say what the procedure does and takes; run nothing."),
 ) -> None:
     """Run a procedure on a bench; leaves a run folder with samples, findings and report."""
     from hil.cli.progress import shown
-    from hil.session.limit import split_limits
+    from hil.session.labels import labelled, labels_of
+    from hil.session.limit import checked_limits, split_limits
     from hil.session.procedure import load_procedure
     from hil.session.setting import split_assignments
 
+    labels = labels_of(serial, operator, notes)
+    if resume is not None:
+        procedure, bench, labels = _resumed(resume, procedure, bench, labels)
+    if not procedure:
+        raise typer.BadParameter("say which procedure: `hil list procedures` shows them", param_hint="PROCEDURE")
     chosen = load_procedure(procedure)
     if describe:
         typer.echo(_described(chosen))
@@ -60,25 +72,26 @@ def command(
     from hil.cli.said import say
     from hil.report.terminal import findings_text
     from hil.safety.outputs import Outputs
-    from hil.session.labels import labelled, labels_of
     from hil.session.run import rehearse_procedure, run_procedure
 
     found = read_bench(find_bench(bench))
-    found, labels = labelled(found, chosen, labels_of(serial, operator, notes), _asked if sys.stdin.isatty() else None)
+    found, labels = labelled(found, chosen, labels, _asked if sys.stdin.isatty() else None)
     folder = out or Path("runs") / _folder_name(chosen.name, labels.serial)
     check_folder(folder)
     given = split_assignments(settings)
+    judged_by = checked_limits(chosen.measurements, split_limits(limits))
     known = Outputs()
     try:
-        if rehearse:
+        if rehearse or rehearse_only:
             with shown() as progress:
                 rehearsed = rehearse_procedure(chosen, found, given, progress, resume)
             typer.echo(_rehearsed(rehearsed))
-        typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}")
+        if rehearse_only:
+            return
+        understood = _understood(chosen, given, judged_by)
+        typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}{understood}")
         with shown() as progress:
-            outcome = run_procedure(
-                chosen, found, given, folder, progress, resets, split_limits(limits), resume, known, labels
-            )
+            outcome = run_procedure(chosen, found, given, folder, progress, resets, judged_by, resume, known, labels)
     except BaseException as error:  # said here: on its way up typer would make something else of some
         known.mark(error)
         stopped = isinstance(error, KeyboardInterrupt)
@@ -90,6 +103,20 @@ def command(
         typer.echo(f"report: {outcome.report}")
     _enter(archive, folder)
     raise typer.Exit(outcome.exit_status)
+
+
+def _resumed(run: Path, procedure: str, bench: str, labels: Labels) -> tuple[str, str, Labels]:
+    """Procedure, bench and labels: those that were given, else those of the run that is resumed."""
+    from hil.session.labels import Labels
+    from hil.session.resume import told_by
+
+    told = told_by(run)
+    either = Labels(
+        labels.serial or told.labels.serial,
+        labels.operator or told.labels.operator,
+        {**told.labels.notes, **labels.notes},
+    )
+    return procedure or told.procedure, bench or told.bench, either
 
 
 def _asked() -> str:
@@ -129,6 +156,20 @@ def _entered(archive: str, folder: Path) -> str:
 
 def _kept(folder: Path) -> str:
     return f"what was recorded is kept in {folder}" if folder.exists() else ""
+
+
+def _understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[str, Limit]) -> str:
+    """Settings and limits that were typed, as they were understood; each on a line of its own."""
+    from hil.report.number import MINUS, limits_text
+    from hil.session.setting import parse_settings
+
+    values = parse_settings(procedure.settings, given)
+    said = [f"setting {procedure.settings[name].echoed(values[name])}" for name in given]
+    units = {measurement.name: measurement.unit for measurement in procedure.measurements}
+    for name, limit in limits.items():
+        text = limits_text(limit.low, limit.high).replace(MINUS, "-")
+        said.append(f"limit {name} {text} {units[name.partition(', ')[0]]}".rstrip())
+    return "".join(f"\n{line}" for line in said)
 
 
 def _rehearsed(rehearsal: Rehearsal) -> str:

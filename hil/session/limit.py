@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from hil.errors import SettingError
 from hil.record.measurement import Limit, Measurement
+from hil.session.quantity import number_in
 
 
-def split_limits(texts: Iterable[str]) -> dict[str, Limit]:
-    """`["bandwidth_3db=1..", "thd=..5", "gain=0.6..0.8"]` by name.
+def split_limits(texts: Iterable[str]) -> dict[str, TypedLimit]:
+    """`["bandwidth_3db=1..", "thd=..5 %", "rise=..0.2s"]` by name.
 
     Raises:
         SettingError: a text of another form, a limit given twice, or one that nothing can lie in.
     """
-    found: dict[str, Limit] = {}
+    found: dict[str, TypedLimit] = {}
     for text in texts:
         name, equals, span = (part.strip() for part in text.partition("="))
         low, dots, high = (part.strip() for part in span.partition(".."))
@@ -24,35 +25,45 @@ def split_limits(texts: Iterable[str]) -> dict[str, Limit]:
             raise SettingError(f"limit '{text}' is not NAME=LOW..HIGH; one of the two may be left out")
         if name in found:
             raise SettingError(f"limit '{name}' is given twice")
-        found[name] = Limit(_number(text, low), _number(text, high))
+        found[name] = TypedLimit(low, high)
     return found
 
 
-def checked_limits(measurements: Iterable[Measurement], limits: Mapping[str, Limit]) -> dict[str, Limit]:
+@dataclass(frozen=True, slots=True)
+class TypedLimit:
+    """A limit as it was typed, an end with a unit or without; an empty one was left out."""
+
+    low: str
+    high: str
+
+    def in_unit(self, name: str, unit: str) -> Limit:
+        """The limit in the unit of what it is of.
+
+        Raises:
+            SettingError: an end that is no number, or in a unit of another kind.
+        """
+        ends = [number_in(end, unit, f"limit {name}") if end else None for end in (self.low, self.high)]
+        return Limit(*ends)
+
+
+def checked_limits(measurements: Iterable[Measurement], limits: Mapping[str, Limit | TypedLimit]) -> dict[str, Limit]:
     """The limits, each for something that the procedure measures.
 
     Raises:
         SettingError: a name that it does not measure, or a lower limit above the upper one.
     """
-    known = [measurement.name for measurement in measurements]
-    for name, limit in limits.items():
-        if name.partition(", ")[0] not in known:
+    known = {measurement.name: measurement.unit for measurement in measurements}
+    found: dict[str, Limit] = {}
+    for name, given in limits.items():
+        quantity = name.partition(", ")[0]
+        if quantity not in known:
             raise SettingError(f"limit '{name}': not measured here; measured are: {', '.join(known) or 'nothing'}")
+        limit = found[name] = given.in_unit(name, known[quantity]) if isinstance(given, TypedLimit) else given
         if limit.low is not None and limit.high is not None and limit.low > limit.high:
             raise SettingError(f"limit '{name}': {limit.low:g} is above {limit.high:g}")
-    return dict(limits)
+    return found
 
 
 def limits_of(meta: Mapping[str, Any]) -> dict[str, Limit]:
     """The limits that were written into the header of a run."""
     return {name: Limit(limit["low"], limit["high"]) for name, limit in meta.get("limits", {}).items()}
-
-
-def _number(text: str, part: str) -> float | None:
-    try:
-        value = float(part) if part else None
-    except ValueError:
-        value = math.nan
-    if value is not None and not math.isfinite(value):
-        raise SettingError(f"limit '{text}': '{part}' is not a number")
-    return value

@@ -14,7 +14,7 @@ from hil.record.folder import read
 from hil.record.measurement import Findings, Limit
 from hil.record.recording import Recording
 from hil.report.run_page import write_run_report
-from hil.session.limit import checked_limits, limits_of
+from hil.session.limit import TypedLimit, checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome, write_findings
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.responses import write_responses
@@ -36,7 +36,7 @@ def results_of_run(folder: Path) -> Results:
     return results_of(recording, evaluated(procedure, recording, limits_of(recording.meta)))
 
 
-def report_again(folder: Path, limits: Mapping[str, Limit] = MappingProxyType({})) -> Outcome:
+def report_again(folder: Path, limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({})) -> Outcome:
     """Evaluate a run once more and write its findings, results and report.
 
     A run that was broken off before anything could be evaluated gets a report that says so.

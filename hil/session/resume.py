@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from hil.bench.read import BenchFile
 from hil.errors import FileError, SettingError
 from hil.record.folder import read
+from hil.record.header import read_header
 from hil.record.recording import Recording
+from hil.session.labels import Labels
 from hil.session.procedure import Procedure
 
 
@@ -32,6 +35,29 @@ def broken_off(folder: Path, procedure: Procedure, bench: BenchFile) -> Recordin
     if told.get("outcome") == "completed":
         raise FileError(f"{folder}: this run was completed; there is nothing to resume")
     return earlier
+
+
+@dataclass(frozen=True, slots=True)
+class BrokenOff:
+    """What a run that is to be resumed says of itself: procedure, bench file, labels."""
+
+    procedure: str
+    bench: str
+    labels: Labels
+
+
+def told_by(folder: Path) -> BrokenOff:
+    """What is needed to resume a run, from its header.
+
+    Raises:
+        FileError: not a run folder, or one that names no procedure.
+    """
+    meta = read_header(folder).meta
+    if not meta.get("procedure"):
+        raise FileError(f"{folder}: names no procedure; a run of `hil run` was expected")
+    serial = (meta.get("valve") or {}).get("serial") or ""
+    labels = Labels(str(serial), str(meta.get("operator") or ""), dict(meta.get("notes") or {}))
+    return BrokenOff(str(meta["procedure"]), str(meta.get("bench_path") or ""), labels)
 
 
 def settings_of(earlier: Recording) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from hil.record.samples import ROWS_FILE
 from hil.safety.interrupt import terminable
 from hil.safety.outputs import Outputs
 from hil.session.labels import NO_LABELS, Labels, labelled
-from hil.session.limit import checked_limits, limits_of
+from hil.session.limit import TypedLimit, checked_limits, limits_of
 from hil.session.outcome import Outcome
 from hil.session.preload import preload
 from hil.session.procedure import Procedure
@@ -39,7 +39,7 @@ def run_procedure(
     out: Path,
     progress: Progress = lambda _done, _text: None,
     resets: Iterable[str] = (),
-    limits: Mapping[str, Limit] = MappingProxyType({}),
+    limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({}),
     resume: Path | None = None,
     known: Outputs | None = None,
     labels: Labels = NO_LABELS,
@@ -70,7 +70,8 @@ def run_procedure(
     bench, labels = labelled(bench, procedure, labels)
     earlier, values = planned(procedure, bench, settings, resume)
     judged_by = checked_limits(procedure.measurements, {**_acceptance(bench.bench, procedure.name), **limits})
-    about = {"procedure": procedure.name, "settings": values, "limits": judged_by, **labels.about}
+    about = {"procedure": procedure.name, "settings": values, "limits": judged_by, **labels.about,
+             "bench_path": str(bench.path.resolve())}  # fmt: skip
     if earlier is not None:
         about["resumes"] = earlier.name
     new = not out.exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -10,6 +11,10 @@ from difflib import get_close_matches
 from typing import Any, get_args, get_origin
 
 from hil.errors import SettingError
+from hil.session.quantity import number_in
+
+_ENDINGS = {"_s": "s", "_hz": "Hz", "_mm": "mm", "_a": "A", "_v": "V", "_lpm": "l/min"}
+_IN_UNIT = re.compile(r"\bin (s|ms|Hz|%|A|mA|V|psi|bar|mm|ml/min|l/min|degC|°C|kg|N)(?=[\s,;:.]|$)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +26,13 @@ class Setting:
     default: Any
     meaning: str = ""
 
+    @property
+    def unit(self) -> str:
+        """Of its numbers, as its name (`cycle_s`) or its meaning (`…, in Hz`) says; empty where neither does."""
+        suffix = next((unit for ending, unit in _ENDINGS.items() if self.name.endswith(ending)), "")
+        told = _IN_UNIT.search(self.meaning)
+        return suffix or (told[1] if told else "")
+
     def parsed(self, given: Any) -> Any:
         """A value of the declared type, from text (`5,10,20`, `yes`, `[[0, 1], [2, 3]]`) or from a value.
 
@@ -31,34 +43,57 @@ class Setting:
 
         adapter: TypeAdapter[Any] = TypeAdapter(self.type)
         try:
-            return adapter.validate_python(_from_text(given, self.type) if isinstance(given, str) else given)
+            return adapter.validate_python(self._from_text(given) if isinstance(given, str) else given)
         except ValidationError as error:
             first = error.errors()[0]
             place = "".join(f"[{key}]" for key in first["loc"] if isinstance(key, int))
             raise SettingError(f"setting {self.name}{place}: {first['msg']}, found {first['input']!r:.40}") from None
 
     def described(self) -> str:
-        """`name: type = default   meaning`."""
-        head = f"{self.name}: {type_text(self.type)} = {value_text(self.default)}"
+        """`name [unit]: type = default   meaning`."""
+        head = (
+            f"{self.name}{f' [{self.unit}]' if self.unit else ''}: {type_text(self.type)} = {value_text(self.default)}"
+        )
         return f"{head}\n    {self.meaning}" if self.meaning else head
+
+    def echoed(self, value: Any) -> str:
+        """`name = value unit`, as it was understood."""
+        return f"{self.name} = {value_text(value)}{f' {self.unit}' if self.unit and value is not None else ''}"
+
+    def _from_text(self, text: str) -> Any:
+        """Text as pydantic takes it, numbers with a unit brought to the declared one."""
+        found = _from_text(text, self.type)
+        if not _has_numbers(self.type):
+            return found
+        if isinstance(found, list) and all(isinstance(part, str) for part in found):
+            return [self._number(part) for part in found]
+        return self._number(found) if isinstance(found, str) else found
+
+    def _number(self, text: str) -> Any:
+        """A number in the declared unit where the text says one; everything else is pydantic's to judge."""
+        if not text[:1].isdigit() and text[:1] not in "+-.":
+            return text
+        bare = text.strip().lstrip("+-").replace(".", "").replace("e", "").replace("-", "").isdigit()
+        return text if bare else number_in(text, self.unit, f"setting {self.name}")
 
 
 def parse_settings(known: Mapping[str, Setting], given: Mapping[str, Any]) -> dict[str, Any]:
     """Values for every setting: those given, parsed, and the defaults.
 
     Raises:
-        SettingError: one that is not known, or whose value is not allowed; lists the settings.
+        SettingError: one that is not known, which lists the others, or whose value is not allowed.
     """
-    try:
-        for name in given:
-            if name not in known:
-                close = get_close_matches(name, known, n=1, cutoff=0.5)
-                hint = f"; the nearest is '{close[0]}'" if close else ""
-                raise SettingError(f"no setting '{name}'{hint}")
-        return {name: s.parsed(given[name]) if name in given else s.default for name, s in known.items()}
-    except SettingError as error:
-        have = "; ".join(f"{s.name}: {type_text(s.type)} = {value_text(s.default)}" for s in known.values())
-        raise SettingError(f"{error}. Settings: {have or 'none'}") from None
+    for name in given:
+        if name not in known:
+            close = get_close_matches(name, known, n=1, cutoff=0.5)
+            hint = f"; the nearest is '{close[0]}'" if close else ""
+            raise SettingError(f"no setting '{name}'{hint}; there are: {', '.join(known) or 'none'}")
+    return {name: s.parsed(given[name]) if name in given else s.default for name, s in known.items()}
+
+
+def _has_numbers(kind: Any) -> bool:
+    """Whether a type holds floating-point numbers, alone or in a sequence."""
+    return kind is float or any(_has_numbers(part) for part in get_args(kind) if part is not Ellipsis)
 
 
 def split_assignments(texts: Iterable[str]) -> dict[str, str]:
