@@ -35,6 +35,7 @@ from hil.errors import HardwareError, HilError, InUseError, reason
 from hil.safety.latch import state_path
 from hil.safety.outputs import Outputs
 
+_LATE_S = 1.0  # what the dead program had sent may still be on its way, and come after what is sent now
 _AGAIN_S = 0.05
 _HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
@@ -113,11 +114,11 @@ def _act(file: BenchFile, pid: int, run: Path, why: str) -> None:
     begun_s = time.monotonic()
     try:
         with _lease_of_the_dead(file, pid):
-            left, unasked = _made_safe_with_patience(file, begun_s)
+            left, unasked, safe_s = _made_safe_with_patience(file, begun_s)
     except InUseError as taken:  # whoever took it has made its outputs safe on opening it
         _report(file, run, {"why": why, "left_alone": str(taken)}, f"process {pid} {why}; {taken}")
         return
-    took_s = round(time.monotonic() - begun_s, 3)
+    took_s = round((time.monotonic() if left else safe_s) - begun_s, 3)
     if left:
         text = f"process {pid} {why}; NOT SAFE: {'; '.join(left)}"
         _report(file, run, {"why": why, "not_safe": left, "tried_s": took_s}, text)
@@ -152,12 +153,17 @@ def _lease_of_the_dead(file: BenchFile, pid: int) -> Iterator[None]:
 
 @dataclass(slots=True)
 class _Device:
-    """A device on the way to its safe values: why it is not there, or that it is and what could not be asked."""
+    """A device on the way to its safe values: why it is not there, or that it is and what could not be asked.
+
+    `moved`: it was found away from them when it was opened. `safe_s`: when it came to them, on the monotonic clock.
+    """
 
     name: str
     failure: str = ""
     unasked: str = ""
     done: bool = False
+    moved: bool = False
+    safe_s: float = 0.0
 
 
 def _tried_once(file: BenchFile) -> list[str]:
@@ -168,8 +174,10 @@ def _tried_once(file: BenchFile) -> list[str]:
     return [device.failure for device in devices if device.failure]
 
 
-def _made_safe_with_patience(file: BenchFile, begun_s: float) -> tuple[list[str], list[str]]:
-    """Make every device safe, each as soon as it can be reached; why some could not be, and what could not be asked.
+def _made_safe_with_patience(file: BenchFile, begun_s: float) -> tuple[list[str], list[str], float]:
+    """Make every device safe, each as soon as it can be reached, and keep it so until nothing late can come any more.
+
+    Returns why some could not be, what could not be asked, and when the last one came to its safe values.
 
     Devices at different addresses are tried side by side, so that none waits for the time-outs of another.
     """
@@ -186,6 +194,7 @@ def _made_safe_with_patience(file: BenchFile, begun_s: float) -> tuple[list[str]
     return (
         [device.failure for device in devices if not device.done],
         [device.unasked for device in devices if device.unasked],
+        max([begun_s, *(device.safe_s for device in devices)]),
     )
 
 
@@ -195,6 +204,13 @@ def _with_patience(file: BenchFile, line: list[_Device], begun_s: float) -> None
             if not device.done:
                 _tried(file, device)
         time.sleep(_AGAIN_S)
+    last_s = time.monotonic()
+    while time.monotonic() - last_s < _LATE_S and time.monotonic() - begun_s <= GIVE_UP_S:
+        time.sleep(_AGAIN_S)
+        for device in line:
+            _tried(file, device)
+            if device.moved or not device.done:  # a late command of the dead program came after all
+                last_s = time.monotonic()
 
 
 def _tried(file: BenchFile, device: _Device) -> None:
@@ -206,7 +222,10 @@ def _tried(file: BenchFile, device: _Device) -> None:
     if thread.is_alive():
         device.failure = f"{device.name}: its driver does not return"
     else:
-        device.failure, device.unasked, device.done = attempt.failure, attempt.unasked, attempt.done
+        device.failure, device.unasked, device.moved = attempt.failure, attempt.unasked, attempt.moved
+        if attempt.done and (attempt.moved or not device.done):
+            device.safe_s = time.monotonic()
+        device.done = attempt.done
 
 
 def _make_safe(file: BenchFile, device: _Device) -> None:
@@ -218,7 +237,9 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
     known = Outputs()
     try:
         if any(entry.device == device.name for entry in outputs.values()):
-            _ask_to_be_safe(file.devices[device.name].open(outputs), known)
+            daq = file.devices[device.name].open(outputs)
+            device.moved = any(daq.levels.get(name) != channel.safe for name, channel in daq.outputs.items())
+            _ask_to_be_safe(daq, known)
     except BaseException as error:
         device.failure = f"{device.name}: {reason(error).removeprefix(f'{device.name}: ')}"
         return

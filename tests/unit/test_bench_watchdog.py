@@ -70,13 +70,14 @@ def bench_of(folder: Path, devices: Mapping[str, Valve]) -> BenchFile:
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """It gives up after a moment."""
     monkeypatch.setattr(watchdog, "GIVE_UP_S", 0.2)
+    monkeypatch.setattr(watchdog, "_LATE_S", 0.05)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
 
 
 @pytest.mark.parametrize("error", BROKEN)
 def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, error: BaseException) -> None:
     devices = {"sick": Valve(error, answers=False), "healthy": Valve(None)}
-    left, unasked = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
+    left, unasked, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
     assert devices["healthy"].levels["a"] == 0.0 and devices["healthy"].closed
     assert len(left) == 1 and left[0].startswith("sick: nobody knows") and not unasked
     assert devices["sick"].closed > 1  # tried again, and let go of each time
@@ -95,13 +96,36 @@ def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(watchdog, "GIVE_UP_S", 5.0)
     monkeypatch.setattr(watchdog, "_HANGS_S", 0.2)
     devices = {"hanging": Hanging(None)}
-    assert watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic()) == ([], [])
-    assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries == 2
+    left, unasked, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
+    assert not left and not unasked
+    assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries >= 2
+
+
+def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    class Late(Valve):
+        """What the dead program had sent arrives after the outputs were made safe, and after they were read back."""
+
+        asked = 0
+
+        def close(self) -> None:
+            super().close()
+            self.asked += 1
+            if self.asked <= 2:
+                self.levels = {**self.levels, "a": 5.0}
+
+    monkeypatch.setattr(watchdog, "GIVE_UP_S", 10.0)
+    monkeypatch.setattr(watchdog, "_LATE_S", 0.3)
+    valve, begun_s = Late(None), time.monotonic()
+    left, _, safe_s = watchdog._made_safe_with_patience(bench_of(tmp_path, {"late": valve}), begun_s)
+    assert not left and valve.levels["a"] == 0.0
+    assert safe_s - begun_s > 0.05, "the time at which it came to stay there is told, not the first one"
 
 
 def test_told_is_not_safe_until_it_is_read_back(tmp_path: Path) -> None:
     devices = {"mute": Valve(None, answers=False)}
-    left, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
+    left, _, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
     remedy = "was told to be safe, and could not be read back (no answer): use the emergency stop"
     assert left == [f"mute: 'a' {remedy}; 'b' {remedy}"]
 
