@@ -58,8 +58,9 @@ def test_the_result_is_that_of_an_uninterrupted_run(file: BenchFile, tmp_path: P
     assert sines(tmp_path / "resumed") == sines(tmp_path / "whole")  # each once
     expected = {measured.name: measured for measured in whole.findings.measured}
     assert {measured.name for measured in resumed.findings.measured} == set(expected)
-    compared = [m for m in resumed.findings.measured if m.value is not None and m.std and expected[m.name].std]
-    assert len(compared) > 6
+    of_the_valve = [m for m in resumed.findings.measured if m.quantity != "model_fit"]  # that is of the recording
+    compared = [m for m in of_the_valve if m.value is not None and m.std and expected[m.name].std]
+    assert len(compared) >= 6
     for measured in compared:
         other = expected[measured.name]
         within = 4.0 * np.hypot(measured.std, other.std)

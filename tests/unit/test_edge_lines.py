@@ -19,7 +19,7 @@ from hil.errors import DeviceLostError, HardwareError, LinkError
 from tests.foreign_line import ForeignLine
 
 READINGS = ">+01.234-05.678+00.000+09.999-09.999+04.000+03.210-00.001"
-QUICK = {"timeout_s": 0.03, "longest_reply_s": 0.03}
+QUICK = {"timeout_s": 0.15, "longest_reply_s": 0.15}
 
 
 class Module:
@@ -103,7 +103,7 @@ def test_inputs_are_read_in_the_one_form_that_the_manual_has() -> None:
 @pytest.mark.parametrize("lost", range(len(READINGS)))
 def test_readings_with_a_lost_byte_are_no_answer(lost: int) -> None:
     device = Module()
-    with module(device, inputs("ai0"), timeout_s=0.02, longest_reply_s=0.02) as link:
+    with module(device, inputs("ai0"), timeout_s=0.1, longest_reply_s=0.1) as link:
         device.readings = READINGS[:lost] + READINGS[lost + 1 :]
         with pytest.raises(LinkError):
             link.read()
@@ -118,7 +118,7 @@ def test_an_acknowledgement_or_read_back_with_a_lost_byte_is_no_answer(request_o
         spoil = lost[0] >= 0 and came.decode().startswith(request_of)
         return answer[: lost[0]] + answer[lost[0] + 1 :] if spoil else answer
 
-    with module(spoiled, OUT, "adam-4024", timeout_s=0.02, longest_reply_s=0.02) as link:
+    with module(spoiled, OUT, "adam-4024", timeout_s=0.1, longest_reply_s=0.1) as link:
         link.drive({"ao0": 5.0})
         for lost[0] in range(4 if request_of == "#01C0" else 11):
             with pytest.raises(LinkError):

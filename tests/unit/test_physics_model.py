@@ -22,9 +22,10 @@ FRICTION = {
 
 def valve_with_friction() -> Model:
     plain = typical_model("brevini-hpv41")
+    estimated = {"pilot_rate": Value(7.0, "rad/s", 0.1), "full_flow": Value(70.0, "l/min", 0.2**0.5)}
     return Model(
         plain.plant,
-        plain.parameters,
+        {**plain.parameters, **estimated},
         (ModelEffect("friction", "force", FRICTION),),
         plain.input,
         plain.output,
