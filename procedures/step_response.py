@@ -241,9 +241,12 @@ def _models(label: str, found: MeasuredStep, beside: ResponseTable | None) -> tu
             band=value.band, std_s=(std.rise_s, std.settling_s),
         )  # fmt: skip
     except InputError as error:
-        return {}, [f"{label}: {error}."]
-    models: dict[str, Any] = {"models": [one.as_dict() for one in made.models]}
-    models["damping_roots"] = {"label": "roots of eq. 17", "real": made.roots.real, "imaginary": made.roots.imag}
+        return {"models": [], "damping_roots": {}, "response": None}, [f"{label}: {error}."]
+    models: dict[str, Any] = {
+        "models": [one.as_dict() for one in made.models],
+        "damping_roots": {"label": "roots of eq. 17", "real": made.roots.real, "imaginary": made.roots.imag},
+        "response": None,
+    }
     if beside is not None:
         response = over_lowest(as_response([beside]))
         models["response"] = {

@@ -10,7 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from hil.daq.channel import InputChannel, OutputChannel
+from hil.daq.channel import InputChannel, OutputChannel, Pwm
+from hil.physics.pwm import PwmDrive
 from hil.record.recording import Array
 from hil.units import scale_and_offset
 from sim_devices._converter import Converter
@@ -49,7 +50,18 @@ class OutputStage:
         self._sensitivity = Sensitivity.of(instrument, line)
         self._converter = Converter.of(channel.kind, channel.low, channel.high, bits)
         self._low, self._high = channel.low, channel.high
-        self.pwm = channel.pwm
+        self._coil, self._pwm = instrument.coil, channel.pwm
+        self._drive: PwmDrive | None = None
+
+    @property
+    def pwm(self) -> Pwm | None:
+        """See the class."""
+        return self._pwm
+
+    @pwm.setter
+    def pwm(self, given: Pwm | None) -> None:
+        if given != self._pwm:
+            self._pwm, self._drive = given, None
 
     def drive(self, raw: Array, every: int, first_tick: int, tick_s: float) -> Array:
         """The plant's input at each tick, for values that each stand for `every` ticks."""
@@ -60,6 +72,9 @@ class OutputStage:
             time_s = (first_tick + np.arange(len(values))) * tick_s
             values += self.pwm.dither_amplitude * np.sin(2.0 * math.pi * self.pwm.dither_hz * time_s)
             np.clip(values, self._low, self._high, out=values)  # a current drive neither pulls nor exceeds itself
+        if self.pwm is not None and self._coil is not None:
+            self._drive = self._drive or self._coil.drive(self.pwm.carrier_hz, float(values[0]))
+            values = self._drive.drive(values, tick_s)
         return self._sensitivity.slope * values + self._sensitivity.offset
 
 

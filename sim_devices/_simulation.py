@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat
 
 from hil.catalog import models
 from hil.errors import HilError, UnitError
@@ -15,10 +15,14 @@ from hil.physics.compose import effects as installed_effects
 from hil.physics.effect import Effect
 from hil.physics.model import Model, ModelEffect, Value, load_model, typical_model
 from hil.physics.plant import Hook, Plant
+from hil.physics.pwm import CurrentLoop, PwmCoil, PwmDrive
 from hil.units import scale_and_offset
 from sim_devices._lines import Line, lines_of
 
 Place = tuple[str | int, ...]
+
+_WIDEST_RAD_S, _SHARE_OF_CARRIER = 500.0, 0.5  # bandwidth of a current loop that reads once per period
+_FAULT_OHM, _FAULT_H = {"open": 1e5, "short": 0.02}, {"open": 0.09, "short": 1e-4}
 
 
 class _Strict(BaseModel):
@@ -33,6 +37,35 @@ class SimulatedEffect(_Strict):
     parameters: dict[str, FiniteFloat] = {}
 
 
+class Coil(_Strict):
+    """The coil on a PWM current output, and its power stage: what flows has the carrier's ripple, and limits.
+
+    Attributes:
+        resistance_ohm, inductance_h: of the coil. `nominal_v`: of it.
+        supply_v: of the power stage.
+        rated_a: no demand is followed beyond it; half as much again opens the switch (short).
+        bandwidth_rad_s: of the current loop; by the carrier, not above 500 rad/s, when not given.
+        fault: the coil is `open` or `short` from the start.
+    """
+
+    resistance_ohm: PositiveFloat
+    inductance_h: PositiveFloat
+    supply_v: PositiveFloat
+    nominal_v: PositiveFloat = 12.0
+    rated_a: PositiveFloat = 2.5
+    bandwidth_rad_s: PositiveFloat | None = None
+    fault: Literal["", "open", "short"] = ""
+
+    def drive(self, carrier_hz: float, rest_a: float) -> PwmDrive:
+        """Its power stage at a carrier, at rest under a demand."""
+        nominal = PwmCoil(self.resistance_ohm, self.inductance_h, self.supply_v, self.nominal_v, carrier_hz)
+        bandwidth = self.bandwidth_rad_s or min(_WIDEST_RAD_S, _SHARE_OF_CARRIER * carrier_hz)
+        there = nominal
+        if self.fault:
+            there = replace(nominal, resistance_ohm=_FAULT_OHM[self.fault], inductance_h=_FAULT_H[self.fault])
+        return PwmDrive(CurrentLoop(bandwidth, nominal, self.rated_a), there, rest_a)
+
+
 class Instrument(_Strict):
     """What really hangs on a terminal: raw = (signal − offset) / slope, whatever the bench believes.
 
@@ -42,6 +75,7 @@ class Instrument(_Strict):
             an output without a signal goes nowhere.
         unit: in which `slope`, `offset` and `noise` are given.
         noise: standard deviation of its white noise.
+        coil: of an output that is a PWM current: without one what is asked for flows.
     """
 
     direction: Literal["out", "in"] = "in"
@@ -51,6 +85,7 @@ class Instrument(_Strict):
     slope: FiniteFloat = 1.0
     offset: FiniteFloat = 0.0
     noise: FiniteFloat = Field(0.0, ge=0.0)
+    coil: Coil | None = None
 
 
 class Simulation(_Strict):

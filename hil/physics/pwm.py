@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
+from numba import njit
 
 from hil.errors import InputError
 from hil.record.recording import Array
 
 PwmFault = Literal["", "open", "short"]
+_FAULTS: tuple[PwmFault, ...] = ("", "open", "short")
 
 _PROOF = 1.33
 _OPEN_AFTER = 20  # periods at full duty with hardly any current
@@ -125,6 +127,62 @@ class PwmRun:
     fault_s: float
 
 
+class PwmDrive:
+    """A power stage with its loop about a coil, run tick by tick; what flows is the mean over each tick.
+
+    A tick may be shorter than a carrier period, which then shows as ripple, or longer, which averages over it.
+
+    Args:
+        loop: the controller and the coil that it is tuned for.
+        coil: the one that is there.
+        rest_a: the demand under which it has come to rest.
+
+    Attributes:
+        fault: what opened the switch for good; "" while nothing has.
+        fault_s: after how long, NaN without one.
+    """
+
+    def __init__(self, loop: CurrentLoop, coil: PwmCoil, rest_a: float = 0.0) -> None:
+        self._loop, self._coil = loop, coil
+        period_s = 1.0 / loop.nominal.carrier_hz
+        rest = min(max(rest_a, 0.0), loop.rated_a, coil.highest_current_a)
+        duty = rest * coil.resistance_ohm / coil.supply_v
+        low, _ = coil.extremes(duty)
+        # 0 time in the period, 1 current, 2 charge of the period so far, 3 duty, 4 mean current of the period before,
+        # 5 volts held by the integral, 6 starved periods, 7 fault, 8 time, 9 time of the fault, 10 demand
+        self._state = np.array(
+            [period_s, low, rest * period_s, duty, rest, rest * coil.resistance_ohm, 0.0, 0.0, 0.0, math.nan, rest]
+        )
+
+    @property
+    def fault(self) -> PwmFault:
+        """See the class."""
+        return _FAULTS[int(self._state[7])]
+
+    @property
+    def fault_s(self) -> float:
+        """See the class."""
+        return float(self._state[9])
+
+    def drive(self, demand_a: Array, tick_s: float) -> Array:
+        """Mean current over each tick for one demand per tick, shape (n,)."""
+        return self._run(demand_a, tick_s)[1]
+
+    def _run(self, demand_a: Array, tick_s: float) -> Array:
+        """Duty of the period that a tick begins in, mean, lowest and highest current: shape (4, n)."""
+        nominal, coil = self._loop.nominal, self._coil
+        period_s = 1.0 / nominal.carrier_hz
+        made = np.empty((4, len(demand_a)))
+        _switched(
+            np.ascontiguousarray(demand_a, dtype=np.float64), tick_s, period_s, self._state,
+            self._loop.bandwidth_rad_s * nominal.inductance_h,
+            self._loop.bandwidth_rad_s * nominal.resistance_ohm * period_s,
+            nominal.highest_duty * nominal.supply_v, nominal.supply_v, self._loop.rated_a,
+            coil.supply_v / coil.resistance_ohm, coil.time_constant_s, made,
+        )  # fmt: skip
+        return made
+
+
 def run_loop(loop: CurrentLoop, coil: PwmCoil, demand_a: Array) -> PwmRun:
     """Drive a coil, which may differ from the nominal one, with one demand per carrier period, from no current.
 
@@ -132,32 +190,10 @@ def run_loop(loop: CurrentLoop, coil: PwmCoil, demand_a: Array) -> PwmRun:
     switch within the period (short); full duty for 20 periods with less than a tenth of the demand is an open circuit.
     """
     period_s = 1.0 / coil.carrier_hz
-    nominal = loop.nominal
-    proportional = loop.bandwidth_rad_s * nominal.inductance_h
-    integral = loop.bandwidth_rad_s * nominal.resistance_ohm * period_s
-    limit_v = nominal.highest_duty * nominal.supply_v
-    rows = np.zeros((4, len(demand_a)))
-    current, mean, held_v, starved = 0.0, 0.0, 0.0, 0
-    fault: PwmFault = ""
-    fault_s = math.nan
-    for k, demand in enumerate(demand_a):
-        error = min(float(demand), loop.rated_a) - mean
-        wanted = proportional * error + held_v
-        volts = min(max(wanted, 0.0), limit_v)
-        if wanted == volts:
-            held_v += integral * error
-        duty = 0.0 if fault else volts / nominal.supply_v
-        start, (current, mean, low, high) = current, _period(coil, current, duty, period_s)
-        if not fault and high > _MARGIN_SHORT * loop.rated_a:
-            duty = _until(coil, start, _MARGIN_SHORT * loop.rated_a, duty, period_s)
-            current, mean, low, high = _period(coil, start, duty, period_s)
-            fault, fault_s = "short", (k + duty) * period_s
-        starved = starved + 1 if volts == limit_v and mean < _SHARE_OPEN * min(float(demand), loop.rated_a) else 0
-        if not fault and starved >= _OPEN_AFTER:
-            fault, fault_s = "open", (k + 1) * period_s
-        rows[:, k] = duty, mean, low, high
+    drive = PwmDrive(loop, coil)
+    rows = drive._run(demand_a, period_s)  # noqa: SLF001 — of this module
     time_s = np.arange(len(demand_a), dtype=np.float64) * period_s
-    return PwmRun(time_s, rows[0], rows[1], rows[2], rows[3], fault, fault_s)
+    return PwmRun(time_s, rows[0], rows[1], rows[2], rows[3], drive.fault, drive.fault_s)
 
 
 def dithered(demand_a: Array, carrier_hz: float, dither_hz: float, amplitude_a: float) -> Array:
@@ -177,20 +213,61 @@ def dithered(demand_a: Array, carrier_hz: float, dither_hz: float, amplitude_a: 
     return made
 
 
-def _period(coil: PwmCoil, start: float, duty: float, period_s: float) -> tuple[float, float, float, float]:
-    """(end, mean, lowest, highest) of the current over a period that begins with the switch on."""
-    tau, full = coil.time_constant_s, coil.supply_v / coil.resistance_ohm
-    on, off = duty * period_s, (1.0 - duty) * period_s
-    top = full + (start - full) * math.exp(-on / tau)
-    end = top * math.exp(-off / tau)
-    area = full * on - tau * (top - start) + tau * (top - end)
-    return end, area / period_s, min(start, end), max(start, top)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _switched(
+    demand: Any, tick_s: Any, period_s: Any, s: Any, proportional: Any, integral: Any, limit_v: Any, supply_v: Any,
+    rated: Any, full: Any, tau: Any, out: Any,
+) -> None:  # fmt: skip
+    """Ticks through carrier periods; between two switchings the current is one exponential."""
+    near = 1e-9 * period_s
+    for k in range(len(demand)):
+        left, area, low, high = tick_s, 0.0, s[1], s[1]
+        wanted = min(demand[k], rated)
+        out[0, k] = s[3]
+        while left > near:
+            if s[0] >= period_s - near:
+                _next_period(s, wanted, period_s, proportional, integral, limit_v, supply_v)
+                out[0, k] = s[3] if left >= tick_s - near else out[0, k]
+            on = s[3] * period_s
+            is_on = s[0] < on - near
+            span = min((on if is_on else period_s) - s[0], left)
+            towards = full if is_on else 0.0
+            end = towards + (s[1] - towards) * math.exp(-span / tau)
+            ceiling = _MARGIN_SHORT * rated
+            if is_on and end > ceiling and s[7] == 0.0:
+                span = 0.0 if s[1] >= ceiling else -tau * math.log((ceiling - full) / (s[1] - full))
+                end = max(ceiling, s[1])
+                s[3] = (s[0] + span) / period_s
+                s[7], s[9] = 2.0, s[8] + span
+                out[0, k] = s[3]
+            charge = towards * span + tau * (s[1] - end)
+            area += charge
+            s[2] += charge
+            s[0] += span
+            s[8] += span
+            s[1] = end
+            left -= span
+            low, high = min(low, end), max(high, end)
+        out[1, k], out[2, k], out[3, k] = area / tick_s, low, high
 
 
-def _until(coil: PwmCoil, start: float, level: float, duty: float, period_s: float) -> float:
-    """Share of the period after which the current reaches a level."""
-    full = coil.supply_v / coil.resistance_ohm
-    if start >= level or full <= level:
-        return 0.0
-    reached_s = -coil.time_constant_s * math.log((level - full) / (start - full))
-    return min(duty, reached_s / period_s)
+@njit(cache=True, nogil=True, error_model="numpy")
+def _next_period(
+    s: Any, wanted: Any, period_s: Any, proportional: Any, integral: Any, limit_v: Any, supply_v: Any
+) -> None:
+    """What the loop decides between two periods: the duty of the next, and whether there is a circuit at all."""
+    s[4] = s[2] / period_s
+    if s[8] > 0.0:
+        starved = s[3] * supply_v >= limit_v - 1e-9 and s[4] < _SHARE_OPEN * s[10]
+        s[6] = s[6] + 1.0 if starved else 0.0
+        if s[7] == 0.0 and s[6] >= _OPEN_AFTER:
+            s[7], s[9] = 1.0, s[8]
+    error = wanted - s[4]
+    asked = proportional * error + s[5]
+    volts = min(max(asked, 0.0), limit_v)
+    if (
+        asked <= limit_v or error < 0.0
+    ):  # at zero volts it goes on: the mean is kept when dither falls faster than the coil
+        s[5] = min(max(s[5] + integral * error, 0.0), limit_v)
+    s[3] = 0.0 if s[7] > 0.0 else volts / supply_v
+    s[0], s[2], s[10] = 0.0, 0.0, wanted
