@@ -280,13 +280,17 @@ def _interval_s(time_s: Array) -> float:
 
 def _is_even(time_s: Array) -> bool:
     steps = np.diff(time_s)
-    return len(steps) > 4 and bool(np.all(np.abs(steps - np.median(steps)) <= 0.05 * np.median(steps)))
+    if len(steps) <= 4:
+        return False
+    usual = float(np.median(steps))
+    return bool(steps.max() <= 1.05 * usual and steps.min() >= 0.95 * usual)
 
 
 def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, list[str]]:
     """The stamps of the base within the time that all channels cover: one sampled on change holds on to the end."""
     starts = {float(one.time_s[0]) for one in taken}
-    stops = [float(one.time_s[-1]) + (_interval_s(one.time_s) if _is_even(one.time_s) else np.inf) for one in taken]
+    bases = {id(one.time_s): one.time_s for one in taken}.values()
+    stops = [float(own_s[-1]) + (_interval_s(own_s) if _is_even(own_s) else np.inf) for own_s in bases]
     time_s, slack = base.time_s, _SAME_STAMP * _interval_s(base.time_s)
     stop = min(stops)
     if len(starts) == 1 and stop >= time_s[-1] - slack:

@@ -28,8 +28,6 @@ def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column]
     table = _table(pd, path, found)
     if not len(table):
         raise FileError(f"{path}: no rows after the header")
-    if (table[len(found.headings)].fillna("") != "").any():
-        raise FileError(f"{path}: {_explained(path, found)}")
     said = ""
     if _may_be_cut(table, found):
         table, said = _without_cut_line(path, found, table, gaps)
@@ -42,28 +40,38 @@ def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column]
     return _with_days(made, found, table), said
 
 
-def _table(pd: Any, path: Path, found: Layout) -> Any:
-    wanted = len(found.headings)
-    names = list(range(wanted + 1))  # one more, which a mark at the end of a line leaves empty
+def _table(pd: Any, path: Path, found: Layout, spare: bool = False) -> Any:
+    """The fields, column by column; `spare`: with one column more, for a mark at the end of each line.
+
+    Raises:
+        FileError: a field is no number, or a line has too many.
+    """
     kinds = {i: np.float64 if kind == "number" else str for i, kind in enumerate(found.kinds)}
+    blanks = {i: list(BLANKS) for i, kind in enumerate(found.kinds) if kind == "number"}
+    names = [*kinds, len(kinds)] if spare else list(kinds)
+    # bytes that are no text matter to columns of text alone; a mark of the encoding stands in the first line
+    only_numbers = set(found.kinds) == {"number"} and found.first_row > 1 and found.encoding == "utf-8-sig"
+    encoding = "utf-8" if only_numbers else found.encoding
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # that fields were dropped
-            return pd.read_csv(
-            path, sep=found.separator, decimal=found.decimal, thousands=found.thousands or None,
-            skiprows=found.first_row - 1, header=None, names=names, index_col=False, dtype={**kinds, wanted: str},
-            na_values={i: list(BLANKS) for i, kind in enumerate(found.kinds) if kind == "number"},
-            keep_default_na=False, skipinitialspace=True, encoding=found.encoding, encoding_errors="replace",
-            engine="c", skip_blank_lines=True, nrows=found.rows,
-        )  # fmt: skip
+            table = pd.read_csv(
+                path, sep=found.separator, decimal=found.decimal, thousands=found.thousands or None,
+                skiprows=found.first_row - 1, header=None, names=names, index_col=False, dtype=kinds,
+                na_values=blanks, keep_default_na=False, skipinitialspace=True, encoding=encoding,
+                encoding_errors="strict" if only_numbers else "replace", engine="c", nrows=found.rows,
+            )  # fmt: skip
     except pd.errors.EmptyDataError:
         raise FileError(f"{path}: no rows after the header") from None
-    except (
-        ValueError,
-        pd.errors.ParserError,
-        pd.errors.ParserWarning,
-    ) as error:  # what is wrong is looked for only then
+    except pd.errors.ParserWarning:
+        if spare:
+            raise FileError(f"{path}: {_explained(path, found)}") from None
+        return _table(pd, path, found, spare=True)
+    except (ValueError, pd.errors.ParserError) as error:
         raise FileError(f"{path}: {_explained(path, found) or error}") from None
+    if spare and (table[len(kinds)].fillna("").astype(str).str.strip() != "").any():
+        raise FileError(f"{path}: {_explained(path, found)}")
+    return table
 
 
 def _lines(path: Path, found: Layout) -> Iterator[tuple[int, list[str]]]:
