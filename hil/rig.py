@@ -113,6 +113,13 @@ class Rig(Protocol):
         """Go to a value at the allowed slew and stay there for one settling time of the valve."""
         ...
 
+    def way_to(self, value: float, rate_hz: float | None = None) -> Array:
+        """The samples that bring the command from where it stands to a value at the allowed slew; drives nothing.
+
+        At least one, the value itself.
+        """
+        ...
+
     def mark(self, samples: int, part: Mapping[str, Any]) -> None:
         """Say afterwards what the last so many recorded samples are, as `part` of `play` says it beforehand.
 

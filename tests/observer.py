@@ -72,6 +72,10 @@ class _Asking:
         self._port = port
         self._socket: socket.socket | None = None
 
+    def __del__(self) -> None:
+        if self._socket is not None:
+            self._socket.close()
+
     def ask(self, question: bytes, is_whole: Callable[[bytes], bool]) -> bytes:
         """The answer; raises `OSError` when there is none in time."""
         try:

@@ -42,6 +42,7 @@ def open_rig(
     resets: Iterable[str] = (),
     earlier: Recording | None = None,
     known: Outputs | None = None,
+    commanding: str = "",
 ) -> Iterator[BenchRig]:
     """The rig of a bench, recording into a new run folder; outputs are made safe before and after, and read back.
 
@@ -57,6 +58,7 @@ def open_rig(
         earlier: a run that this one resumes: it begins with the samples of that, and its procedure is told which
             parts are finished.
         known: what is known of the outputs, for somebody who asks for it afterwards.
+        commanding: the output that the rig drives, where it is not the command of the bench.
 
     Raises:
         FileError: the folder exists, or the earlier run lacks a channel.
@@ -87,7 +89,7 @@ def open_rig(
             )
             with closed_for_sure(guard.close):
                 _switch_on(bench, guard, rate_hz)
-                yield BenchRig(bench, guard, recorder, columns, progress, finished)
+                yield BenchRig(bench, guard, recorder, columns, progress, finished, commanding)
 
 
 @contextmanager

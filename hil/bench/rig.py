@@ -37,6 +37,7 @@ class BenchRig:
         columns: the channels as they are recorded, with source and calibration.
         progress: told how far the procedure is.
         finished: parts that a run which this one resumes has finished.
+        commanding: the output that is driven as the command, where it is not the bench's own.
     """
 
     def __init__(
@@ -47,6 +48,7 @@ class BenchRig:
         columns: Iterable[Column],
         progress: Progress,
         finished: Sequence[Mapping[str, Any]] = (),
+        commanding: str = "",
     ) -> None:
         self.finished = finished
         self._bench = bench
@@ -56,6 +58,7 @@ class BenchRig:
         self._progress = progress
         self._rates_hz: set[float] = set()
         self._roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
+        self._roles["command"] = commanding or self._roles["command"]
 
     @property
     def command(self) -> RoleChannel:
@@ -138,13 +141,16 @@ class BenchRig:
     def ramp_to(self, value: float, rate_hz: float | None = None) -> Recording:
         """Go to a value at the allowed slew and stay there until the valve has settled."""
         rate_hz = self._rate(rate_hz)
-        name = self.command.name
-        entry = self._bench.channels[name]
-        slew_per_s = self.command.slew_per_s or entry.ramp_to_safe_per_s or np.inf
-        way = way_to({name: value}, {name: self._level}, {name: slew_per_s}, rate_hz)
         still = np.full(max(1, round(self.settling_s * rate_hz)), value)
-        command = still if way is None else np.concatenate((way.outputs[name], still))
+        command = still if value == self._level else np.concatenate((self.way_to(value, rate_hz), still))
         return self.play(command, rate_hz, part={"kind": "ramp", "to": value})
+
+    def way_to(self, value: float, rate_hz: float | None = None) -> Array:
+        """The samples that bring the command to a value at the allowed slew; drives nothing."""
+        name = self.command.name
+        slew_per_s = self.command.slew_per_s or self._bench.channels[name].ramp_to_safe_per_s or np.inf
+        way = way_to({name: value}, {name: self._level}, {name: slew_per_s}, self._rate(rate_hz))
+        return np.array([value]) if way is None else way.outputs[name]
 
     def mark(self, samples: int, part: Mapping[str, Any]) -> None:
         """Say afterwards what the last so many recorded samples are."""

@@ -42,7 +42,7 @@ def _assembled() -> typer.Typer:
         module = importlib.import_module(f"{cli.__name__}.{found.name}")
         name = found.name.rstrip("_").replace("_", "-")
         if hasattr(module, "command"):
-            app.command(name=name)(module.command)
+            app.command(name=name, context_settings=getattr(module, "CONTEXT", None))(module.command)
         elif hasattr(module, "group"):
             app.add_typer(module.group, name=name)
     return app

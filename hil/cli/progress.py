@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 _STEP = 0.1
 
@@ -17,11 +17,18 @@ def shown() -> Iterator[Callable[[float, str], None]]:
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+    from rich.table import Column
 
-    columns = (BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), TextColumn("{task.description}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    said = TextColumn("{task.description}", table_column=Column(no_wrap=False, overflow="fold", ratio=1))
+    columns = (BarColumn(bar_width=20), TaskProgressColumn(), TimeElapsedColumn(), said)
+    bar = Progress(*columns, console=Console(stderr=True), transient=True, expand=True)
+    bar.start()
+    try:
         task = bar.add_task("", total=1.0)
         yield _while_it_lasts(lambda done, text: bar.update(task, completed=done, description=text))
+    finally:
+        with suppress(OSError, ValueError):  # a terminal that is gone takes the place of no other error
+            bar.stop()
 
 
 def _is_terminal() -> bool:

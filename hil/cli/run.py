@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import re
 import sys
-from contextlib import suppress
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +14,9 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from hil.record.measurement import Limit, Measurement
+    from hil.safety.outputs import Outputs
     from hil.session.labels import Labels
+    from hil.session.outcome import Outcome
     from hil.session.procedure import Procedure
     from hil.session.rehearsal import Rehearsal
 
@@ -69,40 +68,29 @@ def command(
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
     from hil.cli.places import check_folder
-    from hil.cli.said import say
-    from hil.report.terminal import findings_text
-    from hil.safety.outputs import Outputs
+    from hil.cli.run_end import ended, folder_name
     from hil.session.run import rehearse_procedure, run_procedure
 
     found = read_bench(find_bench(bench))
     found, labels = labelled(found, chosen, labels, _asked if sys.stdin.isatty() else None)
-    folder = out or Path("runs") / _folder_name(chosen.name, labels.serial)
+    folder = out or Path("runs") / folder_name(chosen.name, labels.serial)
     check_folder(folder)
     given = split_assignments(settings)
     judged_by = checked_limits(chosen.measurements, split_limits(limits))
-    known = Outputs()
-    try:
+
+    def run(known: Outputs) -> Outcome | None:
         if rehearse or rehearse_only:
             with shown() as progress:
                 rehearsed = rehearse_procedure(chosen, found, given, progress, resume)
             typer.echo(_rehearsed(rehearsed))
         if rehearse_only:
-            return
+            return None
         understood = _understood(chosen, given, judged_by)
         typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}{understood}")
         with shown() as progress:
-            outcome = run_procedure(chosen, found, given, folder, progress, resets, judged_by, resume, known, labels)
-    except BaseException as error:  # said here: on its way up typer would make something else of some
-        known.mark(error)
-        stopped = isinstance(error, KeyboardInterrupt)
-        status = say(error, *([known.text, _kept(folder)] if stopped else []))
-        _enter(archive, folder)
-        raise typer.Exit(status) from error
-    with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
-        typer.echo(findings_text(outcome.findings))
-        typer.echo(f"report: {outcome.report}")
-    _enter(archive, folder)
-    raise typer.Exit(outcome.exit_status)
+            return run_procedure(chosen, found, given, folder, progress, resets, judged_by, resume, known, labels)
+
+    ended(run, folder, archive)
 
 
 def _resumed(run: Path, procedure: str, bench: str, labels: Labels) -> tuple[str, str, Labels]:
@@ -123,39 +111,6 @@ def _asked() -> str:
     """The serial number, typed or scanned."""
     text: str = typer.prompt("serial number of the unit", default="", show_default=False, err=True)
     return text
-
-
-def _folder_name(procedure: str, serial: str) -> str:
-    """Procedure, unit and time in UTC; of the serial number what a folder's name can hold."""
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "-", serial).strip("-.")
-    unit = f"{plain}-" if plain and plain != "simulated" else ""
-    return f"{procedure}-{unit}{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
-
-
-def _enter(archive: str, folder: Path) -> None:
-    """Enter the run into the archive; what keeps it from that is said, and changes nothing of how the run ended."""
-    try:
-        told = _entered(archive, folder)
-    except Exception as error:
-        told = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
-    with suppress(OSError):
-        if told:
-            typer.echo(f"hil: {told}", err=True)
-
-
-def _entered(archive: str, folder: Path) -> str:
-    from hil.record.header import HEADER_FILE
-
-    if not (folder / HEADER_FILE).is_file():
-        return ""
-    from hil.archive.pending import enter_or_keep
-    from hil.archive.place import archive_place
-
-    return enter_or_keep(archive_place(archive), folder)
-
-
-def _kept(folder: Path) -> str:
-    return f"what was recorded is kept in {folder}" if folder.exists() else ""
 
 
 def _understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[str, Limit]) -> str:

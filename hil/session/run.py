@@ -43,6 +43,7 @@ def run_procedure(
     resume: Path | None = None,
     known: Outputs | None = None,
     labels: Labels = NO_LABELS,
+    commanding: str = "",
 ) -> Outcome:
     """Drive a procedure and evaluate it: outputs are safe, read back, before anything is evaluated.
 
@@ -60,6 +61,7 @@ def run_procedure(
         resume: the folder of a run that was broken off; its settings are taken, its finished parts not driven again.
         known: what is known of the outputs, for somebody who asks for it afterwards.
         labels: serial number, operator and notes.
+        commanding: the output that is driven, where it is not the command of the bench.
 
     Raises:
         SettingError: a setting or limit is unknown or not allowed; nothing was driven.
@@ -72,6 +74,8 @@ def run_procedure(
     judged_by = checked_limits(procedure.measurements, {**_acceptance(bench.bench, procedure.name), **limits})
     about = {"procedure": procedure.name, "settings": values, "limits": judged_by, **labels.about,
              "bench_path": str(bench.path.resolve())}  # fmt: skip
+    if commanding:
+        about["commanding"] = commanding
     if earlier is not None:
         about["resumes"] = earlier.name
     new = not out.exists()
@@ -82,7 +86,7 @@ def run_procedure(
         with (
             accounted(known),  # also of a signal that came so late that only `terminable` raises it
             terminable(),
-            open_rig(bench, out, about, progress, resets, earlier, known) as rig,
+            open_rig(bench, out, about, progress, resets, earlier, known, commanding) as rig,
         ):
             procedure.run(rig, **values)
     except InputError:

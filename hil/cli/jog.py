@@ -1,0 +1,69 @@
+"""`hil jog`: one output by hand, through the guard, and back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from hil.cli.runs import ARCHIVE
+
+if TYPE_CHECKING:
+    from hil.safety.outputs import Outputs
+    from hil.session.outcome import Outcome
+
+CONTEXT = {"ignore_unknown_options": True}  # a value may begin with a minus
+
+
+def command(
+    bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
+    channel: str = typer.Argument(..., metavar="CHANNEL", help="The output."),
+    value: str = typer.Argument(..., metavar="VALUE", help="Where it goes: 20, '50 %', '-3.5 bar'."),
+    for_time: str = typer.Option("2s", "--for", metavar="TIME", help="How long it stands there: 2s, '200 ms'."),
+    out: Path | None = typer.Option(None, "--out", help="Run folder; default: runs/jog-<time>."),
+    serial: str = typer.Option("", "--serial", metavar="SN", help="Serial number of the unit."),
+    operator: str = typer.Option("", "--operator", metavar="NAME", help="Who does it; a short mark will do."),
+    notes: list[str] = typer.Option(
+        [], "--note", metavar="KEY=VALUE", help="What else is to be known; again for more."
+    ),
+    archive: str = ARCHIVE,
+    resets: list[str] = typer.Option([], "--reset", metavar="INTERLOCK", help="Reset a trip of this interlock."),
+) -> None:
+    """One output to a value and back, by hand: through limits, ramp, interlocks, watchdog and read-back.
+
+    It goes back to its safe value when the time is over, on any key, on a signal, and when a link is lost. What every
+    input did is shown, and recorded as a run.
+    """
+    from hil.bench.find import find_bench
+    from hil.bench.read import read_bench
+    from hil.cli.key import any_key
+    from hil.cli.places import check_folder
+    from hil.cli.progress import shown
+    from hil.cli.quantity import quantity
+    from hil.cli.run_end import ended, folder_name
+    from hil.errors import SettingError
+    from hil.session.by_hand import output_of, to_be_ended
+    from hil.session.labels import labelled, labels_of
+    from hil.session.procedure import load_procedure
+    from hil.session.run import run_procedure
+
+    found = read_bench(find_bench(bench))
+    unit = found.bench.channels[output_of(found, channel)].unit
+    settings = {"value": quantity(value, unit, "VALUE"), "for_s": quantity(for_time, "s", "--for")}
+    if settings["for_s"] <= 0.0:
+        raise SettingError(f"--for {for_time}: a time longer than 0 s was expected")
+    procedure = load_procedure("jog")
+    found, labels = labelled(found, procedure, labels_of(serial, operator, notes))
+    folder = out or Path("runs") / folder_name("jog", labels.serial)
+    check_folder(folder)
+
+    def run(known: Outputs) -> Outcome:
+        with any_key() as pressed, shown() as progress:
+            mine = to_be_ended(procedure, lambda: not pressed())
+            typer.echo(f"jog {channel} on {found.bench.name}, recording into {folder}; any key ends it")
+            return run_procedure(
+                mine, found, settings, folder, progress, resets, known=known, labels=labels, commanding=channel
+            )
+
+    ended(run, folder, archive)

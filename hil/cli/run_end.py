@@ -1,0 +1,80 @@
+"""How a command that drives a bench ends: what is said, where the run is entered, and the exit status."""
+
+from __future__ import annotations
+
+import re
+from contextlib import suppress
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from hil.safety.outputs import Outputs
+    from hil.session.outcome import Outcome
+
+
+def folder_name(procedure: str, serial: str) -> str:
+    """Procedure, unit and time in UTC; of the serial number what a folder's name can hold."""
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "-", serial).strip("-.")
+    unit = f"{plain}-" if plain and plain != "simulated" else ""
+    return f"{procedure}-{unit}{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+
+
+def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str) -> NoReturn:
+    """Do a run, say what came of it and of the outputs, enter it into the archive, and leave with its exit status.
+
+    Args:
+        run: does it, told where to keep what is known of the outputs; None when there was nothing to drive.
+        folder: of the run.
+        archive: where it is entered.
+    """
+    from hil.cli.said import say
+    from hil.report.terminal import findings_text
+    from hil.safety.outputs import Outputs
+
+    known = Outputs()
+    try:
+        outcome = run(known)
+    except BaseException as error:  # said here: on its way up typer would make something else of some
+        known.mark(error)
+        stopped = isinstance(error, KeyboardInterrupt)
+        status = say(error, *([known.text, _kept(folder)] if stopped else []))
+        _enter(archive, folder)
+        raise typer.Exit(status) from error
+    if outcome is None:
+        raise typer.Exit
+    with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
+        typer.echo(findings_text(outcome.findings))
+        typer.echo(f"report: {outcome.report}")
+    _enter(archive, folder)
+    raise typer.Exit(outcome.exit_status)
+
+
+def _enter(archive: str, folder: Path) -> None:
+    """Enter the run into the archive; what keeps it from that is said, and changes nothing of how the run ended."""
+    try:
+        told = _entered(archive, folder)
+    except Exception as error:
+        told = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
+    with suppress(OSError):
+        if told:
+            typer.echo(f"hil: {told}", err=True)
+
+
+def _entered(archive: str, folder: Path) -> str:
+    from hil.record.header import HEADER_FILE
+
+    if not (folder / HEADER_FILE).is_file():
+        return ""
+    from hil.archive.pending import enter_or_keep
+    from hil.archive.place import archive_place
+
+    return enter_or_keep(archive_place(archive), folder)
+
+
+def _kept(folder: Path) -> str:
+    return f"what was recorded is kept in {folder}" if folder.exists() else ""

@@ -1,0 +1,103 @@
+"""One output by hand: to a value, there for a while, and back when the run ends."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from hil.bench.read import BenchFile
+from hil.errors import RangeError, SettingError, UnknownNameError
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.session.procedure import Procedure
+
+HELD = "held"
+"""The kind of the part in which the output stands at its value."""
+
+_PIECE_S = 0.1  # so often somebody who wants to end it is heard
+_NOW_S = 0.5  # over so long what an input does now is averaged
+
+
+def output_of(bench: BenchFile, name: str) -> str:
+    """The name of an output of the bench.
+
+    Raises:
+        UnknownNameError: no channel of that name.
+        SettingError: it is an input.
+    """
+    outputs = [channel for channel, entry in bench.bench.channels.items() if entry.is_output]
+    if name not in bench.bench.channels:
+        raise UnknownNameError("channel", name, outputs)
+    if name not in outputs:
+        raise SettingError(f"channel '{name}' is an input; what can be driven: {', '.join(outputs)}")
+    return name
+
+
+def to_be_ended(procedure: Procedure, wanted: Callable[[], bool]) -> Procedure:
+    """The procedure `jog`, whose output goes back when somebody wants it to.
+
+    Args:
+        procedure: as it is installed.
+        wanted: says whether the output is still to stand there.
+    """
+
+    def run(rig: Rig, *, value: float, for_s: float) -> None:
+        hold(rig, value, for_s, wanted)
+
+    return replace(procedure, run=run)
+
+
+def hold(rig: Rig, value: float, for_s: float, wanted: Callable[[], bool] = lambda: True) -> None:
+    """Bring the command to a value at the allowed slew, and keep it there for so long, or as long as it is wanted.
+
+    Raises:
+        RangeError: the value or the way to it leaves the limits; nothing was driven.
+    """
+    out = rig.command
+    if not out.low <= value <= out.high:
+        raise RangeError(f"output '{out.name}': {value:g} {out.unit} is outside {out.low:g} … {out.high:g} {out.unit}")
+    rate_hz = rig.rate_hz
+    way, still = rig.way_to(value, rate_hz), max(1, round(for_s * rate_hz))
+    rig.check(np.append(way, value), rate_hz)
+    whole = len(way) + still
+    done = 0
+    for kind, pieces in (("way", _pieces(way, rate_hz, wanted)), (HELD, _still(value, still, rate_hz, wanted))):
+        part = {"kind": kind, "to": value, "channel": out.name, "unit": out.unit}
+        for recording in rig.stream(pieces, rate_hz, part=part):
+            done += len(recording)
+            rig.progress(done / whole, inputs_text(recording))
+    if done < whole:
+        rig.note("ended by hand", after_s=done / rate_hz)
+
+
+def inputs_text(recording: Recording) -> str:
+    """What every channel but the time did in a piece, in a line."""
+    told = []
+    for name, channel in recording.channels.items():
+        if channel.unit != "s":
+            unit = "" if channel.unit == "1" else f" {channel.unit}"
+            told.append(f"{name} {float(np.mean(channel.values[-_last(recording) :])):.4g}{unit}")
+    return ", ".join(told)
+
+
+def _last(recording: Recording) -> int:
+    interval_s = float(np.median(np.diff(recording.time_s))) if len(recording) > 1 else _NOW_S
+    return max(1, round(_NOW_S / interval_s))
+
+
+def _still(value: float, samples: int, rate_hz: float, wanted: Callable[[], bool]) -> Iterator[Array]:
+    """The value, piece by piece, made when it is asked for: nobody knows how long it will be wanted."""
+    some = max(1, round(_PIECE_S * rate_hz))
+    while samples > 0 and wanted():
+        yield np.full(min(some, samples), value)
+        samples -= some
+
+
+def _pieces(way: Array, rate_hz: float, wanted: Callable[[], bool]) -> Iterator[Array]:
+    some = max(1, round(_PIECE_S * rate_hz))
+    for first in range(0, len(way), some):
+        if not wanted():
+            return
+        yield way[first : first + some]

@@ -1,0 +1,135 @@
+"""`hil jog` as an outside observer sees it: however it ends, the output is safe, or said not to be."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import signal
+import subprocess
+import sys
+import termios
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from tests import observer
+from tests.links import served
+
+PATIENCE_S = 40.0
+pytestmark = pytest.mark.slow
+
+
+@dataclass
+class Jog:
+    """A jog to 40 % on a terminal of its own, the line to its device, and what stands there."""
+
+    process: subprocess.Popen[bytes]
+    terminal: int
+    line: observer.Line
+    watch: observer.Watch
+    said: list[bytes] = field(default_factory=list)
+
+    @property
+    def text(self) -> str:
+        return b"".join(self.said).decode(errors="replace")
+
+    def end(self) -> int:
+        status = self.process.wait(PATIENCE_S)
+        time.sleep(0.2)
+        return status
+
+
+@contextmanager
+def jogging(folder: Path, for_time: str = "60s") -> Iterator[Jog]:
+    with served("hpv41-modbus-tcp", folder, ("\nwatchdog_s = 1.0\n", "\n")) as (file, devices):
+        (device,) = devices.values()
+        line = observer.Line(device.port)
+        watch = observer.Watch(observer.modbus_tcp(device.port), 0.6)
+        path = folder / "driven.toml"
+        path.write_text(file.text.replace(f":{device.port}", f":{line.port}"), encoding="utf-8")
+        near, far = os.openpty()
+        command = [sys.executable, "-m", "hil", "jog", str(path), "command", "40 %", "--for", for_time,
+                   "--out", str(folder / "run"), "--archive", str(folder)]  # fmt: skip
+        environment = {**os.environ, "HIL_STATE_DIR": str(folder / "state")}
+
+        def take_terminal() -> None:
+            os.setsid()
+            fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+
+        process = subprocess.Popen(
+            command, env=environment, stdin=far, stdout=far, stderr=far, preexec_fn=take_terminal
+        )
+        os.close(far)
+        jog = Jog(process, near, line, watch)
+        threading.Thread(target=_listen, args=(jog,), daemon=True).start()
+        try:
+            assert watch.wait(lambda: (watch.now or 0.0) > 39.0, PATIENCE_S), jog.text
+            time.sleep(0.3)
+            yield jog
+        finally:
+            process.kill()
+            process.wait()
+            watch.close()
+            line.close()
+            with suppress(OSError):
+                os.close(near)
+
+
+def _listen(jog: Jog) -> None:
+    with suppress(OSError):
+        while said := os.read(jog.terminal, 4096):
+            jog.said.append(said)
+
+
+def _signal(*numbers: int) -> Callable[[Jog], None]:
+    def send(jog: Jog) -> None:
+        for number in numbers:
+            with suppress(ProcessLookupError):
+                jog.process.send_signal(number)
+            time.sleep(0.05)
+
+    return send
+
+
+@pytest.mark.parametrize(
+    ("end", "status", "says"),
+    [
+        (lambda jog: os.write(jog.terminal, b" "), 0, "reading, flow"),
+        (lambda jog: os.write(jog.terminal, b"\x03"), 130, "stopped; outputs are safe (read back)"),
+        (_signal(signal.SIGINT, signal.SIGINT), 130, "stopped; outputs are safe (read back)"),
+        (_signal(signal.SIGTERM), 143, "stopped; outputs are safe (read back)"),
+        (lambda jog: os.close(jog.terminal), 129, ""),
+    ],
+    ids=["a key", "Ctrl-C", "Ctrl-C twice", "SIGTERM", "terminal closed"],
+)
+def test_it_ends_and_the_output_is_safe(end: Callable[[Jog], None], status: int, says: str, tmp_path: Path) -> None:
+    with jogging(tmp_path) as jog:
+        end(jog)
+        assert jog.end() == status, jog.text
+        assert abs(jog.watch.now or 0.0) < 0.6
+        assert says in jog.text and "NOT SAFE" not in jog.text
+
+
+def test_time_over(tmp_path: Path) -> None:
+    with jogging(tmp_path, "1.5s") as jog:
+        assert jog.end() == 0, jog.text
+        assert abs(jog.watch.now or 0.0) < 0.6
+        assert re.search(r"reading, spool position +\d", jog.text)
+        assert (tmp_path / "run" / "report.html").is_file()
+
+
+@pytest.mark.parametrize("signals", [(), (signal.SIGINT, signal.SIGINT)], ids=["alone", "and Ctrl-C twice"])
+def test_a_link_that_is_pulled_is_said_to_be_not_safe(signals: tuple[int, ...], tmp_path: Path) -> None:
+    with jogging(tmp_path) as jog:
+        jog.line.dead = True
+        _signal(*signals)(jog)
+        assert jog.end() == 3, jog.text
+        assert abs(jog.watch.now or 0.0) > 30.0 and "NOT SAFE" in jog.text and "outputs are safe" not in jog.text
+        jog.line.dead = False
+        assert jog.watch.wait(lambda: jog.watch.is_safe, 20.0), "the watchdog process makes it safe"
