@@ -98,6 +98,10 @@ class Estimate:
         """Names of the unknowns that ended on a bound of theirs."""
         return tuple(u.name for u, value in zip(self.unknowns, self.values, strict=True) if u.at_bound(value))
 
+    def moved_by(self, change: Array) -> Array:
+        """By how much the values would move if the residuals, shape (n,), changed by so much; shape (k,)."""
+        return -self.told.inverse @ (self.jacobian.T @ change)
+
     def std_holding(self, k: int, held: Collection[int]) -> float:
         """Standard uncertainty of value k if those that are held were known."""
         free = [i for i in range(len(self.unknowns)) if i not in held]

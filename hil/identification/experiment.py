@@ -44,6 +44,8 @@ class Experiment:
         silent: samples of inner signals that say nothing, by name, shape (n,) each.
         skew_s: how much later than the output each row of `respond` was read, where that is the same in every sample.
         notes: what of the recording is used in another way than it was sampled, in words.
+        gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
+            and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Experiment:
     notes: tuple[str, ...] = ()
     silent: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     skew_s: tuple[float, ...] = ()
+    gain_stds: Mapping[str, float] = field(default_factory=dict)
 
     def respond(
         self,
@@ -225,9 +228,10 @@ def experiment(
     names = _input_names(plant, input_name)
     output_name = output_name or plant.output.name
     _check_named(recording, plant, names[0], output_name)
+    stated = _gain_stds(recording, names[0], output_name, plant)
     units = _input_units(plant, recording, names[0])
     if any(name in recording.own for name in (*names, output_name, *(signal.name for signal in plant.observed))):
-        return _on_own_stamps(recording, plant, names, units, output_name, read_at)
+        return replace(_on_own_stamps(recording, plant, names, units, output_name, read_at), gain_stds=stated)
     inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
     measured = recording.channel(output_name)
     output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
@@ -245,9 +249,21 @@ def experiment(
     drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
     return Experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
-        recording.time_s, drive, grid_s, output, observed, at is not None, read_s=read_s,
+        recording.time_s, drive, grid_s, output, observed, at is not None, read_s=read_s, gain_stds=stated,
         skew_s=() if read_s is not None else _skew_s(recording, measured.name, plant, at or 0.0),
     )  # fmt: skip
+
+
+def _gain_stds(recording: Recording, command: str, output: str, plant: Plant) -> dict[str, float]:
+    named = {"": command, "output": output, **{signal.name: signal.name for signal in plant.observed}}
+    found = {}
+    for role, name in named.items():
+        channel = recording.channels.get(name)
+        stated = channel.calibration.get("uncertainty") if channel is not None else None
+        largest = float(np.nanmax(np.abs(channel.values), initial=0.0)) if channel is not None else 0.0
+        if stated and largest > 0.0:
+            found[role] = float(stated) / 2.0 / largest
+    return found
 
 
 def _input_names(plant: Plant, given: str | Sequence[str] | None) -> list[str]:

@@ -9,15 +9,17 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.identification.estimate import Estimate, Unknown, estimate, side_by_side
+from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
 from hil.identification.first_reading import start_slope, with_free_start
 from hil.identification.free import all_values, check_free, moved, moved_effects, unknown_of
 from hil.identification.gaps import bridged
 from hil.identification.lines import common_line, line_at
 from hil.identification.looks import doubts, look, one_frequency
-from hil.identification.noise import channel_floor, channel_floors, measured_noise, resolution
+from hil.identification.noise import channel_floor, measured_noise, resolution
+from hil.identification.residuals import Residuals
 from hil.identification.structure import choose_structure
+from hil.identification.systematic import Systematic, systematic
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.record.recording import Array
@@ -45,7 +47,8 @@ class GreyBoxFit:
         """A table of parameters with their uncertainty, fits and notes, for a terminal."""
         rows = [f"{self.model.plant}"]
         for name, found in self.model.parameters.items():
-            rows.append(f"  {name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit}")
+            row = f"  {name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit:8}{_whole(found)}"
+            rows.append(row.rstrip())
         for e in self.model.effects:
             for name, found in e.parameters.items():
                 rows.append(f"  {e.name + '.' + name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit}")
@@ -57,6 +60,14 @@ def _interval(std: float | None) -> str:
     if std is None:
         return "held"
     return f"± {1.96 * std:.2g}" if np.isfinite(std) else "not told"
+
+
+def _whole(found: Value) -> str:
+    """With what the stated calibrations add; nothing where none was stated."""
+    whole = found.std_with_calibration
+    if whole is None or not found.calibration_std or not np.isfinite(whole):
+        return ""
+    return f"with calibration ± {1.96 * whole:.2g}"
 
 
 def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
@@ -130,7 +141,10 @@ def _fitted(
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     names += [name for name in dict.fromkeys(also_free) if "." in name]
     found, used = _best_reading(model, names, experiments, weights)
-    return _result(model, plant, found, used, (*said, *note))
+    at = _merged(model, found)
+    about = Residuals(plant, used, weights, model.values, moved_effects(model, at))
+    beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
+    return _result(model, plant, found, used, (*said, *note), beside)
 
 
 def _with_structure(
@@ -232,20 +246,12 @@ def _fit_from(
     names = [u.name for u in start]
     base, active = model.values, model.active_effects
 
-    starts = [start_slope(e, plant, base, active, 1.0 / weight) for e, weight in zip(experiments, weights, strict=True)]
-    inner = channel_floors([e.observed for e in experiments])
+    of_plant = Residuals(plant, experiments, weights, base, active)
 
     def residuals(values: Array) -> Array:
         tried = dict(zip(names, values.tolist(), strict=True))
-        parameters, effects = base | {n: v for n, v in tried.items() if "." not in n}, moved_effects(model, tried)
-
-        def errors_of(i: int) -> list[Array]:
-            e = experiments[i]
-            rows = e.respond(plant, parameters, effects)
-            output = with_free_start(e.telling((rows[0] - e.output) * weights[i]), starts[i])
-            return [output, *e.observed_errors(plant, rows, inner[i])]
-
-        return side_by_side(errors_of, len(experiments))
+        parameters = base | {name: value for name, value in tried.items() if "." not in name}
+        return of_plant.at(parameters, moved_effects(model, tried))
 
     return estimate(residuals, start, careful=True)
 
@@ -274,9 +280,10 @@ def _as_if_told(errors: Array, told: NDArray[np.bool_]) -> Array:
     return np.where(told, errors, float(np.std(errors[told])) * noise)
 
 
-def _covariance(found: Estimate) -> Covariance:
+def _covariance(found: Estimate, beside: Systematic) -> Covariance:
     """The covariance for the model file; a direction that no sample tells is as uncertain as bounds let it be."""
-    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in found.told.whole.tolist()))
+    matrix = found.told.whole + beside.model
+    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in matrix.tolist()))
 
 
 def _untold(found: Estimate) -> list[str]:
@@ -288,12 +295,18 @@ def _untold(found: Estimate) -> list[str]:
 
 
 def _result(
-    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], said: tuple[str, ...]
-) -> GreyBoxFit:
-    stds = dict(zip((u.name for u in found.unknowns), found.std.tolist(), strict=True))
+    model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], said: tuple[str, ...],
+    beside: Systematic,
+) -> GreyBoxFit:  # fmt: skip
+    names = [u.name for u in found.unknowns]
+    stds = dict(zip(names, np.sqrt(found.std**2 + np.diag(beside.model)).tolist(), strict=True))
+    by_calibration = {} if beside.calibration is None else dict(zip(names, beside.calibration.tolist(), strict=True))
     values = _merged(model, found)
     units = plant.units(experiments[0].input, experiments[0].output_heading)
-    parameters = {p.name: Value(values[p.name], units[p.name], stds.get(p.name)) for p in plant.parameters}
+    parameters = {
+        p.name: Value(values[p.name], units[p.name], stds.get(p.name), by_calibration.get(p.name))
+        for p in plant.parameters
+    }
     effects, active = moved(model, values, stds).effects, moved_effects(model, values)
     plain = {p.name: values[p.name] for p in plant.parameters}
     fits, errors = {}, []
@@ -308,7 +321,7 @@ def _result(
         model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,
         _noise(experiments, errors),
-        _covariance(found),
+        _covariance(found, beside),
         {
             "recordings": [e.name for e in experiments], "fit_percent": fits,
             "intervals_s": sample_intervals_s(experiments),
@@ -316,5 +329,5 @@ def _result(
         },
     )  # fmt: skip
     notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound]
-    notes += _untold(found)
+    notes += [*_untold(found), *beside.notes]
     return GreyBoxFit(made, found, fits, (*said, *notes, *doubts(made, experiments, fits)))

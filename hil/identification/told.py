@@ -42,17 +42,24 @@ class Told:
         untold: directions in which the values give way to each other and the samples tell nothing, as far as one
             standard deviation of what lies anywhere within the bounds, shape (m, k).
         widths: from bound to bound, shape (k,).
+        variance: of the residuals, with their colour.
     """
 
     covariance: Array
     untold: Array
     widths: Array
+    variance: float
 
     @property
     def whole(self) -> Array:
         """The covariance with what the bounds alone say in the directions that are not told, shape (k, k)."""
         made: Array = self.covariance + self.untold.T @ self.untold
         return made
+
+    @property
+    def inverse(self) -> Array:
+        """The inverse information of residuals of unit variance, shape (k, k)."""
+        return self.covariance / self.variance if self.variance else np.zeros_like(self.covariance)
 
     @property
     def is_untold(self) -> NDArray[np.bool_]:
@@ -84,7 +91,8 @@ def told(slopes: Slopes, variance: float, widths: Array) -> Told:
         untold.append(direction * valley.reach(direction))
     covariance = np.zeros((len(unit), len(unit)))
     covariance[np.ix_(kept, kept)] = variance * np.linalg.inv(valley.alike[np.ix_(kept, kept)])
-    return Told(covariance / np.outer(unit, unit), np.array(untold).reshape(-1, len(unit)) / unit, widths)
+    directions = np.array(untold).reshape(-1, len(unit)) / unit
+    return Told(covariance / np.outer(unit, unit), directions, widths, variance)
 
 
 def _products(columns: Array) -> Array:

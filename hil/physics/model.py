@@ -26,11 +26,21 @@ VERSION = 1
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """A number with its standard uncertainty (None: not estimated) and unit."""
+    """A number with its standard uncertainty (None: not estimated) and unit.
+
+    `std` is how far another estimate on the same bench would lie; `calibration_std` what the stated calibrations of the
+    bench's instruments add to it (None: nothing is stated).
+    """
 
     value: float
     unit: str
     std: float | None = None
+    calibration_std: float | None = None
+
+    @property
+    def std_with_calibration(self) -> float | None:
+        """Both together."""
+        return None if self.std is None else math.hypot(self.std, self.calibration_std or 0.0)
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,108 @@
+"""What a fit of a plant minimises: simulated less measured, of all recordings, in units of the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from hil.identification.estimate import side_by_side
+from hil.identification.experiment import Experiment
+from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.noise import channel_floors
+from hil.physics.plant import Plant
+from hil.physics.simulate import ActiveEffect, simulate
+from hil.record.recording import Array
+
+
+@dataclass(frozen=True)
+class Residuals:
+    """Of a plant on recordings.
+
+    Attributes:
+        plant: what is simulated.
+        experiments: the recordings.
+        weights: of their outputs, one over the noise.
+        about: parameters near which it is asked. `effects`: switched on there.
+    """
+
+    plant: Plant
+    experiments: Sequence[Experiment]
+    weights: Sequence[float]
+    about: Mapping[str, float]
+    effects: Sequence[ActiveEffect]
+
+    @cached_property
+    def _starts(self) -> list[Array | None]:
+        return [
+            start_slope(e, self.plant, self.about, self.effects, 1.0 / weight)
+            for e, weight in zip(self.experiments, self.weights, strict=True)
+        ]
+
+    @cached_property
+    def _inner(self) -> tuple[dict[str, float], ...]:
+        return channel_floors([e.observed for e in self.experiments])
+
+    def at(
+        self,
+        parameters: Mapping[str, float],
+        effects: Sequence[ActiveEffect],
+        *,
+        factor: float = 1.0,
+        inject: Callable[[int], tuple[str, Array]] | None = None,
+    ) -> Array:
+        """Of the output and the inner signals of one recording after another, shape (n,).
+
+        `factor` and `inject` as in `hil.physics.simulate.simulate`, `inject` by the number of the recording.
+        """
+
+        def errors_of(i: int) -> list[Array]:
+            e = self.experiments[i]
+            given = inject(i) if inject else None
+            rows = e.respond(self.plant, parameters, effects, factor=factor, inject=given)
+            output = with_free_start(e.telling((rows[0] - e.output) * self.weights[i]), self._starts[i])
+            return [output, *e.observed_errors(self.plant, rows, self._inner[i])]
+
+        return side_by_side(errors_of, len(self.experiments))
+
+    def stated_gains(self) -> list[tuple[str, float]]:
+        """Channels whose calibration states an uncertainty, and that as a share of the largest reading.
+
+        `""` is the command, `"output"` the output.
+        """
+        shares: dict[str, float] = {}
+        for e in self.experiments:
+            for name, share in e.gain_stds.items():
+                shares[name] = min(share, shares.get(name, share))
+        return sorted(shares.items())
+
+    def driven_by(self, factor: float) -> Residuals:
+        """The same with commands so many times as large."""
+        driven = [replace(e, drive=replace(e.drive, inputs=factor * e.drive.inputs)) for e in self.experiments]
+        return replace(self, experiments=driven)
+
+    def readings(self, names: Sequence[str | None]) -> Array:
+        """What was read, in units of the noise, of channels with these names, None being the output; else 0; (n,)."""
+
+        def readings_of(i: int) -> list[Array]:
+            e = self.experiments[i]
+            output = e.telling(e.output * self.weights[i]) if None in names else np.zeros(len(e.output))
+            inner = [
+                (e.observed[s.name] / self._inner[i][s.name] if s.name in names else np.zeros(len(e.output)))
+                for s in self.plant.observed
+                if s.name in self._inner[i]
+            ]
+            return [with_free_start(output, self._starts[i]), *inner]
+
+        return side_by_side(readings_of, len(self.experiments))
+
+    def passing(self, parameters: Mapping[str, float]) -> list[Array]:
+        """What arrives at each hook in each recording, shape (hooks, n) each, on the grid of its command."""
+        made = []
+        for e in self.experiments:
+            trace = np.empty((len(self.plant.hooks), e.drive.inputs.shape[1]))
+            simulate(self.plant, parameters, e.drive, self.effects, trace=trace)
+            made.append(trace)
+        return made

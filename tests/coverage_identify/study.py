@@ -1,0 +1,77 @@
+"""One valve at one range over many seeds."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from hil.identification.grey_box import fit_plant, starting_model
+from hil.record.recording import Recording
+from hil.session.identification import bound
+from tests.coverage_identify.benches import RATE_HZ
+from tests.coverage_identify.cases import Case
+
+COVERAGE = 1.96
+
+
+@dataclass
+class Tally:
+    """What was said of a parameter over the seeds."""
+
+    truth: float
+    unit: str
+    values: list[float] = field(default_factory=list)
+    stds: list[float] = field(default_factory=list)
+    untold: int = 0
+
+    @property
+    def held(self) -> int:
+        """How many intervals hold the truth."""
+        pairs = zip(self.values, self.stds, strict=True)
+        return sum(abs(value - self.truth) <= COVERAGE * std for value, std in pairs)
+
+
+@dataclass
+class Outcome:
+    """The tallies of a valve at a range, and how many of the runs had which note."""
+
+    case: Case
+    range: str
+    runs: int = 0
+    tallies: dict[str, Tally] = field(default_factory=dict)
+    notes: dict[str, int] = field(default_factory=dict)
+    fit: float = float("nan")
+
+
+def recordings(case: Case, at: str, seed: int, noise: float = 1.0) -> list[Recording]:
+    """The recordings of one seed."""
+    made = []
+    for i, command in enumerate(case.commands[at]):
+        acting = case.bench.acting(command, case.sub_steps)
+        channels = case.solve(acting, {**case.truth, **case.lacking}, 1.0 / (RATE_HZ * case.sub_steps))
+        made.append(case.bench.recorded(f"{at} {i}", command, channels, case.sub_steps, 100 * seed + i, noise))
+    return made
+
+
+def tried(case: Case, at: str, seeds: range) -> Outcome:
+    """Identify from the recordings of all seeds."""
+    start = starting_model(case.plant)
+    made, fits = Outcome(case, at), []
+    for seed in seeds:
+        found = fit_plant(start, [bound(one, start.definition) for one in recordings(case, at, seed)])
+        made.runs += 1
+        fits += list(found.fits.values())
+        for note in found.notes:
+            short = note.partition(":")[0] if "bound" not in note else note
+            made.notes[short] = made.notes.get(short, 0) + 1
+        for name, truth in case.truth.items():
+            value = found.model.parameters[name]
+            tally = made.tallies.setdefault(name, Tally(truth, value.unit))
+            if value.std is None or not np.isfinite(value.std):
+                tally.untold += 1
+            else:
+                tally.values.append(value.value)
+                tally.stds.append(value.std)
+    made.fit = float(np.mean(fits))
+    return made
