@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -248,5 +249,12 @@ def _slopes_both_ways(
         near, far = at(k, step), at(k, 2.0 * step)
         return 2.0 * near - far, far - near
 
+    def rise(move: Array) -> float:
+        moved = values + move
+        if np.any(moved < low) or np.any(moved > high):
+            return math.inf
+        new = residuals(moved)
+        return float(new @ new - base @ base)
+
     columns = spread(column, range(len(values)))
-    return Slopes(np.array([slope for slope, _ in columns]).T, np.array([bend for _, bend in columns]).T)
+    return Slopes(np.array([slope for slope, _ in columns]).T, np.array([bend for _, bend in columns]).T, rise)

@@ -17,7 +17,8 @@ from hil.signals.colour import colour_factor
 # Residuals are coloured beyond chance when their colour factor exceeds that of white noise by so many of its spreads.
 _BEYOND_CHANCE = 4.0
 _BLOCK = 200
-_FINER = 8.0
+# Finer steps of the solver; rounds of following where it leads, until one moves nothing by this share of its scatter.
+_FINER, _ROUNDS, _STILL = 8.0, 12, 0.1
 # Shares of the whole that what is lacking may add to the residuals, over the noise: tried in steps of a half.
 _SHARES = np.concatenate(([0.0], np.geomspace(1e-3, 1e4, 15) ** 2))
 _SMALL = 1e-3  # of what passes a hook: so small an addition acts in proportion
@@ -41,7 +42,7 @@ class Systematic:
 def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, float]) -> Systematic:
     """Beside the scatter of an estimate, at these parameters."""
     base = residuals.at(parameters, residuals.effects)
-    finer = found.moved_by(residuals.at(parameters, residuals.effects, factor=_FINER) - base)
+    finer = _by_solver(residuals, found, parameters)
     covariance = np.outer(finer, finer)
     notes: tuple[str, ...] = ()
     if _is_coloured(found.residuals):
@@ -52,6 +53,24 @@ def systematic(residuals: Residuals, found: Estimate, parameters: Mapping[str, f
         )
         notes = (f"{said} by what that may have moved; hil diagnose looks for it",) if share > 0.0 else ()
     return Systematic(covariance, _calibrations(residuals, found, parameters, base), notes)
+
+
+def _by_solver(residuals: Residuals, found: Estimate, parameters: Mapping[str, float]) -> Array:
+    """By how much the values move when the plant is solved in finer steps, shape (k,)."""
+    low, high = (np.array([getattr(u, end) for u in found.unknowns]) for end in ("low", "high"))
+    best, least, tried = found.values, math.inf, found.values
+    for _ in range(_ROUNDS):
+        named = dict(zip((u.name for u in found.unknowns), tried.tolist(), strict=True))
+        at = {**parameters, **{name: value for name, value in named.items() if name in parameters}}
+        left = residuals.at(at, residuals.effects, factor=_FINER)
+        if not float(left @ left) < least:
+            break
+        best, least = tried, float(left @ left)
+        tried = np.clip(tried + found.moved_by(left), low, high)
+        if np.all(np.abs(tried - best) <= _STILL * found.std):
+            best = tried
+            break
+    return best - found.values
 
 
 def _is_coloured(values: Array) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -17,19 +17,36 @@ _ANYWHERE = 1.0 / math.sqrt(12.0)
 # step over the sixth part of the square of a scale that is a tenth as long, and what simulations round.
 _SLOPES_GOOD_TO = 1e-4
 _ROUNDING = 1e-9
+# Where so little of a slope is left, a move is tried; it belies the slopes when it costs less than this share.
+_DOUBTFUL, _FAR_LESS = 0.03, 0.25
 
 
 @dataclass(frozen=True, slots=True)
 class Slopes:
-    """Slopes of residuals in the values, shape (n, k), and by how much they bend over a step, or None if unknown."""
+    """Slopes of residuals in the values.
+
+    Attributes:
+        slopes: shape (n, k).
+        bends: by how much they bend over a step, shape (n, k); None if unknown.
+        rise: by how much the sum of squares rises when the values move so far, in the directions (k,) that are tried;
+            None if nobody can say.
+    """
 
     slopes: Array
     bends: Array | None = None
+    rise: Callable[[Array], float] | None = None
 
     def of(self, places: Sequence[int]) -> Slopes:
         """Those in some of the values."""
-        kept = list(places)
-        return Slopes(self.slopes[:, kept], None if self.bends is None else self.bends[:, kept])
+        kept, rise = list(places), self.rise
+
+        def rise_of(move: Array) -> float:
+            whole = np.zeros(self.slopes.shape[1])
+            whole[kept] = move
+            return rise(whole) if rise else math.inf
+
+        bends = None if self.bends is None else self.bends[:, kept]
+        return Slopes(self.slopes[:, kept], bends, rise and rise_of)
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,13 +93,14 @@ def told(slopes: Slopes, variance: float, widths: Array) -> Told:
     """What residuals of a variance tell of values with these widths.
 
     A value is not told when the others give way to it: what is left of its slope then is no more than what slopes from
-    differences leave along a valley that is bent, or it makes the value no more certain than its bounds do.
+    differences leave along a valley that is bent, or it makes the value no more certain than its bounds do. Where
+    little is left, a move of two standard deviations that way is tried; it may cost far less than the slopes promise.
     """
     sizes = np.linalg.norm(slopes.slopes, axis=0)
     unit = np.where(sizes > 0.0, sizes, 1.0)
     valley = _Valley(
         _products(slopes.slopes / unit), _products(slopes.bends / unit) if slopes.bends is not None else None,
-        math.sqrt(variance), widths * unit,
+        math.sqrt(variance), widths * unit, slopes.rise and (lambda move: slopes.rise(move / unit)),
     )  # fmt: skip
     kept, untold = list(range(len(unit))), []
     while (k := valley.least_told(kept)) is not None:
@@ -108,20 +126,25 @@ class _Valley:
     bent: Array | None
     std: float
     widths: Array
+    rise: Callable[[Array], float] | None
 
     def least_told(self, kept: Sequence[int]) -> int | None:
         """Of those that are not told, the one of whose slope least is left; None where all are told."""
-        left = {k: self._left(self._against(k, [j for j in kept if j != k])) for k in kept}
-        blind = [k for k in kept if self._is_blind(k, self._against(k, [j for j in kept if j != k]))]
+        directions = {k: self._against(k, [j for j in kept if j != k]) for k in kept}
+        left = {k: self._left(direction) for k, direction in directions.items()}
+        doubtful = [k for k in kept if left[k] < _DOUBTFUL]
+        blind = [k for k in kept if self._is_blind(k, directions[k])]
+        blind = blind or [k for k in doubtful if self._costs_less(k, left[k], [j for j in doubtful if j != k])]
         return min(blind, key=left.__getitem__, default=None)
 
     def along(self, k: int, kept: Sequence[int]) -> Array:
         """The way in which the others give way to a value that is not told, with as few of them as will do."""
         others = [j for j in kept if j != k]
         direction = self._against(k, others)
+        blind = self._is_blind(k, direction)
         for j in sorted(others, key=lambda j: abs(direction[j])):
             fewer = self._against(k, [i for i in others if i != j])
-            if self._is_blind(k, fewer):
+            if self._is_blind(k, fewer) if blind else self._left(fewer) < _DOUBTFUL:
                 others.remove(j)
                 direction = fewer
         return direction
@@ -151,3 +174,10 @@ class _Valley:
         bend = 0.0 if self.bent is None else math.sqrt(max(float(direction @ self.bent @ direction), 0.0))
         undone = max(1.0 - left**2, 0.0)
         return left <= max(undone * bend, _SLOPES_GOOD_TO) or self.std / left >= _ANYWHERE * float(self.widths[k])
+
+    def _costs_less(self, k: int, left: float, others: Sequence[int]) -> bool:
+        """Whether a move of two standard deviations, others giving way, costs far less than the slopes promise."""
+        if self.rise is None or left == 0.0:
+            return False
+        move = 2.0 * self.std / left * self._against(k, others)
+        return min(self.rise(move), self.rise(-move)) < _FAR_LESS * 4.0 * self.std**2

@@ -13,6 +13,7 @@ from tests.coverage_identify.benches import RATE_HZ
 from tests.coverage_identify.cases import Case
 
 COVERAGE = 1.96
+_AT_REST = 1000  # samples before the first that is recorded
 
 
 @dataclass
@@ -48,8 +49,11 @@ def recordings(case: Case, at: str, seed: int, noise: float = 1.0) -> list[Recor
     """The recordings of one seed."""
     made = []
     for i, command in enumerate(case.commands[at]):
-        acting = case.bench.acting(command, case.sub_steps)
-        channels = case.solve(acting, {**case.truth, **case.lacking}, 1.0 / (RATE_HZ * case.sub_steps))
+        at_rest = _AT_REST if case.starts_steady else 0
+        before = np.full(at_rest, command[0])
+        acting = case.bench.acting(np.concatenate((before, command)), case.sub_steps)
+        solved = case.solve(acting, {**case.truth, **case.lacking}, 1.0 / (RATE_HZ * case.sub_steps))
+        channels = {name: values[at_rest * case.sub_steps :] for name, values in solved.items()}
         made.append(case.bench.recorded(f"{at} {i}", command, channels, case.sub_steps, 100 * seed + i, noise))
     return made
 

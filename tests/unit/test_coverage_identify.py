@@ -1,0 +1,29 @@
+"""A seed of the study of identified parameters: values that are told hold truths that are solved elsewhere."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.coverage_identify.cases import CASES
+from tests.coverage_identify.study import tried
+
+
+@pytest.mark.parametrize(("name", "at"), [("HPV41", "half range"), ("SP08-47C, closed loop", "half range")])
+def test_parameters_hold_their_truths(name: str, at: str) -> None:
+    (case,) = [one for one in CASES if one.name == name]
+    found = tried(case, at, range(7, 8))
+    off = {
+        parameter: abs(tally.values[0] - tally.truth) / tally.stds[0]
+        for parameter, tally in found.tallies.items()
+        if tally.values
+    }
+    assert max(off.values()) < 3.0, off
+    assert len(off) >= len(case.truth) - 3
+
+
+def test_what_two_levels_tell_of_an_open_loop_only_together_has_wide_intervals() -> None:
+    (case,) = [one for one in CASES if one.name == "SP08-47C, open loop"]
+    found = tried(case, "two levels", range(7, 8))
+    assert found.tallies["hysteresis"].untold == 1
+    assert found.tallies["first_flow"].untold == 1 or found.tallies["first_flow"].stds[0] > 0.03
+    assert any("hysteresis" in note and "only together" in note for note in found.notes)

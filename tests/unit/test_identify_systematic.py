@@ -1,0 +1,80 @@
+"""Intervals of identified parameters where a model lacks something, and where calibrations are stated."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from hil.identification.experiment import Experiment
+from hil.identification.grey_box import GreyBoxFit, fit_plant
+from hil.physics.model import typical_model
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import Recording, recording
+from tests.concealed import bound
+
+TYPICAL = typical_model("brevini-hpv41")
+FRICTION = ActiveEffect("friction", "force", {"coulomb": 1.5, "stiction": 1.2, "stribeck": 10.0, "presliding": 0.2})
+LEVELS = (0.0, 80.0, -60.0, 40.0, -90.0, 55.0, 0.0)
+
+
+def driven(*effects: ActiveEffect) -> Recording:
+    """Steps and a slow wave, read with noise."""
+    time_s = np.arange(16_000) * 0.001
+    slow = 70.0 * np.sin(1.3 * time_s[:9000])
+    command = np.concatenate((np.repeat(LEVELS, 1000), slow))
+    flow = simulate(TYPICAL.definition, TYPICAL.values, Drive(command[None, :], 0.0, 0.001), effects)[0]
+    flow += 0.1 * np.random.default_rng(4).standard_normal(len(flow))
+    return recording("driven", time_s, {"command [%]": command, "flow [l/min]": flow})
+
+
+def fitted(made: Recording) -> GreyBoxFit:
+    (e,) = bound(TYPICAL, [made])
+    assert isinstance(e, Experiment)
+    return fit_plant(TYPICAL, [e])
+
+
+@cache
+def without_friction() -> GreyBoxFit:
+    return fitted(driven())
+
+
+def off(found: GreyBoxFit) -> dict[str, float]:
+    """How many standard uncertainties each parameter lies from the truth."""
+    told = {name: value for name, value in found.model.parameters.items() if value.std is not None}
+    return {name: abs(value.value - TYPICAL.values[name]) / (value.std or np.inf) for name, value in told.items()}
+
+
+def test_intervals_hold_the_truth_where_the_model_lacks_friction_and_a_note_says_so() -> None:
+    found = fitted(driven(FRICTION))
+    assert max(off(found).values()) < 2.5
+    assert any("the model lacks something, most likely at its" in note for note in found.notes)
+    assert found.model.covariance is not None
+    variances = np.diag(np.array(found.model.covariance.matrix))
+    stds = [found.model.parameters[name].std for name in found.model.covariance.names]
+    assert np.sqrt(variances) == pytest.approx(stds)
+
+
+def test_what_is_only_noise_widens_nothing() -> None:
+    found = without_friction()
+    assert max(off(found).values()) < 3.0
+    assert not any("lacks" in note for note in found.notes)
+    scatter = found.estimate.std
+    stds = [found.model.parameters[u.name].std or 0.0 for u in found.estimate.unknowns]
+    assert np.all(np.array(stds) < 1.2 * scatter)
+
+
+def test_a_stated_calibration_is_kept_apart() -> None:
+    made = driven()
+    flow = replace(made.channels["flow"], calibration={"uncertainty": 1.4})
+    found = fitted(replace(made, channels={**made.channels, "flow": flow}))
+    full, plain = found.model.parameters["full_flow"], without_friction().model.parameters["full_flow"]
+    assert full.std == pytest.approx(plain.std, rel=0.01)
+    share = 0.7 / float(np.abs(flow.values).max())
+    assert full.calibration_std == pytest.approx(share * full.value, rel=0.05)
+    assert full.std_with_calibration == pytest.approx(np.hypot(full.std or 0.0, full.calibration_std or 0.0))
+    assert found.model.parameters["dead_time"].calibration_std == pytest.approx(0.0, abs=1e-5)
+    assert "with calibration ±" in found.summary()
+    assert "with calibration" not in without_friction().summary()
