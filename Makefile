@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check wheel bench acceptance-risk proof coverage docs clean help
+.PHONY: demo test test-slow check wheel bench acceptance-risk proof coverage coverage-identify docs clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -56,6 +56,9 @@ endif
 
 coverage: $(STAMP)  ## how often what procedures print holds the truth (SEEDS=300): the table in docs/explanation/coverage.md
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_study --seeds $(or $(SEEDS),300) --page docs/explanation/coverage.md
+
+coverage-identify: $(STAMP)  ## how often intervals of identified parameters hold the truth (SEEDS=100): the same page
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_identify --seeds $(or $(SEEDS),100) --page docs/explanation/coverage.md
 
 clean:           ## remove the environment and everything generated
 	rm -rf $(VENV) demo proof .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -280,10 +280,12 @@ def _as_if_told(errors: Array, told: NDArray[np.bool_]) -> Array:
     return np.where(told, errors, float(np.std(errors[told])) * noise)
 
 
-def _covariance(found: Estimate, beside: Systematic) -> Covariance:
-    """The covariance for the model file; a direction that no sample tells is as uncertain as bounds let it be."""
-    matrix = found.told.whole + beside.model
-    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in matrix.tolist()))
+def _covariance(found: Estimate) -> Covariance:
+    """The covariance for the model file; a direction that no sample tells is as uncertain as bounds let it be.
+
+    It is that of repeats: what the model lacks is lacking in them too, and cancels where units are compared.
+    """
+    return Covariance(tuple(u.name for u in found.unknowns), tuple(tuple(row) for row in found.told.whole.tolist()))
 
 
 def _untold(found: Estimate) -> list[str]:
@@ -321,7 +323,7 @@ def _result(
         model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,
         _noise(experiments, errors),
-        _covariance(found, beside),
+        _covariance(found),
         {
             "recordings": [e.name for e in experiments], "fit_percent": fits,
             "intervals_s": sample_intervals_s(experiments),

@@ -97,10 +97,10 @@ def told(slopes: Slopes, variance: float, widths: Array) -> Told:
     little is left, a move of two standard deviations that way is tried; it may cost far less than the slopes promise.
     """
     sizes = np.linalg.norm(slopes.slopes, axis=0)
-    unit = np.where(sizes > 0.0, sizes, 1.0)
+    unit, rise = np.where(sizes > 0.0, sizes, 1.0), slopes.rise
     valley = _Valley(
         _products(slopes.slopes / unit), _products(slopes.bends / unit) if slopes.bends is not None else None,
-        math.sqrt(variance), widths * unit, slopes.rise and (lambda move: slopes.rise(move / unit)),
+        math.sqrt(variance), widths * unit, None if rise is None else (lambda move: rise(move / unit)),
     )  # fmt: skip
     kept, untold = list(range(len(unit))), []
     while (k := valley.least_told(kept)) is not None:

@@ -28,8 +28,8 @@ VERSION = 1
 class Value:
     """A number with its standard uncertainty (None: not estimated) and unit.
 
-    `std` is how far another estimate on the same bench would lie; `calibration_std` what the stated calibrations of the
-    bench's instruments add to it (None: nothing is stated).
+    `std` is by noise and by what the model lacks; `calibration_std` what the stated calibrations of the bench's
+    instruments add to it (None: nothing is stated).
     """
 
     value: float
@@ -88,7 +88,7 @@ class Model:
         input, output: channel headings that the values refer to.
         read_at: share of a sample between a command's update and the reading of the output (see `Drive`).
         noise: of the output, as it was when the model was identified.
-        covariance: of the parameters that were estimated.
+        covariance: of the parameters that were estimated, from one recording of the same bench to the next.
         origin: recordings, tool version, fit; for the reader.
     """
 
