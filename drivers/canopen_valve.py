@@ -10,6 +10,7 @@ import struct
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
+from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
@@ -30,6 +31,7 @@ STATES = {
 """By the low four bits of the status word: ready, active, hold, disabled."""
 _REACHED = (0b1000, 0b1001, 0b1011, 0b1111)
 _PATIENCE_S = 0.5  # for the device to follow a control word
+PROBES = "can"
 
 
 class Settings(BaseModel):
@@ -71,6 +73,13 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
         yield ("longest_reply_s",), f"must be shorter than watchdog_s = {settings.watchdog_s:g}, or the valve faults"
     if settings.watchdog_s > 65.535:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the valve counts up to 65.535 s"
+
+
+def probe() -> Any:
+    """Who is on such a line (see `hil.daq.probe`)."""
+    from drivers import _probe_can
+
+    return _probe_can
 
 
 def terminals(_settings: Settings) -> dict[str, Terminal]:

@@ -28,6 +28,7 @@ __all__ = [
 ]  # fmt: skip
 
 _CHECK_S = 0.5  # how often outputs are read back: another master, or a device that restarted
+PROBES = "modbus"
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +204,13 @@ def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[st
 def _counted(count: float, told_to_the_device: bool) -> bool:
     """Whether the device can count such a time; one that is set there by other means may be any."""
     return not told_to_the_device or (abs(count - round(count)) < 1e-6 and 1 <= round(count) <= 0xFFFF)
+
+
+def probe() -> Any:
+    """Who is on such a line (see `hil.daq.probe`)."""
+    from drivers import _probe_modbus
+
+    return _probe_modbus
 
 
 def terminals(settings: Settings) -> dict[str, Terminal]:

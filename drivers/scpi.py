@@ -12,7 +12,7 @@ import re
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
@@ -29,6 +29,7 @@ _WORDS = {"NAN": math.nan, "OL": math.inf, "OVLD": math.inf, "OVERLOAD": math.in
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")  # NR1, NR2 and NR3
 _UNIT = re.compile(r'(?:"(?:[^"]|"")*"|[^;"])+')  # up to a semicolon that no text has in it
 _ERROR = re.compile(r'\s*([+-]?\d+)\s*,\s*"(.*)"\s*')
+PROBES = "scpi"
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +113,13 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong beyond the types."""
     if settings.longest_reply_s < settings.timeout_s:
         yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
+
+
+def probe() -> Any:
+    """Who is on such a line (see `hil.daq.probe`)."""
+    from drivers import _probe_scpi
+
+    return _probe_scpi
 
 
 def terminals(settings: Settings) -> dict[str, Terminal]:

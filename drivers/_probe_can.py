@@ -1,0 +1,145 @@
+"""Who is on a CAN bus: heard first, then asked by SDO uploads (CANopen) or for claimed addresses (J1939)."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, field_validator
+
+from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST
+from drivers._can import bus_fault, gone, open_bus
+from drivers._edge import wire_log
+from hil.daq.probe import Found, Progress
+
+_NOBODY, _EVERYBODY = 0xFE, 0xFF  # addresses of J1939: who has none may ask for claims
+_SEARCH_S = 0.3
+_IDENTITY = ("vendor", "product", "revision", "serial")
+
+
+class Options(BaseModel):
+    """What beside the address may be said.
+
+    Attributes:
+        address: of the bus, `INTERFACE:CHANNEL`, as in bench files.
+        bitrate: of the bus; a wrong one disturbs it.
+        listen_s: so long is listened before anything is asked.
+        timeout_s: an answer that takes longer counts as none.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    bitrate: PositiveInt = 250_000
+    listen_s: PositiveFloat = Field(default=1.2, le=60.0)
+    timeout_s: PositiveFloat = Field(default=0.1, le=10.0)
+
+    @field_validator("address")
+    @classmethod
+    def _is_a_bus(cls, given: str) -> str:
+        if fault := bus_fault(given):
+            raise ValueError(fault)
+        return given
+
+
+def who(options: Options, progress: Progress) -> list[Found]:
+    """Every node of CANopen, and every address of J1939. A bus of 29-bit frames alone is not asked by SDO."""
+    bus = open_bus(options.address, options.bitrate)
+    try:
+        progress(0.0, "listening")
+        standard, extended = _listened(bus, options.listen_s, options.address)
+        found = _controllers(bus, extended, options.address) if extended else []
+        if standard or not extended:
+            progress(0.5, "asking nodes 1 … 127")
+            found += _nodes(bus, options)
+        return found
+    finally:
+        with suppress(Exception):
+            bus.shutdown()
+
+
+def _listened(bus: Any, for_s: float, address: str) -> tuple[set[int], dict[int, str]]:
+    """Identifiers of 11 bits that were heard, and by source address of 29-bit frames the NAME, where it was told."""
+    standard: set[int] = set()
+    names: dict[int, str] = {}
+    until_s = time.monotonic() + for_s
+    while (left_s := until_s - time.monotonic()) > 0.0:
+        try:
+            message = bus.recv(left_s)
+        except Exception as error:
+            raise gone(address, error) from error
+        if message is None or message.is_error_frame or message.is_remote_frame:
+            continue
+        if not message.is_extended_id:
+            standard.add(message.arbitration_id)
+            continue
+        source = message.arbitration_id & 0xFF
+        is_claim = message.arbitration_id >> 8 & 0x3FF00 == CLAIMED and len(message.data) == 8
+        name = f"{int.from_bytes(message.data, 'little'):#018x}" if is_claim else ""
+        names[source] = name or names.get(source, "")
+    return standard, names
+
+
+def _controllers(bus: Any, heard: Mapping[int, str], address: str) -> list[Found]:
+    """Addresses of J1939, with the NAMEs that they tell when everybody is asked for his."""
+    import can
+
+    identifier = 6 << 26 | REQUEST << 8 | _EVERYBODY << 8 | _NOBODY
+    try:
+        bus.send(can.Message(arbitration_id=identifier, data=CLAIMED.to_bytes(3, "little"), is_extended_id=True))
+    except Exception as error:
+        raise gone(address, error) from error
+    _, claimed = _listened(bus, 2.0 * CLAIM_WAIT_S, address)
+    names = {**heard, **{source: name for source, name in claimed.items() if name or source not in heard}}
+    return [Found(f"J1939 address {source:#04x}", {"NAME": name or "not told"})
+            for source, name in sorted(names.items()) if source < _NOBODY]  # fmt: skip
+
+
+def _nodes(bus: Any, options: Options) -> list[Found]:
+    """Nodes of CANopen that answer an upload of their device type, and what their identity object says."""
+    from drivers._canopen_network import CanopenNetwork
+
+    network = CanopenNetwork(bus, options.address, wire_log("probe", options.address))
+    network.connect()
+    try:
+        answered: set[int] = set()
+
+        def heard(identifier: int, _data: bytearray, _time: float) -> None:
+            answered.add(identifier - 0x580)
+
+        for node in range(1, 128):
+            network.subscribe(0x580 + node, heard)
+        for node in range(1, 128):
+            network.send_message(0x600 + node, b"\x40\x00\x10\x00\x00\x00\x00\x00")
+        time.sleep(_SEARCH_S + options.timeout_s)
+        network.check_readable()
+        return [Found(f"CANopen node {node}", _identity(network, node, options.timeout_s)) for node in sorted(answered)]
+    finally:
+        with suppress(Exception):
+            network.disconnect()
+
+
+def _identity(network: Any, node: int, timeout_s: float) -> dict[str, str]:
+    import canopen
+
+    sdo = network.add_node(node, canopen.ObjectDictionary()).sdo  # type: ignore[no-untyped-call]
+    sdo.RESPONSE_TIMEOUT = timeout_s
+    told: dict[str, str] = {}
+    with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):
+        kind = int.from_bytes(sdo.upload(0x1000, 0), "little")
+        told["profile"] = f"{kind & 0xFFFF} (type {kind:#010x})"
+    with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):  # optional
+        told["name"] = sdo.upload(0x1008, 0).decode("ascii", "replace").strip("\0 ")
+    return told | _numbers(sdo, enumerate(_IDENTITY, start=1))
+
+
+def _numbers(sdo: Any, subs: Iterable[tuple[int, str]]) -> dict[str, str]:
+    import canopen
+
+    told = {}
+    with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):  # most of the object is optional
+        for sub, what in subs:
+            told[what] = f"{int.from_bytes(sdo.upload(0x1018, sub), 'little'):#x}"
+    return told

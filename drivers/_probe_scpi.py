@@ -1,0 +1,52 @@
+"""Which instrument answers on a line: `*IDN?`, and nothing else is sent."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+
+from drivers._line import Line
+from hil.daq.probe import Found, Progress
+from hil.errors import LinkError
+
+_ENDS = {"LF": "\n", "CRLF": "\r\n", "CR": "\r"}
+_PARTS = ("maker", "model", "serial", "version")
+
+
+class Options(BaseModel):
+    """What beside the address may be said.
+
+    Attributes:
+        address: a serial port, `usb:…` or `socket://host:port`, as in bench files.
+        baud, end, echo: of the line, and of what is sent.
+        timeout_s: an answer that takes longer counts as none.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    baud: PositiveInt = 115200
+    end: Literal["LF", "CRLF", "CR"] = "LF"
+    echo: bool = False
+    timeout_s: PositiveFloat = Field(default=1.0, le=60.0)
+
+
+def who(options: Options, progress: Progress) -> list[Found]:
+    """The instrument, if one answers."""
+    progress(0.0, "*IDN?")
+    line = Line(
+        options.address, options.baud, _ENDS[options.end], options.timeout_s, options.timeout_s, driver="probe",
+        echo=options.echo,
+    )  # fmt: skip
+    try:
+        text = line.ask_first("*IDN?").strip()
+    except LinkError as error:
+        if type(error) is not LinkError or "echoes" in str(error):
+            raise
+        return []
+    finally:
+        line.close()
+    parts = [part.strip() for part in text.split(",")]
+    told = dict(zip(_PARTS, parts, strict=True)) if len(parts) == len(_PARTS) else {"answer": text}
+    return [Found(options.address, told)]

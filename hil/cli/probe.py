@@ -1,0 +1,51 @@
+"""`hil probe`: who is on a line, asked with reads that change nothing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from hil.daq.probe import Found
+
+
+def command(
+    kind: str = typer.Argument(..., metavar="modbus|can|scpi", help="What is spoken on the line."),
+    address: str = typer.Argument(..., metavar="ADDRESS", help="As in bench files: host:port, /dev/ttyUSB0, …"),
+    options: list[str] = typer.Option(
+        [],
+        "--set",
+        metavar="NAME=VALUE",
+        help="Such as baud=9600, parity=E, units=1..16, bitrate=500000; again for more.",
+    ),
+    as_json: bool = typer.Option(False, "--json", help="Print the answers as JSON, schema hil.probe/1."),
+) -> None:
+    """Who is on a line: unit numbers and identification, node numbers and identity objects, `*IDN?`.
+
+    Only reads are sent: registers and identification on Modbus, SDO uploads on CANopen, requests for claimed
+    addresses on J1939, `*IDN?` on SCPI. Exit status 3 when nobody answers.
+    """
+    from hil.cli.progress import shown
+    from hil.daq.probe import probe_of
+    from hil.errors import LinkError
+    from hil.safety.interrupt import terminable
+    from hil.session.setting import split_assignments
+
+    probe, chosen = probe_of(kind, address, split_assignments(options))
+    with terminable(), shown() as progress:
+        found = probe.who(chosen, progress)
+    typer.echo(_as_json(kind, address, found) if as_json else "\n".join(map(_line, found)), nl=bool(found) or as_json)
+    if not found:
+        said = ", ".join(f"{name} = {value}" for name, value in chosen if name not in ("address", "units"))
+        raise LinkError(f"{address}: nobody answers ({said}); check wiring, power and these settings")
+
+
+def _line(found: Found) -> str:
+    return f"{found.place}: {', '.join(f'{name} {text}' for name, text in found.told.items())}".rstrip(": ")
+
+
+def _as_json(kind: str, address: str, found: list[Found]) -> str:
+    from hil.record.plain import to_json
+
+    return to_json({"schema": "hil.probe/1", "kind": kind, "address": address, "found": found})
