@@ -13,6 +13,10 @@ if TYPE_CHECKING:
 def command(
     bench: str = typer.Argument(..., metavar="BENCH.toml", help="Bench file, or the name of one that is installed."),
     strict: bool = typer.Option(False, "--strict", help="Exit status 2 also when there are warnings."),
+    live: bool = typer.Option(
+        False, "--live", help="Read every input too: delays, rates, noise, and what can be measured here."
+    ),
+    as_json: bool = typer.Option(False, "--json", help="With --live: what was seen as JSON, schema hil.live/1."),
 ) -> None:
     """Check a bench file: every fault with its line, every missing net, and what to do about it. Nothing is driven."""
     from datetime import UTC, datetime
@@ -31,9 +35,30 @@ def command(
         count = len(error.faults)
         raise FileError(f"{path}: {count} fault{'s' if count > 1 else ''}") from None
     warnings = missing_nets(found, datetime.now(UTC).date())
-    typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))
+    if not as_json:
+        typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))
+    if live or as_json:
+        warnings += _looked_at(found, as_json)
     if strict and warnings:
         raise FileError(f"{path}: {len(warnings)} warning{'s' if len(warnings) > 1 else ''}, and --strict allows none")
+
+
+def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
+    """What can be measured on the bench, printed; returns what is not plausible about it."""
+    from hil.bench.hand.live import look_at
+    from hil.catalog import entries
+    from hil.cli.live import live_json, live_text
+    from hil.safety.interrupt import terminable
+    from hil.session.possible import hindrance
+    from hil.session.procedure import load_procedure
+
+    with terminable():
+        seen = look_at(found)
+        names = [entry.name for entry in entries("procedures")]
+        hindrances = {name: hindrance(load_procedure(name), found, seen.rate_hz) for name in names}
+    told = live_json if as_json else live_text
+    typer.echo(told(found, seen, hindrances))
+    return list(seen.remarks)
 
 
 def _described(found: BenchFile) -> list[str]:

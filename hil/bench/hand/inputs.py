@@ -76,6 +76,10 @@ class Inputs:
         """Each device with its inputs, where it is open."""
         return {name: device.daq for name, device in self._devices.items()}
 
+    def resolution(self, name: str) -> float | None:
+        """The smallest step between two readings of an input so far, in its unit; None where it did not change."""
+        return next(device.resolutions[name] for device in self._devices.values() if name in device.resolutions)
+
     def look(self, duration_s: float) -> list[Reading]:
         """Read for so long, and say how every input stands. A device that takes longer is not waited for."""
         for name, device in self._devices.items():
@@ -131,6 +135,11 @@ class _Looked:
         late = age_s > max(1.0, 3.0 * duration_s)
         silent = self.failure or (f"no answer for {age_s:.1f} s" if late and not self.is_virtual else "")
         return [followed.reading(age_s, silent) for followed in self._followed.values()]
+
+    @property
+    def resolutions(self) -> Mapping[str, float | None]:
+        """By input, the smallest step between two readings."""
+        return {name: followed.resolution for name, followed in self._followed.items()}
 
     def close(self) -> None:
         """Let go of it."""

@@ -94,6 +94,12 @@ class Followed:
             return None
         return float(abs(self.entry.line.slope) * np.std(values, ddof=1))
 
+    @property
+    def resolution(self) -> float | None:
+        """The smallest step between two readings of the last second, in the channel's unit; None where all are one."""
+        steps = np.diff(np.unique([value for _, value in self._samples if math.isfinite(value)]))
+        return float(abs(self.entry.line.slope) * steps.min()) if len(steps) else None
+
     def _state(self, raw: float, marked: float) -> str:
         if math.isnan(raw):
             return "no measurement"

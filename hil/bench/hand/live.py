@@ -1,0 +1,130 @@
+"""What a bench can measure: each link's delay and rate, each input's noise and resolution, looked at live."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hil.bench.file import Bench
+from hil.bench.hand.inputs import Inputs, inputs_of
+from hil.bench.hand.reading import Reading
+from hil.bench.protection import interlock_of
+from hil.bench.read import BenchFile
+from hil.daq.contract import Promises
+from hil.errors import LinkError
+from hil.signals.stepped_sine import SAMPLES_PER_PERIOD
+
+_LOOK_S = 0.5
+_SHARE = 0.8  # of the time that a polled link has, it is used
+
+
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A device, its inputs read.
+
+    Attributes:
+        name: of the device.
+        timing: who times the samples.
+        latency_s: how long reading all inputs takes; None where the device times samples.
+        rate_hz: how often its inputs can be read.
+        sample_s: how long a sample of a run takes on it, driving counted like reading; 0 where the device times.
+    """
+
+    name: str
+    timing: str
+    latency_s: float | None
+    rate_hz: float
+    sample_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Seen:
+    """An input as it was read for a while.
+
+    Attributes:
+        reading: the last one, with noise and state.
+        resolution: the smallest step between two readings, in its unit; None where it did not change.
+        remark: why the reading is not plausible on a bench at rest; empty when nothing speaks against it.
+    """
+
+    reading: Reading
+    resolution: float | None
+    remark: str
+
+
+@dataclass(frozen=True, slots=True)
+class Live:
+    """What was seen of a bench.
+
+    Attributes:
+        links: by device, as far as they have inputs.
+        inputs: every input.
+        rate_hz: samples each second that the whole bench can make.
+        unseen: devices with outputs alone, which were not opened and are not in the rate.
+    """
+
+    links: tuple[Link, ...]
+    inputs: tuple[Seen, ...]
+    rate_hz: float
+    unseen: tuple[str, ...]
+
+    @property
+    def fastest_hz(self) -> float:
+        """The highest −3 dB frequency that a frequency response can still measure at this rate."""
+        return self.rate_hz / SAMPLES_PER_PERIOD
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """Everything that is not plausible."""
+        return tuple(f"'{seen.reading.name}': {seen.remark}" for seen in self.inputs if seen.remark)
+
+
+def look_at(file: BenchFile, for_s: float = 3.0) -> Live:
+    """Open every device with its inputs alone and read for a while; no output is opened.
+
+    Raises:
+        LinkError: a device does not answer.
+        InUseError, SettingError: as `inputs_of`.
+    """
+    with inputs_of(file) as looked:
+        readings = [looked.look(_LOOK_S) for _ in range(max(1, math.ceil(for_s / _LOOK_S)))][-1]
+        if looked.failures:
+            raise LinkError("; ".join(looked.failures.values()))
+        promised = {name: daq.promises for name, daq in looked.devices.items() if daq is not None}
+        inputs = tuple(_seen(file.bench, reading, looked) for reading in readings)
+    with_outputs = {channel.device for channel in file.bench.channels.values() if channel.is_output}
+    links = tuple(_link(name, told, name in with_outputs) for name, told in promised.items())
+    unseen = tuple(name for name in file.devices if name in with_outputs and name not in promised)
+    return Live(links, inputs, _rate(promised, links), unseen)
+
+
+def _link(name: str, told: Promises, drives: bool) -> Link:
+    polled = told.timing == "polled"
+    reading_s = _SHARE / told.highest_rate_hz if polled else 0.0
+    driving_s = (told.latency_s or 0.0) if polled and drives else 0.0
+    return Link(name, told.timing, told.latency_s, told.highest_rate_hz, reading_s + driving_s)
+
+
+def _rate(promised: Mapping[str, Promises], links: tuple[Link, ...]) -> float:
+    polled_s = sum(link.sample_s for link in links)
+    timed_hz = min((told.highest_rate_hz for told in promised.values() if told.timing != "polled"), default=math.inf)
+    return min(timed_hz, _SHARE / polled_s if polled_s else math.inf)
+
+
+def _seen(bench: Bench, reading: Reading, looked: Inputs) -> Seen:
+    remark = "" if reading.state == "ok" else reading.state
+    return Seen(reading, looked.resolution(reading.name), remark or _forbidden(bench, reading))
+
+
+def _forbidden(bench: Bench, reading: Reading) -> str:
+    """The interlock that would not let a run begin with this reading."""
+    for name, entry in bench.interlocks.items():
+        lock = interlock_of(name, entry, bench)
+        simple = entry.channel == reading.name and not entry.minus and entry.only_while is None
+        if simple and reading.value is not None and not lock.allowed.low <= reading.value <= lock.allowed.high:
+            return (
+                f"{reading.value:.4g} {reading.unit} is outside {lock.allowed.low:g} … {lock.allowed.high:g} "
+                f"{reading.unit} of interlock '{name}'"
+            )
+    return ""

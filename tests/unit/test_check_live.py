@@ -1,0 +1,71 @@
+"""`hil check --live`: what a bench can measure, with no output opened."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from hil.bench.find import benches
+from hil.bench.hand.live import look_at
+from hil.bench.read import read_bench
+from hil.cli.app import _assembled
+from hil.errors import LinkError
+from hil.session.possible import hindrance
+from hil.session.procedure import load_procedure
+from sim_devices._quirks import Quirks
+from tests.links import bench_text, served
+from tests.recorded_line import RecordedLine
+
+
+def test_a_simulated_bench() -> None:
+    seen = look_at(read_bench(benches()["brevini-hpv41"]), 1.0)
+    inputs = {one.reading.name: one for one in seen.inputs}
+    step = 10.0 * 20.0 * 1.048 / 65536  # 10 l/min per V, ±10 V and 2.4 % more either side, 16 bit
+    assert inputs["flow"].resolution == pytest.approx(step, rel=0.06)
+    assert inputs["flow"].reading.noise == pytest.approx(0.3, rel=0.15) and not seen.remarks
+    assert seen.rate_hz == 1000.0 and seen.fastest_hz == 50.0
+
+
+def test_a_polled_link_is_measured_and_nothing_is_written(tmp_path: Path) -> None:
+    with served("hpv41-modbus-tcp", tmp_path) as (file, devices):
+        (device,) = devices.values()
+        line = RecordedLine(device.port)
+        path = tmp_path / "through.toml"
+        path.write_text(file.text.replace(f":{device.port}", f":{line.port}"), encoding="utf-8")
+        device.behaviour.quirks = Quirks(late_s=0.03)
+        seen = look_at(read_bench(path), 1.0)
+        line.close()
+    (link,) = seen.links
+    assert link.latency_s is not None and 0.03 < link.latency_s < 0.09
+    assert link.rate_hz < 27.0 and seen.rate_hz < 0.6 * link.rate_hz
+    assert line.modbus_functions <= {3, 4, 43}
+
+
+def test_what_is_not_plausible_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "bench.toml"
+    dead = ('"supply pressure" = { noise = 0.2 }', '"supply pressure" = { value = 0.0, noise = 0.2 }')
+    path.write_text(bench_text("brevini-hpv41", dead), encoding="utf-8")
+    (remark,) = look_at(read_bench(path), 0.5).remarks
+    assert remark.startswith("'supply pressure':") and "of interlock 'pressure-lost'" in remark
+
+
+def test_procedures_that_can_run_and_what_keeps_the_others() -> None:
+    file = read_bench(benches()["brevini-hpv41"])
+    assert hindrance(load_procedure("frequency_response"), file, 1000.0) == ""
+    assert "the bench makes 30 Hz as measured" in hindrance(load_procedure("frequency_response"), file, 30.0)
+    assert "through flow" in hindrance(load_procedure("leakage_check"), file, 1000.0)
+
+
+def test_command_line(tmp_path: Path) -> None:
+    runner, app = CliRunner(), _assembled()
+    found = runner.invoke(app, ["check", "brevini-hpv41", "--live", "--json"])
+    told = json.loads(found.stdout)
+    assert found.exit_code == 0 and told["schema"] == "hil.live/1"
+    assert {p["name"]: p["can_run"] for p in told["procedures"]}["step_response"]
+    nobody = tmp_path / "nobody.toml"
+    nobody.write_text(bench_text("hpv41-modbus-tcp", ("127.0.0.1:15502", "127.0.0.1:1")), encoding="utf-8")
+    found = runner.invoke(app, ["check", str(nobody), "--live"])
+    assert isinstance(found.exception, LinkError) and "io: 127.0.0.1:1: cannot be reached" in str(found.exception)
