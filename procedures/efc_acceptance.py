@@ -28,9 +28,11 @@ from hil.identification.efc_condition import (
 )
 from hil.identification.pressure_curve import PressureCurve
 from hil.identification.sweep_estimate import Sweep
+from hil.physics.published.tugsal import CLASSIFIED_CURRENT_A
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
+from hil.session.analyses import thesis_class, thesis_error
 from procedures import efc_frequency_response, efc_step_response, electrical_check, leakage_check, pressure_current
 from procedures._efc import (
     COIL_CURRENT,
@@ -59,12 +61,18 @@ BANDWIDTH_RATIO = Measurement(
     "bandwidth_over_good", "1", "−3 dB frequency at the medium level over that of the good reference"
 )
 _CONDITION = (GOOD, MALFUNCTIONED, SEVERE, USUAL, RISE_RATIO, BANDWIDTH_RATIO)
+ERROR_4_1 = Measurement(
+    "error_4_1",
+    "psi/s",
+    "eq. 4.1 of the EFC thesis against a simulated good valve, mean of the steps: grows with the rate",
+)
 COMPLETE = Measurement("parts_completed", "1", "parts of the test that were completed, of six", 6.0)
 CERTIFICATE = True
 MEASUREMENTS = (
     COMPLETE,
     FUNCTION,
     *_CONDITION,
+    ERROR_4_1,
     *electrical_check.MEASUREMENTS,
     *leakage_check.MEASUREMENTS,
     *pressure_current.MEASUREMENTS,
@@ -83,6 +91,7 @@ _PARTS: tuple[tuple[str, str, Any], ...] = (
 _ENDED, _LEFT_OUT = "ended early", "level left out"
 _OPENING_A, _FOLLOWS_PSI = 1.8, 50.0
 _CLASS_STEP_A, _CLASS_LEVEL = {"low": 1.4, "high": 1.6}, "medium"
+_THESIS_RATE_HZ = 1000.0  # at which `_step_samples` gives the pressure; the thesis does not state its own
 _AWAY = "distances in standard deviations"
 
 
@@ -257,7 +266,25 @@ def _condition(recording: Recording, done: dict[str, Findings]) -> tuple[list[Me
     except InputError as error:
         return [m.of(None) for m in _CONDITION], [f"Condition cannot be told: {error}."]
     settings = recording.meta["settings"]
-    return judged_condition(test, tuple(settings["frequencies"]), bool(settings["normally_open"]))
+    judged, notes = judged_condition(test, tuple(settings["frequencies"]), bool(settings["normally_open"]))
+    errors, classes = _thesis(recording)
+    return [*judged, *errors], [*notes, *classes]
+
+
+def _thesis(recording: Recording) -> tuple[list[Measured], list[str]]:
+    """Eq. 4.1 at both currents, and what section 4.1.3 of the thesis calls it; a remark, not a verdict."""
+    command, response = roles_of(recording)
+    measured, notes = [], []
+    for level, current in CLASSIFIED_CURRENT_A.items():
+        runs, reference = _step_samples(recording, current, command.name, response.name), reference_steps()[level]
+        shared = min(runs.shape[1], len(reference))
+        found = [thesis_error(run[:shared], reference[:shared], _THESIS_RATE_HZ, level) for run in runs]
+        errors = np.array([one.error for one in found])
+        mean = thesis_class(float(errors.mean()), level, shared / _THESIS_RATE_HZ, _THESIS_RATE_HZ)
+        std = float(errors.std(ddof=1)) / math.sqrt(len(errors)) if len(errors) > 1 else None
+        measured.append(ERROR_4_1.at(f"{current:g} A").of(mean.error, std))
+        notes.append(f"EFC thesis, {mean.sentence}.")
+    return measured, notes
 
 
 def _valve_test(recording: Recording, done: dict[str, Findings]) -> ValveTest:

@@ -27,6 +27,7 @@ from hil.identification.table_fit import Orders, as_response, averaged, fit_tabl
 from hil.physics.model import Model, load_model
 from hil.physics.published.tugsal import (
     CLASSIFIED_CURRENT_A,
+    THRESHOLDS,
     Level,
     crisp_class,
     current_memberships,
@@ -232,9 +233,20 @@ class ThesisError:
     @property
     def caveat(self) -> str:
         """What was assumed, and what the thesis does not publish."""
+        severe_psi = THRESHOLDS[self.level][1] * math.sqrt(self.duration_s / self.rate_hz)
         return (
-            f"taken over {self.duration_s:g} s at {self.rate_hz:g} Hz; eq. 4.1 grows with the root of the rate, and "
-            "the thesis states neither. Its fuzzy rule base and table 4.2 are not published, so there is no fuzzy class"
+            f"taken over {self.duration_s:g} s at {self.rate_hz:g} Hz, where {severe_psi:.2g} psi rms are already called "
+            "severely malfunctioned; eq. 4.1 grows with the root of the rate, and the thesis states neither. Its fuzzy "
+            "rule base and table 4.2 are not published, so there is no fuzzy class"
+        )
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one sentence or two."""
+        degrees = ", ".join(f"{name} {degree:.2f}" for name, degree in self.memberships.items() if degree) or "none"
+        return (
+            f"{self.level} current: eq. 4.1 {self.error:.4g} ({self.rms:.3g} psi rms), by the thresholds of section "
+            f"4.1.3 {self.crisp}, degrees of eqs 4.4 to 4.7 {degrees}; {self.caveat}"
         )
 
 
@@ -247,7 +259,11 @@ def thesis_error(measured: Array, reference: Array, rate_hz: float, level: Level
     if len(measured) != len(reference) or not len(measured):
         raise InputError(f"eq. 4.1: {len(measured)} samples and a reference of {len(reference)}; they must be as many")
     duration_s = len(measured) / rate_hz
-    error = error_4_1(measured, reference, duration_s)
+    return thesis_class(error_4_1(measured, reference, duration_s), level, duration_s, rate_hz)
+
+
+def thesis_class(error: float, level: Level, duration_s: float, rate_hz: float) -> ThesisError:
+    """What the thesis calls an error of eq. 4.1 that was taken over a time at a rate."""
     degrees = dict(zip(_MEMBERSHIPS, error_memberships(error), strict=True))
     return ThesisError(
         level, error, error * math.sqrt(duration_s / rate_hz), duration_s, rate_hz, crisp_class(error, level), degrees,
