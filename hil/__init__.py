@@ -26,6 +26,7 @@ if TYPE_CHECKING:
         diagnose,
         find_runs,
         identify,
+        linearise,
         load_model,
         open_bench,
         read,
@@ -40,8 +41,8 @@ if TYPE_CHECKING:
 
 __all__ = [
     "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "find_runs", "identify",
-    "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models", "typical_model",
-    "write",
+    "linearise", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
+    "typical_model", "write",
 ]  # fmt: skip
 
 

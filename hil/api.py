@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from hil.bench.rig import BenchRig
     from hil.diagnosis.diagnose import Diagnosed
     from hil.identification.compare import Comparison
+    from hil.identification.linearise import Linearised
     from hil.identification.step_models import StepModels
     from hil.record.response_table import ResponseTable
     from hil.session.identification import Identified
@@ -43,8 +44,8 @@ _NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 __all__ = [
     "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "find_runs", "identify",
-    "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models", "typical_model",
-    "write",
+    "linearise", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
+    "typical_model", "write",
 ]  # fmt: skip
 
 
@@ -167,6 +168,20 @@ def compose(curve: str | Path, dynamics: Model) -> Model:
 
     found = flow_curve_of(Path(curve))
     return curve_model(found.command, found.flow, linear_of(dynamics, "dynamics"), found.input, found.output)
+
+
+def linearise(model: Model, at: float, *, poles: int | None = None, zeros: int | None = None) -> Linearised:
+    """A plant about an operating point as a transfer function, with K_q and K_c where it has them (`hil linearise`).
+
+    Args:
+        model: with its effects.
+        at: the command, in the plant's unit.
+        poles: beside an integrator; by evidence where not given.
+        zeros: likewise.
+    """
+    from hil.identification.linearise import linearised
+
+    return linearised(model, at, poles=poles, zeros=zeros)
 
 
 def compare(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array
 
-_POWERS = ("", "s", "s²", "s³", "s⁴", "s⁵")
+_POWERS = ("", "s", *(f"s{power}" for power in "²³⁴⁵⁶⁷⁸⁹"))
 _MINUS = "−"
 
 

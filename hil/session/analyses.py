@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, InputError, StorageError, UnitError
+from hil.catalog import models
+from hil.errors import FileError, InputError, SettingError, StorageError, UnitError
 from hil.identification.asymptotic_bode import AsymptoticFit, asymptotic_bode
 from hil.identification.curve_model import curve_model
 from hil.identification.frequency_response import FrequencyResponse
@@ -24,7 +25,7 @@ from hil.identification.recursive_least_squares import (
 from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.identification.step_models import StepModels, step_models
 from hil.identification.table_fit import Orders, as_response, averaged, fit_tables
-from hil.physics.model import Model, load_model
+from hil.physics.model import Model, load_model, typical_model
 from hil.physics.published.tugsal import (
     CLASSIFIED_CURRENT_A,
     THRESHOLDS,
@@ -35,6 +36,7 @@ from hil.physics.published.tugsal import (
     error_memberships,
 )
 from hil.physics.transfer_function import TransferFunction, from_parameters
+from hil.record.named import pairs
 from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Array, Recording, split_heading
@@ -235,9 +237,9 @@ class ThesisError:
         """What was assumed, and what the thesis does not publish."""
         severe_psi = THRESHOLDS[self.level][1] * math.sqrt(self.duration_s / self.rate_hz)
         return (
-            f"taken over {self.duration_s:g} s at {self.rate_hz:g} Hz, where {severe_psi:.2g} psi rms are already called "
-            "severely malfunctioned; eq. 4.1 grows with the root of the rate, and the thesis states neither. Its fuzzy "
-            "rule base and table 4.2 are not published, so there is no fuzzy class"
+            f"taken over {self.duration_s:g} s at {self.rate_hz:g} Hz, where {severe_psi:.2g} psi rms are already "
+            "called severely malfunctioned; eq. 4.1 grows with the root of the rate, and the thesis states neither. "
+            "Its fuzzy rule base and table 4.2 are not published, so there is no fuzzy class"
         )
 
     @property
@@ -404,3 +406,22 @@ def _between(path: Path, heads: Sequence[str], rows: Array) -> FlowCurve:
     order = np.argsort(rows[:, 0], kind="stable")
     flow = rows[order][:, picked].mean(axis=1)
     return FlowCurve(rows[order, 0], flow, heads[0], heads[picked[0]])
+
+
+def model_to_linearise(path: Path, changed: Sequence[str] = ()) -> Model:
+    """A model file, an installed model or a plant at its typical values, with parameters changed (`coulomb=0`).
+
+    Raises:
+        SettingError: a parameter that it does not have, or no number.
+    """
+    installed = path.suffix == ".json" or path.name in models()
+    model = load_model(path) if installed else typical_model(str(path))
+    values = dict(model.parameters)
+    for name, text in pairs("--set", changed, "coulomb=0").items():
+        try:
+            values[name] = replace(values[name], value=float(text))
+        except KeyError:
+            raise SettingError(f"--set {name}: {model.plant} has no such parameter: {', '.join(values)}") from None
+        except ValueError:
+            raise SettingError(f"--set {name}={text}: not a number") from None
+    return replace(model, parameters=values)

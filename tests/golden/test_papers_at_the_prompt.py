@@ -143,3 +143,52 @@ def test_error_of_equation_4_1_and_its_class(said, tmp_path):
     assert "over 1 s at 1000 Hz" in out
     assert "not published" in out
     assert said("analyse", "error", tmp_path / "worn.csv", "--reference", tmp_path / "good.csv", "--level", "x")[0] == 2
+
+
+# -- linearisation, eqs 3 to 6 of the SP08-47C paper ---------------------------------------------------------
+
+PLAIN = ("--set", "hysteresis=0", "--set", "coulomb=0", "--poles", 2, "--zeros", 0)
+
+
+def linear(said, *arguments):
+    status, out, _ = said("linearise", *arguments, "--json")
+    assert status == 0
+    return json.loads(out)
+
+
+def test_a_linear_plant_is_linearised_to_itself(said):
+    found = linear(said, "hpv41-plus-10", "--at", 50, "--poles", 3, "--zeros", 1)
+    run = tordal.RUNS[1].transfer_function
+    assert found["numerator"] == pytest.approx(run.numerator, rel=5e-3)
+    assert found["denominator"] == pytest.approx(run.denominator, rel=5e-3)
+    assert found["uneven"] < 1e-6
+
+
+def test_both_directions_of_the_cylinder_have_their_own_function(said, tmp_path):
+    out, back = (
+        linear(said, "hydraforce-open-loop", "--at", at, *PLAIN, "--out", tmp_path / f"{at}.json")
+        for at in (0.75, -0.75)
+    )
+    rates = [one["numerator"][-1] / one["denominator"][-2] for one in (out, back)]  # mm/s per A
+    assert [one["denominator"][-1] for one in (out, back)] == [0.0, 0.0]  # an integrator
+    # at constant pressure it extends faster, by the root of the area ratio
+    assert rates[0] / rates[1] == pytest.approx(gunay.CYLINDER.area_ratio**0.5, rel=0.02)
+    assert hil.load_model(tmp_path / "0.75.json").values["integrator_gain"] == pytest.approx(rates[0], rel=1e-6)
+
+
+def test_flow_gain_and_flow_pressure_gain_follow_equations_3_and_4(said):
+    # q = 11.4 l/min · x · √((Ps − P_L)/2/35 bar), half open, at 100 bar and a load of 40 bar
+    at = ("--at", 0.75, "--load-pressure", 40)
+    gains = linear(said, "hydraforce-open-loop", *at, *PLAIN)["gains"]
+    assert gains["K_q"]["value"] == pytest.approx(0.114 * (60 / 70) ** 0.5, rel=1e-4)
+    assert gains["K_c"]["value"] == pytest.approx(11.4 * 0.5 * (60 / 70) ** 0.5 / 120, rel=1e-4)
+    assert gains["K_c"]["unit"] == "(l/min)/bar"
+    compensated = linear(said, "brevini-hpv41", "--at", 50)["gains"]
+    assert compensated["K_c"]["value"] == 0.0
+
+
+def test_what_does_not_answer_is_not_linearised(said):
+    status, _, text = said("linearise", "hydraforce-open-loop", "--at", 0.1)
+    assert status == 2
+    assert "dead band" in text
+    assert said("linearise", "hydraforce-open-loop", "--at", 0.75, "--set", "nothing=0")[0] == 2

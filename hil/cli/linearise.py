@@ -1,0 +1,52 @@
+"""`hil linearise`: a model about an operating point as a transfer function."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+
+def command(
+    model: Path = typer.Argument(..., metavar="MODEL", help="Model file, or name of an installed model or plant."),
+    at: float = typer.Option(..., "--at", metavar="COMMAND", help="Operating point, in the unit of the command."),
+    step: float | None = typer.Option(None, "--step", metavar="SIZE", help="Of the command; 1 % of full scale."),
+    window: float = typer.Option(1.0, "--window", metavar="S", min=0.1, help="Time in which the answer settles."),
+    poles: int | None = typer.Option(None, "--poles", min=1, max=5, help="Beside an integrator; by evidence."),
+    zeros: int | None = typer.Option(None, "--zeros", min=0, max=5, help="Likewise."),
+    load_pressure: float = typer.Option(0.0, "--load-pressure", metavar="BAR", help="P_L for K_q and K_c."),
+    changed: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="Change a parameter first: coulomb=0."),
+    out: Path | None = typer.Option(None, "--out", metavar="MODEL.json", help="Model to write; `hil export` takes it."),
+    as_json: bool = typer.Option(False, "--json", help="Print JSON."),
+) -> None:
+    """Linearise a plant about a command: transfer function, K_q and K_c; eqs 3 to 6 of the SP08-47C paper."""
+    import json
+
+    from hil.cli.places import check_file
+    from hil.identification.linearise import linearised
+    from hil.physics.formula import formula
+    from hil.physics.model import save_model
+    from hil.record.plain import plain
+    from hil.session.analyses import model_to_linearise
+
+    given = model_to_linearise(model, changed)
+    found = linearised(
+        given, at, step=step, window_s=window, poles=poles, zeros=zeros, load_pressure_bar=load_pressure
+    )  # fmt: skip
+    if out is not None:
+        check_file(out, [model])
+        save_model(found.model.to_model(given.input, given.output), out)
+    if as_json:
+        gains = {name: {"value": value, "unit": unit} for name, (value, unit) in found.gains.items()}
+        content = {
+            "schema": "hil.linearised/1", "at": at, "output": found.output, "numerator": found.model.numerator,
+            "denominator": found.model.denominator, "dead_time_s": found.model.dead_time_s,
+            "fit_percent": found.fit_percent, "gains": gains, "uneven": found.uneven,
+        }  # fmt: skip
+        typer.echo(json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False))
+        return
+    typer.echo(f"{given.plant} at {given.input} = {at:g}, {given.output} = {found.output:.5g}")
+    typer.echo(f"  {formula(found.model)}, fit {found.fit_percent:.2f} %")
+    for name, (value, unit) in found.gains.items():
+        typer.echo(f"  {name} {value:.5g} {unit}")
+    typer.echo(f"  up and down differ by {100.0 * found.uneven:.2g} % of the answer")
