@@ -126,8 +126,8 @@ def _response(answer: Array, frequency_hz: Array) -> NDArray[np.complex128]:
     """H(f) of a settled step response: the transform of its increments."""
     steps = np.diff(answer, prepend=0.0)
     time_s = _INTERVAL_S * (np.arange(len(steps)) - 0.5)
-    made: NDArray[np.complex128] = np.exp(-2j * math.pi * np.outer(frequency_hz, time_s)) @ steps
-    return made
+    made = np.exp(-2j * math.pi * np.outer(frequency_hz, time_s)) @ steps
+    return np.asarray(made, dtype=np.complex128)
 
 
 def _gains(model: Model, at: float, load_bar: float) -> dict[str, tuple[float, str]]:
