@@ -5,7 +5,7 @@ from __future__ import annotations
 import socket
 from typing import Any
 
-from drivers._edge import quiet
+from drivers._edge import quiet, said_by
 from hil.errors import DeviceLostError
 
 
@@ -41,4 +41,4 @@ def open_bus(address: str, bitrate: int) -> Any:
 
 def gone(address: str, error: Exception) -> DeviceLostError:
     """A bus that does not take or give frames any more: bus-off, a full queue, an adapter that was pulled."""
-    return DeviceLostError(f"{address}: the bus is gone: {' '.join(str(error).split()) or type(error).__name__}")
+    return DeviceLostError(f"{address}: the bus is gone: {said_by(error) or type(error).__name__}")

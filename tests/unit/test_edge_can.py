@@ -6,6 +6,7 @@ import logging
 import struct
 import threading
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -14,6 +15,7 @@ import can
 import pytest
 
 from drivers import canopen_valve, j1939_valve
+from drivers._edge import said_by
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
 from sim_devices import canopen_valve as canopen_twin
@@ -229,3 +231,12 @@ def test_frames_are_logged_for_who_listens_and_nobody_else_is_silenced(
         assert names == {f"hil.link.{kind}_valve.sick:{bus}"}
         caplog.clear()
     assert {name: logging.getLogger(name).level for name in before} == before
+
+
+def test_traceback_that_a_library_puts_into_its_text_is_left_out() -> None:
+    try:
+        float("0*000")
+    except ValueError:
+        error = OSError(f"Could not read from the bus:\n{traceback.format_exc()}")
+    assert said_by(error) == "Could not read from the bus: ValueError: could not convert string to float: '0*000'"
+    assert said_by(OSError("two\n lines")) == "two lines"
