@@ -6,7 +6,6 @@ import math
 import re
 
 from hil.errors import SettingError, UnitError
-from hil.units import scale_and_offset
 
 _QUANTITY = re.compile(r"\s*([+-]?(?:\d+(?:[.,]\d*)?|[.,]\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
@@ -22,6 +21,8 @@ def quantity(text: str, unit: str, name: str) -> float:
     Raises:
         SettingError: no number, or of another kind of unit.
     """
+    from hil.units import scale_and_offset
+
     found = _QUANTITY.fullmatch(text)
     if found is None:
         raise SettingError(f"{name} {text}: a number was expected, with or without its unit, such as 2 {unit}")
