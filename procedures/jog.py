@@ -6,6 +6,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +16,7 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
 from hil.session.by_hand import HELD, hold
+from hil.signals.batch_mean import batch_mean
 
 READING = Measurement(
     "reading", "1", "mean of a channel while the output stands at its value",
@@ -21,9 +24,6 @@ READING = Measurement(
 )  # fmt: skip
 NOISE = Measurement("noise", "1", "standard deviation of single readings over the same time")
 MEASUREMENTS = (READING, NOISE)
-
-_PIECES = 10
-_FEWEST = 20
 
 
 def run(rig: Rig, *, value: float = 0.0, for_s: float = 2.0) -> None:
@@ -44,26 +44,33 @@ def evaluate(recording: Recording) -> Findings:
     held = [part for part in recording.meta.get("parts", ()) if part.get("kind") == HELD]
     if not held:
         return Findings(notes=("The output never stood at its value.",))
-    first, count = int(held[0]["first"]), int(held[0]["count"])
-    chosen = slice(first + count // 2, first + count)
     measured = [
         found
+        for part in held
         for channel in recording.channels.values()
         if not channel.name.startswith("delay of ")
-        for found in _measured(channel, channel.values[chosen])
+        for found in _measured(channel, _settled(channel.values, part), _at(part) if len(held) > 1 else "")
     ]
-    notes = (f"{held[0]['channel']} stood at {held[0]['to']:g} {held[0]['unit']}.",)
-    return Findings(tuple(measured), notes=notes)
+    return Findings(tuple(measured), notes=tuple(f"{part['channel']} stood{_at(part)}." for part in held))
 
 
-def _measured(channel: Channel, values: np.ndarray) -> list[Measured]:
-    if len(values) < _FEWEST:
-        value = float(values.mean()) if len(values) else None
-        return [READING.at(channel.name, channel.unit).of(value)]
-    means = [piece.mean() for piece in np.array_split(values, _PIECES)]
-    std = float(np.std(means, ddof=1)) / math.sqrt(_PIECES)
+def _settled(values: np.ndarray, part: Mapping[str, Any]) -> np.ndarray:
+    """The second half of a part."""
+    first, count = int(part["first"]), int(part["count"])
+    return values[first + count // 2 : first + count]
+
+
+def _at(part: Mapping[str, Any]) -> str:
+    return f" at {part['to']:g} {part['unit']}"
+
+
+def _measured(channel: Channel, values: np.ndarray, at: str) -> list[Measured]:
+    place = f"{channel.name}{at}"
+    if not len(values):
+        return [READING.at(place, channel.unit).of(None)]
+    mean, std = batch_mean(values)
     expanded = (channel.calibration or {}).get("uncertainty") or 0.0
     return [
-        READING.at(channel.name, channel.unit).of(float(values.mean()), std, calibration=0.5 * expanded),
-        NOISE.at(channel.name, channel.unit).of(float(values.std(ddof=1))),
+        READING.at(place, channel.unit).of(mean, std, calibration=0.5 * expanded),
+        NOISE.at(place, channel.unit).of(float(values.std(ddof=1)) if len(values) > 2 else None),
     ]

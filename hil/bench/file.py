@@ -80,7 +80,10 @@ class Device(BaseModel):
 
 
 class CalibrationLine(_Strict):
-    """value = slope · raw + offset, with `uncertainty` (k = 2) in the channel's unit."""
+    """value = slope · raw + offset, with `uncertainty` (k = 2) in the channel's unit.
+
+    `source` is the certificate or the reference; `operator` who calibrated.
+    """
 
     slope: FiniteFloat
     offset: FiniteFloat = 0.0
@@ -88,6 +91,7 @@ class CalibrationLine(_Strict):
     date: dt.date | None = None
     due: dt.date | None = None
     source: str = ""
+    operator: str = ""
     lag_s: float | None = Field(None, ge=0.0)
 
     @model_validator(mode="after")
@@ -121,6 +125,7 @@ class ChannelEntry(_Strict):
         on: where it stands while the bench is open: an enable relay, a pressure set point.
         ramp_to_safe_per_s: how fast it goes there; without, it jumps.
         source: the instrument, in words.
+        calibration_history: what `calibration` said before, the oldest first.
     """
 
     device: str
@@ -135,6 +140,7 @@ class ChannelEntry(_Strict):
     limits: OutputLimits | None = None
     ramp_to_safe_per_s: PositiveFloat | None = None
     pwm: PwmDrive | None = None
+    calibration_history: tuple[CalibrationLine, ...] = ()
 
     @property
     def is_output(self) -> bool:

@@ -6,7 +6,7 @@ import re
 from contextlib import suppress
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, NoReturn, TypeVar
 
 import typer
 
@@ -16,12 +16,36 @@ if TYPE_CHECKING:
     from hil.safety.outputs import Outputs
     from hil.session.outcome import Outcome
 
+_T = TypeVar("_T")
+
 
 def folder_name(procedure: str, serial: str) -> str:
     """Procedure, unit and time in UTC; of the serial number what a folder's name can hold."""
     plain = re.sub(r"[^A-Za-z0-9._-]+", "-", serial).strip("-.")
     unit = f"{plain}-" if plain and plain != "simulated" else ""
     return f"{procedure}-{unit}{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
+
+
+def safely(run: Callable[[Outputs], _T], folder: Path, archive: str) -> _T:
+    """Do a run; when it fails, say what came of it and of the outputs, and leave with the exit status of that.
+
+    Args:
+        run: does it, told where to keep what is known of the outputs.
+        folder: of the run.
+        archive: where a run that failed is entered.
+    """
+    from hil.cli.said import say
+    from hil.safety.outputs import Outputs
+
+    known = Outputs()
+    try:
+        return run(known)
+    except BaseException as error:  # said here: on its way up typer would make something else of some
+        known.mark(error)
+        stopped = isinstance(error, KeyboardInterrupt)
+        status = say(error, *([known.text, _kept(folder)] if stopped else []))
+        entered(archive, folder)
+        raise typer.Exit(status) from error
 
 
 def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str) -> NoReturn:
@@ -32,29 +56,19 @@ def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str) 
         folder: of the run.
         archive: where it is entered.
     """
-    from hil.cli.said import say
     from hil.report.terminal import findings_text
-    from hil.safety.outputs import Outputs
 
-    known = Outputs()
-    try:
-        outcome = run(known)
-    except BaseException as error:  # said here: on its way up typer would make something else of some
-        known.mark(error)
-        stopped = isinstance(error, KeyboardInterrupt)
-        status = say(error, *([known.text, _kept(folder)] if stopped else []))
-        _enter(archive, folder)
-        raise typer.Exit(status) from error
+    outcome = safely(run, folder, archive)
     if outcome is None:
         raise typer.Exit
     with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
         typer.echo(findings_text(outcome.findings))
         typer.echo(f"report: {outcome.report}")
-    _enter(archive, folder)
+    entered(archive, folder)
     raise typer.Exit(outcome.exit_status)
 
 
-def _enter(archive: str, folder: Path) -> None:
+def entered(archive: str, folder: Path) -> None:
     """Enter the run into the archive; what keeps it from that is said, and changes nothing of how the run ended."""
     try:
         told = _entered(archive, folder)

@@ -14,6 +14,7 @@ from hil.bench.nets.packages import check_packages
 from hil.bench.read import BenchFile
 from hil.daq.contract import Block, Daq, Waveform
 from hil.errors import DeviceLostError, HardwareError, SettingError, UnknownNameError
+from hil.record.recording import Array
 
 _AGAIN_S = 1.0  # after a failure a device is opened again
 
@@ -76,6 +77,10 @@ class Inputs:
         """Each device with its inputs, where it is open."""
         return {name: device.daq for name, device in self._devices.items()}
 
+    def raw(self, name: str) -> Array:
+        """What the terminal of an input read in the last second, shape (n,)."""
+        return next(device.raw(name) for device in self._devices.values() if name in device.resolutions)
+
     def resolution(self, name: str) -> float | None:
         """The smallest step between two readings of an input so far, in its unit; None where it did not change."""
         return next(device.resolutions[name] for device in self._devices.values() if name in device.resolutions)
@@ -135,6 +140,10 @@ class _Looked:
         late = age_s > max(1.0, 3.0 * duration_s)
         silent = self.failure or (f"no answer for {age_s:.1f} s" if late and not self.is_virtual else "")
         return [followed.reading(age_s, silent) for followed in self._followed.values()]
+
+    def raw(self, name: str) -> Array:
+        """What the terminal of an input read in the last second."""
+        return self._followed[name].raw
 
     @property
     def resolutions(self) -> Mapping[str, float | None]:

@@ -95,6 +95,11 @@ class Followed:
         return float(abs(self.entry.line.slope) * np.std(values, ddof=1))
 
     @property
+    def raw(self) -> Array:
+        """What the terminal read in the last second, shape (n,)."""
+        return np.array([value for _, value in self._samples])
+
+    @property
     def resolution(self) -> float | None:
         """The smallest step between two readings of the last second, in the channel's unit; None where all are one."""
         steps = np.diff(np.unique([value for _, value in self._samples if math.isfinite(value)]))

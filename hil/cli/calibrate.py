@@ -1,0 +1,204 @@
+"""`hil calibrate`: slope and offset of a channel against a reference, written into the bench file."""
+
+from __future__ import annotations
+
+import datetime as dt
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from hil.cli.runs import ARCHIVE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from hil.bench.file import CalibrationLine
+    from hil.bench.hand.fit import Line, Point
+    from hil.bench.read import BenchFile
+    from hil.cli.typed import Typed
+    from hil.session.labels import Labels
+
+
+def command(
+    bench: Path = typer.Argument(..., metavar="BENCH.toml", help="Bench file; it is changed when that is confirmed."),
+    channel: str = typer.Argument(..., metavar="CHANNEL", help="An input, or an output."),
+    reference: str = typer.Option(..., "--reference", metavar="TEXT", help="What it is compared with, in words."),
+    reference_uncertainty: str = typer.Option(
+        "",
+        "--reference-uncertainty",
+        metavar="U",
+        help="Expanded (k = 2) uncertainty of each of its readings: '0.2 bar'.",
+    ),
+    points: int = typer.Option(5, "--points", metavar="N", min=2, max=1000, help="At how many places."),
+    between: str = typer.Option(
+        "", "--between", metavar="LOW..HIGH", help="Where an output goes; default: its limits."
+    ),
+    operator: str = typer.Option("", "--operator", metavar="NAME", help="Who calibrates; a short mark will do."),
+    valid_days: int = typer.Option(365, "--valid-days", metavar="N", min=1, help="It is due again after so long."),
+    out: Path | None = typer.Option(None, "--out", help="Run folder of an output; default: runs/jog-<time>."),
+    archive: str = ARCHIVE,
+    yes: bool = typer.Option(False, "--yes", help="Write it without asking."),
+    as_json: bool = typer.Option(False, "--json", help="Print the result as JSON, schema hil.calibrate/1."),
+) -> None:
+    """Slope and offset of a channel against a reference, with their uncertainty; written when that is confirmed.
+
+    At each point the reference's reading is asked for: an input is averaged for a second, with no output opened; an
+    output is driven through the guard and held until the answer is there, then goes back. The bench file keeps its
+    comments, and the values before in a history.
+    """
+    from hil.bench.hand.fit import fit_line
+    from hil.bench.hand.write import write_calibration
+    from hil.bench.read import read_bench
+    from hil.cli.quantity import quantity
+    from hil.cli.typed import Typed
+    from hil.errors import UnknownNameError
+    from hil.session.labels import labels_of
+
+    file = read_bench(bench)
+    if channel not in file.bench.channels:
+        raise UnknownNameError("channel", channel, file.bench.channels)
+    unit = file.bench.channels[channel].unit
+    labels = labels_of("", operator, [])
+    expanded = quantity(reference_uncertainty, unit, "--reference-uncertainty") if reference_uncertainty else None
+    typed = Typed()
+    found = _points(file, channel, points, between, typed, labels, out, archive)
+    line = fit_line(found, None if expanded is None else 0.5 * abs(expanded))
+    new = _calibration(line, reference, labels.operator, valid_days)
+    typer.echo(_described(file, channel, found, line, new, reference_stated=expanded is not None), err=as_json)
+    written = yes or _confirmed(f"write this into {bench}? [y/N] ", typed)
+    if written:
+        write_calibration(file, channel, new)
+    typer.echo(f"{'written into' if written else 'not written:'} {bench}", err=as_json)
+    if as_json:
+        from hil.record.plain import to_json
+
+        typer.echo(to_json({"schema": "hil.calibrate/1", "channel": channel, "unit": unit, "points": found,
+                            "line": line, "calibration": new.model_dump(), "written": written}))  # fmt: skip
+
+
+def _points(
+    file: BenchFile,
+    channel: str,
+    count: int,
+    between: str,
+    typed: Typed,
+    labels: Labels,
+    out: Path | None,
+    archive: str,
+) -> list[Point]:
+    from hil.cli.places import check_folder
+    from hil.cli.run_end import entered, folder_name, safely
+    from hil.session.calibration import input_points, output_points
+
+    entry = file.bench.channels[channel]
+    answered = _answers(typed, entry.unit)
+    if not entry.is_output:
+        return input_points(file, channel, count, _ask, answered)
+    folder = out or Path("runs") / folder_name("jog", "")
+    check_folder(folder)
+    targets = _targets(file, channel, count, between)
+    found = safely(
+        lambda known: output_points(file, channel, targets, _ask, answered, folder, known, labels), folder, archive
+    )
+    entered(archive, folder)
+    return found
+
+
+def _ask(text: str) -> None:
+    """Beside what the command prints."""
+    typer.echo(text, nl=False, err=True)
+
+
+def _targets(file: BenchFile, channel: str, count: int, between: str) -> Sequence[float]:
+    """Places of an output, evenly from end to end."""
+    import numpy as np
+
+    from hil.cli.quantity import quantity
+
+    entry = file.bench.channels[channel]
+    terminal = file.devices[entry.device].terminals[entry.terminal]
+    low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
+    if entry.limits is not None:
+        low, high = entry.limits.low, entry.limits.high
+    if between:
+        ends = between.partition("..")
+        low, high = (quantity(end, entry.unit, "--between") for end in (ends[0], ends[2]))
+    return [float(target) for target in np.linspace(low, high, count)]
+
+
+def _answers(typed: Typed, unit: str) -> Callable[[], float | None]:
+    """What was typed as a number in the channel's unit; what is none is asked for again."""
+    from hil.cli.quantity import quantity
+    from hil.errors import SettingError
+
+    def answered() -> float | None:
+        line = typed.line()
+        try:
+            return None if line is None else quantity(line, unit, "the reference")
+        except SettingError as error:
+            _ask(f"{error}; again: ")
+            return None
+
+    return answered
+
+
+def _calibration(line: Line, reference: str, operator: str, valid_days: int) -> CalibrationLine:
+    from hil.bench.file import CalibrationLine
+
+    today = dt.datetime.now(dt.UTC).date()
+    return CalibrationLine(
+        slope=_short(line.slope, line.slope_interval), offset=_short(line.offset, line.offset_interval),
+        uncertainty=float(f"{line.uncertainty:.3g}"), date=today, due=today + dt.timedelta(days=valid_days),
+        source=reference, operator=operator, lag_s=None,
+    )  # fmt: skip
+
+
+def _short(value: float, interval: float) -> float:
+    """As many digits as a hundredth of its interval; the line does not notice what is left out."""
+    import math
+
+    places = 2 - math.floor(math.log10(interval)) if interval > 0.0 else 12
+    return round(value, min(places, 12))
+
+
+def _described(
+    file: BenchFile, channel: str, points: Sequence[Point], line: Line, new: CalibrationLine, reference_stated: bool
+) -> str:
+    from hil.bench.hand.write import narrowed
+
+    entry = file.bench.channels[channel]
+    raw_unit = file.devices[entry.device].terminals[entry.terminal].unit
+    per = f"{entry.unit} per {raw_unit}"
+    rows = [f"  {point.raw:12.6g} {raw_unit}  {point.reference:12.6g} {entry.unit}  residual {rest:+.3g} {entry.unit}"
+            for point, rest in zip(points, line.residuals, strict=True)]  # fmt: skip
+    span = max(p.reference for p in points) - min(p.reference for p in points)
+    bent = (
+        f"largest residual {line.non_linearity:.3g} {entry.unit}, {100.0 * line.non_linearity / span:.2g} % of the span"
+    )
+    verdict = (
+        "more than the stated uncertainties can make: not straight, or the reference is worse than stated"
+        if line.exceeds
+        else "as the stated uncertainties make it" if reference_stated
+        else "what the reference has of it cannot be told without --reference-uncertainty"
+    )  # fmt: skip
+    lines = [
+        *rows,
+        f"slope  {line.slope:.6g} ± {line.slope_interval:.2g} {per} (95 %; before: {entry.line.slope:.6g})",
+        f"offset {line.offset:.6g} ± {line.offset_interval:.2g} {entry.unit} (95 %; before: {entry.line.offset:.6g})",
+        f"non-linearity: {bent}; {verdict}",
+        f"a value read through it: ± {line.uncertainty:.3g} {entry.unit} (k = 2); due {new.due}",
+    ]
+    if entry.safe is not None:
+        before, after = entry.line.raw_at(entry.safe), (entry.safe - new.offset) / new.slope
+        lines.append(
+            f"its safe value {entry.safe:g} {entry.unit} becomes {after:.5g} {raw_unit} (before: {before:.5g})"
+        )
+    for key, value in narrowed(file, channel, new).items():
+        lines.append(f"limits.{key} becomes {value:g} {entry.unit}: its terminal gives no more")
+    return "\n".join(lines)
+
+
+def _confirmed(question: str, typed: Typed) -> bool:
+    _ask(question)
+    return typed.waited().lower() in ("y", "yes")

@@ -1,0 +1,96 @@
+"""`hil calibrate`: points of an input and of an output, what is said of them, and what is written."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from click.testing import Result
+from typer.testing import CliRunner
+
+from hil.bench.read import read_bench
+from hil.cli.app import _assembled
+from hil.errors import SettingError
+from hil.record.folder import read
+from hil.session.calibration import input_points
+from tests.links import bench_text, served
+
+
+def _bench(folder: Path) -> Path:
+    path = folder / "bench.toml"
+    path.write_text(bench_text("brevini-hpv41"), encoding="utf-8")
+    return path
+
+
+def _calibrated(folder: Path, typed: str, *more: str) -> Result:
+    told = ["calibrate", str(_bench(folder)), "command", "--reference", "meter 7, 2026-03", "--reference-uncertainty",
+            "0.4 %", "--operator", "kb", "--out", str(folder / "run"), "--archive", str(folder), *more]  # fmt: skip
+    return CliRunner().invoke(_assembled(), told, input=typed)
+
+
+def test_an_output_is_driven_to_each_point_and_the_line_written(tmp_path: Path) -> None:
+    found = _calibrated(tmp_path, "-90.1\n-44.9\n0,1\nfast\n45.1 %\n89.9\ny\n", "--between", "-90..90")
+    assert found.exit_code == 0, found.output
+    assert "again: " in found.stderr and "residual +0.08 %" in found.stdout and "written into" in found.stdout
+    entry = read_bench(tmp_path / "bench.toml").bench.channels["command"]
+    new = entry.calibration
+    assert new is not None and new.slope == pytest.approx(10.0, abs=0.03) and new.operator == "kb"
+    assert new.source == "meter 7, 2026-03" and new.due and new.date and (new.due - new.date).days == 365
+    assert entry.limits and entry.limits.low == -99.98 and "limits.low becomes -99.98 %" in found.stdout
+    assert new.uncertainty and 0.4 < new.uncertainty < 0.9 and entry.calibration_history[0].slope == 10.0
+    run = read(tmp_path / "run")
+    held = [part for part in run.meta["parts"] if part["kind"] == "held"]
+    assert [part["to"] for part in held] == [-90.0, -45.0, 0.0, 45.0, 90.0]
+    assert run.meta["outputs"]["command"]["state"] == "safe" and (tmp_path / "run" / "report.html").is_file()
+
+
+def test_not_confirmed_is_not_written_and_json_says_so(tmp_path: Path) -> None:
+    found = _calibrated(tmp_path, "-50\n50.2\nn\n", "--points", "2", "--between", "-50..50", "--json")
+    told = json.loads(found.stdout)
+    assert told["schema"] == "hil.calibrate/1" and not told["written"]
+    assert told["line"]["slope"] == pytest.approx(10.02) and told["line"]["offset"] == pytest.approx(0.1)
+    assert (tmp_path / "bench.toml").read_text(encoding="utf-8") == bench_text("brevini-hpv41")
+
+
+def test_an_input_that_ends_early_leaves_the_output_safe_and_the_file_as_it_was(tmp_path: Path) -> None:
+    found = _calibrated(tmp_path, "-50\n", "--between", "-50..50")
+    assert found.exit_code == 3
+    assert read(tmp_path / "run").meta["outputs"]["command"]["state"] == "safe"
+    assert (tmp_path / "bench.toml").read_text(encoding="utf-8") == bench_text("brevini-hpv41")
+
+
+def test_beyond_the_limits_nothing_is_driven(tmp_path: Path) -> None:
+    found = _calibrated(tmp_path, "1\n2\n", "--between", "0..120", "--points", "2")
+    assert found.exit_code != 0
+    assert max(read(tmp_path / "run").values("command", "%")) <= 100.0
+
+
+def test_an_input_is_averaged_at_each_point(tmp_path: Path) -> None:
+    """The valve is moved by hand behind the device; the reference reads what the plant really does."""
+    with served("hpv41-modbus-tcp", tmp_path) as (file, devices):
+        (device,) = devices.values()
+        places = iter([-40.0, 0.0, 40.0])
+
+        def ask(_text: str) -> None:
+            device._side.drive({"ao0": next(places_v)})
+
+        places_v = iter([-4.0, 0.0, 4.0])
+        waited: list[int] = []
+
+        def answered() -> float | None:
+            waited.append(0)
+            if len(waited) % 12:  # the spool takes its time
+                return None
+            return next(places)
+
+        points = input_points(file, "spool position", 3, ask, answered)
+        assert [point.reference for point in points] == [-40.0, 0.0, 40.0]
+        assert [12.5 * point.raw for point in points] == pytest.approx([-40.0, 0.0, 40.0], abs=1.0)
+        assert all(0.0 < point.raw_std < 0.02 for point in points)
+
+
+def test_an_input_that_does_not_follow_is_no_line(tmp_path: Path) -> None:
+    told = ["calibrate", str(_bench(tmp_path)), "flow", "--reference", "cylinder", "--points", "3"]
+    found = CliRunner().invoke(_assembled(), told, input="0\n10\n20\ny\n")
+    assert isinstance(found.exception, SettingError) and "did not move" in str(found.exception)
