@@ -1,6 +1,7 @@
 """The papers' own calculations at the prompt: their printed numbers go in, or come out."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 import hil
 from hil.cli import app
 from hil.physics.published import gunay, tordal, tugsal
+from hil.physics.transfer_function import from_parameters
 from hil.record.recording import recording
 from hil.record.response_table import ResponseTable, write_response_table
 
@@ -171,6 +173,10 @@ def test_both_directions_of_the_cylinder_have_their_own_function(said, tmp_path)
     )
     rates = [one["numerator"][-1] / one["denominator"][-2] for one in (out, back)]  # mm/s per A
     assert [one["denominator"][-1] for one in (out, back)] == [0.0, 0.0]  # an integrator
+    for one, name in ((out, "extending"), (back, "retracting")):
+        shipped = from_parameters(hil.load_model(Path(f"hydraforce-{name}")).values)
+        assert one["numerator"] == pytest.approx(shipped.numerator, rel=5e-3)
+        assert one["denominator"] == pytest.approx(shipped.denominator, rel=5e-3)
     # at constant pressure it extends faster, by the root of the area ratio
     assert rates[0] / rates[1] == pytest.approx(gunay.CYLINDER.area_ratio**0.5, rel=0.02)
     assert hil.load_model(tmp_path / "0.75.json").values["integrator_gain"] == pytest.approx(rates[0], rel=1e-6)

@@ -77,6 +77,12 @@ class Cylinder:
 # The pipe is stated as 65/50 mm, the rod as 30 mm; the stroke is taken to be what the LVDT can measure.
 CYLINDER = Cylinder(50.0, 30.0, LVDT_RANGE_MM)
 
+# Eqs 6 and 8 before the loop is closed, current in A to position in mm: `hil linearise hydraforce-open-loop --at ±0.75
+# --set hysteresis=0 --set coulomb=0 --poles 2 --zeros 0`. The paper says that the directions differ, and prints one.
+LINEARISED_AT_A = 0.75
+EXTENDING = transfer_function((1.001e6,), (1.0, 84.22, 4823.0, 0.0))
+RETRACTING = transfer_function((7.899e5,), (1.0, 84.05, 4799.0, 0.0))
+
 # What the paper leaves open, and what was taken for it.
 DECLARED = {
     "unit of input and output": "V in, V out (10 V is the LVDT's 250 mm), where a unit is needed at all",

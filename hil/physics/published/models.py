@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from hil.physics.model import Model, save_model
-from hil.physics.published import efc_population, tordal
+from hil.physics.published import efc_population, gunay, tordal
 from hil.record.response_table import ResponseTable, write_response_table
 
 FOLDER = Path(__file__).parents[1] / "plants" / "models"
@@ -40,6 +40,15 @@ def _published() -> Iterator[tuple[str, Model]]:
     yield "hpv41-mean", _titled(mean, "HPV41, G_M: one zero and three poles to the mean of the six responses")
     for name in efc_population.SETS:
         yield f"efc-{name}", _titled(efc_population.valve(name), f"Cummins EFC, {name} valve of the thesis")
+    yield from _directions()
+
+
+def _directions() -> Iterator[tuple[str, Model]]:
+    """The cylinder by direction, about a current at which the spool is half open."""
+    for name, linear, sign in (("extending", gunay.EXTENDING, "+"), ("retracting", gunay.RETRACTING, "-")):
+        model = linear.to_model("current change [A]", "position [mm]")
+        title = f"SP08-47C with cylinder, {name}: linearised about {sign}{gunay.LINEARISED_AT_A:g} A"
+        yield f"hydraforce-{name}", _titled(model, title)
 
 
 def published_tables() -> Mapping[str, ResponseTable]:
