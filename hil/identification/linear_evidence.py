@@ -55,7 +55,7 @@ def _gain_at_rest(fit: TransferFunctionFit) -> Iterator[str]:
 
 
 def _coefficients(fit: TransferFunctionFit) -> Iterator[str]:
-    stds = fit.coefficient_std
+    stds = fit.scatter
     wide = [
         name
         for name, value, std in zip(fit.coefficient_names, fit.coefficients, stds, strict=True)

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hil.identification.dead_time import with_other_forms
 from hil.identification.evidence import VERY_STRONG, simplest_good
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.held_out import held_out
@@ -55,6 +56,7 @@ def fit_transfer_function(
     if len(fits) == 1:
         return with_alternative(_noted(fits[0]), response)
     chosen, candidates = _choose(response, fits)
+    chosen = with_other_forms(chosen, fits, _bic(fits))
     return replace(with_alternative(_noted(chosen), response), candidates=candidates)
 
 

@@ -58,6 +58,8 @@ class TransferFunctionFit:
         notes: what the reader should know.
         alternative: the same data without the zeros in the right half plane, where there are some.
         candidates: every form that was tried, best evidence first, when the orders were left open.
+        form_std_s: standard uncertainty of the dead time by the choice of the form, beside its scatter; infinite where
+            a zero in the right half plane is as good a description.
     """
 
     model: TransferFunction
@@ -74,6 +76,7 @@ class TransferFunctionFit:
     notes: tuple[str, ...] = ()
     alternative: TransferFunctionFit | None = None
     candidates: tuple[Candidate, ...] = ()
+    form_std_s: float = 0.0
 
     @property
     def coefficients(self) -> Array:
@@ -89,14 +92,22 @@ class TransferFunctionFit:
 
     @property
     def coefficient_covariance(self) -> Array:
-        """Of the coefficients."""
+        """Of the coefficients, given the form."""
         return self.propagated(lambda parameters: coefficients(self.form, parameters))
 
     @property
-    def coefficient_std(self) -> Array:
-        """Standard uncertainties of the coefficients."""
+    def scatter(self) -> Array:
+        """Standard uncertainties of the coefficients, given the form."""
         made: Array = np.sqrt(np.maximum(np.diag(self.coefficient_covariance), 0.0))
         return made
+
+    @property
+    def coefficient_std(self) -> Array:
+        """Standard uncertainties of the coefficients; that of the dead time with the choice of the form."""
+        stds = self.scatter
+        if self.form.dead_time:
+            stds[-1] = math.hypot(stds[-1], self.form_std_s)
+        return stds
 
     def propagated(self, function: Callable[[Complex], Complex]) -> Array:
         """Covariance of an analytic real function of the parameters, by its complex-step derivative.
@@ -116,7 +127,8 @@ class TransferFunctionFit:
         """Coefficients with 95 % intervals, poles, zeros, fit and notes, for a terminal."""
         rows = [f"{self.form.poles} poles, {self.form.zeros} zeros, fit {self.fit_percent:.2f} %"]
         for name, value, std in zip(self.coefficient_names, self.coefficients, self.coefficient_std, strict=True):
-            rows.append(f"  {name:12} {value:12.6g} ± {1.96 * std:.2g}")
+            told = f"± {1.96 * std:.2g}" if math.isfinite(std) else "cannot be told"
+            rows.append(f"  {name:12} {value:12.6g} {told}")
         rows.append("  poles " + ", ".join(f"{p:.4g}" for p in self.model.poles) + " rad/s")
         if self.form.zeros:
             rows.append("  zeros " + ", ".join(f"{z:.4g}" for z in self.model.zeros) + " rad/s")

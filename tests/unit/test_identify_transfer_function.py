@@ -218,3 +218,16 @@ def test_impossible_forms_are_refused(arguments, said):
 def test_too_few_lines_are_refused():
     with pytest.raises(InputError, match="2 frequencies for 5 unknowns; at least 3"):
         fit_form(noisy(TEN, frequencies=FREQUENCIES[:2]), Form(3, 1))
+
+
+def test_the_dead_time_is_as_uncertain_as_forms_that_fit_as_well_leave_it():
+    below = np.polymul([1 / 7.0, 1.0], [1 / 33.0**2, 1 / 33.0, 1.0])
+    ten_lines = np.array([0.1, 0.3, 0.7, 1.1, 1.5, 1.9, 2.5, 3.3, 4.1, 4.9])
+    late = transfer_function([1.0], below, 0.02)
+    fits = [fit_transfer_function(noisy(late, 0.003, seed, ten_lines)) for seed in (0, 1, 2, 3)]
+    stated = [fit for fit in fits if fit.form.dead_time]
+    assert len(stated) >= 2
+    for fit in stated:
+        assert abs(fit.model.dead_time_s - 0.02) < 1.96 * fit.coefficient_std[-1]
+        assert fit.coefficient_std[-1] > fit.scatter[-1]
+        assert ("cannot be told" in fit.summary()) is math.isinf(fit.form_std_s)
