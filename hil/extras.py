@@ -9,6 +9,7 @@ EXTRAS: Mapping[str, str] = {
     **dict.fromkeys(("pymodbus", "serial", "can", "canopen"), "links"),
     **dict.fromkeys(("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl"), "formats"),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
+    **dict.fromkeys(("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf"), "passport"),
     "nidaqmx": "ni",
     "control": "control",
     "psycopg": "postgresql",

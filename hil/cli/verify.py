@@ -1,0 +1,26 @@
+"""`hil verify`: whether a passport is as it was signed, and by whom."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+
+
+def command(
+    file: Path = typer.Argument(..., metavar="FILE", help="Passport."),
+    trust: list[Path] = typer.Option(
+        [], "--trust", metavar="CERT", help="Certificate of a signer who is known, or of who vouches for him."
+    ),
+) -> None:
+    """Exit 0: unchanged, by a known signer; 1: changed, or by an unknown signer; 2: no passport."""
+    from hil.passport.key import own_certificates, read_certificates
+    from hil.passport.verify import verify_file
+
+    known = [*own_certificates(), *(one for path in trust for one in read_certificates(path))]
+    found = verify_file(file, known)
+    typer.echo(f"{file}: {found.sentence}")
+    if found.signer:
+        typer.echo(f"signer: {found.signer}")
+        typer.echo(f"SHA-256 of the certificate: {found.fingerprint}")
+    raise typer.Exit(found.exit_status)

@@ -1,0 +1,1 @@
+"""What a valve takes along: one signed file per unit that anybody can open, check and run again."""

@@ -1,0 +1,137 @@
+"""Page one and its annex as data: what the page says, in words and rounded numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from hil.passport.unit import Unit, UnitRun
+from hil.record.measurement import COVERAGE_FACTOR, Measured
+from hil.report.name import capital, quantity_words
+from hil.report.number import limits_text, number, rounded, unit_text, with_minus
+from hil.report.provenance import conditions_of
+from hil.report.results import value_text, verdict_box
+
+_ON_PAGE_ONE, _DEVIATIONS_ON_PAGE_ONE, _LONGEST = 16, 5, 160
+
+
+@dataclass(frozen=True, slots=True)
+class Signer:
+    """Who signs, as page one says it."""
+
+    name: str
+    fingerprint: str
+
+
+def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) -> dict[str, Any]:
+    """Everything that page one says, and the tables of the annex."""
+    found = unit.findings
+    boxes = [verdict_box(run.findings, run.recording.meta) for run in unit.runs]
+    whole = verdict_box(found, {})
+    details = list(dict.fromkeys(str(detail) for box in boxes for detail in box["details"]))
+    judged = sorted((m for m in found.measured if m.verdict), key=lambda m: m.verdict == "pass")
+    others = [m for m in found.measured if not m.verdict]
+    return {
+        "title": f"Valve passport: {unit.valve}, {unit.serial}",
+        "date": [unit.dates[1].year, unit.dates[1].month, unit.dates[1].day],
+        "tone": whole["tone"], "word": whole["word"], "sentence": whole["sentence"],
+        "details": [with_minus(text) for text in details[:4]],
+        "facts": _facts(unit, names), "conditions": _conditions(unit),
+        "limits": [_limit_row(m) for m in judged[:_ON_PAGE_ONE]],
+        "more_limits": [_limit_row(m) for m in judged[_ON_PAGE_ONE:]],
+        "values": [_value_row(m) for m in others],
+        "instruments": _instruments(unit.runs),
+        "deviations": [_shortened(text) for text in found.deviations[:_DEVIATIONS_ON_PAGE_ONE]],
+        "all_deviations": [with_minus(text) for text in found.deviations],
+        "notes": [with_minus(text) for text in dict.fromkeys(found.notes)],
+        "model": model_says, "signer": signer.name, "fingerprint": signer.fingerprint,
+    }  # fmt: skip
+
+
+def _facts(unit: Unit, names: bool) -> list[tuple[str, str]]:
+    first, last = unit.dates
+    metas = [run.recording.meta for run in unit.runs]
+    operators = ", ".join(dict.fromkeys(str(meta.get("operator") or "not stated") for meta in metas))
+    notes = {str(k): str(v) for meta in metas for k, v in (meta.get("notes") or {}).items()}
+    return [
+        ("Valve", unit.valve),
+        ("Serial", unit.serial),
+        ("Date", f"{first}" if first == last else f"{first} to {last}"),
+        ("Operator", operators if names else "left out"),
+        ("Bench", ", ".join(dict.fromkeys(str(meta.get("bench") or "not stated") for meta in metas))),
+        ("Tests", ", ".join(dict.fromkeys(quantity_words(str(meta.get("procedure") or "run")) for meta in metas))),
+        *((capital(name), text) for name, text in notes.items()),
+    ]
+
+
+def _conditions(unit: Unit) -> list[tuple[str, str]]:
+    """Of every run; a label that has several values in them has all."""
+    found: dict[str, list[str]] = {}
+    for run in unit.runs:
+        conditions: Mapping[str, Any] = {"conditions": run.recording.meta.get("conditions")}
+        for label, text in conditions_of(conditions):
+            if text not in found.setdefault(label, []):
+                found[label].append(text)
+    return [(label, "; ".join(texts)) for label, texts in found.items()]
+
+
+def _limit_row(m: Measured) -> list[str]:
+    return [_name(m), value_text(m), unit_text(m.unit), limits_text(m.low, m.high), accepted_within(m),
+            str(m.verdict)]  # fmt: skip
+
+
+def _value_row(m: Measured) -> list[str]:
+    return [_name(m), value_text(m), unit_text(m.unit)]
+
+
+def accepted_within(m: Measured) -> str:
+    """The limits drawn in by the guard band, the expanded uncertainty; empty where that is not known."""
+    if m.std is None:
+        return "not known"
+    guard = COVERAGE_FACTOR * m.std
+    low = None if m.low is None else m.low + guard
+    high = None if m.high is None else m.high - guard
+    if low is not None and high is not None and low > high:
+        return "nowhere"
+    text = [None if edge is None else rounded(edge, guard)[0] for edge in (low, high)]
+    if text[0] is None:
+        return f"≤ {text[1]}"
+    return f"≥ {text[0]}" if text[1] is None else f"{text[0]} … {text[1]}"
+
+
+def _name(m: Measured) -> str:
+    place = with_minus(m.name.partition(", ")[2])
+    return capital(quantity_words(m.quantity)) + (f", {place}" if place else "")
+
+
+def _instruments(runs: Sequence[UnitRun]) -> list[list[str]]:
+    rows = [row for run in runs for row in (*_devices(run), *_channels(run))]
+    return [list(row) for row in dict.fromkeys(map(tuple, rows))]
+
+
+def _devices(run: UnitRun) -> list[list[str]]:
+    return [
+        [str(one.get("name") or ""), str(one.get("serial") or "not stated"), str(one.get("calibrated") or "not stated"),
+         str(one.get("due") or "not stated"), str(one.get("uncertainty") or "not stated")]
+        for one in run.recording.meta.get("instruments", ()) if isinstance(one, Mapping)
+    ]  # fmt: skip
+
+
+def _channels(run: UnitRun) -> list[list[str]]:
+    found = []
+    for channel in run.recording.channels.values():
+        line = channel.calibration
+        if line:
+            width = line.get("uncertainty")
+            found.append([
+                f"{channel.name}: {channel.source}", str(line.get("source") or "not stated"),
+                str(line.get("date") or "not stated"), str(line.get("due") or "not stated"),
+                "not stated" if width is None else f"{number(width)} {unit_text(channel.unit)}".rstrip(),
+            ])  # fmt: skip
+    return found
+
+
+def _shortened(text: str) -> str:
+    said = with_minus(text)
+    return said if len(said) <= _LONGEST else f"{said[:_LONGEST].rsplit(' ', 1)[0]} … (whole in the annex)"

@@ -1,0 +1,61 @@
+"""What a passport holds, laid out as files: nothing that it names may lie outside the folder."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
+
+from hil.errors import FileError, StorageError
+
+PAGE_FILE = "passport.pdf"
+
+
+def files_inside(content: bytes) -> Iterator[tuple[PurePosixPath, bytes]]:
+    """(name, content) of every attachment.
+
+    Raises:
+        FileError: not a PDF, or a name that is no path inside a folder.
+    """
+    import pikepdf
+
+    try:
+        pdf = pikepdf.open(io.BytesIO(content))
+    except pikepdf.PdfError as error:
+        raise FileError(f"the passport cannot be read as PDF: {error}") from None
+    with pdf:
+        for name, attached in pdf.attachments.items():
+            yield _inside(name), attached.get_file().read_bytes()
+
+
+def lay_out(content: bytes, folder: Path) -> list[Path]:
+    """Write every attachment and the pages into a folder; returns the run folders.
+
+    Raises:
+        FileError: the folder holds something already, or a name leads out of it.
+        StorageError: it cannot be written.
+    """
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise FileError(f"{folder}: is there already; name a new or empty folder")
+    found = list(files_inside(content))  # every name is looked at before the first file is written
+    try:
+        for name, inside in [*found, (PurePosixPath(PAGE_FILE), content)]:
+            path = folder / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("xb") as file:
+                file.write(inside)
+    except OSError as error:
+        raise StorageError(f"{error.filename or folder}: cannot be written: {error.strerror}") from error
+    runs = {
+        folder / name.parts[0] / name.parts[1] for name, _ in found if name.parts[0] == "runs" and len(name.parts) > 2
+    }
+    return sorted(runs)
+
+
+def _inside(name: str) -> PurePosixPath:
+    parts = name.split("/")
+    if any(part in ("", ".", "..") for part in parts) or not name.isprintable() or set(name) & set('\\:*?"<>|'):
+        raise FileError(
+            f"the passport names a file {name!r:.80}, which is no path inside a folder; nothing was written"
+        )
+    return PurePosixPath(*parts)

@@ -1,0 +1,133 @@
+"""Issue a passport: from run folders to one signed file."""
+
+from __future__ import annotations
+
+import json
+import uuid
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from hil.errors import InputError, StorageError
+from hil.passport.attached import DCC_FILE, DIAGNOSIS_FILE, MODEL_FILE, TYPE_MODEL_FILE, Attached, attached_runs
+from hil.passport.attached import without_names as nameless
+from hil.passport.certificate import Signer, certificate_of
+from hil.passport.dcc import certificate_xml
+from hil.passport.figures import pictures
+from hil.passport.identified import Progress, Understood, understood
+from hil.passport.key import SigningKey, fingerprint, name_of
+from hil.passport.pdf import compiled
+from hil.passport.sign import signed
+from hil.passport.unit import Unit, read_unit_runs
+from hil.passport.verify import Soundness, verify
+from hil.record.plain import plain
+
+if TYPE_CHECKING:
+    from hil.physics.model import Model
+
+SCHEMA = "hil.passport/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """How a passport is asked for. `model`: of the type, for what the data excluded."""
+
+    names: bool = True
+    identify: bool = True
+    model: Model | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Issued:
+    """The passport that was written, and what it is about."""
+
+    path: Path
+    unit: Unit
+    understood: Understood
+    signer: Signer
+
+
+def issue(
+    folders: Sequence[Path], out: Path, key: SigningKey, wanted: Wanted = Wanted(),
+    progress: Progress = lambda _done, _text: None,
+) -> Issued:  # fmt: skip
+    """Make, sign, check and write a passport.
+
+    Raises:
+        InputError: runs of different units or of none, a changed run, a key that cannot sign.
+        StorageError: something cannot be written.
+    """
+    progress(0.0, "reading the runs")
+    unit = read_unit_runs(folders)
+    signer = Signer(name_of(key.certificate), fingerprint(key.certificate))
+    known = understood(unit, wanted.identify, wanted.model, progress)
+    with TemporaryDirectory(prefix="hil-passport-") as folder:
+        place = Path(folder)
+        if not wanted.names:
+            unit = nameless(unit, place / "nameless")
+        progress(0.9, "setting the pages")
+        content = _sealed(unit, known, signer, wanted, key, place)
+    _written(content, out)
+    progress(1.0, "done")
+    return Issued(out, unit, known, signer)
+
+
+def _sealed(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: SigningKey, place: Path) -> bytes:
+    page = certificate_of(unit, signer, known.says, names=wanted.names)
+    page |= {"valve": unit.valve, "serial": unit.serial, "model_about": known.about,
+             "parameters": known.parameters, "excluded": known.excluded}  # fmt: skip
+    inside = [*_made(unit, known, signer, wanted, place / "made"), *attached_runs(unit)]
+    content = {
+        "schema": SCHEMA, "serial": unit.serial, "valve": unit.valve, "verdict": unit.verdict,
+        "dates": [date.isoformat() for date in unit.dates], "seconds_identification_and_diagnosis": known.seconds,
+        "model": known.says,
+    }  # fmt: skip
+    work = place / "pages"
+    work.mkdir()
+    sealed = signed(compiled(page, pictures(run.results for run in unit.runs), inside, content, work), key)
+    if (checked := verify(sealed, [key.certificate])).outcome is not Soundness.SOUND:
+        raise InputError(f"the passport was not written: its own check says: {checked.sentence}")
+    return sealed
+
+
+def _made(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, place: Path) -> list[Attached]:
+    """The files that are made for this passport."""
+    place.mkdir()
+    xml = place / DCC_FILE
+    xml.write_bytes(
+        certificate_xml(unit, signer, f"{unit.serial}-{unit.dates[1]:%Y%m%d}-{_mark(unit)}", names=wanted.names)
+    )
+    found = [Attached(DCC_FILE, xml, "data", "Digital Calibration Certificate, PTB schema 3.2.1")]
+    if known.model is not None or wanted.model is not None:
+        from hil.physics.model import save_model
+    if known.model is not None:
+        save_model(known.model, place / MODEL_FILE)
+        found.append(Attached(MODEL_FILE, place / MODEL_FILE, "data", "the model of this unit"))
+    if wanted.model is not None:
+        save_model(wanted.model, place / TYPE_MODEL_FILE)
+        found.append(Attached(TYPE_MODEL_FILE, place / TYPE_MODEL_FILE, "supplement", "the model of its type"))
+    if known.told is not None:
+        path = place / DIAGNOSIS_FILE
+        path.write_text(
+            json.dumps(plain(known.told.diagnosis.as_dict()), indent=1, ensure_ascii=False), encoding="utf-8"
+        )
+        found.append(Attached(DIAGNOSIS_FILE, path, "data", "the diagnosis against the model of its type"))
+    return found
+
+
+def _mark(unit: Unit) -> str:
+    """The same for the same runs: from their names and times."""
+    return uuid.uuid5(uuid.NAMESPACE_OID, "\n".join(f"{run.results.run} {run.started}" for run in unit.runs)).hex[:12]
+
+
+def _written(content: bytes, out: Path) -> None:
+    part = out.with_name(f"{out.name}.part")
+    try:
+        part.write_bytes(content)
+        part.replace(out)
+    except OSError as error:
+        raise StorageError(
+            f"{out}: the passport cannot be written: {error.strerror}; the runs are as they were"
+        ) from error

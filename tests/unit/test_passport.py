@@ -1,0 +1,246 @@
+"""A passport: made, read back by other libraries, checked, opened; and what is refused."""
+
+from __future__ import annotations
+
+import io
+import json
+import subprocess
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from xml.etree.ElementTree import fromstring
+
+import pikepdf
+import pytest
+
+from hil.errors import FileError, SettingError
+from hil.passport.contents import lay_out
+from hil.passport.issue import Wanted, issue
+from hil.passport.key import read_certificates, read_key, signing_key, state_folder
+from hil.passport.unit import read_unit_runs
+from hil.passport.verify import Soundness, opened, verify
+from hil.record.folder import read
+from tests.passports import run_of
+
+WITHOUT_MODEL = Wanted(identify=False)
+
+
+@pytest.fixture(autouse=True)
+def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_STATE", str(tmp_path / "state"))
+
+
+@pytest.fixture
+def made(tmp_path: Path) -> Path:
+    out = tmp_path / "unit.pdf"
+    issue([run_of(tmp_path)], out, signing_key(None), WITHOUT_MODEL)
+    return out
+
+
+def own() -> list[object]:
+    return read_certificates(state_folder() / "passport-certificate.pem")
+
+
+def test_after_signing_it_is_still_pdf_a_3b_with_everything_that_asks_for(made: Path) -> None:
+    with pikepdf.open(made) as pdf:
+        with pdf.open_metadata() as xmp:
+            assert (xmp["pdfaid:part"], xmp["pdfaid:conformance"]) == ("3", "B")
+        (intent,) = pdf.Root.OutputIntents
+        assert intent.S == "/GTS_PDFA1" and len(intent.DestOutputProfile.read_bytes()) > 128
+        fonts = [o for o in pdf.objects if isinstance(o, pikepdf.Dictionary) and o.get("/Type") == "/FontDescriptor"]
+        assert fonts
+        for font in fonts:
+            assert any(key in font for key in ("/FontFile", "/FontFile2", "/FontFile3")), font.FontName
+        relations = {str(one.UF): str(one.AFRelationship) for one in pdf.Root.AF}
+        assert relations["certificate.xml"] == relations["passport.json"] == "/Data"
+        assert relations["runs/run/samples.f8"] == "/Source"
+        assert set(relations) == set(pdf.attachments)
+        assert "/Encrypt" not in pdf.trailer
+
+
+def test_checksums_inside_are_those_of_the_files(made: Path) -> None:
+    import hashlib
+
+    with pikepdf.open(made) as pdf:
+        said = json.loads(pdf.attachments["passport.json"].get_file().read_bytes())
+        assert said["schema"] == "hil.passport/1" and said["serial"] == "SN-7" and said["verdict"] == "pass"
+        assert len(said["files"]) == len(pdf.attachments) - 1
+        for one in said["files"]:
+            inside = pdf.attachments[one["name"]].get_file().read_bytes()
+            assert hashlib.sha256(inside).hexdigest() == one["sha256"]
+
+
+def test_the_digital_certificate_says_the_same_in_si_units(made: Path) -> None:
+    with pikepdf.open(made) as pdf:
+        root = fromstring(pdf.attachments["certificate.xml"].get_file().read_bytes())
+    space = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
+    assert root.get("schemaVersion") == "3.2.1"
+    real = root.find(".//si:real", space)
+    assert real is not None
+    assert float(real.findtext("si:value", "", space)) == pytest.approx(50.0 / 60000.0)
+    assert real.findtext("si:unit", "", space) == r"\metre\tothe{3}\second\tothe{-1}"
+    assert float(real.findtext("si:expandedUnc/si:uncertainty", "", space)) == pytest.approx(1.0 / 60000.0, rel=1e-6)
+    assert [one.text for one in root.iterfind(".//dcc:conformity", space)] == ["pass", "pass"]
+
+
+def test_who_signed_is_known_on_his_own_machine_and_nowhere_else(made: Path, tmp_path: Path) -> None:
+    content = made.read_bytes()
+    (certificate,) = own()
+    assert verify(content, [certificate]).outcome is Soundness.SOUND
+    stranger = verify(content, [])
+    assert stranger.outcome is Soundness.UNKNOWN_SIGNER and stranger.exit_status == 1
+    assert len(stranger.fingerprint.replace(" ", "")) == 64
+
+
+@pytest.mark.parametrize(
+    ("change", "says"),
+    [
+        (lambda c: b"\n" + c, "before its header"),
+        (lambda c: c + b"\n", "after its end mark"),
+        (lambda c: c + c[-700:], "whole file"),
+        (lambda c: c[:-200], "end mark"),
+        (lambda c: c[: (i := c.rfind(b"0>\n/ByteRange"))] + b"1" + c[i + 1 :], "padding"),
+        (lambda c: c.replace(b"/Contents <3082", b"/Contents <308 ", 1), "digits"),
+    ],
+)
+def test_what_the_signature_does_not_cover_is_found(made: Path, change, says: str) -> None:
+    changed = verify(change(made.read_bytes()), own())
+    assert changed.outcome is Soundness.CHANGED and says in changed.sentence
+
+
+def test_a_title_changed_by_an_update_is_found(made: Path) -> None:
+    from pyhanko.pdf_utils.generic import NameObject, TextStringObject
+    from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
+
+    update, again = IncrementalPdfFileWriter(io.BytesIO(made.read_bytes())), io.BytesIO()
+    update.root[NameObject("/Lang")] = TextStringObject("de")
+    update.update_root()
+    update.write(again)
+    assert again.getvalue().startswith(made.read_bytes()) and len(again.getvalue()) > made.stat().st_size
+    assert verify(again.getvalue(), own()).outcome is Soundness.CHANGED
+
+
+@pytest.mark.parametrize("content", [b"", b"%PDF-1.7\n%%EOF\n", b"PK\x03\x04"])
+def test_what_is_no_passport_is_called_that(content: bytes) -> None:
+    assert verify(content, []).exit_status == 2
+
+
+def test_openssl_takes_the_signature_too(made: Path, tmp_path: Path) -> None:
+    """By a program that shares no code with the signer."""
+    from hil.passport.seal import seal_of
+
+    content = made.read_bytes()
+    begin, end = seal_of(content).field
+    padded = bytes.fromhex(content[begin + 1 : end - 1].decode())
+    (tmp_path / "cms.der").write_bytes(padded[: 4 + int.from_bytes(padded[2:4], "big")])
+    (tmp_path / "covered").write_bytes(content[:begin] + content[end:])
+    line = ["openssl", "cms", "-verify", "-binary", "-inform", "DER", "-in", "cms.der", "-content", "covered",
+            "-CAfile", str(state_folder() / "passport-certificate.pem"), "-purpose", "any", "-out", "out"]  # fmt: skip
+    done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_a_lab_key_of_a_lab_authority_is_known_by_the_authority(tmp_path: Path) -> None:
+    authority, lab = _lab(tmp_path)
+    out = tmp_path / "unit.pdf"
+    issue([run_of(tmp_path)], out, read_key(lab), WITHOUT_MODEL)
+    assert verify(out.read_bytes(), read_certificates(authority)).outcome is Soundness.SOUND
+    assert verify(out.read_bytes(), []).outcome is Soundness.UNKNOWN_SIGNER
+
+
+def test_opened_it_gives_back_run_folders_that_read(made: Path, tmp_path: Path) -> None:
+    content, found = opened(made)
+    assert found.is_as_signed
+    (run,) = lay_out(content, tmp_path / "laid")
+    assert read(run).meta["operator"] == "A. Muster"
+    assert (run / "samples.f8").read_bytes() == (tmp_path / "run" / "samples.f8").read_bytes()
+    assert (tmp_path / "laid" / "passport.pdf").read_bytes() == content
+    with pytest.raises(FileError, match="there already"):
+        lay_out(content, tmp_path / "laid")
+
+
+@pytest.mark.parametrize("name", ["../out.txt", "/etc/out.txt", "a/../../out.txt", "C:\\out.txt", "a//b", "a\nb"])
+def test_no_name_inside_leads_out_of_the_folder(tmp_path: Path, name: str) -> None:
+    pdf = pikepdf.new()
+    pdf.add_blank_page()
+    pdf.attachments[name] = pikepdf.AttachedFileSpec(pdf, b"x", filename=name)
+    made = io.BytesIO()
+    pdf.save(made)
+    with pytest.raises(FileError, match="no path inside"):
+        lay_out(made.getvalue(), tmp_path / "laid")
+    assert not (tmp_path / "laid").exists() and not (tmp_path / "out.txt").exists()
+
+
+def test_names_are_left_out_of_every_file_inside(tmp_path: Path) -> None:
+    out = tmp_path / "unit.pdf"
+    issue([run_of(tmp_path)], out, signing_key(None), Wanted(names=False, identify=False))
+    with pikepdf.open(out) as pdf:
+        for name, one in pdf.attachments.items():
+            assert b"Muster" not in one.get_file().read_bytes(), name
+    (run,) = lay_out(out.read_bytes(), tmp_path / "laid")
+    assert "operator" not in read(run).meta
+
+
+def test_runs_of_two_units_or_of_none_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(SettingError, match="SN-7, SN-8"):
+        read_unit_runs([run_of(tmp_path, name="a"), run_of(tmp_path, "SN-8", name="b")])
+    with pytest.raises(SettingError, match="--serial"):
+        read_unit_runs([run_of(tmp_path, "", name="c")])
+
+
+def test_several_runs_have_the_worst_verdict_of_all(tmp_path: Path) -> None:
+    unit = read_unit_runs([run_of(tmp_path, name="later", hour=11, gain=70.0), run_of(tmp_path, name="first")])
+    assert unit.verdict == "fail"
+    assert [run.folder.name for run in unit.runs] == ["first", "later"]
+
+
+def test_results_that_were_edited_are_refused(tmp_path: Path) -> None:
+    run = run_of(tmp_path, gain=70.0)
+    text = (run / "results.json").read_text()
+    (run / "results.json").write_text(text.replace('"fail"', '"pass"'))
+    with pytest.raises(FileError, match=r"do(es)? not say"):
+        read_unit_runs([run])
+
+
+def test_page_one_says_why_there_is_no_model(tmp_path: Path) -> None:
+    found = issue([run_of(tmp_path)], tmp_path / "unit.pdf", signing_key(None))
+    assert "names no plant" in found.understood.says and "--model" in found.understood.says
+
+
+def test_the_key_of_this_machine_is_made_once_and_read_by_its_owner_only() -> None:
+    first, second = signing_key(None), signing_key(None)
+    assert first.certificate == second.certificate
+    assert (state_folder() / "passport-key.pem").stat().st_mode & 0o077 == 0
+
+
+def test_a_file_without_a_key_is_refused_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "key.pem"
+    path.write_text("nothing")
+    with pytest.raises(FileError, match="HIL_KEY_PASSPHRASE"):
+        read_key(path)
+
+
+def _lab(folder: Path) -> tuple[Path, Path]:
+    """(certificate of an authority, PKCS #12 file of a lab whose certificate it signed)."""
+    from cryptography import x509
+    from cryptography.hazmat.primitives.asymmetric import ec, rsa
+    from cryptography.hazmat.primitives.hashes import SHA256
+    from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption, pkcs12
+    from cryptography.x509.oid import NameOID
+
+    top, lab = ec.generate_private_key(ec.SECP256R1()), rsa.generate_private_key(65537, 2048)
+    names = [x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)]) for name in ("Authority", "Lab 12")]
+    now = datetime.now(UTC)
+
+    def certificate(name, public, ca: bool, usage):
+        made = x509.CertificateBuilder().subject_name(name).issuer_name(names[0]).public_key(public)
+        made = made.serial_number(x509.random_serial_number()).not_valid_before(now - timedelta(days=1))
+        made = made.not_valid_after(now + timedelta(days=2)).add_extension(usage, critical=True)
+        return made.add_extension(x509.BasicConstraints(ca, None), critical=True).sign(top, SHA256())
+
+    signs = x509.KeyUsage(True, True, False, False, False, False, False, False, False)
+    vouches = x509.KeyUsage(False, False, False, False, False, True, True, False, False)
+    root = certificate(names[0], top.public_key(), True, vouches)
+    leaf = certificate(names[1], lab.public_key(), False, signs)
+    (folder / "authority.pem").write_bytes(root.public_bytes(Encoding.PEM))
+    (folder / "lab.p12").write_bytes(pkcs12.serialize_key_and_certificates(b"lab", lab, leaf, None, NoEncryption()))
+    return folder / "authority.pem", folder / "lab.p12"
