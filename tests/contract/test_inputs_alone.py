@@ -13,6 +13,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Waveform
 from tests.links import served
 from tests.ni_board import Board, Device, Task
+from tests.recorded_line import RecordedLine
 
 
 @pytest.mark.parametrize("bench", ["hpv41-modbus-tcp", "hpv41-serial", "hpv41-canopen", "hpv41-j1939",
@@ -65,3 +66,22 @@ def test_a_simulated_device_too() -> None:
     daq = file.devices[name].open(_inputs_of(file, name))
     (block,) = daq.play(Waveform(100.0, {}, 50))
     assert len(block) == 50 and abs(block.inputs["flow"].mean()) < 0.5
+
+
+def test_on_canopen_nothing_but_uploads_is_sent(tmp_path: Path) -> None:
+    with served("hpv41-canopen", tmp_path) as (file, _):
+        (name,) = (name for name, device in file.bench.devices.items() if device.driver == "canopen_valve")
+        port = str(file.bench.devices[name].settings["address"]).rpartition(":")[2]
+        line = RecordedLine(int(port))
+        path = tmp_path / "through.toml"
+        path.write_text(file.text.replace(f":{port}", f":{line.port}"), encoding="utf-8")
+        file = read_bench(path)
+        inputs = _inputs_of(file, name) or {"actual": file.bench.channels["flow"]}
+        daq = file.devices[name].open(inputs)
+        list(daq.play(Waveform(daq.actual_rate_hz(10.0), {}, 2)))
+        daq.close()
+        line.close()
+    sent = [words.split() for words in b"".join(line.asked).decode().split("<") if "send " in words]
+    assert sent and all(
+        0x600 < int(words[1], 16) < 0x680 and int(words[3], 16) & 0xE0 in (0x40, 0x60) for words in sent
+    )

@@ -1,4 +1,4 @@
-"""`hil jog` as an outside observer sees it: however it ends, the output is safe, or said not to be."""
+"""`hil jog` and `hil calibrate` as an outside observer sees them: the output ends safe, or is said not to be."""
 
 from __future__ import annotations
 
@@ -46,16 +46,18 @@ class Jog:
 
 
 @contextmanager
-def jogging(folder: Path, for_time: str = "60s") -> Iterator[Jog]:
-    with served("hpv41-modbus-tcp", folder, ("\nwatchdog_s = 1.0\n", "\n")) as (file, devices):
+def jogging(folder: Path, for_time: str = "60s", *instead: str) -> Iterator[Jog]:
+    """A jog, or another command that brings the output to 40 %, instead."""
+    own = ("block_s = 0.1\n", "block_s = 0.1\nwatchdog_s = 2.0\n")
+    with served("hpv41-modbus-tcp", folder, ("\nwatchdog_s = 1.0\n", "\n"), own) as (file, devices):
         (device,) = devices.values()
         line = observer.Line(device.port)
         watch = observer.Watch(observer.modbus_tcp(device.port), 0.6)
         path = folder / "driven.toml"
         path.write_text(file.text.replace(f":{device.port}", f":{line.port}"), encoding="utf-8")
         near, far = os.openpty()
-        command = [sys.executable, "-m", "hil", "jog", str(path), "command", "40 %", "--for", for_time,
-                   "--out", str(folder / "run"), "--archive", str(folder)]  # fmt: skip
+        what = instead or ("jog", str(path), "command", "40 %", "--for", for_time)
+        command = [sys.executable, "-m", "hil", *what, "--out", str(folder / "run"), "--archive", str(folder)]
         environment = {**os.environ, "HIL_STATE_DIR": str(folder / "state")}
 
         def take_terminal() -> None:
@@ -133,3 +135,17 @@ def test_a_link_that_is_pulled_is_said_to_be_not_safe(signals: tuple[int, ...], 
         assert abs(jog.watch.now or 0.0) > 30.0 and "NOT SAFE" in jog.text and "outputs are safe" not in jog.text
         jog.line.dead = False
         assert jog.watch.wait(lambda: jog.watch.is_safe, 20.0), "the watchdog process makes it safe"
+
+
+def test_a_calibration_holds_its_point_as_long_as_it_takes_and_ctrl_c_ends_it(tmp_path: Path) -> None:
+    told = ("calibrate", str(tmp_path / "driven.toml"), "command", "--reference", "meter 7", "--between", "40..45")
+    with jogging(tmp_path, "", *told) as jog:
+        before = (tmp_path / "driven.toml").read_bytes()
+        time.sleep(4.0)  # twice what the watchdog process allows a program that hangs
+        assert jog.process.poll() is None and abs((jog.watch.now or 0.0) - 40.0) < 0.6, jog.text
+        os.write(jog.terminal, b"40.2\n")
+        assert jog.watch.wait(lambda: (jog.watch.now or 0.0) > 41.0, PATIENCE_S), jog.text
+        os.write(jog.terminal, b"\x03")
+        assert jog.end() == 130, jog.text
+        assert abs(jog.watch.now or 0.0) < 0.6 and "stopped; outputs are safe (read back)" in jog.text
+        assert (tmp_path / "driven.toml").read_bytes() == before

@@ -100,10 +100,10 @@ def look_at(file: BenchFile, for_s: float = 3.0) -> Live:
 
 
 def _link(name: str, told: Promises, drives: bool) -> Link:
-    polled = told.timing == "polled"
-    reading_s = _SHARE / told.highest_rate_hz if polled else 0.0
-    driving_s = (told.latency_s or 0.0) if polled and drives else 0.0
-    return Link(name, told.timing, told.latency_s, told.highest_rate_hz, reading_s + driving_s)
+    if told.timing != "polled":
+        return Link(name, told.timing, told.latency_s, told.highest_rate_hz, 0.0)
+    reading_s = max(_SHARE / told.highest_rate_hz, told.latency_s or 0.0)  # the first is that of the opening
+    return Link(name, told.timing, told.latency_s, _SHARE / reading_s, (2.0 if drives else 1.0) * reading_s)
 
 
 def _rate(promised: Mapping[str, Promises], links: tuple[Link, ...]) -> float:
