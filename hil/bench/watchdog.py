@@ -208,9 +208,22 @@ def _with_patience(file: BenchFile, line: list[_Device], begun_s: float) -> None
     while time.monotonic() - last_s < _LATE_S and time.monotonic() - begun_s <= GIVE_UP_S:
         time.sleep(_AGAIN_S)
         for device in line:
-            _tried(file, device)
-            if device.moved or not device.done:  # a late command of the dead program came after all
+            if _looked_again(file, device):  # a late command of the dead program came after all
                 last_s = time.monotonic()
+
+
+def _looked_again(file: BenchFile, device: _Device) -> bool:
+    """Whether a device that was safe had moved; one that is gone since has been safe, and stays told so."""
+    again = _Device(device.name)
+    _tried(file, again)
+    if again.moved:
+        device.failure, device.unasked, device.done, device.safe_s = (
+            again.failure,
+            again.unasked,
+            again.done,
+            again.safe_s,
+        )
+    return again.moved
 
 
 def _tried(file: BenchFile, device: _Device) -> None:

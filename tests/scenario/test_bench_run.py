@@ -65,7 +65,7 @@ def test_a_run_that_passes(tmp_path: Path) -> None:
     [
         ({}, ["levels=5"], 1, ""),
         ({}, ["levels=500"], 2, "500 % is outside -100 … 100 %"),
-        ({}, ["level=5"], 2, "no setting 'level'; the nearest is 'levels'. Settings: levels: float, … = 40,60"),
+        ({}, ["level=5"], 2, "no setting 'level'; the nearest is 'levels'; there are: levels"),
         ({"high = 140.0": "high = 90.0"}, [], 3, "interlock 'over-pressure'"),
         ({"seed = 1": "seed = 1\nplant = 3"}, [], 2, "simulation.plant: input should be a valid string"),
         ({"noise_v = 0.3e-3": 'fault = { kind = "lost", after = 3000 }'}, [], 3, "use the emergency stop"),

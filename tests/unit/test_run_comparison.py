@@ -93,7 +93,7 @@ def test_worn_valve_is_told_from_the_new_one(monkeypatch, capsys, runs):
     status, said = _said(monkeypatch, capsys, *compare, "--page", page)
     assert "beyond their uncertainty" in said.out
     text = page.read_text(encoding="utf-8")
-    assert text.count("<svg") == 1
+    assert text.count("<svg") >= 1
     assert "measured, new" in text and "measured, old" in text
 
 
