@@ -1,0 +1,62 @@
+"""`hil diff`: what changed in a unit between two dates, in physics."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from hil.passport.difference import Change, DateDifference, Size
+
+
+def command(
+    old: Path = typer.Argument(..., metavar="OLD", help="Passport, run folder or folder with recordings."),
+    new: Path = typer.Argument(..., metavar="NEW", help="The same of a later date."),
+    model: Path | None = typer.Option(
+        None, "--model", metavar="MODEL.json", help="Model of the type, where no passport holds one."
+    ),
+    as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.diff/1."),
+) -> None:
+    """What changed between two dates: by cause, of the valve or of the bench, and what stayed within which limit."""
+    from tempfile import TemporaryDirectory
+
+    from hil.cli.progress import shown
+    from hil.passport.difference import difference
+    from hil.passport.sources import read_dated
+    from hil.physics.model import load_model
+    from hil.record.plain import to_json
+
+    kind = None if model is None else load_model(model)
+    with TemporaryDirectory(prefix="hil-diff-") as folder, shown() as progress:
+        first, second = (read_dated(path, Path(folder) / name) for path, name in ((old, "old"), (new, "new")))
+        found = difference(first, second, kind, progress)
+    typer.echo(to_json(found.as_dict()) if as_json else _text(found))
+
+
+def _text(found: DateDifference) -> str:
+    lines = [found.verdict, *(f"  {_sentence(change)}" for change in found.changes)]
+    if found.unchanged:
+        kept = ", ".join(f"{one.name} (within {one.limit:.2g} {one.unit})" for one in found.unchanged)
+        lines.append(f"  unchanged: {kept}")
+    return "\n".join([*lines, *(f"  note: {note}" for note in found.notes)])
+
+
+def _sentence(change: Change) -> str:
+    from hil.report.number import MINUS
+
+    whose = {"valve": "the valve's", "bench": "the bench's", "open": "the valve's or the bench's"}[change.of]
+    share = "" if change.share is None else f", {100.0 * change.share:.0f} % of the change"
+    text = (
+        f"{change.name} ({change.stage}, {whose}): {_size(change.before)} → {_size(change.after)} {change.unit}{share}"
+    )
+    return text.replace(MINUS, "-")
+
+
+def _size(size: Size) -> str:
+    from hil.report.number import with_uncertainty
+
+    if size.value is None:
+        return "none"
+    return with_uncertainty(size.value, None if size.std is None else 2.0 * size.std)

@@ -1,0 +1,68 @@
+"""Conditions of the bench that differ between two dates: oil temperature and supply pressure."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from hil.errors import UnitError
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.recording import Recording
+from hil.units import scale_and_offset
+
+if TYPE_CHECKING:
+    from hil.passport.difference import Change
+
+
+class _Condition(NamedTuple):
+    name: str
+    stage: str
+    channels: tuple[str, ...]
+    stated: str
+    unit: str
+
+
+_CONDITIONS = (
+    _Condition("oil temperature", "oil", ("oil temperature", "fluid temperature"), "fluid_temperature_c", "degC"),
+    _Condition("supply pressure", "supply", ("supply pressure",), "supply_pressure_bar", "bar"),
+)
+
+
+def condition_changes(old: Sequence[Recording], new: Sequence[Recording]) -> list[Change]:
+    """Those that were measured or stated at both dates and differ beyond their uncertainty."""
+    from hil.passport.difference import Change, Size
+
+    found = []
+    for one in _CONDITIONS:
+        was, now = _mean(old, one), _mean(new, one)
+        if was is None or now is None:
+            continue
+        width = COVERAGE_FACTOR * float(np.hypot(was[1] or 0.0, now[1] or 0.0))
+        if abs(now[0] - was[0]) > width:
+            found.append(Change(one.name, one.stage, "bench", one.name, Size(*was), Size(*now), one.unit, None, None))
+    return found
+
+
+def _mean(recordings: Sequence[Recording], one: _Condition) -> tuple[float, float | None] | None:
+    """(mean, standard uncertainty) over the recordings: measured where a channel measures it, else as stated."""
+    values = [value for recording in recordings if (value := _of(recording, one)) is not None]
+    if not values:
+        return None
+    known = [std for _, std in values if std is not None]
+    return float(np.mean([value for value, _ in values])), max(known) if known else None
+
+
+def _of(recording: Recording, one: _Condition) -> tuple[float, float | None] | None:
+    for name in one.channels:
+        channel = recording.channels.get(name)
+        if channel is not None and np.isfinite(channel.values).any():
+            try:
+                scale, offset = scale_and_offset(channel.unit, one.unit)
+            except UnitError:
+                continue
+            spread = abs(scale) * float(np.nanstd(channel.values))
+            return scale * float(np.nanmean(channel.values)) + offset, spread
+    stated = (recording.meta.get("conditions") or {}).get(one.stated)
+    return None if stated is None else (float(stated), None)

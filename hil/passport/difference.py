@@ -1,0 +1,267 @@
+"""What changed between two dates, in physics: the second diagnosed against what the first was."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from hil.diagnosis.diagnose import Diagnosed, diagnose
+from hil.diagnosis.diagnosis import Diagnosis, Finding
+from hil.errors import SettingError
+from hil.identification.experiment import Experiment, for_model
+from hil.passport.conditions import condition_changes
+from hil.passport.owner import Owner, owner_among, owner_of
+from hil.passport.sources import Dated
+from hil.physics.compose import kernel
+from hil.physics.model import Model
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.plain import plain
+
+Verdict = Literal["unchanged", "changed", "unexplained"]
+Progress = Callable[[float, str], None]
+SCHEMA = "hil.diff/1"
+_ONE_SIDED = 1.645  # standard deviations to an upper limit of 95 %
+
+
+@dataclass(frozen=True, slots=True)
+class Size:
+    """A value with its standard uncertainty; None where it is not known."""
+
+    value: float | None
+    std: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Change:
+    """One thing that is not as it was; `share` of the whole change, None for a condition, which has none."""
+
+    name: str
+    stage: str
+    of: Owner
+    parameter: str
+    before: Size
+    after: Size
+    unit: str
+    share: float | None
+    probability: float | None
+
+    def as_dict(self) -> dict[str, Any]:
+        """As in `hil.diff/1`."""
+        found: dict[str, Any] = plain(self)
+        return {("from" if key == "before" else "to" if key == "after" else key): v for key, v in found.items()}
+
+
+@dataclass(frozen=True, slots=True)
+class Unchanged:
+    """An effect that these data would have shown beyond this limit (95 %)."""
+
+    name: str
+    limit: float
+    unit: str
+
+
+@dataclass(frozen=True, slots=True)
+class DateDifference:
+    """The answer. `notes`: what its reader should know."""
+
+    changes: tuple[Change, ...]
+    unchanged: tuple[Unchanged, ...]
+    verdict: Verdict
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """`hil.diff/1`."""
+        return {
+            "schema": SCHEMA,
+            "changes": [change.as_dict() for change in self.changes],
+            "unchanged": [plain(one) for one in self.unchanged],
+            "verdict": self.verdict,
+            "notes": list(self.notes),
+        }
+
+
+def difference(old: Dated, new: Dated, kind: Model | None, progress: Progress = lambda _d, _t: None) -> DateDifference:
+    """Compare two dates.
+
+    Args:
+        old: the first date.
+        new: the second.
+        kind: the type's model; else that of a passport, else the model of the unit in the first.
+        progress: told how far it is.
+
+    Raises:
+        SettingError: there is no model.
+        FileError: a recording cannot be bound to it.
+    """
+    known = kind or old.kind or new.kind
+    start = known or old.unit
+    if start is None:
+        raise SettingError(f"{old.name}: holds no model; give that of the type with --model MODEL.json")
+    first = None
+    if known is not None:
+        first = diagnose(known, _bound(known, old), lambda d, t: progress(0.5 * d, f"{old.name}: {t}"))
+    reference = start if first is None else _reference(start, first)
+    experiments = _bound(reference, new)
+    second = diagnose(reference, experiments, lambda d, t: progress(0.5 + 0.5 * d, f"{new.name}: {t}"))
+    moved, same = _moved(reference, first, second, experiments)
+    changes = (*moved, *condition_changes(old.recordings, new.recordings))
+    named = {change.name for change in moved}
+    limits = (Unchanged(x.effect, x.upper, x.unit) for x in second.diagnosis.limits if x.visible)
+    kept = {one.name: one for one in (*limits, *same) if one.name not in named}
+    return DateDifference(changes, tuple(kept.values()), _verdict(second.diagnosis, moved), _notes(old, new, first))
+
+
+def _bound(model: Model, dated: Dated) -> list[Experiment]:
+    return [for_model(model, one) for one in dated.recordings]
+
+
+def _reference(kind: Model, first: Diagnosed) -> Model:
+    """The unit at the first date, its effects apart: what grew is then found as the whole effect, and compared."""
+    if first.diagnosis.verdict in ("unexplained", "partly_explained"):
+        return kind
+    return replace(first.corrected, effects=kind.effects, origin=kind.origin)
+
+
+def _notes(old: Dated, new: Dated, first: Diagnosed | None) -> tuple[str, ...]:
+    found = []
+    if len(units := old.serials | new.serials) > 1:
+        found.append(f"these are different units: {', '.join(sorted(units))}")
+    if first is not None and first.diagnosis.verdict in ("unexplained", "partly_explained"):
+        found.append(f"{old.name} is not explained itself; {new.name} is compared with the model of the type")
+    return tuple(found)
+
+
+def _verdict(second: Diagnosis, moved: Sequence[Change]) -> Verdict:
+    if second.verdict == "unexplained":
+        return "unexplained"
+    if moved:
+        return "changed"
+    return "unexplained" if second.verdict == "partly_explained" else "unchanged"
+
+
+def _moved(
+    reference: Model, first: Diagnosed | None, second: Diagnosed, experiments: Sequence[Experiment]
+) -> tuple[list[Change], list[Unchanged]]:
+    """(what moved beyond its uncertainty, what is there at both dates and did not)."""
+    earlier = {} if first is None else {(f.name, f.stage): f for f in first.diagnosis.effects}
+    limits = {} if first is None else {x.effect: x.upper for x in first.diagnosis.limits if x.visible}
+    shares = _shares(reference, second, experiments)
+    found = [
+        _of_finding(f, earlier.pop((f.name, f.stage), None), limits, reference, second.diagnosis, shares)
+        for f in second.diagnosis.effects
+    ]
+    found += [_of_parameter(reference, c, shares.get(c.name)) for c in second.diagnosis.changed_parameters
+              if c.name not in {change.parameter for change in found}]  # fmt: skip
+    found += [gone for f in earlier.values() if (gone := _gone(f, second.diagnosis)) is not None]
+    moved = [change for change in found if _beyond_uncertainty(change)]
+    return moved, [_still(change) for change in found if change not in moved]
+
+
+def _of_finding(
+    f: Finding, before: Finding | None, limits: Mapping[str, float], reference: Model, told: Diagnosis,
+    shares: Mapping[str, float],
+) -> Change:  # fmt: skip
+    parameter, after = next(iter(f.parameters.items()))
+    if parameter in reference.parameters:
+        was = Size(reference.parameters[parameter].value, reference.parameters[parameter].std)
+    elif before is not None and parameter in before.parameters:
+        was = Size(before.parameters[parameter].value, before.parameters[parameter].std)
+    else:
+        upper = limits.get(f.name)
+        was = Size(_null(reference, f, parameter), None if upper is None else upper / _ONE_SIDED)
+    rivals = {name for names in told.not_separable if f.name in names for name in names}
+    stages = {c.stage for c in told.candidates if c.name in rivals}
+    of = owner_among(f.stage, stages)
+    return Change(f.name, f.stage, of, parameter, was, Size(after.value, after.std), after.unit,
+                  shares.get(f"{f.name}@{f.hook}"), f.probability)  # fmt: skip
+
+
+def _of_parameter(reference: Model, changed: Any, share: float | None) -> Change:
+    stage = reference.definition.stage(changed.name)
+    was = reference.parameters[changed.name]
+    return Change(changed.name, stage, owner_of(stage), changed.name, Size(changed.before, was.std),
+                  Size(changed.after, changed.std), changed.unit, share, None)  # fmt: skip
+
+
+def _gone(f: Finding, told: Diagnosis) -> Change | None:
+    """An effect of the first date that the second does not show, though it would have."""
+    limit = next((x for x in told.limits if x.effect == f.name and x.visible), None)
+    if limit is None:
+        return None
+    parameter, was = next(iter(f.parameters.items()))
+    now = Size(0.0, limit.upper / _ONE_SIDED)
+    return Change(
+        f.name, f.stage, owner_of(f.stage), parameter, Size(was.value, was.std), now, was.unit, None, f.probability
+    )
+
+
+def _null(model: Model, f: Finding, parameter: str) -> float | None:
+    """The value at which an effect does nothing; None where that is infinity."""
+    site = next((s for s in kernel(model.plant).sites if s.hook.name == f.hook and f.name in _names(s.effect)), None)
+    if site is None:
+        return 0.0
+    value = site.effect.null_at(site.hook).get(parameter, 0.0)
+    return float(value) if math.isfinite(value) else None
+
+
+def _names(effect: Any) -> tuple[str, str]:
+    return effect.name, effect.known_as
+
+
+def _beyond_uncertainty(change: Change) -> bool:
+    before, after = change.before, change.after
+    if before.value is None or after.value is None:
+        return True
+    stds = [size.std for size in (before, after) if size.std is not None and math.isfinite(size.std)]
+    return abs(after.value - before.value) > COVERAGE_FACTOR * math.hypot(*stds)
+
+
+def _still(change: Change) -> Unchanged:
+    stds = [size.std or 0.0 for size in (change.before, change.after)]
+    apart = abs((change.after.value or 0.0) - (change.before.value or 0.0))
+    return Unchanged(change.name, apart + _ONE_SIDED * math.hypot(*stds), change.unit)
+
+
+def _shares(reference: Model, second: Diagnosed, experiments: Sequence[Experiment]) -> dict[str, float]:
+    """What each cause explains of the change: what is missing when it alone is taken out, all together what is told."""
+    corrected = second.corrected
+    whole = _misfit(corrected, experiments)
+    missing = {key: max(_misfit(model, experiments) - whole, 0.0) for key, model in _without(reference, second)}
+    total, told = sum(missing.values()), 1.0 - second.diagnosis.left.share
+    if not total > 0.0:
+        return {key: told / len(missing) for key in missing}
+    return {key: round(told * part / total, 4) for key, part in missing.items()}
+
+
+def _without(reference: Model, second: Diagnosed) -> Iterator[tuple[str, Model]]:
+    """The corrected model with one cause taken back."""
+    corrected = second.corrected
+    for f in second.diagnosis.effects:
+        base = next((name for name in f.parameters if name in reference.parameters), None)
+        yield f"{f.name}@{f.hook}", _back(corrected, reference, base) if base else _less(corrected, f)
+    for changed in second.diagnosis.changed_parameters:
+        yield changed.name, _back(corrected, reference, changed.name)
+
+
+def _back(corrected: Model, reference: Model, name: str) -> Model:
+    return replace(corrected, parameters={**corrected.parameters, name: reference.parameters[name]})
+
+
+def _less(corrected: Model, f: Finding) -> Model:
+    installed = {(s.hook.name, s.effect.name): _names(s.effect) for s in kernel(corrected.plant).sites}
+    kept = [
+        e for e in corrected.effects if e.hook != f.hook or f.name not in installed.get((e.hook, e.name), (e.name,))
+    ]
+    return replace(corrected, effects=tuple(kept))
+
+
+def _misfit(model: Model, experiments: Sequence[Experiment]) -> float:
+    found = 0.0
+    for e in experiments:
+        error = e.telling(e.output - e.respond(model.definition, model.values, model.active_effects)[0])
+        found += float(np.sum(error**2))
+    return found
