@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from hil.catalog import models
 from hil.errors import InputError
 from hil.passport.unit import Unit
 from hil.record.measurement import COVERAGE_FACTOR
@@ -84,7 +85,8 @@ def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, str, str]
 
     progress(0.1, "identifying the unit")
     try:
-        found = identified(unit.plant, [read_recording(run.folder) for run in unit.runs])
+        start = str(models().get(unit.plant, unit.plant))  # benches name a plant or an installed model
+        found = identified(start, [read_recording(run.folder) for run in unit.runs])
     except InputError as error:
         return None, "", f"No model of this unit is inside: it could not be identified from these runs: {error}."
     fits = found.model.origin.get("fit_percent") or {}

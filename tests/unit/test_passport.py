@@ -244,3 +244,15 @@ def _lab(folder: Path) -> tuple[Path, Path]:
     (folder / "authority.pem").write_bytes(root.public_bytes(Encoding.PEM))
     (folder / "lab.p12").write_bytes(pkcs12.serialize_key_and_certificates(b"lab", lab, leaf, None, NoEncryption()))
     return folder / "authority.pem", folder / "lab.p12"
+
+
+def test_a_plant_named_as_an_installed_model_is_found(tmp_path: Path) -> None:
+    from dataclasses import replace
+
+    from hil.passport.identified import understood
+    from hil.passport.unit import Unit
+
+    run = read_unit_runs([run_of(tmp_path)]).runs[0]
+    valve = {"name": "HPV41", "serial": "SN-7", "plant": "hpv41-mean"}
+    named = replace(run, recording=replace(run.recording, meta={**run.recording.meta, "valve": valve}))
+    assert "no plant named" not in understood(Unit("SN-7", (named,)), True, None, lambda _done, _text: None).says
