@@ -19,14 +19,16 @@ _CTRL_C = 130
 
 
 def _options(
+    context: typer.Context,
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error, and the frames of every link."),
     version: bool = typer.Option(False, "--version", is_eager=True, help="Show the version and exit."),
 ) -> None:
     said.debug = debug
     if debug:
-        from hil.cli.frames import show_frames
+        from hil.cli.frames import hide_frames, show_frames
 
         show_frames()
+        context.call_on_close(hide_frames)
     if version:
         typer.echo(f"hil {__version__}")
         raise typer.Exit

@@ -12,3 +12,12 @@ def show_frames() -> None:
     links = logging.getLogger("hil.link")
     links.addHandler(shown)
     links.setLevel(logging.DEBUG)
+
+
+def hide_frames() -> None:
+    """Write them no more: another command in the same process did not ask for them."""
+    links = logging.getLogger("hil.link")
+    for handler in list(links.handlers):
+        if type(handler) is logging.StreamHandler:
+            links.removeHandler(handler)
+    links.setLevel(logging.NOTSET)
