@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from io import StringIO
 
 from hil.errors import SettingError
 from hil.export.function import PLANT, function_of
 from hil.findings.results import FittedFunction
+from hil.findings.tables import csv_text
 from hil.physics.model import Model
 from hil.physics.transfer_function import TransferFunction
 from hil.record.plain import plain
@@ -50,7 +49,7 @@ def model_text(model: Model, name: str, form: str) -> str:
         parts = [{"name": n, "value": value, "std": std, "unit": unit} for n, value, std, unit in rows]
         return _dumped({"schema": PARAMETERS_SCHEMA, "plant": model.plant, "parameters": parts})
     if form == "csv":
-        return _csv(("name", "value", "std", "unit"), rows)
+        return csv_text(("name", "value", "std", "unit"), rows)
     title = f"Parameters of {model.plant}: value, standard uncertainty, unit."
     if form == "python":
         body = "".join(f"    {n!r}: ({value!r}, {std!r}, {unit!r}),\n" for n, value, std, unit in rows)
@@ -115,7 +114,7 @@ def _json(functions: Sequence[FittedFunction]) -> str:
 
 def _functions_csv(functions: Sequence[FittedFunction]) -> str:
     rows = [(one.name, *row) for one in functions for row in coefficient_rows(one)]
-    return _csv(("name", "coefficient", "value", "std", "unit of the gain"), rows)
+    return csv_text(("name", "coefficient", "value", "std", "unit of the gain"), rows)
 
 
 def coefficient_rows(one: FittedFunction) -> Iterable[Row]:
@@ -146,11 +145,3 @@ def _matlab_number(value: float | None) -> str:
 
 def _dumped(content: Mapping[str, object]) -> str:
     return json.dumps(plain(content), indent=1, ensure_ascii=False, allow_nan=False) + "\n"
-
-
-def _csv(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(rows)
-    return text.getvalue()

@@ -25,12 +25,21 @@ Row = Sequence[Cell]
 
 def values_csv(results: Results) -> str:
     """The measured values, a row each."""
-    return _csv(VALUE_HEADS, _value_rows(results))
+    return csv_text(VALUE_HEADS, _value_rows(results))
 
 
 def curve_csv(curve: Curve) -> str:
     """A curve, columns headed `name [unit]` as in a recording."""
-    return _csv(_heads(curve), curve.rows)
+    return csv_text(_heads(curve), curve.rows)
+
+
+def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
+    """A table as CSV text: one line of heads, then the rows."""
+    text = StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(heads)
+    writer.writerows(rows)
+    return text.getvalue()
 
 
 def write_csv(results: Results, path: Path) -> tuple[Path, ...]:
@@ -90,14 +99,6 @@ def _value_rows(results: Results) -> Iterator[Row]:
 
 def _heads(curve: Curve) -> list[str]:
     return [f"{column.name} [{column.unit}]" for column in curve.columns]
-
-
-def _csv(heads: Sequence[str], rows: Iterable[Row]) -> str:
-    text = StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(heads)
-    writer.writerows(rows)
-    return text.getvalue()
 
 
 def _fill(sheet: Worksheet, heads: Sequence[str], rows: Iterable[Row]) -> None:
