@@ -22,7 +22,8 @@ LEVELS = 401
 _BINS = 240  # of a sweep's range, for each branch
 _LEAST_SHARE = 0.25  # of the range that both branches must cover
 _FEW_COEFFICIENTS, _COEFFICIENTS, _WIDTH_COEFFICIENTS = 40, 100, 24
-_ROUNDS = 4  # of shifting the branches together
+_ROUNDS = 4  # of shifting the branches together, at most
+_NEAR, _TOGETHER = 1e-3, 1e-6  # of the range: shifts that no longer matter, for a first look and for the result
 _TRANSIENT = 5.0  # lags after a turn until the response runs parallel to the command
 _MOST_DROPPED = 0.2  # of the range, after each turn
 
@@ -137,10 +138,10 @@ def sweep_estimate(
         raise InputError(f"{name}: the command does not move; a flow curve needs a sweep")
     speeds = np.array([sweep.speed_per_s for sweep in sweeps])
     points = _points(name, sweeps, low, high, [waited_s] * len(sweeps))
-    half, _, _ = _aligned(points, standing, speeds, np.zeros(len(speeds)), _FEW_COEFFICIENTS)
+    half, _, _ = _aligned(points, standing, speeds, np.zeros(len(speeds)), _FEW_COEFFICIENTS, _NEAR * (high - low))
     late = _TRANSIENT * np.abs(half) / speeds
     points = _points(name, sweeps, low, high, late.tolist())
-    half, smoother, curves = _aligned(points, standing, speeds, half, _COEFFICIENTS)
+    half, smoother, curves = _aligned(points, standing, speeds, half, _COEFFICIENTS, _TOGETHER * (high - low))
     return _estimate(points, standing, speeds, half, smoother, curves, np.linspace(low, high, LEVELS))
 
 
@@ -192,9 +193,9 @@ def _shifted(points: Points, standing: Sequence[Standing], speeds: Array, half: 
 
 
 def _aligned(
-    points: Points, standing: Sequence[Standing], speeds: Array, half: Array, coefficients: int
+    points: Points, standing: Sequence[Standing], speeds: Array, half: Array, coefficients: int, enough: float
 ) -> tuple[Array, Smoother, Curves]:
-    """Half widths that bring all branches onto one curve, by Gauss and Newton, and that curve."""
+    """Half widths that bring all branches onto one curve to within `enough`, by Gauss and Newton, and that curve."""
     samples = np.concatenate((points.response, [s.response for s in standing]))
     for last in range(_ROUNDS):
         places, weights = _shifted(points, standing, speeds, half)
@@ -202,7 +203,10 @@ def _aligned(
         curves = smoother.curves(samples)
         if last == _ROUNDS - 1:
             break
-        half = half + _apart(points, smoother, curves, samples[None, : len(points.command)], len(speeds))[0]
+        step = _apart(points, smoother, curves, samples[None, : len(points.command)], len(speeds))[0]
+        if np.max(np.abs(step)) < enough:
+            break
+        half = half + step
     return half, smoother, curves
 
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from efc_bench import failed, outcome, published, value
 
+pytestmark = pytest.mark.xdist_group("efc population")  # drawn once, for all of them
 SHORT = {"sweep_s": 10.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 8.0)}
 
 

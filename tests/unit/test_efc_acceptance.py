@@ -10,6 +10,7 @@ from efc_bench import failed, friction, outcome, value, valve
 
 from hil.record.read import read_recording
 
+pytestmark = pytest.mark.xdist_group("efc population")  # drawn once, for all of them
 SHORT = {"sweep_s": 10.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 8.0)}
 
 

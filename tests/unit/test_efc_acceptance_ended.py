@@ -11,6 +11,7 @@ from efc_bench import STUCK, failed, outcome, value, valve
 from hil.errors import SettingError
 from hil.record.read import read_recording
 
+pytestmark = pytest.mark.xdist_group("efc population")  # drawn once, for all of them
 SHORT = {"sweep_s": 8.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 8.0)}
 
 
