@@ -30,10 +30,12 @@ def start_slope(
     effects: Sequence[ActiveEffect],
     noise_std: float,
     factor: float = 1.0,
+    plain: Array | None = None,
 ) -> Array | None:
     """What a start that is wrong by its uncertainty does to the output, in units of the noise, shape (n,).
 
     0 where the output says nothing. None where the plant does not start from its reading, or soon forgets it.
+    `plain` is what the plant does from the reading as it stands, shape (n,), where the caller has simulated it.
     """
     known = plant.integrates is None or not plant.integrates(parameters)
     # a linear integrator is as much off as it has moved before its first sample, of which nobody knows
@@ -43,7 +45,9 @@ def start_slope(
     if plant.initial(parameters, inputs, first) == plant.initial(parameters, inputs, first + step):
         return None
     moved = replace(e, drive=replace(e.drive, first_output=first + step))
-    plain, changed = (each.respond(plant, parameters, effects, factor=factor)[0] for each in (e, moved))
+    if plain is None:
+        plain = e.respond(plant, parameters, effects, factor=factor)[0]
+    changed = moved.respond(plant, parameters, effects, factor=factor)[0]
     slope = e.telling((changed - plain) / noise_std)
     return slope if float(slope @ slope) > _FELT**2 else None
 

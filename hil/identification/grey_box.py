@@ -316,7 +316,7 @@ def _result(
         simulated = e.respond(plant, plain, active)[0]
         fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
         floor = channel_floor(e.told_output)
-        slope = start_slope(e, plant, plain, active, floor)
+        slope = start_slope(e, plant, plain, active, floor, plain=simulated)
         error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
         errors.append(_as_if_told(error, e.told))
     made = Model(

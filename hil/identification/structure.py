@@ -171,8 +171,9 @@ class _Search:
 
         def errors_of(i: int) -> list[Array]:
             e = self.experiments[i]
-            errors = e.telling((e.respond(self.plant, parameters)[0] - e.output) * self.weights[i])
-            return [with_free_start(errors, start_slope(e, self.plant, parameters, (), 1.0 / self.weights[i]))]
+            simulated = e.respond(self.plant, parameters)[0]
+            slope = start_slope(e, self.plant, parameters, (), 1.0 / self.weights[i], plain=simulated)
+            return [with_free_start(e.telling((simulated - e.output) * self.weights[i]), slope)]
 
         return side_by_side(errors_of, len(self.experiments))
 

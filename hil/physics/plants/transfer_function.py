@@ -55,7 +55,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
     """Coefficients of one sub-step from gain, dead time and time constants."""
     a, b, out, through = state_space(p)
     step, push = _held_step(a, b, step_s)
-    grow, grow_through = _grown(a, b, out, through, step_s)
+    grow, grow_through = _grown(a, b, out, through, step_s) if integrates(p) else (np.zeros(_ORDER), 0.0)
     return {
         "offset": p["offset"],
         "gain": p["gain"],
@@ -139,7 +139,7 @@ def initial(p: Mapping[str, float], inputs: tuple[float, ...], output: float) ->
     if integrates(p):
         level = 0.0 if math.isnan(output) else (output - p["offset"]) / p["integrator_gain"]
         return {"before": p["neutral"], "level": level}
-    if math.isnan(output) or p["gain"] == 0.0:
+    if p["start_at_output"] == 0.0 or math.isnan(output) or p["gain"] == 0.0:
         return {"before": inputs[0]}
     return {"before": (output - p["offset"]) / p["gain"]}
 
