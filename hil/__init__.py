@@ -2,8 +2,7 @@
 
     import hil
 
-    recording = hil.read("response.csv")
-    found = hil.identify([recording], "brevini-hpv41")
+    found = hil.identify(["response.csv"], "brevini-hpv41")
     print(found.text)
 
 The names below are the public interface; `hil.api` says what each does. None is imported before it is used.
@@ -24,6 +23,7 @@ if TYPE_CHECKING:
         compare,
         compose,
         diagnose,
+        export,
         find_runs,
         identify,
         linearise,
@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     )  # fmt: skip
 
 __all__ = [
-    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "find_runs", "identify",
+    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "export", "find_runs", "identify",
     "linearise", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
     "typical_model", "write",
 ]  # fmt: skip

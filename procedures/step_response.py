@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -17,7 +16,7 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.record.response_table import ResponseTable
 from hil.rig import Rig
-from hil.session.responses import read_responses
+from hil.session.sources import tables_of
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import rounding_step
 from hil.signals.steps import CUSTOMARY_STEPS, step_sequence
@@ -260,7 +259,7 @@ def _response_beside(place: str) -> dict[str, Any] | None:
     """The lines of a frequency response as a run's header keeps them."""
     if not place:
         return None
-    (table,) = read_responses([Path(place)])
+    (table,) = tables_of([place])
     return {
         "source": table.name, "frequency_hz": table.frequency_hz.tolist(), "unit": table.unit,
         "real": table.response.real.tolist(), "imaginary": table.response.imag.tolist(),

@@ -42,20 +42,12 @@ def step(
     columns: Columns = "",
 ) -> None:
     """Two first-order models and a second-order one from rise and settling time: eqs 9 to 22 of the HPV41 paper."""
-    from hil.errors import SettingError
-    from hil.identification.step_models import step_models
-    from hil.identification.table_fit import as_response
-    from hil.session.analyses import channels_of, models_of_steps
-    from hil.session.responses import read_responses
+    from hil import api
 
-    table = None if beside is None else read_responses([beside])[0]
-    if recording is not None:
-        read = _read(recording, time, interval, unit, rename, columns)
-        found = models_of_steps(read, *channels_of(read, input_name, output_name), table, band / 100.0)
-    elif rise is not None and settling is not None:
-        found = [step_models(rise, settling, None if table is None else as_response([table]), band=band / 100.0)]
-    else:
-        raise SettingError("name a recording with steps, or say --rise S and --settling S")
+    read = None if recording is None else _read(recording, time, interval, unit, rename, columns)
+    found = api.step_models(
+        read, rise_s=rise, settling_s=settling, input=input_name, output=output_name, beside=beside, band=band / 100.0
+    )
     _show([one.as_dict() for one in found], "\n".join(one.as_text() for one in found), as_json)
 
 
@@ -73,16 +65,23 @@ def compose(
     part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
 ) -> None:
     """A measured flow curve and a mean transfer function as one model: section 8 and figure 17 of the HPV41 paper."""
+    from hil import api
     from hil.cli.places import check_file
-    from hil.identification.table_fit import orders_of
     from hil.physics.formula import formula
-    from hil.physics.model import save_model
-    from hil.session.analyses import composed
+    from hil.session.analyses import linear_of
 
     check_file(out, [curve, *responses])
-    made, linear = composed(curve, responses, orders_of(poles, zeros, dead_time, weights), part=part)
-    save_model(made, out)
-    typer.echo(f"{out}: {made.input} → {made.output}\n  dynamics {formula(linear)}")
+    if len(responses) == 1 and responses[0].suffix == ".json":
+        dynamics = api.load_model(responses[0])
+    else:
+        mean = api.average(responses, normalised=True, part=part)
+        dynamics = api.identify(
+            [mean], "transfer-function", poles=poles, zeros=zeros, dead_time=dead_time, weights=weights
+        ).model
+    made = api.compose(curve, dynamics)
+    api.save_model(made, out)
+    linear = formula(linear_of(dynamics, "the dynamics"))
+    typer.echo(f"{out}: {made.input} → {made.output}\n  dynamics {linear}")
 
 
 @group.command("corners")
@@ -98,9 +97,9 @@ def corners(
     """Real corners from a Bode magnitude by its asymptotes: eqs 3.1 to 3.6 of the EFC thesis."""
     from hil.record.plain import plain
     from hil.session.analyses import corners_of, corners_text
-    from hil.session.responses import read_responses
+    from hil.session.sources import tables_of
 
-    fit = corners_of(read_responses([table], part=part)[0], poles, zeros)
+    fit = corners_of(tables_of([table], part=part)[0], poles, zeros)
     found = {
         "schema": "hil.corners/1", "gain": fit.model.dc_gain, "poles_rad_s": fit.poles_rad_s,
         "zeros_rad_s": fit.zeros_rad_s, "rms_db": fit.rms_db, "asymptotic_misfit": fit.asymptotic_misfit,
@@ -205,11 +204,12 @@ def error(
 
 
 def _read(path: Path, time: str, interval: float, unit: list[str], rename: list[str], columns: str) -> Recording:
-    from hil.cli.reading import notes_on, reading_of, say
-    from hil.record.read import read_recording
+    from hil.cli.reading import reading_of, teller
+    from hil.session.sources import notes_on, samples_of
 
-    found = read_recording(path, reading_of(time, interval, unit, rename, columns, False))
-    say(notes_on([found]), aside=True)
+    found = samples_of(path, reading_of(time, interval, unit, rename, columns, False))
+    for note in notes_on([found]):
+        teller(aside=True)(note)
     return found
 
 
@@ -225,7 +225,7 @@ def _numbers(text: str) -> list[float]:
 def _write(out: str, to: str, name: str, model: TransferFunction) -> None:
     if out:
         from hil.cli.places import check_file
-        from hil.export.texts import function_text
+        from hil.exports.texts import function_text
 
         text = function_text(model, name, to)
         check_file(Path(out))

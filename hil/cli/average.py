@@ -21,16 +21,13 @@ def command(
     columns: Columns = "",
 ) -> None:
     """Write the mean of frequency responses on the same frequencies: mean dB and mean phase."""
+    from hil import api
     from hil.cli.places import check_distinct, check_file
     from hil.cli.reading import reading_of
-    from hil.identification.table_fit import averaged
-    from hil.record.response_table import write_response_table
-    from hil.session.responses import read_responses
 
     check_distinct(responses)
     check_file(out, responses)
-    mean = averaged(
-        read_responses(responses, reading_of("", 0.0, unit, rename, columns, False), part), normalised=normalised
-    )
-    write_response_table(mean, out)
+    reading = reading_of("", 0.0, unit, rename, columns, False)
+    mean = api.average(responses, normalised=normalised, reading=reading, part=part)
+    api.write(mean, out)
     typer.echo(f"{out}: {len(mean)} frequencies, {mean.meta['assumed'][0]}")

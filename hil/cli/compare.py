@@ -41,28 +41,19 @@ def command(
         return
     if page is not None:
         raise typer.BadParameter("a page is made of two runs, without --model", param_hint="--page")
-    from hil.cli.reading import notes_on, reading_of, say
-    from hil.identification.compare import compare
-    from hil.identification.experiment import for_model
-    from hil.identification.table_fit import compare_table
-    from hil.physics.model import load_model
+    from hil import api
+    from hil.cli.reading import reading_of, teller
     from hil.record.plain import to_json
-    from hil.record.read import read_any
-    from hil.record.response_table import ResponseTable
 
-    loaded = load_model(model)
-    read = [read_any(path, reading_of(time, interval, unit, rename, columns, gaps)) for path in recordings]
-    found = [
-        compare_table(loaded, one)
-        if isinstance(one, ResponseTable)
-        else compare(loaded, for_model(loaded, one, input_name, output_name))
-        for one in read
-    ]
-    notes = notes_on(read)
-    say(notes, aside=as_json)
+    assumed: list[str] = []
+    reading = reading_of(time, interval, unit, rename, columns, gaps)
+    found = api.compare(
+        model, recordings, inputs=input_name, output=output_name, reading=reading,
+        notes=teller(aside=as_json, kept=assumed),
+    )  # fmt: skip
     if as_json:
         typer.echo(to_json({"schema": "hil.compare/1", "model": str(model), "recordings": [c.as_dict() for c in found],
-                            "assumed": notes}))  # fmt: skip
+                            "assumed": assumed}))  # fmt: skip
     else:
         typer.echo("\n".join(c.as_text() for c in found))
 

@@ -26,24 +26,23 @@ def command(
     overwrite: bool = typer.Option(False, "--overwrite", help="Replace DST if it exists."),
 ) -> None:
     """Convert a recording between formats; DST without an ending becomes a run folder."""
+    from hil import api
     from hil.cli.places import check_file
-    from hil.cli.reading import reading_of
+    from hil.cli.reading import options, reading_of
     from hil.errors import FileError
-    from hil.record.read import read_any, write_recording
-    from hil.record.response_table import ResponseTable, write_response_table
+    from hil.record.response_table import ResponseTable
 
     if target.exists() and not overwrite:
         raise FileError(f"{target}: exists already; --overwrite replaces it")
     if not target.is_dir():  # a run folder that exists is refused where it would be made
         check_file(target)
     reading = reading_of(time, interval, unit, rename, columns, gaps)
-    found = read_any(source, reading)
+    found = api.read(source, **options(reading))
+    api.write(found, target)
     if isinstance(found, ResponseTable):
-        write_response_table(found, target)
         typer.echo(f"{target}: {len(found)} frequencies, {found.frequency_hz[0]:g} to {found.frequency_hz[-1]:g} Hz")
         notes = list(found.meta.get("assumed", ()))
     else:
-        write_recording(found, target)
         channels = ", ".join(channel.heading for channel in found.channels.values())
         typer.echo(f"{target}: {len(found)} samples, {found.duration_s:g} s, {channels}")
         notes = _notes(found, source, reading)

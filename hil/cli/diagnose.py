@@ -33,6 +33,7 @@ def command(
         "nominal.json or the --model; may be given again. Each gets a folder of its own in --out.",
     ),
     scheduler: str = typer.Option("", "--scheduler", metavar="tcp://…", help="Dask scheduler that does the fleet."),
+    as_json: bool = typer.Option(False, "--json", help="Print diagnosis.json too, schema hil.diagnosis/1."),
     time: Time = "",
     interval: Interval = 0.0,
     unit: Unit = [],  # noqa: B006
@@ -42,7 +43,7 @@ def command(
 ) -> None:
     """Locate a mismatch, name the physics that was left out, model it, and show the fit improve."""
     from hil.cli.places import check_distinct, check_folder
-    from hil.cli.reading import notes_on, read_all, reading_of, say
+    from hil.cli.reading import reading_of, teller
 
     check_folder(out)
     reading = reading_of(time, interval, unit, rename, columns, gaps)
@@ -56,39 +57,35 @@ def command(
             "spreads a fleet (--fleet) over machines; one valve is done on this one", param_hint="--scheduler"
         )
     check_distinct(recordings)
+    from hil import api
     from hil.cli.progress import shown
-    from hil.diagnosis.diagnose import diagnose
-    from hil.identification.experiment import for_model
-    from hil.physics.model import load_model
-    from hil.session.diagnosis import conclude, write_diagnosis
+    from hil.record.plain import to_json
+    from hil.session.diagnosis import REPORT_FILE
 
-    nominal = load_model(model)
-    read = read_all(recordings, reading)
-    experiments = [for_model(nominal, one, input_name, output_name) for one in read]
-    say(notes_on(read, experiments))
     with shown() as progress:
-        if bench:
-            from hil.bench.find import find_bench
-            from hil.bench.read import read_bench
-
-            found = conclude(nominal, experiments, read_bench(find_bench(bench)), bench_budget_s, out, progress)
-        else:
-            found = diagnose(nominal, experiments, progress)
-    report = write_diagnosis(found, out)
+        found = api.diagnose(
+            model, recordings, inputs=input_name, output=output_name, out=out, bench=bench,
+            bench_budget_s=bench_budget_s, reading=reading, notes=teller(aside=as_json), progress=progress,
+        )  # fmt: skip
+    if as_json:
+        typer.echo(to_json(found.diagnosis.as_dict()))
+        return
     typer.echo(found.diagnosis.as_text())
-    typer.echo(f"report: {report}")
+    typer.echo(f"report: {out / REPORT_FILE}")
 
 
 def _diagnose_fleet(folders: list[Path], model: Path | None, out: Path, scheduler: str, reading: Reading) -> None:
     from hil.cli.progress import shown
-    from hil.cli.reading import notes_on, say
+    from hil.cli.reading import teller
     from hil.physics.model import load_model
     from hil.session.diagnosis import write_diagnosis
     from hil.session.fleet import diagnose_units, read_unit
+    from hil.session.sources import notes_on
 
     nominal = load_model(model) if model is not None else None
     units = [read_unit(folder, nominal, reading=reading) for folder in folders]
-    say(notes_on([one for unit in units for one in unit.recordings]))
+    for note in notes_on([one for unit in units for one in unit.recordings]):
+        teller()(note)
     with shown() as progress:
         answers = list(diagnose_units(units, scheduler, progress))
     failed = 0

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
 
 if TYPE_CHECKING:
-    from hil.fmu.variables import Variables
+    from hil.session.export import Exported
 
-_TEXTS = ("python", "matlab", "json", "csv")
-_FORMS = (*_TEXTS, "c", "fmu")
+_FORMS = ("python", "matlab", "json", "csv", "c", "fmu")
 
 
 def command(
@@ -36,89 +34,29 @@ def command(
 
     `c` is one C99 file, `fmu` a co-simulation FMU that needs no Python; it is run and compared with `hil simulate`.
     """
+    from hil import api
     from hil.cli.places import check_file
-    from hil.errors import SettingError
 
-    if to not in _FORMS:
-        raise SettingError(f"--to {to}: not known; there are: {', '.join(_FORMS)}")
-    if to not in _TEXTS:
-        bring = _Simulation(fmi, step_s, effects, platforms, sources_only)
-        typer.echo(bring.write(source, to, out))
-        return
-    text = _of_run(source, part, to) if source.is_dir() else _of_model(source, part, to)
-    if out == "-":
-        typer.echo(text, nl=False)
-    else:
-        check_file(Path(out), [source])
-        Path(out).write_text(text, encoding="utf-8")
-
-
-@dataclass(frozen=True)
-class _Simulation:
-    """How a model becomes C or an FMU, as it was typed."""
-
-    fmi: str
-    step_s: float | None
-    effects: list[str]
-    platforms: str
-    sources_only: bool
-
-    def write(self, source: Path, to: str, out: str) -> str:
-        """Write it; returns what to tell the user."""
-        from hil.cli.places import check_file
-        from hil.errors import SettingError
-        from hil.fmu.build import write_c
-        from hil.fmu.variables import variables_of
-        from hil.physics.model import load_model
-
-        if out == "-":
-            raise SettingError(f"--to {to}: name a file, --out FILE.{to}")
-        if self.step_s is not None and not self.step_s > 0.0:
-            raise SettingError(f"--step {self.step_s:g}: must be above 0 s")
-        target = Path(out)
+    target = None if out == "-" else Path(out)
+    if target is not None:
         check_file(target, [source])
-        also = [(name, hook) for name, _, hook in (text.partition("@") for text in self.effects)]
-        variables = variables_of(load_model(source), also, self.step_s)
-        if to == "c":
-            write_c(variables, target)
-            return f"{target}: {variables.plant.title} in C99, {len(variables.parameters)} parameters"
-        return self._fmu(variables, target)
-
-    def _fmu(self, variables: Variables, target: Path) -> str:
-        from hil.errors import SettingError
-        from hil.fmu.build import own_platform, write_fmu
-        from hil.fmu.examine import examine
-
-        if self.fmi not in ("2", "3"):
-            raise SettingError(f"--fmi {self.fmi}: there are 2 and 3")
-        asked = [name.strip() for name in self.platforms.split(",") if name.strip()] or None
-        built = write_fmu(variables, target, "2" if self.fmi == "2" else "3", [] if self.sources_only else asked)
-        said = [f"{target}: FMI {self.fmi}, {', '.join(built.platforms) or 'sources only'}"]
-        if own_platform() in built.platforms:
-            said.append(f"differs from `hil simulate` by at most {examine(target, variables):.1g} of full scale")
-        else:
-            said.append("not run: it has no binary for this machine")
-        return "\n".join([*said, *(f"note: {note}" for note in built.notes)])
+    asked = [name.strip() for name in platforms.split(",") if name.strip()] or None
+    found = api.export(
+        source, to, target, part=part, fmi=fmi, step_s=step_s, effects=effects,
+        platforms=[] if sources_only else asked,
+    )  # fmt: skip
+    if found.text and target is None:
+        typer.echo(found.text, nl=False)
+    elif not found.text:
+        typer.echo("\n".join([*_said(found, fmi if to == "fmu" else ""), *(f"note: {one}" for one in found.notes)]))
 
 
-def _of_model(source: Path, part: str, to: str) -> str:
-    from hil.errors import SettingError
-    from hil.export.texts import model_text
-    from hil.physics.model import load_model
-
-    if part:
-        raise SettingError(f"--part {part}: only a run has parts; {source} is a model")
-    return model_text(load_model(source), source.stem, to)
-
-
-def _of_run(source: Path, part: str, to: str) -> str:
-    from hil.errors import SettingError
-    from hil.export.texts import functions_text
-    from hil.session.results import results_of_run
-
-    every = results_of_run(source).transfer_functions
-    chosen = [one for one in every if part in one.name]
-    if not chosen:
-        known = "; ".join(one.name for one in every) or "none"
-        raise SettingError(f"{source}: no transfer function with '{part}' in its name; there are: {known}")
-    return functions_text(chosen, to)
+def _said(found: Exported, fmi: str) -> list[str]:
+    if not fmi:
+        return [f"{found.path}: {found.title} in C99, {found.parameters} parameters"]
+    ran = (
+        "not run: it has no binary for this machine"
+        if found.difference is None
+        else f"differs from `hil simulate` by at most {found.difference:.1g} of full scale"
+    )
+    return [f"{found.path}: FMI {fmi}, {', '.join(found.platforms) or 'sources only'}", ran]

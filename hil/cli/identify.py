@@ -29,6 +29,7 @@ def command(
         "", "--weights", metavar="relative|uniform", help="Of lines without uncertainty: of their size, or all alike."
     ),
     part: str = typer.Option("", "--part", metavar="NAME", help="Of a run with several frequency responses, this one."),
+    as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.identified/1."),
     time: Time = "",
     interval: Interval = 0.0,
     unit: Unit = [],  # noqa: B006
@@ -37,19 +38,18 @@ def command(
     gaps: Gaps = False,
 ) -> None:
     """Fit a plant's parameters to all recordings together and write a model file."""
+    from hil import api
     from hil.cli.places import check_distinct, check_file
-    from hil.cli.reading import notes_on, reading_of, say
-    from hil.identification.table_fit import orders_of
-    from hil.physics.model import save_model
-    from hil.record.response_table import ResponseTable
-    from hil.session.identification import identified, read_for
+    from hil.cli.reading import reading_of, teller
+    from hil.record.plain import to_json
 
     check_distinct(recordings)
     check_file(out, recordings)
-    read = read_for(plant, recordings, reading_of(time, interval, unit, rename, columns, gaps), part)
-    asked = [name for names in free for name in names.split(",") if name]
-    found = identified(plant, read, asked, input_name, output_name, orders_of(poles, zeros, dead_time, weights))
-    save_model(found.model, out)
-    experiments = () if isinstance(read[0], ResponseTable) else found.experiments
-    say(notes_on(read, experiments))
-    typer.echo(found.text)
+    assumed: list[str] = []
+    found = api.identify(
+        recordings, plant, free=[name for names in free for name in names.split(",") if name], inputs=input_name,
+        output=output_name, poles=poles, zeros=zeros, dead_time=dead_time, weights=weights, part=part,
+        reading=reading_of(time, interval, unit, rename, columns, gaps), notes=teller(aside=as_json, kept=assumed),
+    )  # fmt: skip
+    api.save_model(found.model, out)
+    typer.echo(to_json({**found.as_dict(), "assumed": assumed}) if as_json else found.text)

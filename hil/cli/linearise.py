@@ -22,20 +22,19 @@ def command(
     """Linearise a plant about a command: transfer function, K_q and K_c; eqs 3 to 6 of the SP08-47C paper."""
     import json
 
+    from hil import api
     from hil.cli.places import check_file
-    from hil.identification.linearise import linearised
     from hil.physics.formula import formula
-    from hil.physics.model import save_model
     from hil.record.plain import plain
     from hil.session.analyses import model_to_linearise
 
     given = model_to_linearise(model, changed)
-    found = linearised(
+    found = api.linearise(
         given, at, step=step, window_s=window, poles=poles, zeros=zeros, load_pressure_bar=load_pressure
     )  # fmt: skip
     if out is not None:
         check_file(out, [model])
-        save_model(found.model.to_model(given.input, given.output), out)
+        api.save_model(found.model.to_model(given.input, given.output), out)
     if as_json:
         gains = {name: {"value": value, "unit": unit} for name, (value, unit) in found.gains.items()}
         content = {

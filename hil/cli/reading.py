@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from collections.abc import Callable, Sequence
+from dataclasses import fields
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
-    from hil.identification.experiment import Experiment
     from hil.record.reading import Reading
-    from hil.record.recording import Recording
-    from hil.record.response_table import ResponseTable
 
 Time = Annotated[str, typer.Option("--time", metavar="NAME", help="Column that holds the time.")]
 Interval = Annotated[float, typer.Option("--interval", metavar="S", min=0.0, help="Seconds between samples.")]
@@ -45,24 +42,23 @@ def reading_of(
     )  # fmt: skip
 
 
-def notes_on(recordings: Iterable[Recording | ResponseTable], experiments: Iterable[Experiment] = ()) -> list[str]:
-    """What was assumed or changed when these were read, a sentence each."""
-    said = []
-    for one in recordings:
-        missing = [f"no unit is stated for '{name}', taken as 1" for name in one.meta.get("units_missing", ())]
-        read = [*one.meta.get("assumed", ()), *one.meta.get("unmeasured", ()), *missing]
-        said += [f"{one.name}: {sentence}" for sentence in read]
-    return [*said, *(note for e in experiments for note in e.notes)]
+def options(reading: Reading) -> dict[str, Any]:
+    """A reading as the arguments of `hil.read`."""
+    return {field.name: getattr(reading, field.name) for field in fields(reading)}
 
 
-def say(notes: Iterable[str], *, aside: bool = False) -> None:
-    """Print notes; `aside`: on stderr, where stdout is read by a program."""
-    for note in dict.fromkeys(notes):
-        typer.echo(f"note: {note}", err=aside)
+def teller(*, aside: bool = False, kept: list[str] | None = None) -> Callable[[str], None]:
+    """What prints notes, none twice.
 
+    Args:
+        aside: on stderr, where stdout is read by a program.
+        kept: where they are kept too.
+    """
+    said: list[str] = [] if kept is None else kept
 
-def read_all(paths: Sequence[Path], reading: Reading) -> list[Recording]:
-    """Recordings, read with the same options."""
-    from hil.record.read import read_recording
+    def tell(note: str) -> None:
+        if note not in said:
+            said.append(note)
+            typer.echo(f"note: {note}", err=aside)
 
-    return [read_recording(path, reading) for path in paths]
+    return tell

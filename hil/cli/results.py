@@ -20,10 +20,10 @@ def command(
     xlsx: str = typer.Option("", "--xlsx", metavar="FILE", help="Write everything as a spreadsheet."),
 ) -> None:
     """Every measured value, curve and transfer function of a run as data; FILE may be `-` for stdout."""
+    from hil import api
     from hil.findings.tables import values_csv, write_csv, write_xlsx
-    from hil.session.results import results_of_run
 
-    found = results_of_run(run)
+    found = api.results(run)
     if not (csv or json or xlsx):
         typer.echo(_listed(found))
     _handed_on(csv, found, values_csv, lambda path: write_csv(found, path))

@@ -65,11 +65,12 @@ def command(
         return
     if not bench:
         raise typer.BadParameter("say on which bench: --bench BENCH.toml", param_hint="--bench")
+    from hil import api
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
     from hil.cli.places import check_folder
     from hil.cli.run_end import ended, folder_name
-    from hil.session.run import rehearse_procedure, run_procedure
+    from hil.session.run import rehearse_procedure
 
     found = read_bench(find_bench(bench))
     found, labels = labelled(found, chosen, labels, _asked if sys.stdin.isatty() else None)
@@ -88,7 +89,10 @@ def command(
         understood = _understood(chosen, given, judged_by)
         typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}{understood}")
         with shown() as progress:
-            return run_procedure(chosen, found, given, folder, progress, resets, judged_by, resume, known, labels)
+            return api.run(
+                chosen, found, folder, limits=limits, serial=labels.serial, operator=labels.operator,
+                notes=labels.notes, resets=resets, resume=resume, progress=progress, outputs=known, settings=given,
+            )  # fmt: skip
 
     ended(run, folder, archive)
 

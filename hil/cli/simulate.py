@@ -29,17 +29,13 @@ def command(
     Of the recording's output only the first sample is used, to set the initial state. Where the output was sampled at
     times of its own, the rows are those.
     """
+    from hil import api
     from hil.cli.places import check_file
-    from hil.cli.reading import notes_on, reading_of, say
-    from hil.identification.experiment import for_model
-    from hil.physics.model import load_model
-    from hil.record.read import read_recording, write_recording
-    from hil.record.recording import recording as make
+    from hil.cli.reading import reading_of, teller
 
     check_file(out, (model, recording))
-    loaded = load_model(model)
-    read = read_recording(recording, reading_of(time, interval, unit, rename, columns, gaps))
-    bound = for_model(loaded, read, input_name, output_name, output_needed=False)
-    simulated = bound.respond(loaded.definition, loaded.values, loaded.active_effects)[0]
-    write_recording(make(str(out), bound.time_s, {loaded.output: simulated}), out)
-    say(notes_on([read], [bound]))
+    reading = reading_of(time, interval, unit, rename, columns, gaps)
+    simulated = api.simulate(
+        model, recording, inputs=input_name, output=output_name, reading=reading, notes=teller()
+    )  # fmt: skip
+    api.write(simulated, out)

@@ -13,6 +13,8 @@ from hil.diagnosis.locate import StageShare, Where
 from hil.record.plain import plain
 from hil.record.recording import Array
 
+SCHEMA = "hil.diagnosis/1"
+
 Verdict = Literal["consistent", "parameter_change", "explained", "partly_explained", "unexplained"]
 
 
@@ -190,6 +192,7 @@ class Diagnosis:
     def as_dict(self) -> dict[str, Any]:
         """`diagnosis.json`: the contract's fields and more, without the pictures' arrays."""
         return {
+            "schema": SCHEMA,
             "verdict": self.verdict,
             "headline": self.headline,
             "plant": self.plant,

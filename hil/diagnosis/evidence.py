@@ -119,7 +119,7 @@ def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
         return []
     costs = [j.chi2_held_out + j.prior_cost for j in judged]
     least = min(j.chi2_held_out for j in judged)
-    temper = max(least / judged[0].count, indistinguishable(least) / _WORTH)
+    temper = max(least / max(judged[0].count, 1), indistinguishable(least) / _WORTH)
     logs = np.array([-c / (2.0 * temper) - 0.5 * j.fitted.unknowns for c, j in zip(costs, judged, strict=True)])
     bound = [_no_better(j.fitted, judged[0].fitted) for j in judged]
     logs = np.where(bound, np.minimum(logs, logs[0]), logs)

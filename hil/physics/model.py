@@ -110,6 +110,10 @@ class Model:
             rows += [_row(f"{effect.name}.{name}", value) for name, value in effect.parameters.items()]
         return table_html(("parameter", "value", "unit"), rows, f"{self.plant}: {self.input} → {self.output}")
 
+    def as_dict(self) -> dict[str, Any]:
+        """What its file holds, as JSON values."""
+        return {"format": FORMAT, "version": VERSION, **plain(asdict(self))}
+
     @property
     def definition(self) -> Plant:
         """The installed plant."""
@@ -144,8 +148,7 @@ def typical_model(name: str) -> Model:
 
 def save_model(model: Model, path: Path) -> None:
     """Write a model file; a standard uncertainty without end (the data do not tell the parameter) is null."""
-    content = {"format": FORMAT, "version": VERSION, **plain(asdict(model))}
-    path.write_text(json.dumps(content, indent=1, allow_nan=False) + "\n", encoding="utf-8")
+    path.write_text(json.dumps(model.as_dict(), indent=1, allow_nan=False) + "\n", encoding="utf-8")
 
 
 def load_model(path: Path) -> Model:

@@ -24,7 +24,7 @@ from hil.identification.recursive_least_squares import (
 )
 from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.identification.step_models import StepModels, step_models
-from hil.identification.table_fit import Orders, as_response, averaged, fit_tables
+from hil.identification.table_fit import as_response
 from hil.physics.model import Model, load_model, typical_model
 from hil.physics.published.tugsal import (
     CLASSIFIED_CURRENT_A,
@@ -41,7 +41,6 @@ from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Array, Recording, split_heading
 from hil.record.response_table import ResponseTable
-from hil.session.responses import read_responses
 
 _LINEAR = "transfer-function"
 _MEMBERSHIPS = ("left trapezoid", "left triangle", "right triangle", "right trapezoid")
@@ -49,7 +48,11 @@ _EVEN = 1e-3  # of the interval, by which stamps of an even recording may differ
 
 
 def models_of_steps(
-    recording: Recording, input_name: str, output_name: str, beside: ResponseTable | None = None, band: float = 0.02
+    recording: Recording,
+    input_name: str = "",
+    output_name: str = "",
+    beside: ResponseTable | None = None,
+    band: float = 0.02,
 ) -> list[StepModels]:
     """The models of every step in a recording: eqs 9 to 22 of the HPV41 paper.
 
@@ -57,8 +60,21 @@ def models_of_steps(
         InputError: no step, or a response that does not follow one.
     """
     response = None if beside is None else as_response([beside])
-    found = measured_steps(_levels(recording), input_name, output_name, band=band)
+    found = measured_steps(_levels(recording), *channels_of(recording, input_name, output_name), band=band)
     return [_of_step(one, response, band) for one in found]
+
+
+def models_of_times(
+    rise_s: float | None, settling_s: float | None, beside: ResponseTable | None = None, band: float = 0.02
+) -> StepModels:
+    """The models of a step of which the two times are known.
+
+    Raises:
+        SettingError: one of them is not.
+    """
+    if rise_s is None or settling_s is None:
+        raise SettingError("name a recording with steps, or say --rise S and --settling S")
+    return step_models(rise_s, settling_s, None if beside is None else as_response([beside]), band=band)
 
 
 def _levels(recording: Recording) -> Recording:
@@ -335,30 +351,17 @@ def error_between(
 # -- figure 17 ---------------------------------------------------------------------------------------------
 
 
-def composed(
-    curve: Path, responses: Sequence[Path], orders: Orders, normalised: bool = True, part: str = ""
-) -> tuple[Model, TransferFunction]:
-    """A flow curve and the mean of frequency responses as one model: section 8 of the HPV41 paper.
+def composed(curve: Path, dynamics: Model) -> Model:
+    """A flow curve and a transfer function as one model: section 8 of the HPV41 paper.
 
     Args:
         curve: run of `flow_curve`, or a table of it as CSV.
-        responses: tables or runs, or one model file of a transfer function.
-        orders: of the transfer function that is fitted to the mean.
-        normalised: whether each response is taken over its lowest line first.
-        part: of runs with several responses, this one.
-
-    Returns:
-        The model, and its dynamics.
+        dynamics: a model of the plant `transfer-function`.
     """
     levels = flow_curve_of(curve)
-    if len(responses) == 1 and responses[0].suffix == ".json":
-        linear = linear_of(load_model(responses[0]), str(responses[0]))
-    else:
-        mean = averaged(read_responses(responses, part=part), normalised=normalised)
-        linear = fit_tables([mean], orders=orders).fit.model
+    linear = linear_of(dynamics, "the dynamics")
     made = curve_model(levels.command, levels.flow, linear, levels.input, levels.output)
-    origin = {"curve": str(curve), "responses": [str(path) for path in responses]}
-    return replace(made, origin=origin), linear
+    return replace(made, origin={"curve": str(curve), "dynamics": dict(dynamics.origin)})
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,7 +1,8 @@
-"""Two runs side by side, without a model."""
+"""A model beside recordings, and two runs side by side."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,15 @@ from typing import Any
 from hil.errors import SettingError
 from hil.findings.difference import Difference, differences
 from hil.findings.results import Results
+from hil.identification.compare import Comparison, compare
+from hil.identification.experiment import for_model
+from hil.identification.table_fit import TableComparison, compare_table
+from hil.physics.model import Model
 from hil.record.header import read_header
+from hil.record.reading import AS_IT_IS, Reading
+from hil.record.response_table import ResponseTable
 from hil.session.results import results_of_run
+from hil.session.sources import Source, notes_on, read_source
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +29,26 @@ class RunComparison:
     second: Results
     one_bench: bool
     differences: tuple[Difference, ...]
+
+
+def compared_with(
+    model: Model,
+    sources: Iterable[Source],
+    inputs: Sequence[str] = (),
+    output: str = "",
+    reading: Reading | None = None,
+    notes: Callable[[str], None] = lambda _note: None,
+) -> list[Comparison | TableComparison]:
+    """How well a model fits each of what is read; `notes` is told what was assumed when it was."""
+    read = [read_source(one, reading or AS_IT_IS) for one in sources]
+    for note in notes_on(read):
+        notes(note)
+    return [
+        compare_table(model, one)
+        if isinstance(one, ResponseTable)
+        else compare(model, for_model(model, one, inputs, output))
+        for one in read
+    ]
 
 
 def compare_runs(first: Path, second: Path) -> RunComparison:

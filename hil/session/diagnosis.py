@@ -7,12 +7,13 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from hil.bench.find import find_bench
 from hil.bench.protection import envelopes_of
-from hil.bench.read import BenchFile
+from hil.bench.read import BenchFile, read_bench
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import NextTest
 from hil.diagnosis.next_test import Span, span_within
-from hil.errors import StorageError
+from hil.errors import SettingError, StorageError
 from hil.identification.experiment import Experiment, for_model
 from hil.physics.model import Model, save_model
 from hil.record.plain import plain
@@ -27,6 +28,30 @@ DIAGNOSIS_FILE, CORRECTED_FILE, REPORT_FILE = "diagnosis.json", "corrected.json"
 _WAYS = 4.0
 
 Progress = Callable[[float, str], None]
+
+
+def diagnosed(
+    model: Model,
+    experiments: Sequence[Experiment],
+    out: Path | None,
+    bench: str = "",
+    budget_s: float = 0.0,
+    progress: Progress = lambda _done, _text: None,
+) -> Diagnosed:
+    """Diagnose, on a bench where one is named, and write down what came out where a folder is.
+
+    Raises:
+        SettingError: a bench without a folder for what is recorded there.
+    """
+    if bench and out is None:
+        raise SettingError("tests on a bench leave run folders: name a folder for them, `out`")
+    if bench and out is not None:
+        found = conclude(model, experiments, read_bench(find_bench(bench)), budget_s, out, progress)
+    else:
+        found = diagnose(model, experiments, progress)
+    if out is not None:
+        write_diagnosis(found, out)
+    return found
 
 
 def conclude(

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from html import escape
+from typing import Any
 
 from hil.errors import FileError, SettingError
 from hil.identification.experiment import Experiment, experiment
@@ -12,26 +13,49 @@ from hil.identification.grey_box import fit_plant, starting_model
 from hil.identification.table_fit import AS_THEY_SHOW, Orders, fit_tables
 from hil.physics.model import Model
 from hil.physics.plant import Plant
-from hil.record.read import read_any
+from hil.record.plain import plain
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
-from hil.session.responses import holds_responses, response_of_run
+from hil.session.sources import Source, read_source
 
+SCHEMA = "hil.identified/1"
 _LINEAR = "transfer-function"
 
 
 @dataclass(frozen=True, slots=True)
 class Identified:
-    """A model, what to print about it, and the experiments it was fitted to."""
+    """A model, what to print about it, and the experiments it was fitted to.
+
+    Attributes:
+        model: the plant as found.
+        text: a table of its parameters, fits and notes, for a terminal.
+        experiments: the recordings as the plant saw them; none from frequency responses.
+        fits: in %, by recording.
+        notes: what the reader should know of the fit.
+    """
 
     model: Model
     text: str
     experiments: tuple[Experiment, ...] = ()
+    fits: Mapping[str, float] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values, schema `hil.identified/1`."""
+        found: dict[str, Any] = plain(
+            {"schema": SCHEMA, "model": self.model.as_dict(), "fits": dict(self.fits), "notes": list(self.notes)}
+        )
+        return found
+
+    def _repr_html_(self) -> str:
+        fits = ", ".join(f"{name} {fit:.2f} %" for name, fit in self.fits.items())
+        said = "".join(f"<li>{escape(note)}</li>" for note in self.notes)
+        return f"{self.model._repr_html_()}<p>fit: {escape(fits)}</p><ul>{said}</ul>"
 
 
 def read_for(
-    plant: str, paths: Sequence[Path], reading: Reading, part: str = ""
+    plant: str, sources: Sequence[Source], reading: Reading, part: str = ""
 ) -> list[Recording] | list[ResponseTable]:
     """What there is to identify a plant from: all samples in time, or all frequency responses.
 
@@ -40,10 +64,8 @@ def read_for(
     Raises:
         FileError: the one and the other together, or a frequency response for a plant that is not linear.
     """
-    read = [
-        response_of_run(path, part) if plant == _LINEAR and holds_responses(path) else read_any(path, reading)
-        for path in paths
-    ]
+    linear = plant == _LINEAR
+    read = [read_source(one, reading, responses=linear, part=part if linear else "") for one in sources]
     tables = [one for one in read if isinstance(one, ResponseTable)]
     recordings = [one for one in read if isinstance(one, Recording)]
     if tables and recordings:
@@ -66,8 +88,9 @@ def identified(
     input_name: Sequence[str] = (),
     output_name: str = "",
     orders: Orders = AS_THEY_SHOW,
+    notes: Callable[[str], None] = lambda _note: None,
 ) -> Identified:
-    """Fit a plant, or the model of a file, to everything that was read.
+    """Fit a plant, or the model of a file, to everything that was read; `notes` is told what was assumed.
 
     Raises:
         FileError, UnknownNameError, SettingError: what cannot be fitted, and why.
@@ -75,7 +98,8 @@ def identified(
     tables = [one for one in read if isinstance(one, ResponseTable)]
     if tables:
         fitted = fit_tables(tables, input_name[0] if input_name else "", output_name, orders)
-        return Identified(fitted.model, fitted.summary())
+        name = " + ".join(table.name for table in tables)
+        return Identified(fitted.model, fitted.summary(), (), {name: fitted.fit.fit_percent}, fitted.notes)
     if not orders.are_open:
         raise SettingError(
             "poles, zeros and dead time are asked for where a frequency response is fitted; from samples in time they "
@@ -84,8 +108,10 @@ def identified(
     start = starting_model(plant, free)
     recordings = [one for one in read if isinstance(one, Recording)]
     experiments = [bound(one, start.definition, input_name, output_name) for one in recordings]
+    for note in (note for one in experiments for note in one.notes):
+        notes(note)
     found = fit_plant(start, experiments, free)
-    return Identified(found.model, found.summary(), tuple(experiments))
+    return Identified(found.model, found.summary(), tuple(experiments), dict(found.fits), found.notes)
 
 
 def bound(recording: Recording, plant: Plant, input_name: Sequence[str] = (), output_name: str = "") -> Experiment:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,8 +14,6 @@ from hil.errors import FileError
 from hil.record.folder import read
 from hil.record.header import HEADER_FILE
 from hil.record.measurement import Findings
-from hil.record.read import read_any
-from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable, write_response_table
 from hil.session.procedure import load_procedure
@@ -51,19 +49,6 @@ def holds_responses(path: Path) -> bool:
         return False
     meta = read(path).meta
     return bool(meta.get("procedure")) and any(part.get("kind") in _KINDS for part in meta.get("parts", ()))
-
-
-def read_responses(paths: Sequence[Path], reading: Reading = AS_IT_IS, part: str = "") -> list[ResponseTable]:
-    """Frequency responses from tables and from runs that measured them.
-
-    Raises:
-        FileError: samples in time, or what `response_of_run` refuses.
-    """
-    found = [response_of_run(path, part) if holds_responses(path) else read_any(path, reading) for path in paths]
-    for one in found:
-        if not isinstance(one, ResponseTable):
-            raise FileError(f"{one.name}: samples in time, not a frequency response; `hil run` measures one")
-    return [one for one in found if isinstance(one, ResponseTable)]
 
 
 def response_of_run(path: Path, part: str) -> ResponseTable:

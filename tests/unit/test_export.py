@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.export.function import function_of
-from hil.export.texts import functions_text, model_text
+from hil.exports.function import function_of
+from hil.exports.texts import functions_text, model_text
 from hil.findings.results import FittedFunction
 from hil.physics.model import Covariance, typical_model
 from hil.physics.transfer_function import transfer_function

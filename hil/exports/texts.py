@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from hil.errors import SettingError
-from hil.export.function import PLANT, function_of
+from hil.exports.function import PLANT, function_of
 from hil.findings.results import FittedFunction
 from hil.findings.tables import csv_text
 from hil.physics.model import Model

@@ -1,0 +1,47 @@
+"""The public interface for Python: what the commands do, as functions on values. The command line calls these.
+
+    import hil
+
+    found = hil.identify(["response.csv"], "brevini-hpv41")
+    later = hil.read("later.csv", units={"flow": "l/min"})
+    for comparison in hil.compare(found.model, [later]):
+        print(comparison.as_text())
+    told = hil.diagnose(found.model, [later])
+    print(told.diagnosis.as_text())
+    told.plot()
+    hil.save_model(told.corrected, "corrected.json")
+
+Where a recording is taken, the path of one will do, and where a model is taken, that of its file. Errors are
+`hil.errors.HilError`, one sentence each.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from hil.api.calculations import compare, compose, diagnose, identify, linearise, simulate, step_models
+from hil.api.models import export, load_model, save_model, typical_model
+from hil.api.recordings import average, read, write
+from hil.api.runs import find_runs, open_bench, results, run
+
+if TYPE_CHECKING:
+    from hil.findings.results import Results
+    from hil.physics.model import Model
+    from hil.record.recording import Recording
+
+__all__ = [
+    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "export", "find_runs", "identify",
+    "linearise", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
+    "typical_model", "write",
+]  # fmt: skip
+
+_TYPES = {"Model": "hil.physics.model", "Recording": "hil.record.recording", "Results": "hil.findings.results"}
+
+if not TYPE_CHECKING:
+
+    def __getattr__(name: str) -> Any:
+        if name in _TYPES:  # what they need takes time to import, and most commands need but one
+            import importlib
+
+            return getattr(importlib.import_module(_TYPES[name]), name)
+        raise AttributeError(f"module 'hil.api' has no attribute '{name}'")

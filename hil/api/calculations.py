@@ -1,0 +1,250 @@
+"""Models from recordings, and recordings against models. What a calculation needs is imported when it is called."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.api.told import Notes, Progress, quiet, unsaid
+
+if TYPE_CHECKING:
+    from hil.diagnosis.diagnose import Diagnosed
+    from hil.identification.compare import Comparison
+    from hil.identification.linearise import Linearised
+    from hil.identification.step_models import StepModels
+    from hil.identification.table_fit import TableComparison
+    from hil.physics.model import Model
+    from hil.record.reading import Reading
+    from hil.record.recording import Recording
+    from hil.session.identification import Identified
+    from hil.session.sources import Source
+
+
+def identify(
+    recordings: Sequence[Source],
+    plant: str | Path,
+    *,
+    free: Sequence[str] = (),
+    inputs: Sequence[str] = (),
+    output: str = "",
+    poles: int | None = None,
+    zeros: int | None = None,
+    dead_time: bool | None = None,
+    weights: str = "",
+    reading: Reading | None = None,
+    part: str = "",
+    notes: Notes = unsaid,
+) -> Identified:
+    """Fit a plant's parameters to recordings together (`hil identify`).
+
+    Args:
+        recordings: samples in time, or tables of a frequency response, or their paths. Of a run that measured frequency
+            responses, given by its path, the plant `transfer-function` is fitted to those.
+        plant: name of a plant, or the path of a model file to start from.
+        free: parameters that are held fixed otherwise.
+        inputs: names of the input channels, where they are not the plant's own.
+        output: name of the output channel, likewise.
+        poles: of the transfer function of a frequency response; by evidence where not given.
+        zeros: likewise.
+        dead_time: whether it has one; likewise.
+        weights: of its lines, "relative" (of their size), "uniform" (all alike) or "covariance".
+        reading: how paths are read.
+        part: of a run that measured several frequency responses, this one.
+        notes: told what was assumed of the recordings.
+
+    Returns:
+        `model`, the fit in words as `text`, and the `experiments` that were fitted.
+    """
+    from hil.identification.table_fit import orders_of
+    from hil.record.reading import AS_IT_IS
+    from hil.session.identification import identified, read_for
+    from hil.session.sources import notes_on
+
+    read = read_for(str(plant), recordings, reading or AS_IT_IS, part)
+    for note in notes_on(read):
+        notes(note)
+    return identified(str(plant), read, free, inputs, output, orders_of(poles, zeros, dead_time, weights), notes)
+
+
+def compare(
+    model: Model | str | Path,
+    recordings: Iterable[Source],
+    *,
+    inputs: Sequence[str] = (),
+    output: str = "",
+    reading: Reading | None = None,
+    notes: Notes = unsaid,
+) -> list[Comparison | TableComparison]:
+    """How well a model fits each recording or frequency response, and where it fails (`hil compare`).
+
+    Args:
+        model: or the path of its file.
+        recordings: or their paths.
+        inputs: names of the input channels, where they are not the model's own.
+        output: name of the output channel, likewise.
+        reading: how paths are read.
+        notes: told what was assumed of the recordings.
+    """
+    from hil.session.comparison import compared_with
+
+    return compared_with(_model(model), recordings, inputs, output, reading, notes)
+
+
+def simulate(
+    model: Model | str | Path,
+    recording: Source,
+    *,
+    inputs: Sequence[str] = (),
+    output: str = "",
+    reading: Reading | None = None,
+    notes: Notes = unsaid,
+) -> Recording:
+    """The model's output on a recording's input, at the same stamps (`hil simulate`).
+
+    Of the recording's output only the first sample is used, to set the initial state.
+
+    Args:
+        model: or the path of its file.
+        recording: or its path.
+        inputs: names of the input channels, where they are not the model's own.
+        output: name of the output channel, likewise.
+        reading: how a path is read.
+        notes: told what was assumed of the recording.
+    """
+    from hil.identification.experiment import for_model
+    from hil.record.reading import AS_IT_IS
+    from hil.record.recording import recording as make
+    from hil.session.sources import notes_on, samples_of
+
+    simulated, read = _model(model), samples_of(recording, reading or AS_IT_IS)
+    bound = for_model(simulated, read, inputs, output, output_needed=False)
+    for note in notes_on([read], [bound]):
+        notes(note)
+    response = bound.respond(simulated.definition, simulated.values, simulated.active_effects)[0]
+    return make(f"{read.name}, simulated", bound.time_s, {simulated.output: response})
+
+
+def diagnose(
+    model: Model | str | Path,
+    recordings: Iterable[Source],
+    *,
+    inputs: Sequence[str] = (),
+    output: str = "",
+    out: str | Path | None = None,
+    bench: str | Path = "",
+    bench_budget_s: float = 60.0,
+    reading: Reading | None = None,
+    notes: Notes = unsaid,
+    progress: Progress = quiet,
+) -> Diagnosed:
+    """Locate a mismatch, name the physics that was left out, and correct the model (`hil diagnose`).
+
+    Args:
+        model: the nominal model, or the path of its file.
+        recordings: of the unit, or their paths.
+        inputs: names of the input channels, where they are not the model's own.
+        output: name of the output channel, likewise.
+        out: folder for diagnosis.json, corrected.json and report.html; nothing is written when not given.
+        bench: run the tests that are still needed on this bench, into `out`, and conclude.
+        bench_budget_s: bench time that those tests may take.
+        reading: how paths are read.
+        notes: told what was assumed of the recordings.
+        progress: told how far it is.
+
+    Returns:
+        `diagnosis` and the `corrected` model.
+    """
+    from hil.identification.experiment import for_model
+    from hil.record.reading import AS_IT_IS
+    from hil.session.diagnosis import diagnosed
+    from hil.session.sources import notes_on, samples_of
+
+    nominal = _model(model)
+    read = [samples_of(one, reading or AS_IT_IS) for one in recordings]
+    experiments = [for_model(nominal, one, inputs, output) for one in read]
+    for note in notes_on(read, experiments):
+        notes(note)
+    return diagnosed(nominal, experiments, None if out is None else Path(out), str(bench), bench_budget_s, progress)
+
+
+def linearise(
+    model: Model | str | Path,
+    at: float,
+    *,
+    step: float | None = None,
+    window_s: float = 1.0,
+    poles: int | None = None,
+    zeros: int | None = None,
+    load_pressure_bar: float = 0.0,
+) -> Linearised:
+    """A plant about an operating point as a transfer function, with K_q and K_c where it has them (`hil linearise`).
+
+    Args:
+        model: with its effects, or the path of its file.
+        at: the command, in the plant's unit.
+        step: of the command; 1 % of full scale when not given.
+        window_s: time in which the answer settles.
+        poles: beside an integrator; by evidence where not given.
+        zeros: likewise.
+        load_pressure_bar: P_L, at which K_q and K_c are taken.
+    """
+    from hil.identification.linearise import linearised
+
+    return linearised(
+        _model(model), at, step=step, window_s=window_s, poles=poles, zeros=zeros, load_pressure_bar=load_pressure_bar
+    )
+
+
+def step_models(
+    recording: Source | None = None,
+    *,
+    rise_s: float | None = None,
+    settling_s: float | None = None,
+    input: str = "",
+    output: str = "",
+    beside: Source | None = None,
+    band: float = 0.02,
+    reading: Reading | None = None,
+) -> list[StepModels]:
+    """Two first-order models and a second-order one for every step of a recording (`hil analyse step`).
+
+    Args:
+        recording: with steps of the command; not given, the two times are taken.
+        rise_s: instead of a recording: from 10 to 90 % of the change.
+        settling_s: likewise: until within `band`.
+        input: name of the command, where the recording does not say it.
+        output: name of the response, likewise.
+        beside: measured frequency response to hold the models against.
+        band: share of the change within which a response counts as settled.
+        reading: how a path is read.
+
+    Raises:
+        SettingError: neither a recording nor both times.
+    """
+    from hil.record.reading import AS_IT_IS
+    from hil.session.analyses import models_of_steps, models_of_times
+    from hil.session.sources import samples_of, tables_of
+
+    table = None if beside is None else tables_of([beside])[0]
+    if recording is None:
+        return [models_of_times(rise_s, settling_s, table, band)]
+    return models_of_steps(samples_of(recording, reading or AS_IT_IS), input, output, table, band)
+
+
+def compose(curve: str | Path, dynamics: Model | str | Path) -> Model:
+    """A measured flow curve and a transfer function as one model (`hil analyse compose`).
+
+    Args:
+        curve: run of `flow_curve`, or CSV with command and flow.
+        dynamics: a model of the plant `transfer-function`; its gain at rest is left out.
+    """
+    from hil.session.analyses import composed
+
+    return composed(Path(curve), _model(dynamics))
+
+
+def _model(model: Model | str | Path) -> Model:
+    from hil.physics.model import Model, load_model
+
+    return model if isinstance(model, Model) else load_model(Path(model))

@@ -1,0 +1,133 @@
+"""Runs: made on a bench, and found again."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
+
+if TYPE_CHECKING:
+    from hil.archive.entry import Entry
+    from hil.bench.read import BenchFile
+    from hil.bench.rig import BenchRig
+    from hil.findings.results import Results
+    from hil.safety.outputs import Outputs
+    from hil.session.outcome import Outcome
+    from hil.session.procedure import Procedure
+
+
+def run(
+    procedure: str | Procedure,
+    bench: str | Path | BenchFile,
+    out: str | Path,
+    *,
+    limits: Iterable[str] = (),
+    serial: str = "",
+    operator: str = "",
+    notes: Mapping[str, str] = NOTHING,
+    resets: Iterable[str] = (),
+    resume: str | Path | None = None,
+    progress: Progress = quiet,
+    outputs: Outputs | None = None,
+    settings: Mapping[str, Any] = NOTHING,
+    **named: Any,
+) -> Outcome:
+    """Run a procedure on a bench and evaluate it (`hil run`); outputs are safe before this returns.
+
+    Args:
+        procedure: its name, or the procedure itself.
+        bench: bench file, or the name of an installed one, or what was read from it.
+        out: run folder to make.
+        limits: `NAME=LOW..HIGH`, as on the command line.
+        serial: serial number of the unit.
+        operator: who runs it.
+        notes: what else is to be known.
+        resets: interlocks whose trips are forgotten first.
+        resume: go on where this run was broken off, with its settings.
+        progress: told how far it is.
+        outputs: kept up to what is known of the outputs, for somebody who asks for it when this failed.
+        settings: by name, as values or as text as on the command line.
+        named: settings by their own names.
+
+    Returns:
+        The `findings`, the `folder`, the path of the `report`.
+    """
+    from hil.session.labels import labels_of
+    from hil.session.limit import split_limits
+    from hil.session.procedure import load_procedure
+    from hil.session.run import run_procedure
+
+    chosen = load_procedure(procedure) if isinstance(procedure, str) else procedure
+    labels = labels_of(serial, operator, [f"{key}={value}" for key, value in notes.items()])
+    return run_procedure(
+        chosen, _bench(bench), {**settings, **named}, Path(out), progress, resets, split_limits(limits),
+        None if resume is None else Path(resume), outputs, labels,
+    )  # fmt: skip
+
+
+@contextmanager
+def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet) -> Iterator[BenchRig]:
+    """A bench to drive by hand, through its guard and into a run folder; outputs are safe before and after.
+
+    Args:
+        bench: bench file, or the name of an installed one.
+        out: run folder to make.
+        progress: told how far it is, where the code inside says so.
+    """
+    from hil.bench.open import open_rig
+
+    with open_rig(_bench(bench), Path(out), {}, progress) as rig:
+        yield rig
+
+
+def _bench(bench: str | Path | BenchFile) -> BenchFile:
+    from hil.bench.find import find_bench
+    from hil.bench.read import read_bench
+
+    return read_bench(find_bench(str(bench))) if isinstance(bench, str | Path) else bench
+
+
+def results(run: str | Path) -> Results:
+    """Every value, curve and transfer function of a run (`hil results`)."""
+    from hil.session.results import results_of_run
+
+    return results_of_run(Path(run))
+
+
+def find_runs(
+    *,
+    serial: str = "",
+    procedure: str = "",
+    since: datetime | None = None,
+    verdict: str = "",
+    archive: str | Path = "",
+    values: bool = True,
+    notes: Notes = unsaid,
+) -> list[Entry]:
+    """Runs of the archive, the oldest first (`hil runs`).
+
+    Args:
+        serial: of one unit.
+        procedure: of one procedure.
+        since: from this time on.
+        verdict: with this verdict.
+        archive: folder or URL; else `HIL_ARCHIVE`, else `./runs`.
+        values: whether their measured values are wanted.
+        notes: told why runs that wait to be entered could not be entered now.
+    """
+    from hil.archive.archive import Search
+    from hil.archive.archive import find_runs as found
+    from hil.archive.pending import catch_up
+    from hil.archive.place import archive_place
+    from hil.errors import ArchiveError
+
+    place = archive_place(str(archive))
+    try:
+        catch_up(place)
+    except ArchiveError as error:
+        notes(str(error))
+    return found(place, Search(serial, procedure.replace("-", "_"), since, verdict), values=values)

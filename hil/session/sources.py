@@ -1,0 +1,79 @@
+"""What a calculation is given, as values or as the paths of files, and what was assumed when it was read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.errors import FileError
+from hil.record.read import read_any
+from hil.record.reading import AS_IT_IS, Reading
+from hil.record.recording import Recording
+from hil.record.response_table import ResponseTable
+
+if TYPE_CHECKING:
+    from hil.identification.experiment import Experiment
+
+Source = Recording | ResponseTable | str | Path
+
+
+def read_source(
+    source: Source, reading: Reading = AS_IT_IS, *, responses: bool = False, part: str = ""
+) -> Recording | ResponseTable:
+    """A recording or a table of a frequency response.
+
+    Args:
+        source: a value that was read already, or the path of one.
+        reading: options for a path.
+        responses: of a run that measured frequency responses, those and not its samples.
+        part: of a run that measured several, the one of this name; asks for it as `responses` does.
+
+    Raises:
+        FileError: it cannot be read, or the run has no such part.
+    """
+    if not isinstance(source, str | Path):
+        return source
+    if responses or part:
+        from hil.session.responses import holds_responses, response_of_run
+
+        if holds_responses(Path(source)):
+            return response_of_run(Path(source), part)
+    return read_any(source, reading)
+
+
+def samples_of(source: Source, reading: Reading = AS_IT_IS) -> Recording:
+    """Samples in time.
+
+    Raises:
+        FileError: a table of a frequency response.
+    """
+    found = read_source(source, reading)
+    if isinstance(found, ResponseTable):
+        raise FileError(f"{found.name}: a table of a frequency response, where samples in time are needed")
+    return found
+
+
+def tables_of(sources: Iterable[Source], reading: Reading = AS_IT_IS, part: str = "") -> list[ResponseTable]:
+    """Frequency responses from tables and from runs that measured them.
+
+    Raises:
+        FileError: samples in time.
+    """
+    found = []
+    for source in sources:
+        one = read_source(source, reading, responses=True, part=part)
+        if isinstance(one, Recording):
+            raise FileError(f"{one.name}: samples in time, not a frequency response; `hil run` measures one")
+        found.append(one)
+    return found
+
+
+def notes_on(read: Sequence[Recording | ResponseTable], experiments: Iterable[Experiment] = ()) -> list[str]:
+    """What was assumed or changed when these were read and used, a sentence each, none twice."""
+    said = []
+    for one in read:
+        missing = [f"no unit is stated for '{name}', taken as 1" for name in one.meta.get("units_missing", ())]
+        told = [*one.meta.get("assumed", ()), *one.meta.get("unmeasured", ()), *missing]
+        said += [f"{one.name}: {sentence}" for sentence in told]
+    return list(dict.fromkeys([*said, *(note for e in experiments for note in e.notes)]))

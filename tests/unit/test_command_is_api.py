@@ -1,0 +1,136 @@
+"""The command line is a thin layer over the public interface: what one prints or writes the other returns."""
+
+import json
+
+import numpy as np
+import pytest
+
+import hil
+from hil import api
+from hil.cli import app
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("commands") / "run"
+    sets = {"frequencies": (1.0, 2.0, 4.0), "amplitudes": (20.0,), "biases": (50.0,), "measure_s": 0.5}
+    return hil.run("frequency_response", "brevini-hpv41", folder, **sets).folder
+
+
+@pytest.fixture(scope="module")
+def short(run, tmp_path_factory):
+    path = tmp_path_factory.mktemp("commands") / "short.csv"
+    hil.write(hil.read(run).rows(2000, 3000), path)
+    return path
+
+
+@pytest.fixture
+def said(monkeypatch, capsys):
+    def called(*arguments):
+        monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+        status = app.main()
+        printed = capsys.readouterr()
+        assert status == 0, printed.err
+        return printed.out
+
+    return called
+
+
+@pytest.fixture
+def through(monkeypatch):
+    """What the named function of the interface returned."""
+
+    def watch(name):
+        function, returned = getattr(api, name), []
+
+        def watched(*arguments, **named):
+            returned.append(function(*arguments, **named))
+            return returned[-1]
+
+        monkeypatch.setattr(api, name, watched)
+        return returned
+
+    return watch
+
+
+def same_samples(one, other):
+    np.testing.assert_array_equal(one.time_s, other.time_s)
+    assert one.channels.keys() == other.channels.keys()
+    for name, channel in one.channels.items():
+        np.testing.assert_allclose(channel.values, other.channels[name].values, rtol=1e-12)
+
+
+def test_convert(said, through, run, tmp_path):
+    returned = through("read")
+    said("convert", run, tmp_path / "run.csv")
+    same_samples(returned[0], hil.read(run))
+    same_samples(hil.read(tmp_path / "run.csv"), hil.read(run))
+
+
+def test_identify_a_response_of_a_run(said, through, run, tmp_path):
+    returned = through("identify")
+    options = ("--poles", 2, "--zeros", 0, "--no-dead-time", "--json")
+    told = json.loads(said("identify", run, "--plant", "transfer-function", "--out", tmp_path / "m.json", *options))
+    assert len(returned) == 1
+    again = hil.identify([run], "transfer-function", poles=2, zeros=0, dead_time=False)
+    assert told == {**again.as_dict(), "assumed": told["assumed"]}
+    assert told["schema"] == "hil.identified/1"
+    assert told["assumed"] == [f"{run}, +50 ± 20 %: the frequency response as its procedure measured it"]
+    assert hil.load_model(tmp_path / "m.json").values == pytest.approx(again.model.values)
+    assert "<table>" in again._repr_html_()
+
+
+def test_compare_and_simulate(said, through, short, tmp_path):
+    hil.save_model(hil.typical_model("brevini-hpv41"), tmp_path / "model.json")
+    compared, simulated = through("compare"), through("simulate")
+    told = json.loads(said("compare", "--model", tmp_path / "model.json", short, "--json"))
+    assert len(compared) == 1
+    (again,) = hil.compare(tmp_path / "model.json", [short])
+    assert told["recordings"] == [json.loads(json.dumps(again.as_dict()))]
+    said("simulate", "--model", tmp_path / "model.json", "--input", short, "--out", tmp_path / "out.csv")
+    assert len(simulated) == 1
+    same_samples(hil.read(tmp_path / "out.csv"), hil.simulate(tmp_path / "model.json", short))
+
+
+def test_average_and_linearise(said, through, tmp_path):
+    averaged, linearised = through("average"), through("linearise")
+    said("average", "hpv41-plus-5", "hpv41-plus-10", "--out", tmp_path / "mean.csv")
+    assert len(averaged) == 1
+    mean = hil.average(["hpv41-plus-5", "hpv41-plus-10"])
+    np.testing.assert_allclose(hil.read(tmp_path / "mean.csv").response, mean.response, rtol=1e-9)
+    told = json.loads(said("linearise", "hpv41-plus-10", "--at", 50, "--poles", 3, "--zeros", 1, "--json"))
+    assert len(linearised) == 1
+    again = hil.linearise("hpv41-plus-10", 50.0, poles=3, zeros=1)
+    assert told["denominator"] == again.model.denominator.tolist()
+
+
+def test_results_and_export(said, through, run, tmp_path):
+    returned, exported = through("results"), through("export")
+    assert said("results", run, "--json", "-") == returned[0].as_json() == hil.results(run).as_json()
+    for form in ("python", "matlab", "json", "csv"):
+        text = said("export", run, "--to", form)
+        assert text == exported[-1].text == hil.export(run, form).text == hil.export(hil.results(run), form).text
+    said("export", "hpv41-plus-10", "--to", "c", "--out", tmp_path / "one.c")
+    hil.export("hpv41-plus-10", "c", tmp_path / "other.c")
+    assert (tmp_path / "one.c").read_bytes() == (tmp_path / "other.c").read_bytes()
+
+
+def test_run(said, through, tmp_path):
+    returned = through("run")
+    step = ("step_response", "--bench", "brevini-hpv41", "--set", "levels=0,80", "--operator", "ab")
+    said("run", *step, "--out", tmp_path / "one")
+    again = hil.run("step_response", "brevini-hpv41", tmp_path / "other", levels=(0, 80), operator="ab")
+    assert returned[0].findings.as_dict() == again.findings.as_dict()
+    same_samples(hil.read(tmp_path / "one"), hil.read(tmp_path / "other"))
+    assert hil.read(tmp_path / "one").meta["operator"] == "ab"
+
+
+def test_diagnose(said, through, short, tmp_path):
+    returned = through("diagnose")
+    model = tmp_path / "model.json"
+    hil.save_model(hil.typical_model("brevini-hpv41"), model)
+    told = json.loads(said("diagnose", "--model", model, short, "--out", tmp_path / "d", "--json"))
+    assert len(returned) == 1
+    again = hil.diagnose(model, [short])
+    assert {**told, "seconds": 0} == {**json.loads(json.dumps(again.diagnosis.as_dict())), "seconds": 0}
+    assert json.loads((tmp_path / "d" / "diagnosis.json").read_text("utf-8"))["schema"] == told["schema"]
