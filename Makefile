@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check wheel bench acceptance-risk papers proof coverage coverage-identify docs clean help
+.PHONY: demo test test-slow check wheel bench acceptance-risk papers proof coverage coverage-identify docs catalogues clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -63,6 +63,9 @@ coverage: $(STAMP)  ## how often what procedures print holds the truth (SEEDS=30
 
 coverage-identify: $(STAMP)  ## how often intervals of identified parameters hold the truth (SEEDS=100): the same page
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_identify --seeds $(or $(SEEDS),100) --page docs/explanation/coverage.md
+
+catalogues: $(STAMP)  ## gather the texts of pages for translation, and compile what is translated
+	$(BIN)/python docs/catalogues.py
 
 clean:           ## remove the environment and everything generated
 	rm -rf $(VENV) demo proof .mypy_cache .ruff_cache .pytest_cache .import_linter_cache

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.language import Language
 from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ def command(
     rename: Rename = [],  # noqa: B006
     columns: Columns = "",
     gaps: Gaps = False,
+    language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Compare a model with recordings: fit, ceiling by the noise, and where the model fails.
 

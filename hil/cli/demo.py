@@ -6,10 +6,13 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.language import Language
+
 
 def command(
     out: Path = typer.Option(Path("demo"), "--out", help="Folder to make, with everything that the job leaves."),
     conceal: str = typer.Option("friction", "--conceal", help="The effect that the second recordings conceal."),
+    language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Test and identify a valve, meet recordings that conceal an effect, diagnose them, write the reports."""
     from hil.cli.places import check_folder

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.language import Language
 from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
 
 if TYPE_CHECKING:
@@ -40,6 +41,7 @@ def command(
     rename: Rename = [],  # noqa: B006
     columns: Columns = "",
     gaps: Gaps = False,
+    language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Locate a mismatch, name the physics that was left out, model it, and show the fit improve."""
     from hil.cli.places import check_distinct, check_folder

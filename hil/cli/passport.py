@@ -6,6 +6,8 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.language import Language
+
 
 def command(
     runs: list[Path] = typer.Argument(..., metavar="RUN...", help="Run folders of one unit."),
@@ -18,6 +20,7 @@ def command(
     key: Path | None = typer.Option(
         None, "--key", metavar="FILE", help="The lab's key with its certificate, PEM or PKCS #12; else this machine's."
     ),
+    language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Put runs of one unit into one signed PDF: the certificate, the recordings, and the unit's model."""
     from hil.cli.places import check_distinct, check_file

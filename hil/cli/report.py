@@ -6,6 +6,8 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.language import Language
+
 
 def command(
     run: Path = typer.Argument(..., metavar="RUN", help="Run folder."),
@@ -13,6 +15,7 @@ def command(
         [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; goes before the run's own."
     ),
     open_page: bool = typer.Option(False, "--open", help="Show the page in the browser."),
+    language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Evaluate a run once more and write its report again, also of a run that was stopped or tripped."""
     from hil.report.terminal import findings_text

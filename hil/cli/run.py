@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.language import Language
 from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
@@ -46,6 +47,7 @@ def command(
         None, "--resume", metavar="RUN", help="Go on where this run was broken off: its procedure, bench and settings."
     ),
     describe: bool = typer.Option(False, "--describe", help="Say what the procedure does and takes; run nothing."),
+    language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Run a procedure on a bench; leaves a run folder with samples, findings and report."""
     from hil.cli.progress import shown

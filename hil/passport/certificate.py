@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from hil.language.words import _, spoken
+from hil.passport.template_words import template_words
 from hil.passport.unit import Unit, UnitRun
 from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.report.name import capital, quantity_words
@@ -33,7 +35,7 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
     judged = sorted((m for m in found.measured if m.verdict), key=lambda m: m.verdict == "pass")
     others = [m for m in found.measured if not m.verdict]
     return {
-        "title": f"Valve passport: {unit.valve}, {unit.serial}",
+        "title": _("Valve passport: {valve}, {serial}").format(valve=unit.valve, serial=unit.serial),
         "date": [unit.dates[1].year, unit.dates[1].month, unit.dates[1].day],
         "tone": whole["tone"], "word": whole["word"], "sentence": whole["sentence"],
         "details": [with_minus(text) for text in details[:4]],
@@ -45,23 +47,27 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
         "deviations": [_shortened(text) for text in found.deviations[:_DEVIATIONS_ON_PAGE_ONE]],
         "all_deviations": [with_minus(text) for text in found.deviations],
         "notes": [with_minus(text) for text in dict.fromkeys(found.notes)],
-        "model": model_says, "signer": signer.name, "fingerprint": signer.fingerprint,
+        "model": model_says, "language": spoken(), "said": template_words(),
+        "signer": signer.name, "fingerprint": signer.fingerprint,
     }  # fmt: skip
 
 
 def _facts(unit: Unit, names: bool) -> list[tuple[str, str]]:
     first, last = unit.dates
     metas = [run.recording.meta for run in unit.runs]
-    operators = ", ".join(dict.fromkeys(str(meta.get("operator") or "not stated") for meta in metas))
+    operators = ", ".join(dict.fromkeys(str(meta.get("operator") or _("not stated")) for meta in metas))
     notes = {str(k): str(v) for meta in metas for k, v in (meta.get("notes") or {}).items()}
     return [
-        ("Valve", unit.valve),
-        ("Serial", unit.serial),
-        ("Date", f"{first}" if first == last else f"{first} to {last}"),
-        ("Operator", operators if names else "left out"),
-        ("Bench", ", ".join(dict.fromkeys(str(meta.get("bench") or "not stated") for meta in metas))),
-        ("Tests", ", ".join(dict.fromkeys(quantity_words(str(meta.get("procedure") or "run")) for meta in metas))),
-        *((capital(name), text) for name, text in notes.items()),
+        (_("Valve"), unit.valve),
+        (_("Serial"), unit.serial),
+        (_("Date"), f"{first}" if first == last else _("{first} to {last}").format(first=first, last=last)),
+        (_("Operator"), operators if names else _("left out")),
+        (_("Bench"), ", ".join(dict.fromkeys(str(meta.get("bench") or _("not stated")) for meta in metas))),
+        (
+            _("Tests"),
+            ", ".join(dict.fromkeys(_(quantity_words(str(meta.get("procedure") or "run"))) for meta in metas)),
+        ),
+        *((capital(_(name)), text) for name, text in notes.items()),
     ]
 
 
@@ -78,7 +84,7 @@ def _conditions(unit: Unit) -> list[tuple[str, str]]:
 
 def _limit_row(m: Measured) -> list[str]:
     return [_name(m), value_text(m), unit_text(m.unit), limits_text(m.low, m.high), accepted_within(m),
-            str(m.verdict)]  # fmt: skip
+            _(str(m.verdict))]  # fmt: skip
 
 
 def _value_row(m: Measured) -> list[str]:
@@ -88,12 +94,12 @@ def _value_row(m: Measured) -> list[str]:
 def accepted_within(m: Measured) -> str:
     """The limits drawn in by the guard band, the expanded uncertainty; empty where that is not known."""
     if m.std is None:
-        return "not known"
+        return _("not known")
     guard = COVERAGE_FACTOR * m.std
     low = None if m.low is None else m.low + guard
     high = None if m.high is None else m.high - guard
     if low is not None and high is not None and low > high:
-        return "nowhere"
+        return _("nowhere")
     text = [None if edge is None else rounded(edge, guard)[0] for edge in (low, high)]
     if text[0] is None:
         return f"≤ {text[1]}"
@@ -102,7 +108,7 @@ def accepted_within(m: Measured) -> str:
 
 def _name(m: Measured) -> str:
     place = with_minus(m.name.partition(", ")[2])
-    return capital(quantity_words(m.quantity)) + (f", {place}" if place else "")
+    return capital(_(quantity_words(m.quantity))) + (f", {place}" if place else "")
 
 
 def _instruments(runs: Sequence[UnitRun]) -> list[list[str]]:
@@ -112,8 +118,9 @@ def _instruments(runs: Sequence[UnitRun]) -> list[list[str]]:
 
 def _devices(run: UnitRun) -> list[list[str]]:
     return [
-        [str(one.get("name") or ""), str(one.get("serial") or "not stated"), str(one.get("calibrated") or "not stated"),
-         str(one.get("due") or "not stated"), str(one.get("uncertainty") or "not stated")]
+        [str(one.get("name") or ""), str(one.get("serial") or _("not stated")),
+         str(one.get("calibrated") or _("not stated")),
+         str(one.get("due") or _("not stated")), str(one.get("uncertainty") or _("not stated"))]
         for one in run.recording.meta.get("instruments", ()) if isinstance(one, Mapping)
     ]  # fmt: skip
 
@@ -125,13 +132,13 @@ def _channels(run: UnitRun) -> list[list[str]]:
         if line:
             width = line.get("uncertainty")
             found.append([
-                f"{channel.name}: {channel.source}", str(line.get("source") or "not stated"),
-                str(line.get("date") or "not stated"), str(line.get("due") or "not stated"),
-                "not stated" if width is None else f"{number(width)} {unit_text(channel.unit)}".rstrip(),
+                f"{channel.name}: {channel.source}", str(line.get("source") or _("not stated")),
+                str(line.get("date") or _("not stated")), str(line.get("due") or _("not stated")),
+                _("not stated") if width is None else f"{number(width)} {unit_text(channel.unit)}".rstrip(),
             ])  # fmt: skip
     return found
 
 
 def _shortened(text: str) -> str:
     said = with_minus(text)
-    return said if len(said) <= _LONGEST else f"{said[:_LONGEST].rsplit(' ', 1)[0]} … (whole in the annex)"
+    return said if len(said) <= _LONGEST else said[:_LONGEST].rsplit(" ", 1)[0] + " … " + _("(whole in the annex)")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.findings.results import Curve, Results
+from hil.language.words import _
 from hil.report.figure import SERIES, WIDTH_IN, legend_above, plain_log, thinned
 from hil.report.name import capital, quantity_words
 
@@ -25,7 +26,7 @@ _BESIDE = ("overlays", "model")
 def pictures(results: Iterable[Results]) -> list[tuple[str, bytes]]:
     """(caption, SVG) of the main curves: those of one kind laid over each other, a run at a time."""
     found = [
-        (f"{capital(caption)}: {quantity_words(run.procedure)}", curves)
+        (f"{capital(_(caption))}: {_(quantity_words(run.procedure))}", curves)
         for run in results
         for caption, curves in _kinds(run.curves)
     ]
@@ -54,6 +55,8 @@ def _drawn(curves: Sequence[Curve]) -> bytes:
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
+    from hil.report.tick_labels import with_decimal_sign
+
     shown = [column for column in curves[0].columns[1:] if not column.name.endswith("std")]
     units = list(dict.fromkeys(column.unit for column in shown))[:3]
     style = {"svg.fonttype": "path", "svg.hashsalt": curves[0].name, "font.size": 8, "axes.spines.top": False,
@@ -63,6 +66,7 @@ def _drawn(curves: Sequence[Curve]) -> bytes:
     with mpl.rc_context(style):  # type: ignore[arg-type]
         figure = Figure(figsize=(WIDTH_IN, 0.7 + 1.7 * len(units)))
         _fill(figure, curves, units)
+        with_decimal_sign(figure)
         figure.savefig(file, format="svg", metadata={"Date": None, "Creator": None})
     return file.getvalue()
 
@@ -75,7 +79,7 @@ def _fill(figure: Figure, curves: Sequence[Curve], units: Sequence[str]) -> None
         if axes is grid[0] or len(axes.get_lines()) > len(curves):
             legend_above(axes, 3)
     first = curves[0].columns[0]
-    grid[-1].set_xlabel(f"{first.name} [{first.unit}]")
+    grid[-1].set_xlabel(f"{_(first.name)} [{first.unit}]")
     if first.unit == "Hz":
         grid[-1].set_xscale("log")
         plain_log(grid[-1])
@@ -89,7 +93,7 @@ def _lines(axes: Axes, curves: Sequence[Curve], unit: str) -> None:
     for i, curve in enumerate(curves):
         for k, column in enumerate(columns):
             place = ", ".join(_parts(curve)[1:])
-            label = ", ".join(filter(None, (column.name if len(columns) > 1 else "", place))) or column.name
+            label = ", ".join(filter(None, (_(column.name) if len(columns) > 1 else "", place))) or _(column.name)
             look = (i, k) if len(curves) > 1 else (k, 0)
             x, y = (_points(curve, name) for name in (curve.columns[0].name, column.name))
             axes.plot(*thinned(x, y), color=SERIES[look[0] % len(SERIES)], ls=_DASHES[look[1] % len(_DASHES)], lw=0.8,

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from hil.catalog import models
 from hil.errors import InputError
+from hil.language.figures import localised
+from hil.language.words import _, marked
 from hil.passport.unit import Unit
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.number import number, with_uncertainty
@@ -21,21 +23,45 @@ Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True)
+class Sentence:
+    """A text with what is put into it by name: said in the language of a page when that is written."""
+
+    text: str
+    put: Mapping[str, str] = field(default_factory=dict)
+    numbers: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def said(self) -> str:
+        """In the language that is spoken; of what is put in, numbers have its decimal sign."""
+        return _(self.text).format(**self.put, **{name: localised(text) for name, text in self.numbers.items()})
+
+
+@dataclass(frozen=True, slots=True)
 class Understood:
     """What is known of the unit's physics.
 
     Attributes:
-        says: for page one.
-        model: as identified from these runs. `about`: how well it fits.
+        sentences: for page one.
+        model: as identified from these runs. `fit`: how well it fits.
         told: the diagnosis against the type's model.
         seconds: that it took.
     """
 
-    says: str
+    sentences: tuple[Sentence, ...]
     model: Model | None = None
-    about: str = ""
+    fit: Sentence | None = None
     told: Diagnosed | None = None
     seconds: float = 0.0
+
+    @property
+    def says(self) -> str:
+        """For page one, in the language that is spoken."""
+        return " ".join(sentence.said for sentence in self.sentences)
+
+    @property
+    def about(self) -> str:
+        """How well the model fits, in the language that is spoken."""
+        return self.fit.said if self.fit else ""
 
     @property
     def parameters(self) -> list[list[str]]:
@@ -54,7 +80,8 @@ class Understood:
         if self.told is None:
             return []
         return [
-            [limit.effect.replace("_", " "), limit.stage, number(limit.upper, 2) if limit.visible else "cannot be seen",
+            [_(limit.effect.replace("_", " ")), _(limit.stage),
+             number(limit.upper, 2) if limit.visible else _("cannot be seen"),
              limit.unit if limit.visible else ""] for limit in self.told.diagnosis.limits
         ]  # fmt: skip
 
@@ -69,17 +96,24 @@ def understood(unit: Unit, wanted: bool, kind: Model | None, progress: Progress)
         progress: told how far it is.
     """
     if not wanted:
-        return Understood("Neither is in this passport: they were left out on request (--no-model).")
+        return Understood(
+            (Sentence(marked("Neither is in this passport: they were left out on request (--no-model).")),)
+        )
     started = time.perf_counter()
-    model, about, why = _identified(unit, progress)
+    model, fit, why = _identified(unit, progress)
     told, said = _diagnosed(unit, kind, progress)
     seconds = time.perf_counter() - started
-    return Understood(f"{why} {said} Computed in {seconds:.0f} s.", model, about, told, seconds)
+    took = Sentence(marked("Computed in {seconds} s."), {"seconds": f"{seconds:.0f}"})
+    return Understood((why, said, took), model, fit, told, seconds)
 
 
-def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, str, str]:
+def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, Sentence | None, Sentence]:
     if not unit.plant:
-        return None, "", "No model of this unit is inside: the bench file names no plant for this valve."
+        return (
+            None,
+            None,
+            Sentence(marked("No model of this unit is inside: the bench file names no plant for this valve.")),
+        )
     from hil.record.read import read_recording
     from hil.session.identification import identified
 
@@ -88,18 +122,20 @@ def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, str, str]
         start = str(models().get(unit.plant, unit.plant))  # benches name a plant or an installed model
         found = identified(start, [read_recording(run.folder) for run in unit.runs])
     except InputError as error:
-        return None, "", f"No model of this unit is inside: it could not be identified from these runs: {error}."
+        why = marked("No model of this unit is inside: it could not be identified from these runs: {error}.")
+        return None, None, Sentence(why, {"error": str(error)})
     fits = found.model.origin.get("fit_percent") or {}
     fit = ", ".join(f"{number(value, 3)} %" for value in fits.values())
-    about = f"Plant {found.model.plant}, {found.model.input} to {found.model.output}" + (
-        f"; fit {fit}." if fit else "."
-    )
-    return found.model, about, f"The model of this unit, identified from these runs, is inside (model.json; fit {fit})."
+    named = {"plant": found.model.plant, "input": found.model.input, "output": found.model.output}
+    about = Sentence(marked("Plant {plant}, {input} to {output}; fit {fit}."), named, {"fit": fit or "—"})
+    inside = marked("The model of this unit, identified from these runs, is inside (model.json; fit {fit}).")
+    return found.model, about, Sentence(inside, {}, {"fit": fit or "—"})
 
 
-def _diagnosed(unit: Unit, kind: Model | None, progress: Progress) -> tuple[Diagnosed | None, str]:
+def _diagnosed(unit: Unit, kind: Model | None, progress: Progress) -> tuple[Diagnosed | None, Sentence]:
     if kind is None:
-        return None, "What these data excluded was not asked: no model of the type was given (--model MODEL.json)."
+        asked = marked("What these data excluded was not asked: no model of the type was given (--model MODEL.json).")
+        return None, Sentence(asked)
     from hil.diagnosis.diagnose import diagnose
     from hil.identification.experiment import for_model
     from hil.record.read import read_recording
@@ -109,8 +145,8 @@ def _diagnosed(unit: Unit, kind: Model | None, progress: Progress) -> tuple[Diag
         experiments = [for_model(kind, read_recording(run.folder)) for run in unit.runs]
         told = diagnose(kind, experiments, lambda done, text: progress(0.5 + 0.5 * done, text))
     except InputError as error:
-        return None, f"What these data excluded is not known: the diagnosis refused: {error}."
+        refused = marked("What these data excluded is not known: the diagnosis refused: {error}.")
+        return None, Sentence(refused, {"error": str(error)})
     seen = sum(limit.visible for limit in told.diagnosis.limits)
-    return told, (
-        f"Against the model of its type: {told.diagnosis.headline} Limits of {seen} other effects are in the annex."
-    )
+    against = marked("Against the model of its type: {headline} Limits of {n} other effects are in the annex.")
+    return told, Sentence(against, {"headline": told.diagnosis.headline, "n": str(seen)})

@@ -8,9 +8,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from hil.errors import InputError, StorageError
+from hil.language.choice import in_page_language
 from hil.passport.attached import DCC_FILE, DIAGNOSIS_FILE, MODEL_FILE, TYPE_MODEL_FILE, Attached, attached_runs
 from hil.passport.attached import without_names as nameless
 from hil.passport.certificate import Signer, certificate_of
@@ -75,9 +76,7 @@ def issue(
 
 
 def _sealed(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: SigningKey, place: Path) -> bytes:
-    page = certificate_of(unit, signer, known.says, names=wanted.names)
-    page |= {"valve": unit.valve, "serial": unit.serial, "model_about": known.about,
-             "parameters": known.parameters, "excluded": known.excluded}  # fmt: skip
+    page, drawn = _said(unit, known, signer, wanted)
     inside = [*_made(unit, known, signer, wanted, place / "made"), *attached_runs(unit)]
     content = {
         "schema": SCHEMA, "serial": unit.serial, "valve": unit.valve, "verdict": unit.verdict,
@@ -86,10 +85,21 @@ def _sealed(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: 
     }  # fmt: skip
     work = place / "pages"
     work.mkdir()
-    sealed = signed(compiled(page, pictures(run.results for run in unit.runs), inside, content, work), key)
+    sealed = signed(compiled(page, drawn, inside, content, work), key)
     if (checked := verify(sealed, [key.certificate])).outcome is not Soundness.SOUND:
         raise InputError(f"the passport was not written: its own check says: {checked.sentence}")
     return sealed
+
+
+@in_page_language
+def _said(
+    unit: Unit, known: Understood, signer: Signer, wanted: Wanted
+) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
+    """What the pages say and show; the files beside them are in English whatever the pages are in."""
+    page = certificate_of(unit, signer, known.says, names=wanted.names)
+    page |= {"valve": unit.valve, "serial": unit.serial, "model_about": known.about,
+             "parameters": known.parameters, "excluded": known.excluded}  # fmt: skip
+    return page, pictures(run.results for run in unit.runs)
 
 
 def _made(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, place: Path) -> list[Attached]:

@@ -11,9 +11,11 @@ import numpy as np
 
 from hil.findings.difference import Difference
 from hil.findings.results import Curve, Results, Value
+from hil.language.choice import in_page_language
+from hil.language.words import _
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plain_log, thinned
-from hil.report.number import with_uncertainty
+from hil.report.number import number, with_uncertainty
 from hil.report.page import write_page
 from hil.report.section import Section, Table
 
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
 _MOST_CURVES = 12
 
 
+@in_page_language
 def write_comparison_page(
     first: Results, second: Results, found: Sequence[Difference], one_bench: bool, path: Path
 ) -> None:
@@ -33,9 +36,10 @@ def write_comparison_page(
         StorageError: it cannot be written.
     """
     write_page(
-        "comparison.html", path, kicker="Two runs", title=f"{first.run} and {second.run}",
+        "comparison.html", path, kicker=_("Two runs"),
+        title=_("{first} and {second}").format(first=first.run, second=second.run),
         headline=headline(found), shared=shared_sentence(one_bench),
-        sections=[Section("Values", tables=(_table(first, second, found),)), *_overlays(first, second)],
+        sections=[Section(_("Values"), tables=(_table(first, second, found),)), *_overlays(first, second)],
     )  # fmt: skip
 
 
@@ -43,24 +47,26 @@ def headline(found: Sequence[Difference]) -> str:
     """How many values differ, in one sentence."""
     moved = [one.name for one in found if one.meaning == "differs"]
     if not moved:
-        return "No value differs beyond its uncertainty."
+        return _("No value differs beyond its uncertainty.")
     names = "; ".join(moved)
-    return f"{len(moved)} of {len(found)} values differ beyond their uncertainty: {names}."
+    return _("{n} of {all} values differ beyond their uncertainty: {names}.").format(
+        n=len(moved), all=len(found), names=names
+    )
 
 
 def shared_sentence(one_bench: bool) -> str:
     """What was done with the calibration."""
     if one_bench:
-        return "Both runs have the same instruments; what their calibration adds cancels and is left out."
-    return "The runs have different instruments or calibrations; these are in the uncertainty of each change."
+        return _("Both runs have the same instruments; what their calibration adds cancels and is left out.")
+    return _("The runs have different instruments or calibrations; these are in the uncertainty of each change.")
 
 
 def value_text(value: Value | None) -> str:
     """A value with its expanded uncertainty."""
     if value is None:
-        return "not measured"
+        return _("not measured")
     if value.value is None:
-        return "not determined"
+        return _("not determined")
     sign = "" if value.relation == "=" else f"{value.relation} "
     return sign + with_uncertainty(value.value, None if value.std is None else COVERAGE_FACTOR * value.std)
 
@@ -73,13 +79,13 @@ def change_text(one: Difference) -> str:
 
 
 def _table(first: Results, second: Results, found: Sequence[Difference]) -> Table:
-    heads = ("Quantity", "Unit", first.run, second.run, "Change ± U", "Chance", "")
+    heads = (_("Quantity"), _("Unit"), first.run, second.run, _("Change ± U"), _("Chance"), "")
     rows = tuple(
         (one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one),
-         "" if one.chance is None else f"{one.chance:.2g}", one.meaning)
+         "" if one.chance is None else number(one.chance, 2), _(one.meaning))
         for one in found
     )  # fmt: skip
-    caption = "Chance: how likely a change so large is when nothing has changed."
+    caption = _("Chance: how likely a change so large is when nothing has changed.")
     return Table(caption, heads, rows, text_columns=(1, 6))
 
 
@@ -88,7 +94,7 @@ def _overlays(first: Results, second: Results) -> Iterator[Section]:
     pairs = [(curve, by_name[curve.name]) for curve in first.curves if curve.name in by_name]
     pictures = [picture for a, b in pairs[:_MOST_CURVES] if (picture := _overlay(a, b, first.run, second.run))]
     if pictures:
-        yield Section("Curves", figures=tuple(pictures))
+        yield Section(_("Curves"), figures=tuple(pictures))
 
 
 def _overlay(a: Curve, b: Curve, first: str, second: str) -> Picture | None:

@@ -9,6 +9,7 @@ import numpy as np
 
 from hil.diagnosis.diagnosis import Spectrum, Strip
 from hil.diagnosis.locate import StageShare, Where
+from hil.language.words import _, marked
 from hil.record.recording import Array, split_heading
 from hil.report.figure import (
     AMBER,
@@ -39,7 +40,7 @@ _EVERYWHERE = 0.85  # of a recording: beyond this share, shading says nothing
 _BEFORE: dict[str, Any] = {"color": RED, "lw": 1.1, "ls": (0, (5, 1.6))}
 _AFTER: dict[str, Any] = {"color": BLUE, "lw": 1.1, "ls": "-"}
 _PALE = "#eb9b62"  # the nominal model where lines lie too close for dashes; lighter than the other in grey, too
-_BEFORE_NAME, _AFTER_NAME = "nominal model", "corrected model"
+_BEFORE_NAME, _AFTER_NAME = marked("nominal model"), marked("corrected model")
 
 
 def before_and_after(strip: Strip, output: str, where: Where | None, *, corrected: bool) -> Picture:
@@ -51,12 +52,15 @@ def before_and_after(strip: Strip, output: str, where: Where | None, *, correcte
         _overlay(above, strip, output, corrected=corrected)
         _residuals(below, strip, corrected=corrected)
         _shade((above, below), intervals)
-        below.set_xlabel("time [s]")
+        below.set_xlabel(_("time [s]"))
 
-    shaded = " Shaded: where the nominal model parts from the recording." if intervals else ""
+    shaded = " " + _("Shaded: where the nominal model parts from the recording.") if intervals else ""
     caption = (
-        f"{short_name(strip.name)}, whole recording. Below: recording minus simulation, in standard deviations of "
-        f"the noise; the grey band is ±2.{shaded}"
+        _(
+            "{name}, whole recording. Below: recording minus simulation, in standard deviations of the noise; "
+            "the grey band is ±2."
+        ).format(name=short_name(strip.name))
+        + shaded
     )
     return drawn("overlay", 3.7, draw, caption)
 
@@ -74,10 +78,12 @@ def close_up(strip: Strip, command: str, output: str, *, corrected: bool) -> Pic
         _residuals(middle, part, corrected=corrected)
         below.plot(part.time_s, part.command, color=INK, lw=1.0, drawstyle="steps-post")
         below.set_ylabel(command.replace(" [", "\n["))
-        below.set_xlabel("time [s]")
+        below.set_xlabel(_("time [s]"))
         below.margins(x=0.0)
 
-    caption = f"{short_name(strip.name)}, the stretch in which the nominal model is farthest off, and its command."
+    caption = _("{name}, the stretch in which the nominal model is farthest off, and its command.").format(
+        name=short_name(strip.name)
+    )
     return drawn("close-up", 4.2, draw, caption)
 
 
@@ -99,10 +105,10 @@ def time_strips(strips: Sequence[Strip], where: Where | None, *, corrected: bool
         for axes, strip in zip(rows, shown, strict=True):
             time_s, before, after = _levels(strip)
             axes.fill_between(time_s, before, 1.0, step="mid", color=FAINT, lw=0.0)
-            axes.plot(time_s, before, drawstyle="steps-mid", label=_BEFORE_NAME, **_BEFORE)
+            axes.plot(time_s, before, drawstyle="steps-mid", label=_(_BEFORE_NAME), **_BEFORE)
             if corrected:
-                axes.plot(time_s, after, drawstyle="steps-mid", label=_AFTER_NAME, **_AFTER)
-            axes.axhline(1.0, color=SOFT, lw=0.7, label="noise alone")
+                axes.plot(time_s, after, drawstyle="steps-mid", label=_(_AFTER_NAME), **_AFTER)
+            axes.axhline(1.0, color=SOFT, lw=0.7, label=_("noise alone"))
             axes.set_yscale("log")
             top = max(float(before.max()), float(after.max()), 3.0)
             axes.set_ylim(0.5, 1.6 * top)
@@ -111,11 +117,15 @@ def time_strips(strips: Sequence[Strip], where: Where | None, *, corrected: bool
             axes.margins(x=0.0)
             _shade((axes,), _told_intervals(strip, where))
         legend_on_top(rows[0])
-        rows[-1].set_xlabel("time [s]")
-        figure.supylabel("rms difference / noise", fontsize=8.5)
+        rows[-1].set_xlabel(_("time [s]"))
+        figure.supylabel(_("rms difference / noise"), fontsize=8.5)
 
-    more = f" {len(strips) - len(shown)} more recordings are not drawn." if len(strips) > len(shown) else ""
-    caption = f"In time: rms difference in short blocks, over the noise; 1 is what noise alone gives.{more}"
+    more = (
+        " " + _("{n} more recordings are not drawn.").format(n=len(strips) - len(shown))
+        if len(strips) > len(shown)
+        else ""
+    )
+    caption = _("In time: rms difference in short blocks, over the noise; 1 is what noise alone gives.") + more
     return drawn("time-strips", 0.6 + 1.05 * len(shown), draw, caption)
 
 
@@ -125,11 +135,11 @@ def residual_spectrum(name: str, spectrum: Spectrum, where: Where | None, unit: 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()
         f, before, counts = _envelope(spectrum.frequency_hz, spectrum.nominal)
-        _, after, _ = _envelope(spectrum.frequency_hz, spectrum.corrected)
-        axes.plot(f, before, label=_BEFORE_NAME, **_BEFORE)
+        after = _envelope(spectrum.frequency_hz, spectrum.corrected)[1]
+        axes.plot(f, before, label=_(_BEFORE_NAME), **_BEFORE)
         if corrected:
-            axes.plot(f, after, label=_AFTER_NAME, **_AFTER)
-        axes.plot(f, spectrum.noise * _largest_of(counts), color=SOFT, lw=0.9, label="noise alone")
+            axes.plot(f, after, label=_(_AFTER_NAME), **_AFTER)
+        axes.plot(f, spectrum.noise * _largest_of(counts), color=SOFT, lw=0.9, label=_("noise alone"))
         axes.set_xscale("log")
         axes.set_yscale("log")
         positive = np.concatenate((before, after))
@@ -142,22 +152,22 @@ def residual_spectrum(name: str, spectrum: Spectrum, where: Where | None, unit: 
             axes.axvspan(max(where.frequency_hz[0], f[0]), where.frequency_hz[1], color=FAINT, lw=0.0, zorder=0)
         plain_log(axes)
         plain_log(axes, "y")
-        axes.set_xlabel("frequency [Hz]")
-        axes.set_ylabel(f"amplitude of the difference [{unit}]")
+        axes.set_xlabel(_("frequency [Hz]"))
+        axes.set_ylabel(_("amplitude of the difference") + f" [{unit}]")
         axes.grid(which="major")
         legend_on_top(axes)
 
-    lines = "Marked: the command's own lines, their odd and their even harmonics. " if spectrum.lines_hz else ""
-    band = "Shaded: the band that holds nine tenths of the difference." if where is not None else ""
+    lines = _("Marked: the command's own lines, their odd and their even harmonics.") + " " if spectrum.lines_hz else ""
+    band = _("Shaded: the band that holds nine tenths of the difference.") if where is not None else ""
     return drawn(name, 3.1, draw,
-                 f"In frequency: {short_name(spectrum.name)}. {lines}{band}".strip())  # fmt: skip
+                 f"{_('In frequency')}: {short_name(spectrum.name)}. {lines}{band}".strip())  # fmt: skip
 
 
 def _lines(axes: Axes, spectrum: Spectrum) -> None:
     top = axes.get_ylim()[1]
     kinds = (
-        ("command", spectrum.lines_hz, "|", INK, True), ("odd harmonics", spectrum.odd_hz, "v", GREEN, True),
-        ("even harmonics", spectrum.even_hz, "v", AMBER, False),
+        (_("command"), spectrum.lines_hz, "|", INK, True), (_("odd harmonics"), spectrum.odd_hz, "v", GREEN, True),
+        (_("even harmonics"), spectrum.even_hz, "v", AMBER, False),
     )  # fmt: skip
     for label, lines_hz, marker, color, filled in kinds:
         low, high = axes.get_xlim()
@@ -177,19 +187,19 @@ def region_bars(before: Mapping[str, float], after: Mapping[str, float] | None) 
         place = np.arange(len(names), dtype=np.float64)
         height = 0.36 if after else 0.6
         above = place + (height / 2 if after else 0.0)
-        axes.barh(above, [before[n] for n in names], height, color=RED, label=_BEFORE_NAME)
+        axes.barh(above, [before[n] for n in names], height, color=RED, label=_(_BEFORE_NAME))
         if after:
             axes.barh(place - height / 2, [after.get(n, 0.0) for n in names], height, color="white", edgecolor=BLUE,
-                      hatch="////", lw=0.8, label="what the corrected model leaves")  # fmt: skip
+                      hatch="////", lw=0.8, label=_("what the corrected model leaves"))  # fmt: skip
         axes.axvline(1.0, color=INK, lw=0.9)
-        axes.set_yticks(place, names)
-        axes.set_xlabel("share of the difference's energy over share of time; 1 is nothing special")
+        axes.set_yticks(place, [_(name) for name in names])
+        axes.set_xlabel(_("share of the difference's energy over share of time; 1 is nothing special"))
         axes.grid(axis="y", visible=False)
         axes.tick_params(axis="y", length=0)
         legend_on_top(axes)
 
     return drawn(
-        "regions", 0.8 + 0.28 * len(names), draw, "In operating region: beyond 1, the difference gathers there."
+        "regions", 0.8 + 0.28 * len(names), draw, _("In operating region: beyond 1, the difference gathers there.")
     )
 
 
@@ -200,16 +210,16 @@ def stage_curves(stages: Sequence[StageShare], name: str) -> Picture:
         for axes, s in zip(figure.subplots(1, len(stages), squeeze=False)[0], stages, strict=True):
             unit = f" [{s.unit}]" if s.unit and s.unit != "1" else ""
             axes.axhline(0.0, color=SOFT, lw=0.7)
-            axes.plot(s.level, s.rising, marker="^", label="rising", color=BLUE)
+            axes.plot(s.level, s.rising, marker="^", label=_("rising"), color=BLUE)
             axes.plot(
-                s.level, s.falling, marker="v", ls=(0, (5, 1.6)), label="falling", color=RED, markerfacecolor="white"
+                s.level, s.falling, marker="v", ls=(0, (5, 1.6)), label=_("falling"), color=RED, markerfacecolor="white"
             )
             axes.set_title(f"{s.hook} ({s.stage}): {100 * s.share:.0f} %")
-            axes.set_xlabel(f"value there{unit}")
-            axes.set_ylabel(f"added there{unit}")
+            axes.set_xlabel(_("value there") + unit)
+            axes.set_ylabel(_("added there") + unit)
         legend_on_top(figure.axes[0])
 
-    caption = (
+    caption = _(
         "Without a law: the disturbance that would explain most of it if it entered at this place, as a function of "
         "what passes there and of the direction of motion. Per cent: how much it would explain."
     )
@@ -218,10 +228,10 @@ def stage_curves(stages: Sequence[StageShare], name: str) -> Picture:
 
 def _overlay(axes: Axes, strip: Strip, output: str, *, corrected: bool) -> None:
     name, unit = split_heading(output) if "[" in output else (output, "")
-    axes.plot(*thinned(strip.time_s, strip.measured), color="#8b949e", lw=2.0, label="recording")
-    axes.plot(*thinned(strip.time_s, strip.nominal), label=_BEFORE_NAME, **_BEFORE)
+    axes.plot(*thinned(strip.time_s, strip.measured), color="#8b949e", lw=2.0, label=_("recording"))
+    axes.plot(*thinned(strip.time_s, strip.nominal), label=_(_BEFORE_NAME), **_BEFORE)
     if corrected:
-        axes.plot(*thinned(strip.time_s, strip.corrected), label=_AFTER_NAME, **_AFTER)
+        axes.plot(*thinned(strip.time_s, strip.corrected), label=_(_AFTER_NAME), **_AFTER)
     axes.set_ylabel(f"{name} [{unit}]" if unit else name)
     axes.margins(x=0.0)
     legend_on_top(axes)
@@ -237,7 +247,7 @@ def _residuals(axes: Axes, strip: Strip, *, corrected: bool) -> None:
     axes.margins(x=0.0)
     reach = max(_WIDE, 1.05 * float(np.abs(strip.off(strip.nominal)).max()) / noise)
     axes.set_ylim(-reach, reach)
-    axes.set_ylabel("difference /\nnoise")
+    axes.set_ylabel(_("difference /\nnoise"))
 
 
 def noise_of(strip: Strip) -> float:

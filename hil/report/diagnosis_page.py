@@ -11,6 +11,8 @@ from typing import Any
 
 from hil.diagnosis.diagnosis import Diagnosis, NextTest, Spectrum, Strip
 from hil.diagnosis.locate import StageShare
+from hil.language.choice import in_page_language
+from hil.language.words import _, marked
 from hil.report.diagnosis_figures import (
     before_and_after,
     close_up,
@@ -37,14 +39,15 @@ from hil.report.page import write_page
 
 _MOST_STAGES = 3
 _VERDICTS = {
-    "consistent": ("good", "Consistent"),
-    "parameter_change": ("told", "Changed parameters"),
-    "explained": ("told", "Explained"),
-    "partly_explained": ("open", "Partly explained"),
-    "unexplained": ("bad", "Unexplained"),
+    "consistent": ("good", marked("Consistent")),
+    "parameter_change": ("told", marked("Changed parameters")),
+    "explained": ("told", marked("Explained")),
+    "partly_explained": ("open", marked("Partly explained")),
+    "unexplained": ("bad", marked("Unexplained")),
 }
 
 
+@in_page_language
 def write_diagnosis_report(diagnosis: Diagnosis, path: Path) -> None:
     """Write the page of a diagnosis.
 
@@ -56,10 +59,10 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path) -> None:
     corrected = _is_corrected(d)
     write_page(
         "diagnosis.html", path,
-        kicker="Diagnosis",
+        kicker=_("Diagnosis"),
         title=capital(d.plant_title),
         tone=tone,
-        word=word,
+        word=_(word),
         headline=d.headline,
         details=_details(d),
         warnings=d.warnings,
@@ -74,9 +77,9 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path) -> None:
         regions=_regions(d, corrected=corrected),
         chain=_chain(d),
         candidates=candidate_rows(d.candidates, d.effects, d.changed_parameters),
-        not_separable=_rivals(d, "or"),
+        not_separable=_rivals(d, _("or")),
         settled=d.verdict not in ("partly_explained", "unexplained") and not d.not_separable,
-        left=_left(d),
+        left=_left(d, corrected=corrected),
         limits=limit_table(d.limits),
         next_test=_next_test(d.next_test),
         about=_about(d),
@@ -92,17 +95,17 @@ def _is_corrected(d: Diagnosis) -> bool:
 def _details(d: Diagnosis) -> list[str]:
     f = d.held_out
     fit = (
-        f"On data kept back the nominal model fits {_percent(f.nominal)}, the corrected one {_percent(f.corrected)}; "
-        f"noise allows {_percent(f.ceiling)}."
+        _("On data kept back the nominal model fits {nominal}, the corrected one {corrected}; noise allows {ceiling}.")
         if _is_corrected(d)
-        else f"On data kept back the model fits {_percent(f.nominal)}; noise allows {_percent(f.ceiling)}."
+        else _("On data kept back the model fits {nominal}; noise allows {ceiling}.")
     )
+    fit = fit.format(nominal=_percent(f.nominal), corrected=_percent(f.corrected), ceiling=_percent(f.ceiling))
     fits = [fit] if math.isfinite(f.ceiling) and math.isfinite(f.nominal) else []
-    return [*fits, *(f"These data cannot tell {names} apart." for names in _rivals(d, "and"))]
+    return [*fits, *(_("These data cannot tell {names} apart.").format(names=names) for names in _rivals(d, _("and")))]
 
 
 def _rivals(d: Diagnosis, word: str) -> list[str]:
-    return [f" {word} ".join(name.replace("_", " ") for name in names) for names in d.not_separable]
+    return [f" {word} ".join(_(name.replace("_", " ")) for name in names) for names in d.not_separable]
 
 
 def _percent(value: float) -> str:
@@ -167,21 +170,29 @@ def _chain(d: Diagnosis) -> dict[str, Any]:
     return {"input": d.input, "output": d.output, "stages": stages, "shares": bool(shares)}
 
 
-def _left(d: Diagnosis) -> dict[str, Any]:
+def _left(d: Diagnosis, *, corrected: bool) -> dict[str, Any]:
     left = d.left
     stages: tuple[StageShare, ...] = ()
     if d.verdict in ("partly_explained", "unexplained"):
         stages = tuple(s for s in left.stages if s.share > 0.0)[:_MOST_STAGES]
     return {
         "explained": d.verdict in ("consistent", "explained", "parameter_change"),
-        "rms": with_unit(left.rms, left.unit),
-        "noise": with_unit(left.noise_std, left.unit),
-        "share": f"{number(100.0 * left.share, 2)} %"
-        if d.verdict != "consistent" and math.isfinite(left.share)
-        else "",
+        "sentence": _left_sentence(d, corrected=corrected),
         "place": place_facts(left.where),
         "picture": stage_curves(stages, "left-over") if stages else None,
     }
+
+
+def _left_sentence(d: Diagnosis, *, corrected: bool) -> str:
+    left = d.left
+    said = (
+        _("The corrected model leaves {rms} (rms) beyond the noise of {noise}{share}.")
+        if corrected
+        else _("The model leaves {rms} (rms) beyond the noise of {noise}{share}.")
+    )
+    known = d.verdict != "consistent" and math.isfinite(left.share)
+    share = _(": {share} of the misfit").format(share=f"{number(100.0 * left.share, 2)} %") if known else ""
+    return said.format(rms=with_unit(left.rms, left.unit), noise=with_unit(left.noise_std, left.unit), share=share)
 
 
 def _next_test(test: NextTest | None) -> dict[str, Any] | None:
@@ -191,7 +202,7 @@ def _next_test(test: NextTest | None) -> dict[str, Any] | None:
     return {
         "command": " ".join(["hil run", test.procedure, *settings, "--bench BENCH.toml"]),
         "why": capital(test.why),
-        "seconds": f"{number(test.bench_s, 3)} s of bench time",
+        "seconds": _("{seconds} s of bench time").format(seconds=number(test.bench_s, 3)),
     }
 
 
@@ -201,10 +212,12 @@ def _setting(value: Any) -> str:
 
 def _about(d: Diagnosis) -> list[tuple[str, str]]:
     rows: Mapping[str, str] = {
-        "Plant": d.plant,
-        "Input → output": f"{d.input} → {d.output}",
-        "Recordings": ", ".join(d.recordings),
-        "False alarms": f"at most {100 * d.false_alarm_rate:.2g} % of healthy units, by a count on simulated ones",
-        "Computed in": f"{number(d.seconds, 3)} s",
+        _("Plant"): d.plant,
+        _("Input → output"): f"{d.input} → {d.output}",
+        _("Recordings"): ", ".join(d.recordings),
+        _("False alarms"): _("at most {percent} % of healthy units, by a count on simulated ones").format(
+            percent=number(100 * d.false_alarm_rate, 2)
+        ),
+        _("Computed in"): f"{number(d.seconds, 3)} s",
     }
     return [(label, value) for label, value in rows.items() if value]

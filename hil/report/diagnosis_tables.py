@@ -9,9 +9,10 @@ from typing import Any
 from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnosis import Candidate, ChangedParameter, Diagnosis, Finding, Fit, Quantity
 from hil.diagnosis.locate import Where
+from hil.language.words import _
 from hil.report.equation import equation_lines
-from hil.report.name import capital, short_names
-from hil.report.number import MINUS, grouped, number, rounded, unit_text
+from hil.report.name import capital, short_name, short_names
+from hil.report.number import MINUS, fixed, grouped, number, rounded, unit_text
 from hil.report.section import Table
 
 _COVERAGE_95 = 1.96
@@ -23,7 +24,7 @@ def fit_rows(d: Diagnosis) -> list[dict[str, str]]:
     """Fit of each recording and of the data kept back: nominal, corrected, ceiling."""
     names = short_names(d.recordings)
     rows = [_fit(names[name], fit) for name, fit in d.recordings.items()]
-    return [*rows, _fit("data kept back", d.held_out)]
+    return [*rows, _fit(_("data kept back"), d.held_out)]
 
 
 def _fit(name: str, fit: Fit) -> dict[str, str]:
@@ -35,7 +36,7 @@ def _fit(name: str, fit: Fit) -> dict[str, str]:
 
 def decimals(value: float) -> str:
     """A fit in per cent, to two decimals."""
-    return f"{value:.2f}".replace("-", MINUS) if math.isfinite(value) else number(value)
+    return fixed(value, 2) if math.isfinite(value) else number(value)
 
 
 def _closed(fit: Fit) -> str:
@@ -47,10 +48,10 @@ def _closed(fit: Fit) -> str:
 def effect_entry(f: Finding) -> dict[str, Any]:
     """What the page says about an effect that was left out."""
     return {
-        "title": capital(f.title),
+        "title": capital(_(f.title)),
         "name": f.name,
         "probability": _probability(f.probability),
-        "stage": f.stage,
+        "stage": _(f.stage),
         "hook": f.hook,
         "sentence": f.sentence,
         "equation": equation_lines(f.equation),
@@ -67,7 +68,7 @@ def _parameter(name: str, q: Quantity) -> dict[str, Any]:
 
 
 def _probability(p: float) -> str:
-    return "above 99 %" if p > 0.99 else "below 1 %" if p < 0.01 else f"{100 * p:.0f} %"
+    return _("above 99 %") if p > 0.99 else _("below 1 %") if p < 0.01 else f"{100 * p:.0f} %"
 
 
 def place_facts(where: Where | None) -> list[tuple[str, str]]:
@@ -77,11 +78,13 @@ def place_facts(where: Where | None) -> list[tuple[str, str]]:
     low, high = where.frequency_hz
     times = ", ".join(f"{number(start)}…{number(stop)} s" for start, stop in where.time_s)
     return [
-        ("Operating region", where.region),
-        ("Frequency", f"{number(low, 2)} … {number(high, 2)} Hz" if high > 0.0 else "—"),
+        (_("Operating region"), _(where.region)),
+        (_("Frequency"), f"{number(low, 2)} … {number(high, 2)} Hz" if high > 0.0 else "—"),
         (
-            "Time",
-            f"{times} of {next(iter(short_names([where.recording]).values()))}" if times else "no stretch of its own",
+            _("Time"),
+            _("{times} of {recording}").format(times=times, recording=short_name(where.recording))
+            if times
+            else _("no stretch of its own"),
         ),
     ]
 
@@ -113,7 +116,7 @@ def candidate_rows(
     return [
         {
             "name": c.name, "stage": c.stage, "fit": decimals(c.fit_held_out), "evidence": grouped(c.evidence),
-            "behind": grouped(most - c.evidence) if c.evidence < most else "best",
+            "behind": grouped(most - c.evidence) if c.evidence < most else _("best"),
             "share": max(0.0, min(1.0, c.evidence / most)) if most > 0.0 else 0.0,
             "probability": _probability(c.probability), "named": c.name in marked,
         }
@@ -131,14 +134,21 @@ def limit_table(limits: Sequence[Limit]) -> Table | None:
         return None
     rows = [
         (
-            limit.effect.replace("_", " "), limit.stage, limit.parameter.replace("_", " "),
-            with_unit(limit.upper, limit.unit) if math.isfinite(limit.upper) else "no limit",
+            _(limit.effect.replace("_", " ")), _(limit.stage), _(limit.parameter.replace("_", " ")),
+            with_unit(limit.upper, limit.unit) if math.isfinite(limit.upper) else _("no limit"),
             with_unit(limit.typical, limit.unit),
-            "would have been seen" if limit.visible else "cannot be seen in these data",
+            _("would have been seen") if limit.visible else _("cannot be seen in these data"),
         )
         for limit in sorted(limits, key=lambda limit: (limit.visible, limit.effect))
     ]  # fmt: skip
-    heads = ("Effect", "Stage", "Parameter", "At most (95 %)", "Typical size", "At its typical size it")
+    heads = (
+        _("Effect"),
+        _("Stage"),
+        _("Parameter"),
+        _("At most (95 %)"),
+        _("Typical size"),
+        _("At its typical size it"),
+    )
     return Table("", heads, tuple(rows), text_columns=(1, 2, 5))
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from hil.report.name import capital, split_unit
+from hil.language.words import _
+from hil.report.name import capital, split_unit, within
 from hil.report.number import number
 
 
@@ -18,21 +19,21 @@ def fact_of(name: str, value: Any) -> tuple[str, str]:
     """(`Fluid temperature`, `40 °C`) from `fluid_temperature_c`."""
     label, unit = split_unit(name)
     if unit and isinstance(value, int | float) and not isinstance(value, bool):
-        return capital(label), f"{number(value, 6)} {unit}"
+        return capital(_(label)), f"{number(value, 6)} {unit}"
     if unit and isinstance(value, Mapping):
-        return capital(label), "; ".join(f"{key} {text_of(v)} {unit}" for key, v in value.items())
-    return capital(name.replace("_", " ")), text_of(value)
+        return capital(_(label)), "; ".join(f"{key} {text_of(v)} {unit}" for key, v in value.items())
+    return capital(_(name.replace("_", " "))), text_of(value)
 
 
 def text_of(value: Any) -> str:
     """A JSON value in words."""
     if isinstance(value, bool):
-        return "yes" if value else "no"
+        return _("yes") if value else _("no")
     if isinstance(value, int | float):
         return str(value) if isinstance(value, int) else number(value, 6)
     if isinstance(value, Mapping):
         facts = (fact_of(str(name), v) for name, v in value.items() if v not in (None, ""))
-        return "; ".join(f"{label.lower()} {text}" for label, text in facts)
+        return "; ".join(f"{within(label)} {text}" for label, text in facts)
     if isinstance(value, list | tuple):
         return ", ".join(text_of(v) for v in value)
     return "—" if value is None else str(value)

@@ -71,6 +71,8 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
+    from hil.report.tick_labels import with_decimal_sign
+
     style = {**_STYLE, "svg.hashsalt": name}
     file = io.StringIO()
     with mpl.rc_context(style), warnings.catch_warnings():  # type: ignore[arg-type]
@@ -78,6 +80,7 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
         warnings.simplefilter("ignore", UserWarning)
         figure = Figure(figsize=(WIDTH_IN, height_in))
         draw(figure)
+        with_decimal_sign(figure)
         figure.savefig(file, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     return Picture(_inline(file.getvalue(), name, alt or caption), caption)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.field import Curve, array, needed, unit_of
 from hil.report.figure import AMBER, BLUE, FAINT, GREEN, INK, RED, SOFT, drawn, legend_on_top, thinned
@@ -23,42 +24,46 @@ def flow_curve_section(curve: Curve) -> Section:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3.0, 1.0))
         _branches(above, curve)
         _loop(below, curve)
-        below.set_xlabel(f"command{unit_of(curve, 'command_unit')}")
+        below.set_xlabel(_("command") + unit_of(curve, "command_unit"))
         below.margins(x=0.0)
 
-    shaded = " Shaded: dead band." if curve.get("dead_band") is not None else ""
+    shaded = " " + _("Shaded: dead band.") if curve.get("dead_band") is not None else ""
     caption = (
-        f"Above: mean response while the command rises and while it falls; bands: ±U (k = 2).{shaded} "
-        "Below: width of the loop."
+        _("Above: mean response while the command rises and while it falls; bands: ±U (k = 2).")
+        + f"{shaded} "
+        + _("Below: width of the loop.")
     )
     text = curve.get("polynomial_text")
-    listings = (Listing("Coefficients of the polynomial", str(text)),) if text else ()
-    title = "Flow curve" if str(curve.get("response_unit", "l/min")).endswith("/min") else "Characteristic curve"
+    listings = (Listing(_("Coefficients of the polynomial"), str(text)),) if text else ()
+    title = _("Flow curve") if str(curve.get("response_unit", "l/min")).endswith("/min") else _("Characteristic curve")
     return Section(title, figures=(drawn("flow-curve", 4.9, draw, caption),), listings=listings)
 
 
 def _branches(axes: Axes, curve: Curve) -> None:
     command, std = needed(curve, "command"), array(curve, "std")
-    for key, color, dash in (("rising", BLUE, "-"), ("falling", RED, "--")):
+    for key, color, dash in ((marked("rising"), BLUE, "-"), (marked("falling"), RED, "--")):
         y = needed(curve, key)
-        axes.plot(*thinned(command, y), color=color, ls=dash, label=key)
+        axes.plot(*thinned(command, y), color=color, ls=dash, label=_(key))
         if std is not None:
             axes.fill_between(
                 command, y - COVERAGE_FACTOR * std, y + COVERAGE_FACTOR * std, color=color, alpha=0.2, lw=0
             )
-    for key, label, color, dash in (("spline", "monotone spline", INK, ":"), ("polynomial", "polynomial", GREEN, "-.")):
+    for key, label, color, dash in (
+        ("spline", marked("monotone spline"), INK, ":"),
+        ("polynomial", marked("polynomial"), GREEN, "-."),
+    ):
         law = array(curve, key)
         if law is not None:
-            axes.plot(*thinned(command, law), color=color, ls=dash, lw=1.0, label=label)
+            axes.plot(*thinned(command, law), color=color, ls=dash, lw=1.0, label=_(label))
     half = curve.get("half_speed")
     if half:
-        for key, name in (("rising", "at half speed"), ("falling", "")):
+        for key, name in (("rising", _("at half speed")), ("falling", "")):
             axes.plot(*thinned(needed(half, "command"), needed(half, key)), color=AMBER, lw=2.4, alpha=0.6,
                       zorder=1.5, label=name)  # fmt: skip
     band = curve.get("dead_band")
     if band is not None:
         axes.axvspan(float(band[0]), float(band[1]), color=FAINT, lw=0.0, zorder=0)
-    axes.set_ylabel(f"response{unit_of(curve, 'response_unit')}")
+    axes.set_ylabel(_("response") + unit_of(curve, "response_unit"))
     axes.margins(x=0.0)
     legend_on_top(axes)
 
@@ -71,4 +76,4 @@ def _loop(axes: Axes, curve: Curve) -> None:
     if std is not None:
         expanded = COVERAGE_FACTOR * 2.0**0.5 * std
         axes.fill_between(command, width - expanded, width + expanded, color=INK, alpha=0.15, lw=0.0)
-    axes.set_ylabel(f"falling − rising{unit_of(curve, 'response_unit')}".replace(" [", "\n["))
+    axes.set_ylabel((_("falling − rising") + unit_of(curve, "response_unit")).replace(" [", "\n["))

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from hil.language.words import _
 from hil.report.field import Curve, array, label_of, needed, unit_of
 from hil.report.figure import BLUE, INK, SOFT, Picture, drawn, legend_on_top, thinned
+from hil.report.number import fixed
 from hil.report.section import Section, Table
 
 if TYPE_CHECKING:
@@ -22,7 +24,7 @@ def large_sines_section(curves: Sequence[Curve]) -> Section:
     groups = [curves[i : i + _SIDE_BY_SIDE] for i in range(0, len(curves), _SIDE_BY_SIDE)]
     pictures = tuple(_picture(f"large-sines-{k}", group) for k, group in enumerate(groups))
     table = _harmonics(curves)
-    return Section("Large sines", figures=pictures, tables=(table,) if table.rows else ())
+    return Section(_("Large sines"), figures=pictures, tables=(table,) if table.rows else ())
 
 
 def _picture(name: str, curves: Sequence[Curve]) -> Picture:
@@ -33,13 +35,13 @@ def _picture(name: str, curves: Sequence[Curve]) -> Picture:
             left = needed(curve, "measured") - needed(curve, "fitted")
             below.axhline(0.0, color=SOFT, lw=0.7)
             below.plot(*thinned(needed(curve, "time_s"), left), color=INK, lw=0.7)
-            below.set_xlabel("time [s]")
+            below.set_xlabel(_("time [s]"))
             below.margins(x=0.0)
-        rows[0][0].set_ylabel(f"response{unit_of(curves[0], 'response_unit')}")
-        rows[1][0].set_ylabel(f"difference{unit_of(curves[0], 'response_unit')}".replace(" [", "\n["))
+        rows[0][0].set_ylabel(_("response") + unit_of(curves[0], "response_unit"))
+        rows[1][0].set_ylabel((_("difference") + unit_of(curves[0], "response_unit")).replace(" [", "\n["))
         legend_on_top(rows[0][0])
 
-    caption = (
+    caption = _(
         "Above: samples, the fundamental with harmonics 2 to 5 that was fitted to them, and the command in its own "
         "unit. Below: what the fit leaves."
     )
@@ -48,17 +50,17 @@ def _picture(name: str, curves: Sequence[Curve]) -> Picture:
 
 def _sine(axes: Axes, curve: Curve) -> None:
     time_s, command = needed(curve, "time_s"), array(curve, "command")
-    axes.plot(*thinned(time_s, needed(curve, "measured")), color="#8b949e", lw=1.8, label="measured")
-    axes.plot(*thinned(time_s, needed(curve, "fitted")), color=BLUE, lw=1.0, label="fitted")
+    axes.plot(*thinned(time_s, needed(curve, "measured")), color="#8b949e", lw=1.8, label=_("measured"))
+    axes.plot(*thinned(time_s, needed(curve, "fitted")), color=BLUE, lw=1.0, label=_("fitted"))
     if command is not None:
         unit = unit_of(curve, "command_unit")
-        axes.plot(*thinned(time_s, command), color=INK, lw=0.8, ls="--", label=f"command{unit}")
+        axes.plot(*thinned(time_s, command), color=INK, lw=0.8, ls="--", label=_("command") + unit)
     axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
     axes.margins(x=0.0)
 
 
 def _harmonics(curves: Sequence[Curve]) -> Table:
     found = [(label_of(c), array(c, "harmonics_percent")) for c in curves]
-    rows = tuple((label, *(f"{float(v):.2f}" for v in values)) for label, values in found if values is not None)
+    rows = tuple((label, *(fixed(float(v), 2) for v in values)) for label, values in found if values is not None)
     orders = range(2, 2 + max((len(row) - 1 for row in rows), default=0))
-    return Table("Harmonics over the fundamental", ("Sine", *(f"{k} · f [%]" for k in orders)), rows)
+    return Table(_("Harmonics over the fundamental"), (_("Sine"), *(f"{k} · f [%]" for k in orders)), rows)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from hil.language.words import _
 from hil.report.field import Curve, label_of, needed, unit_of
 from hil.report.figure import BLUE, GRID, Picture, small_multiples, thinned
 from hil.report.number import number
@@ -21,28 +22,28 @@ _COLUMNS = 3
 
 def velocity_steps_section(curves: Sequence[Curve]) -> Section:
     """Every step, where its speed is read, and the speed."""
-    caption = "The speed is the slope of the fitted line over the shaded stretch."
+    caption = _("The speed is the slope of the fitted line over the shaded stretch.")
     unit = unit_of(curves[0], "response_unit").replace("]", "/s]")
     rows = tuple(
         (label_of(c), number(float(c["speed_per_s"]), 5), f"{number(float(c['from_s']))} … {number(float(c['to_s']))}")
         for c in curves
     )
-    table = Table("", ("Step", f"Speed{unit}", "Read from … to [s]"), rows)
+    table = Table("", (_("Step"), _("Speed") + unit, _("Read from … to [s]")), rows)
     return Section(
-        "Velocity steps", figures=(_picture("velocity-steps", curves, "measured", caption),), tables=(table,)
+        _("Velocity steps"), figures=(_picture("velocity-steps", curves, "measured", caption),), tables=(table,)
     )
 
 
 def drift_section(curves: Sequence[Curve]) -> Section:
     """The position at every level at which the command stands."""
-    caption = "Means over one second, and the straight line whose slope is the rate of the drift."
-    return Section("Drift", figures=(_picture("drift", curves, "position", caption),))
+    caption = _("Means over one second, and the straight line whose slope is the rate of the drift.")
+    return Section(_("Drift"), figures=(_picture("drift", curves, "position", caption),))
 
 
 def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) -> Picture:
     shown, left_out = curves[:_MOST], max(0, len(curves) - _MOST)
-    labels = "time [s]", f"position{unit_of(shown[0], 'response_unit')}"
-    more = f" {left_out} more are not drawn." if left_out else ""
+    labels = _("time [s]"), _("position") + unit_of(shown[0], "response_unit")
+    more = " " + _("{n} more are not drawn.").format(n=left_out) if left_out else ""
     return small_multiples(
         name, shown, _COLUMNS, lambda axes, curve: _motion(axes, curve, position), labels, caption + more
     )
@@ -52,7 +53,7 @@ def _motion(axes: Axes, curve: Curve, position: str) -> None:
     time_s = needed(curve, "time_s")
     if "from_s" in curve:
         axes.axvspan(float(curve["from_s"]), float(curve["to_s"]), color=GRID, lw=0.0)
-    axes.plot(*thinned(time_s, needed(curve, position)), color="#8b949e", lw=1.8, label="measured")
-    axes.plot(*thinned(time_s, needed(curve, "fitted")), color=BLUE, lw=1.0, ls="--", label="fitted line")
+    axes.plot(*thinned(time_s, needed(curve, position)), color="#8b949e", lw=1.8, label=_("measured"))
+    axes.plot(*thinned(time_s, needed(curve, "fitted")), color=BLUE, lw=1.0, ls="--", label=_("fitted line"))
     axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
     axes.margins(x=0.0)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+from hil.language.words import ENGLISH, spoken
+
 _UNITS = {
     "_s": "s", "_hz": "Hz", "_db": "dB", "_deg": "°", "_c": "°C", "_bar": "bar", "_mm": "mm", "_l_min": "l/min",
     "_v": "V", "_a": "A", "_percent": "%",
@@ -49,6 +51,11 @@ def short_names(paths: Iterable[str]) -> dict[str, str]:
     paths = list(paths)
     last = [short_name(path) for path in paths]
     return dict(zip(paths, last if len(set(last)) == len(set(paths)) else paths, strict=True))
+
+
+def within(label: str) -> str:
+    """A label as it stands within a sentence: small in English; in other languages as its catalogue has it."""
+    return label.lower() if spoken() == ENGLISH else label
 
 
 def capital(text: str) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 import re
 
+from hil.language.figures import localised
+
 MINUS = "\N{MINUS SIGN}"
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 _SMALLEST, _LARGEST = 1e-4, 1e7
@@ -35,7 +37,12 @@ def rounded(value: float | None, expanded: float | None) -> tuple[str, str]:
     if max(abs(value), expanded) < _SMALLEST or max(abs(value), expanded) >= _LARGEST:
         return _scaled(value, expanded)
     place = _place(expanded)
-    return _signed(_to_place(value, place)), _to_place(expanded, place)
+    return _signed(_to_place(value, place)), localised(_to_place(expanded, place))
+
+
+def fixed(value: float, places: int) -> str:
+    """A number with so many decimals."""
+    return _signed(f"{value:.{places}f}") if math.isfinite(value) else number(value)
 
 
 def with_uncertainty(value: float | None, expanded: float | None, unit: str = "") -> str:
@@ -89,7 +96,7 @@ def _scaled(value: float, expanded: float) -> tuple[str, str]:
 
 
 def _signed(text: str) -> str:
-    """With a minus sign instead of a hyphen, and never minus zero."""
-    if not text.startswith("-"):
-        return text
-    return text[1:] if not text.strip("-0.") else MINUS + text[1:]
+    """With a minus sign instead of a hyphen, never minus zero, and with the decimal sign of the page's language."""
+    if text.startswith("-"):
+        text = text[1:] if not text.strip("-0.") else MINUS + text[1:]
+    return localised(text)

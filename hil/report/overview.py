@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from hil.language.words import _
 from hil.record.recording import Channel, Recording
 from hil.report.figure import SERIES, drawn, thinned
 from hil.report.section import Section
@@ -32,10 +33,10 @@ def overview(recording: Recording) -> list[Section]:
             axes.set_ylabel(channels[0].unit)
             axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=6)
             axes.margins(x=0.0)
-        rows[-1].set_xlabel("time [s]")
+        rows[-1].set_xlabel(_("time [s]"))
 
-    caption = "Every channel as recorded; where samples lie closer than the drawing can show, their span is drawn."
-    return [Section("Recording", figures=(drawn("overview", 0.5 + 1.15 * len(strips), draw, caption),))]
+    caption = _("Every channel as recorded; where samples lie closer than the drawing can show, their span is drawn.")
+    return [Section(_("Recording"), figures=(drawn("overview", 0.5 + 1.15 * len(strips), draw, caption),))]
 
 
 def _by_unit(channels: list[Channel]) -> list[list[Channel]]:

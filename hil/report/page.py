@@ -10,6 +10,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from hil.errors import StorageError
+from hil.language.words import _, plural, spoken
 from hil.report.number import limits_text, number, unit_text, with_uncertainty
 from hil.version import __version__
 
@@ -31,15 +32,16 @@ def write_page(template: str, path: Path, **values: Any) -> None:
 
 def render(template: str, **values: Any) -> str:
     """A template of this package with its values; everything that is not markup of our own is escaped."""
-    return _templates().get_template(template).render(style=_style(), version=__version__, **values)
+    return _templates().get_template(template).render(style=_style(), version=__version__, language=spoken(), **values)
 
 
 @cache
 def _templates() -> Environment:
     environment = Environment(
         loader=PackageLoader("hil.report", "."), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True,
+        trim_blocks=True, lstrip_blocks=True, extensions=["jinja2.ext.i18n"],
     )  # fmt: skip
+    environment.install_gettext_callables(_, plural, newstyle=False)  # type: ignore[attr-defined]
     environment.filters.update(number=number, unit=unit_text)
     environment.globals.update(with_uncertainty=with_uncertainty, limits_text=limits_text)
     return environment

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.language.words import _
 from hil.record.recording import Array
 from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, thinned
 from hil.report.name import picture_name, words
@@ -29,7 +30,7 @@ def plain_section(name: str, curve: Any) -> Section:
         lines, values = _split(entry)
         pictures += _pictures(name, label, lines)
         rows += [(f"{label}: {words(key)}" if label else words(key), text) for key, text in values.items()]
-    tables = (Table("", ("Quantity", "Value"), tuple(rows[:_MOST_ROWS])),) if rows else ()
+    tables = (Table("", (_("Quantity"), _("Value")), tuple(rows[:_MOST_ROWS])),) if rows else ()
     return Section(words(name, capital=True), figures=tuple(pictures[:_MOST_PICTURES]), tables=tables)
 
 
@@ -80,7 +81,7 @@ def _split(entry: Mapping[str, Any]) -> tuple[dict[str, Array], dict[str, str]]:
             else:
                 lines[str(key)] = array.astype(np.float64)
         elif isinstance(value, np.ndarray):
-            values[str(key)] = f"array of {' × '.join(map(str, value.shape))}"
+            values[str(key)] = _("array of {shape}").format(shape=" × ".join(map(str, value.shape)))
         elif value is not None and not _is_nested(value):
             values[str(key)] = number(float(value)) if _is_number(value) else str(value)
     return lines, values
@@ -97,7 +98,7 @@ def _pictures(name: str, label: str, lines: Mapping[str, Array]) -> list[Picture
     x_name, x = next(iter(lines.items()))
     drawable = {key: y for key, y in lines.items() if key != x_name and len(y) == len(x) and np.isfinite(y).any()}
     if not drawable:
-        x_name, x, drawable = "index", np.arange(len(x), dtype=np.float64), {x_name: x}
+        x_name, x, drawable = _("index"), np.arange(len(x), dtype=np.float64), {x_name: x}
 
     def draw(figure: Figure) -> None:
         axes = figure.subplots()

@@ -8,10 +8,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from hil.language.words import _
 from hil.record.header import read_end
 from hil.record.recording import Channel, Recording
 from hil.report.facts import facts_of, text_of
-from hil.report.number import number, unit_text
+from hil.report.name import within
+from hil.report.number import fixed, number, unit_text
 from hil.report.section import Table
 
 _MOST_EVENTS = 40
@@ -21,28 +23,28 @@ def conditions_of(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Conditions of the test, and what is known of the valve beside its name."""
     valve = {name: value for name, value in (meta.get("valve") or {}).items() if name not in ("name", "serial")}
     rows = [*facts_of(meta.get("conditions") or {}), *facts_of(valve)]
-    return rows or [("Conditions", "none stated")]
+    return rows or [(_("Conditions"), _("none stated"))]
 
 
 def instrument_line(instrument: Any) -> str:
     """An instrument in one line."""
     if not isinstance(instrument, Mapping):
         return str(instrument)
-    others = "; ".join(f"{label.lower()} {value}" for label, value in facts_of({**instrument, "name": ""}))
+    others = "; ".join(f"{within(label)} {value}" for label, value in facts_of({**instrument, "name": ""}))
     return ": ".join(text for text in (str(instrument.get("name", "")), others) if text)
 
 
 def channel_table(channels: Iterable[Channel]) -> Table:
     """Channels with their instrument and calibration."""
     heads = (
-        "Channel",
-        "Unit",
-        "Instrument",
-        "Calibration: value per raw unit",
-        "Offset",
-        "U (k = 2)",
-        "Date",
-        "Source",
+        _("Channel"),
+        _("Unit"),
+        _("Instrument"),
+        _("Calibration: value per raw unit"),
+        _("Offset"),
+        _("U (k = 2)"),
+        _("Date"),
+        _("Source"),
     )
     return Table("", heads, tuple(_channel(channel) for channel in channels), text_columns=(2, 3, 7))
 
@@ -50,15 +52,15 @@ def channel_table(channels: Iterable[Channel]) -> Table:
 def _channel(channel: Channel) -> tuple[str, ...]:
     line = channel.calibration
     if not line:
-        return (channel.name, channel.unit, channel.source, "none", "", "", "", "")
-    unit, raw = unit_text(channel.unit), line.get("raw_unit", "raw unit")
+        return (channel.name, channel.unit, channel.source, _("none"), "", "", "", "")
+    unit, raw = unit_text(channel.unit), line.get("raw_unit", _("raw unit"))
     uncertainty = line.get("uncertainty")
     return (
         channel.name, channel.unit, channel.source,
         f"{number(line.get('slope'), 6)} {unit}/{raw}".replace(" /", " 1/"),
         f"{number(line.get('offset'), 6)} {unit}".rstrip(),
-        "not stated" if uncertainty is None else f"{number(uncertainty)} {unit}".rstrip(),
-        str(line.get("date") or "not stated"), str(line.get("source") or ""),
+        _("not stated") if uncertainty is None else f"{number(uncertainty)} {unit}".rstrip(),
+        str(line.get("date") or _("not stated")), str(line.get("source") or ""),
     )  # fmt: skip
 
 
@@ -67,15 +69,15 @@ def identity_of(recording: Recording) -> list[tuple[str, str]]:
     meta = recording.meta
     sampling = meta.get("sampling") or {}
     rows = [
-        ("Run folder", recording.name),
-        ("Started", str(meta.get("started_utc") or "")),
-        ("Stopped", str(meta.get("stopped_utc") or "")),
-        ("Ended", str(meta.get("outcome") or "")),
-        ("Program", str(meta.get("program") or "")),
+        (_("Run folder"), recording.name),
+        (_("Started"), str(meta.get("started_utc") or "")),
+        (_("Stopped"), str(meta.get("stopped_utc") or "")),
+        (_("Ended"), str(meta.get("outcome") or "")),
+        (_("Program"), str(meta.get("program") or "")),
         *_seals(recording.name),
         *_asked(meta),
-        ("Rate of the stamps", f"{number(1.0 / recording.interval_s, 6)} Hz" if len(recording) > 1 else ""),
-        *((f"Device: {label.lower()}", value) for label, value in facts_of(sampling)),
+        (_("Rate of the stamps"), f"{number(1.0 / recording.interval_s, 6)} Hz" if len(recording) > 1 else ""),
+        *((_("Device: {label}").format(label=within(label)), value) for label, value in facts_of(sampling)),
     ]
     return [(label, value) for label, value in rows if value]
 
@@ -86,7 +88,10 @@ def _seals(name: str) -> list[tuple[str, str]]:
     end = read_end(folder) if folder.is_dir() else None
     if end is None:
         return []
-    return [("CRC-32 of the samples", end.crc32), *((f"SHA-256 of {file}", seal) for file, seal in end.sha256.items())]
+    return [
+        (_("CRC-32 of the samples"), end.crc32),
+        *((_("SHA-256 of {file}").format(file=file), seal) for file, seal in end.sha256.items()),
+    ]
 
 
 def _asked(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -96,8 +101,8 @@ def _asked(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
     except tomllib.TOMLDecodeError:
         return []
     rate_hz, seed = bench.get("sample_rate_hz"), (bench.get("simulation") or {}).get("seed")
-    rows = [("Sample rate asked", "" if rate_hz is None else f"{number(rate_hz, 6)} Hz"),
-            ("Seed of the simulation", "" if seed is None else str(seed))]  # fmt: skip
+    rows = [(_("Sample rate asked"), "" if rate_hz is None else f"{number(rate_hz, 6)} Hz"),
+            (_("Seed of the simulation"), "" if seed is None else str(seed))]  # fmt: skip
     return [(label, value) for label, value in rows if value]
 
 
@@ -108,9 +113,15 @@ def event_table(events: Iterable[Mapping[str, Any]]) -> Table | None:
         return None
     rows = tuple((_seconds(event.get("time_s")), str(event["event"]), text_of(event.get("details"))) for event in kept)
     left_out = len(rows) - _MOST_EVENTS
-    caption = f"The first {_MOST_EVENTS}; {left_out} more are in events.jsonl." if left_out > 0 else ""
-    return Table(caption, ("Time [s]", "Event", "Details"), rows[:_MOST_EVENTS], text_columns=(1, 2))
+    caption = (
+        _("The first {n}; {more} more are in events.jsonl.").format(n=_MOST_EVENTS, more=left_out)
+        if left_out > 0
+        else ""
+    )
+    return Table(caption, (_("Time [s]"), _("Event"), _("Details")), rows[:_MOST_EVENTS], text_columns=(1, 2))
 
 
 def _seconds(time_s: Any) -> str:
-    return f"{time_s:.3f}" if isinstance(time_s, int | float) and math.isfinite(time_s) else "before the first sample"
+    return (
+        fixed(time_s, 3) if isinstance(time_s, int | float) and math.isfinite(time_s) else _("before the first sample")
+    )

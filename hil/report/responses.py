@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.field import Curve, array, label_of, needed, unit_of
 from hil.report.figure import (
@@ -25,7 +26,7 @@ from hil.report.figure import (
     thinned,
 )
 from hil.report.figure import plain_log as plain_log_axis
-from hil.report.number import number
+from hil.report.number import fixed, number
 from hil.report.section import Listing, Section, Table
 
 if TYPE_CHECKING:
@@ -46,10 +47,12 @@ def responses_section(curves: Sequence[Curve]) -> Section:
     models = [(label_of(c), model) for c in curves for model in (c.get("model"), c.get("alternative")) if model]
     texts = [f"{label}: {model['text']}" for label, model in models if model.get("text")]
     return Section(
-        "Frequency response",
+        _("Frequency response"),
         figures=tuple(figures),
         tables=_models(curves),
-        listings=(Listing("Coefficients with 95 % intervals, poles and zeros", "\n\n".join(texts)),) if texts else (),
+        listings=(Listing(_("Coefficients with 95 % intervals, poles and zeros"), "\n\n".join(texts)),)
+        if texts
+        else (),
     )
 
 
@@ -80,17 +83,19 @@ def _bode(name: str, groups: Sequence[Sequence[Curve]]) -> Picture:
                 if distorted:
                     _thd(rows[2][column], curve, k)
             _frame(list(rows[:, column]), group)
-        rows[0][0].set_ylabel("amplitude ratio [dB]")
-        rows[1][0].set_ylabel("phase [°]")
+        rows[0][0].set_ylabel(_("amplitude ratio [dB]"))
+        rows[1][0].set_ylabel(_("phase [°]"))
         if distorted:
-            rows[2][0].set_ylabel("THD [%]")
+            rows[2][0].set_ylabel(_("THD [%]"))
 
-    caption = (
+    caption = _(
         "Bode diagram. Points: measured, bars: ±U (k = 2). Lines: fitted transfer function with its 95 % band. "
         "0 dB is the gain at the reference frequency. Dotted: −3 dB and −90°."
     )
     if distorted:
-        caption += f" Below: harmonics 2 to 5 over the fundamental; dotted: {_DISTORTED_PERCENT:g} %."
+        caption += " " + _("Below: harmonics 2 to 5 over the fundamental; dotted: {percent} %.").format(
+            percent=number(_DISTORTED_PERCENT)
+        )
     return drawn(name, 1.2 + 1.0 * sum(ratios), draw, caption)
 
 
@@ -132,7 +137,7 @@ def _frame(column: Sequence[Axes], group: Sequence[Curve]) -> None:
         axes.set_xlim(0.9 * float(f.min()), 1.1 * float(f.max()))
         plain_log_axis(axes)
     column[1].yaxis.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 4.5, 9, 10]))
-    column[-1].set_xlabel("frequency [Hz]")
+    column[-1].set_xlabel(_("frequency [Hz]"))
     legend_above(column[0], 3)
 
 
@@ -144,8 +149,8 @@ def _distortions(curves: Sequence[Curve]) -> list[Picture]:
 
 
 _LEVELS = (
-    ("magnitude_db", "response", INK, "-", "o"), ("odd_db", "odd distortion", RED, "--", "v"),
-    ("even_db", "even distortion", AMBER, "-.", "^"), ("noise_db", "noise", BLUE, ":", ""),
+    ("magnitude_db", marked("response"), INK, "-", "o"), ("odd_db", marked("odd distortion"), RED, "--", "v"),
+    ("even_db", marked("even distortion"), AMBER, "-.", "^"), ("noise_db", marked("noise"), BLUE, ":", ""),
 )  # fmt: skip
 
 
@@ -156,17 +161,20 @@ def _distortion(name: str, curves: Sequence[Curve]) -> Picture:
                 level = array(curve, key)
                 if level is not None:
                     axes.plot(needed(curve, "frequency_hz"), level, color=color, ls=dash, marker=marker, ms=2.6, lw=1.1,
-                              label=label)  # fmt: skip
+                              label=_(label))  # fmt: skip
             axes.set_xscale("log")
             plain_log_axis(axes)
-            axes.set_xlabel("frequency [Hz]")
+            axes.set_xlabel(_("frequency [Hz]"))
             axes.set_ylim(bottom=_least_level(curves))
             axes.annotate(label_of(curve), (1.0, 1.0), xycoords="axes fraction", ha="right", va="top", color=SOFT)
-        figure.axes[0].set_ylabel("level [dB]")
+        figure.axes[0].set_ylabel(_("level [dB]"))
         legend_on_top(figure.axes[0])
 
-    return drawn(name, 3.0, draw, "Best linear approximation beside what is not linear, on the scale of the amplitude "
-                 "ratio: noise of the mean over the periods, odd and even distortion.")  # fmt: skip
+    caption = _(
+        "Best linear approximation beside what is not linear, on the scale of the amplitude ratio: noise of the mean "
+        "over the periods, odd and even distortion."
+    )
+    return drawn(name, 3.0, draw, caption)
 
 
 def _least_level(curves: Sequence[Curve]) -> float | None:
@@ -191,39 +199,39 @@ def _overlays(curves: Sequence[Curve]) -> list[Picture]:
                 _overlay(axes, overlay)
             line[0].set_ylabel(f"{label_of(curve)}{unit_of(curve, 'response_unit')}".replace(" [", "\n["))
         for axes in grid[-1]:
-            axes.set_xlabel("time [s]")
+            axes.set_xlabel(_("time [s]"))
         legend_on_top(grid[0][0])
 
-    return [drawn("sine-fits", 0.6 + 0.95 * len(rows), draw, "Sine fits: samples, and the sine with its harmonics that "
-                  "was fitted to them.")]  # fmt: skip
+    caption = _("Sine fits: samples, and the sine with its harmonics that was fitted to them.")
+    return [drawn("sine-fits", 0.6 + 0.95 * len(rows), draw, caption)]
 
 
 def _overlay(axes: Axes, overlay: Curve) -> None:
     time_s = needed(overlay, "time_s")
-    axes.plot(*thinned(time_s, needed(overlay, "measured"), _SMALL), color="#aeb6bf", lw=2.6, label="measured")
-    axes.plot(*thinned(time_s, needed(overlay, "fitted"), _SMALL), color=BLUE, lw=0.9, label="fitted")
+    axes.plot(*thinned(time_s, needed(overlay, "measured"), _SMALL), color="#aeb6bf", lw=2.6, label=_("measured"))
+    axes.plot(*thinned(time_s, needed(overlay, "fitted"), _SMALL), color=BLUE, lw=0.9, label=_("fitted"))
     axes.set_title(f"{number(float(overlay['frequency_hz']))} Hz", fontweight="normal", pad=2.0, loc="right")
     axes.margins(x=0.0)
     axes.locator_params(nbins=4)
 
 
 def _models(curves: Sequence[Curve]) -> tuple[Table, ...]:
-    remarks = (("model", ""), ("alternative", ", no zero in the right half plane"))
+    remarks = (("model", ""), ("alternative", marked(", no zero in the right half plane")))
     rows = [
-        (f"{label_of(curve)}{remark}", str(model.get("formula", "")), _fit(model), _dead_time(model))
+        (label_of(curve) + _(remark), str(model.get("formula", "")), _fit(model), _dead_time(model))
         for curve in curves
         for key, remark in remarks
         if (model := curve.get(key))
     ]
-    heads = ("Response", "Transfer function", "Fit [%]", "Dead time [s]")
-    return (Table("Fitted transfer functions", heads, tuple(rows), text_columns=(1,)),) if rows else ()
+    heads = (_("Response"), _("Transfer function"), _("Fit [%]"), _("Dead time [s]"))
+    return (Table(_("Fitted transfer functions"), heads, tuple(rows), text_columns=(1,)),) if rows else ()
 
 
 def _fit(model: Curve) -> str:
     value = model.get("fit_percent")
-    return "—" if value is None else f"{float(value):.2f}"
+    return "—" if value is None else fixed(float(value), 2)
 
 
 def _dead_time(model: Curve) -> str:
     value = model.get("dead_time_s")
-    return "—" if value is None else f"{float(value):.4f}"
+    return "—" if value is None else fixed(float(value), 4)

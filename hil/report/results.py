@@ -7,15 +7,24 @@ from collections.abc import Iterable, Mapping
 from itertools import groupby
 from typing import Any
 
+from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
 
 _WORDS = {
-    "pass": ("good", "Pass", "Every limit is met for certain."),
-    "fail": ("bad", "Fail", "At least one limit is missed."),
-    "cannot tell": ("open", "Cannot tell", "No limit is missed for certain, but not all of them are met for certain."),
-    None: ("", "Not judged", "No limit was given, so nothing was judged; the results are stated as measured."),
+    "pass": ("good", marked("Pass"), marked("Every limit is met for certain.")),
+    "fail": ("bad", marked("Fail"), marked("At least one limit is missed.")),
+    "cannot tell": (
+        "open",
+        marked("Cannot tell"),
+        marked("No limit is missed for certain, but not all of them are met for certain."),
+    ),
+    None: (
+        "",
+        marked("Not judged"),
+        marked("No limit was given, so nothing was judged; the results are stated as measured."),
+    ),
 }
 
 
@@ -24,17 +33,17 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
     tone, word, sentence = _WORDS[findings.verdict]
     details = [verdict_sentence(m) for m in findings.open_or_missed]
     if missing := meta.get("incomplete"):
-        details.append(f"The recording is incomplete: {missing}.")
+        details.append(_("The recording is incomplete: {missing}.").format(missing=missing))
     outcome = str(meta.get("outcome", "completed"))
     if outcome not in ("completed", "written"):
-        details.append(f"The run did not end as planned: {outcome}.")
-    return {"tone": tone, "word": word, "sentence": sentence, "details": details}
+        details.append(_("The run did not end as planned: {outcome}.").format(outcome=_(outcome)))
+    return {"tone": tone, "word": _(word), "sentence": _(sentence), "details": details}
 
 
 def value_text(m: Measured, unit: str = "") -> str:
     """`> 1.269 ± 0.012 Hz`: a measured value with its expanded uncertainty."""
     if m.value is None:
-        return "not determined"
+        return _("not determined")
     return _sign(m) + with_uncertainty(m.value, _expanded(m), unit)
 
 
@@ -47,10 +56,13 @@ def repeatability_text(m: Measured) -> str:
 
 def verdict_sentence(m: Measured) -> str:
     """`Cannot tell: rise is 71 ± 4 ms, limit ≤ 74 ms: it is met by 3 ms, but the uncertainty is 4 ms.`"""
-    place = f" at {_place(m)}" if _place(m) else ""
-    limit = f"limit {limits_text(m.low, m.high)} {unit_text(m.unit)}".strip()
+    limit = f"{limits_text(m.low, m.high)} {unit_text(m.unit)}".strip()
     far = f": {_how_far(m)}" if _how_far(m) else ""
-    return f"{capital(m.verdict or '')}: {quantity_words(m.quantity)}{place} is {value_text(m, m.unit)}, {limit}{far}."
+    place = _(" at {place}").format(place=_place(m)) if _place(m) else ""
+    return _("{verdict}: {quantity}{place} is {value}, limit {limit}{far}.").format(
+        verdict=capital(_(str(m.verdict))), quantity=_(quantity_words(m.quantity)), place=place,
+        value=value_text(m, m.unit), limit=limit, far=far,
+    )  # fmt: skip
 
 
 def _how_far(m: Measured) -> str:
@@ -60,15 +72,22 @@ def _how_far(m: Measured) -> str:
     inside = min(m.value - limit if side == "low" else limit - m.value
                  for side, limit in (("low", m.low), ("high", m.high)) if limit is not None)  # fmt: skip
     by = f"{number(abs(inside), 2)} {unit_text(m.unit)}".rstrip()
-    where = f"met by {by}" if inside > 0.0 else f"missed by {by}" if inside < 0.0 else "met exactly"
+    where = (_("met by {by}") if inside > 0.0 else _("missed by {by}") if inside < 0.0 else _("met exactly")).format(
+        by=by
+    )
     if m.relation != "=":
-        return "a bound, the value itself may lie anywhere beyond it" if m.verdict == "cannot tell" else ""
+        return _("a bound, the value itself may lie anywhere beyond it") if m.verdict == "cannot tell" else ""
     if m.std is None:
-        return f"it is {where}, but the uncertainty is not known"
+        return _("it is {where}, but the uncertainty is not known").format(where=where)
     if m.std == 0.0:
-        return f"it is {where}"
+        return _("it is {where}").format(where=where)
     width = f"{number(_expanded(m), 2)} {unit_text(m.unit)}".rstrip()
-    return f"it is {where}, {'but' if m.verdict == 'cannot tell' else 'and'} the uncertainty is {width}"
+    said = (
+        _("it is {where}, but the uncertainty is {width}")
+        if m.verdict == "cannot tell"
+        else _("it is {where}, and the uncertainty is {width}")
+    )
+    return said.format(where=where, width=width)
 
 
 def result_groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:
@@ -76,7 +95,7 @@ def result_groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:
     found = []
     for quantity, members in groupby(_together(measured), key=lambda m: m.quantity):
         rows = list(members)
-        group = {"name": capital(quantity_words(quantity)), "meaning": rows[0].meaning, "several": len(rows) > 1}
+        group = {"name": capital(_(quantity_words(quantity))), "meaning": _(rows[0].meaning), "several": len(rows) > 1}
         found.append({**group, "rows": [_row(m, _place(m)) for m in rows]})
     return found
 
@@ -103,7 +122,7 @@ def _row(m: Measured, place: str) -> dict[str, Any]:
     value, uncertainty = rounded(m.value, _expanded(m))
     return {
         "place": place,
-        "value": "not determined" if m.value is None else _sign(m) + value,
+        "value": _("not determined") if m.value is None else _sign(m) + value,
         "uncertainty": uncertainty,
         "repeatability": repeatability_text(m),
         "unit": unit_text(m.unit),

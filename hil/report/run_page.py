@@ -7,6 +7,8 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from hil.language.choice import in_page_language
+from hil.language.words import _
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.report.curves import sections
@@ -18,6 +20,7 @@ from hil.report.provenance import channel_table, conditions_of, event_table, ide
 from hil.report.results import result_groups, verdict_box
 
 
+@in_page_language
 def write_run_report(recording: Recording, findings: Findings, path: Path) -> None:
     """Write the page of a run.
 
@@ -25,10 +28,10 @@ def write_run_report(recording: Recording, findings: Findings, path: Path) -> No
         StorageError: it cannot be written.
     """
     meta = recording.meta
-    procedure = capital(quantity_words(str(meta.get("procedure") or "run")))
+    procedure = capital(_(quantity_words(str(meta.get("procedure") or "run"))))
     write_page(
         "run.html", path,
-        kicker="Test report",
+        kicker=_("Test report"),
         title=f"{procedure}: {_valve_name(meta)}",
         verdict=verdict_box(findings, meta),
         summary=_summary(recording),
@@ -56,12 +59,12 @@ def _summary(recording: Recording) -> list[tuple[str, str]]:
     meta = recording.meta
     valve = meta.get("valve") or {}
     rows = [
-        ("Valve", ", ".join(str(valve[key]) for key in ("name", "serial") if valve.get(key))),
-        ("Bench", str(meta.get("bench") or "")),
-        ("Operator", str(meta.get("operator") or "")),
-        *((capital(str(name)), str(text)) for name, text in (meta.get("notes") or {}).items()),
-        ("Date", _date(meta.get("started_utc"))),
-        ("Recorded", f"{number(recording.duration_s)} s, {len(recording)} samples"),
+        (_("Valve"), ", ".join(str(valve[key]) for key in ("name", "serial") if valve.get(key))),
+        (_("Bench"), str(meta.get("bench") or "")),
+        (_("Operator"), str(meta.get("operator") or "")),
+        *((capital(_(str(name))), str(text)) for name, text in (meta.get("notes") or {}).items()),
+        (_("Date"), _date(meta.get("started_utc"))),
+        (_("Recorded"), _("{seconds} s, {n} samples").format(seconds=number(recording.duration_s), n=len(recording))),
     ]
     return [(label, value) for label, value in rows if value]
 

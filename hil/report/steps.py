@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hil.language.words import _, marked
 from hil.physics.formula import formula
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.measurement import COVERAGE_FACTOR
@@ -26,7 +27,7 @@ from hil.report.figure import (
     small_multiples,
     thinned,
 )
-from hil.report.number import with_uncertainty
+from hil.report.number import number, with_uncertainty
 from hil.report.section import Section, Table
 
 if TYPE_CHECKING:
@@ -39,9 +40,13 @@ _MOST_STEPS = 12
 _FINE = 200  # points of a drawn model
 _ERRORS = ("fit_percent", "gain_error_db", "phase_error_deg")
 _FIGURES = (
-    ("dead_time_s", "Dead time [s]"), ("rise_s", "Rise 10…90 % [s]"), ("response_s", "To 90 % [s]"),
-    ("settling_s", "Settling [s]"), ("reaches_s", "First in band [s]"), ("overshoot_percent", "Overshoot [%]"),
-)  # fmt: skip
+    ("dead_time_s", marked("Dead time [s]")),
+    ("rise_s", marked("Rise 10…90 % [s]")),
+    ("response_s", marked("To 90 % [s]")),
+    ("settling_s", marked("Settling [s]")),
+    ("reaches_s", marked("First in band [s]")),
+    ("overshoot_percent", marked("Overshoot [%]")),
+)
 
 
 def steps_section(curves: Sequence[Curve]) -> Section:
@@ -50,29 +55,29 @@ def steps_section(curves: Sequence[Curve]) -> Section:
     tables = [table for table in (_figures(curves), _models(curves), _from_times(curves)) if table.rows]
     beside = [_bode(f"step-models-{k}", c) for k, c in enumerate(shown) if c.get("response") and c.get("models")]
     figures = (_picture(shown, len(curves) - len(shown)), *beside)
-    return Section("Step response", figures=figures, tables=tuple(tables))
+    return Section(_("Step response"), figures=figures, tables=tuple(tables))
 
 
 def _picture(curves: Sequence[Curve], left_out: int) -> Picture:
-    caption = (
+    caption = _(
         "Time counts from the step of the command, which is drawn to the scale of the response. Dotted: 10 % and "
         "90 % of the change."
     )
     if left_out:
-        caption += f" {left_out} more steps are in the table only."
-    labels = "time [s]", f"response{unit_of(curves[0], 'response_unit')}"
+        caption += " " + _("{n} more steps are in the table only.").format(n=left_out)
+    labels = _("time [s]"), _("response") + unit_of(curves[0], "response_unit")
     return small_multiples("steps", curves, 2 if len(curves) <= _FEW else 3, _step, labels, caption)
 
 
 def _step(axes: Axes, curve: Curve) -> None:
     time_s, start, final = needed(curve, "time_s"), float(curve["start"]), float(curve["final"])
-    axes.plot(*thinned(time_s, needed(curve, "measured")), color="#8b949e", lw=1.0, label="measured")
+    axes.plot(*thinned(time_s, needed(curve, "measured")), color="#8b949e", lw=1.0, label=_("measured"))
     fitted, command = array(curve, "fitted"), array(curve, "command")
     if fitted is not None:
-        axes.plot(*thinned(time_s, fitted), color=BLUE, lw=1.2, label="fitted model")
+        axes.plot(*thinned(time_s, fitted), color=BLUE, lw=1.2, label=_("fitted model"))
     if command is not None and (change := _step_of(time_s, command)):
         scaled = start + (command - command[0]) / change * (final - start)
-        axes.plot(*thinned(time_s, scaled), color=INK, lw=0.8, ls="--", label="command")
+        axes.plot(*thinned(time_s, scaled), color=INK, lw=0.8, ls="--", label=_("command"))
     for share in (0.1, 0.9):
         axes.axhline(start + share * (final - start), color=SOFT, lw=0.8, ls=":")
     axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
@@ -89,7 +94,7 @@ def _figures(curves: Sequence[Curve]) -> Table:
     rows = tuple(
         (label_of(c), *(_value(c["figures"].get(key)) for key, _head in _FIGURES)) for c in curves if c.get("figures")
     )
-    return Table("Figures of each step with ±U (k = 2)", ("Step", *(head for _key, head in _FIGURES)), rows)
+    return Table(_("Figures of each step with ±U (k = 2)"), (_("Step"), *(_(head) for _key, head in _FIGURES)), rows)
 
 
 def _value(pair: Any) -> str:
@@ -97,29 +102,29 @@ def _value(pair: Any) -> str:
         return "—"
     value, std = pair
     if std is not None and not math.isfinite(std):
-        return "not determined"
+        return _("not determined")
     return with_uncertainty(float(value), None if std is None else COVERAGE_FACTOR * float(std))
 
 
 def _models(curves: Sequence[Curve]) -> Table:
     rows = tuple((label_of(c), str(c["fitted_text"])) for c in curves if c.get("fitted_text"))
-    return Table("Fitted models", ("Step", "Model"), rows, text_columns=(1,))
+    return Table(_("Fitted models"), (_("Step"), _("Model")), rows, text_columns=(1,))
 
 
 def _from_times(curves: Sequence[Curve]) -> Table:
     """Those of the HPV41 paper, eqs 11 to 22."""
-    heads = ("Step", "Model", "Transfer function", "Fit [%]", "Gain, rms [dB]", "Phase, rms [°]")
+    heads = (_("Step"), _("Model"), _("Transfer function"), _("Fit [%]"), _("Gain, rms [dB]"), _("Phase, rms [°]"))
     rows = tuple(
         (label_of(c), one["label"], formula(_function(one)), *(_error(one, key) for key in _ERRORS))
         for c in curves
         for one in c.get("models") or ()
     )
-    caption = "Models from rise and settling time, and their errors beside the frequency response where there is one"
+    caption = _("Models from rise and settling time, and their errors beside the frequency response where there is one")
     return Table(caption, heads, rows, text_columns=(1, 2))
 
 
 def _error(model: Curve, key: str) -> str:
-    return "—" if model.get(key) is None else f"{model[key]:.3g}"
+    return "—" if model.get(key) is None else number(model[key], 3)
 
 
 def _function(model: Curve) -> TransferFunction:
@@ -135,7 +140,7 @@ def _bode(name: str, curve: Curve) -> Picture:
     def draw(figure: Figure) -> None:
         above, below = figure.subplots(2, 1, sharex=True)
         for axes, key in ((above, "magnitude_db"), (below, "phase_deg")):
-            axes.plot(frequency_hz, needed(measured, key), ls="", marker="o", color=INK, label="measured")
+            axes.plot(frequency_hz, needed(measured, key), ls="", marker="o", color=INK, label=_("measured"))
         for k, one in enumerate(curve["models"]):
             response = _function(one).at(fine)
             style = {"color": SERIES[k % len(SERIES)], "ls": DASHES[k % len(DASHES)], "label": one["label"]}
@@ -143,9 +148,11 @@ def _bode(name: str, curve: Curve) -> Picture:
             below.plot(fine, np.degrees(np.unwrap(np.angle(response))), **style)
         above.set_xscale("log")
         plain_log(below)
-        above.set_ylabel("amplitude ratio [dB]")
-        below.set_ylabel("phase [°]")
-        below.set_xlabel("frequency [Hz]")
+        above.set_ylabel(_("amplitude ratio [dB]"))
+        below.set_ylabel(_("phase [°]"))
+        below.set_xlabel(_("frequency [Hz]"))
         legend_above(above)
 
-    return drawn(name, 4.4, draw, f"{label_of(curve)}: models of the step beside the measured frequency response.")
+    return drawn(
+        name, 4.4, draw, label_of(curve) + ": " + _("models of the step beside the measured frequency response.")
+    )

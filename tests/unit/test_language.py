@@ -1,0 +1,127 @@
+"""Pages in German: catalogues in step with the code, decimal signs, the language asked for, files in English."""
+
+from __future__ import annotations
+
+import io
+import json
+import re
+from pathlib import Path
+
+import pikepdf
+import pytest
+from babel.messages.pofile import read_po
+
+from docs.catalogues import CATALOGUES, ROOMS, catalogue, compiled, text_of
+from hil.cli.app import main
+from hil.errors import SettingError
+from hil.language.choice import choose, page_language
+from hil.language.figures import decimal_sign, localised
+from hil.language.words import _, languages, plural, speaking, spoken
+from hil.record.measurement import Findings, Measurement
+from hil.report.number import fixed, number, with_uncertainty
+from hil.report.run_page import write_run_report
+from hil.report.terminal import findings_text
+from tests.page import read_page
+from tests.passports import run_of
+from tests.unit.test_report_run import a_recording
+
+FILES = sorted(CATALOGUES.glob("*/LC_MESSAGES/*.po"))
+BANDWIDTH = Measurement(
+    "bandwidth_3db", "Hz", "frequency at which the amplitude ratio is 3 dB below the reference", 1.0
+)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_catalogues_are_in_step_with_the_code(path: Path) -> None:
+    made = catalogue(path.stem, path)
+    assert path.stem in ROOMS
+    assert path.read_bytes() == text_of(made), "python docs/catalogues.py brings it up to date"
+    assert path.with_suffix(".mo").read_bytes() == compiled(made)
+
+
+@pytest.mark.parametrize("path", FILES, ids=lambda path: path.stem)
+def test_everything_is_translated_with_the_same_places(path: Path) -> None:
+    for message in read_po(io.BytesIO(path.read_bytes())):
+        if message.id:
+            texts = zip(*(([t] if isinstance(t, str) else t) for t in (message.id, message.string)), strict=True)
+            for said, translated in texts:
+                assert translated, f"not translated: {said}"
+                assert set(re.findall(r"{\w*}", said)) == set(re.findall(r"{\w*}", translated)), said
+
+
+def test_german_numbers_have_a_comma_and_english_ones_a_point() -> None:
+    shown = [number(1.5), number(-0.25), fixed(2.0, 2), with_uncertainty(1.269, 0.012, "Hz"), number(1e-9)]
+    assert shown == ["1.5", "−0.25", "2.00", "1.269 ± 0.012 Hz", "1·10⁻⁹"]
+    with speaking("de"):
+        shown = [number(1.5), number(-0.25), fixed(2.0, 2), with_uncertainty(1.269, 0.012, "Hz"), number(1e-9)]
+        assert (decimal_sign(), localised("3.25")) == (",", "3,25")
+    assert shown == ["1,5", "−0,25", "2,00", "1,269 ± 0,012 Hz", "1·10⁻⁹"]
+
+
+def test_a_language_lasts_as_long_as_its_context_and_no_other_is_spoken() -> None:
+    assert languages() == ("en", "de")
+    with speaking("de"), speaking("en"):
+        assert (spoken(), _("Verdict"), plural("{n} run", "{n} runs", 2)) == ("en", "Verdict", "{n} runs")
+    with speaking("de"):
+        assert (_("Verdict"), _("no such text"), _("")) == ("Urteil", "no such text", "")
+    assert _("Verdict") == "Verdict"
+    with pytest.raises(SettingError, match="language 'fr': en, de are spoken"), speaking("fr"):
+        pass
+
+
+@pytest.mark.parametrize(
+    ("environment", "language"),
+    [
+        ({}, "en"), ({"LANG": "de_DE.UTF-8"}, "de"), ({"LANG": "C.UTF-8"}, "en"), ({"LANG": "fr_FR.UTF-8"}, "en"),
+        ({"LC_ALL": "C", "LANG": "de_DE.UTF-8"}, "en"), ({"LANGUAGE": "fr:de", "LANG": "en_US"}, "de"),
+        ({"HIL_LANGUAGE": "en", "LANG": "de_AT"}, "en"), ({"HIL_LANGUAGE": "DE-ch"}, "de"),
+    ],
+)  # fmt: skip
+def test_the_environment_decides_where_nobody_says(environment: dict[str, str], language: str) -> None:
+    assert page_language(environment) == language
+
+
+def test_a_language_that_is_not_spoken_is_refused_by_name() -> None:
+    with pytest.raises(SettingError, match=r"--language nl: en, de are spoken"):
+        choose("nl")
+    with pytest.raises(SettingError, match="HIL_LANGUAGE=nl: en, de are spoken"):
+        page_language({"HIL_LANGUAGE": "nl"})
+
+
+def test_the_page_of_a_run_is_german_and_what_is_printed_is_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HIL_LANGUAGE", "de")
+    found = Findings((BANDWIDTH.of(1.26912, 0.00612), BANDWIDTH.at("−50 %").of(0.99, 0.08)))
+    write_run_report(a_recording(), found, tmp_path / "report.html")
+    page = read_page(tmp_path / "report.html")
+    assert '<html lang="de">' in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "Nicht zu sagen Kein Grenzwert ist sicher verletzt" in page.text
+    assert "Bandbreite 3 dB bei −50 % ist 0,99 ± 0,16 Hz, Grenzwert ≥ 1 Hz: er ist um 0,01 Hz verfehlt" in page.text
+    assert "Frequenz, bei der das Amplitudenverhältnis 3 dB unter dem Bezug liegt" in page.text
+    assert not re.search(r"\d\.\d", re.sub(r"ISO 14253-1|valve-hil [\d.]+", "", page.text)), "a decimal point is left"
+    assert "bandwidth_3db, −50 %  0.99 ± 0.16    Hz" in findings_text(found)
+
+
+def test_a_page_in_german_by_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = [str(run_of(tmp_path, name=name, gain=gain)) for name, gain in (("a", 50.0), ("b", 53.0))]
+    page = tmp_path / "page.html"
+    monkeypatch.setattr("sys.argv", ["hil", "compare", *runs, "--page", str(page), "--language", "de"])
+    assert main() == 0
+    assert "1 von 1 Werten weichen über ihre Unsicherheit hinaus ab: gain." in read_page(page).text
+    assert page_language({}) == "en", "the option outlasts its command"
+
+
+def test_the_certificate_in_german_and_its_files_in_english(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = run_of(tmp_path)
+    monkeypatch.setenv("HIL_STATE", str(tmp_path / "state"))
+    monkeypatch.setattr("sys.argv", ["hil", "passport", str(run), "--out", str(tmp_path / "p.pdf"), "--language", "de"])
+    assert main() == 0
+    with pikepdf.open(tmp_path / "p.pdf") as pdf:
+        assert pdf.Root.Lang == "de"
+        assert str(pdf.docinfo["/Title"]) == "Ventilpass: HPV41, SN-7"
+        content = json.loads(pdf.attachments["passport.json"].get_file().read_bytes())
+        xml = pdf.attachments["certificate.xml"].get_file().read_bytes().decode()
+    assert content["model"].startswith("No model of this unit is inside")
+    assert re.findall(r"value(?:XMLList)?>[^<]*\d[^<]*<", xml)
+    assert not re.search(r"\d,\d", xml), "a decimal comma in a file for programs"
