@@ -81,6 +81,7 @@ lines otherwise. An error is one line that names the file, field or value, what 
 | 2 | bad input or usage; nothing was driven |
 | 3 | hardware, link or storage failed, or anything else after something was driven; also any end with NOT SAFE |
 | 130, 143, 129, 131 | stopped by Ctrl-C, SIGTERM, SIGHUP (a closed terminal), SIGQUIT; what was recorded is kept |
+| 138 | stopped by the stop button of a console, or SIGUSR1: outputs jumped to their safe values |
 
 *NOT SAFE* is said, and the status is 3, when an output is not known to be safe, whatever ended the run, Ctrl-C included
 ([safety](../explanation/safety.md#what-is-known-of-an-output)).

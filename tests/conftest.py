@@ -31,7 +31,7 @@ def pytest_configure() -> None:
 @pytest.fixture(autouse=True)
 def signals() -> Iterator[None]:
     """A program that was called within a test, not started, leaves signals ignored as at its end: give them back."""
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT)
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGQUIT, signal.SIGUSR1)
     before = {number: signal.getsignal(number) for number in numbers}
     yield
     for number, handler in before.items():

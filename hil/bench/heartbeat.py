@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import stat
@@ -9,16 +10,22 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import IO
+from typing import IO, Any, NamedTuple
 
 from hil.bench.read import BenchFile
+from hil.bench.stop.control import Control, control_of
+from hil.bench.stop.desk import Desk
+from hil.bench.stop.listener import Listener
 from hil.errors import HardwareError, StoppedError
+from hil.safety.operator import Asked, Operator
 from hil.safety.outputs import Outputs
 
-READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready\n", b"d", b"s", b"q", b".", b"error "
+READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready ", b"d", b"s", b"q", b".", b"error "
+WISHES: Mapping[Asked, bytes] = {"stop": b"!", "hold": b"=", "resume": b">"}
+LINE = b"{"  # to the watchdog: a line of JSON begins, {"outputs": …} after a stop, or {"holding": …}
 REPORT_FILE = "watchdog.json"
 GIVE_UP_S = 60.0  # so long a watchdog tries to reach a device
 _START_S = 60.0
@@ -27,12 +34,20 @@ _DEATH_S = 1.0
 _LONGEST_REASON = 4096
 
 
+class Watch(NamedTuple):
+    """Gives a sign of life, told whether outputs are driven (else they are safe); and where the run is stopped."""
+
+    beat: Callable[[bool], None]
+    control: Control | None
+    note: str = ""
+
+
 @contextmanager
-def watched(file: BenchFile, run: Path, known: Outputs) -> Iterator[Callable[[bool], None]]:
+def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | None = None) -> Iterator[Watch]:
     """A watchdog process while inside; yields the function that gives a sign of life.
 
-    That function is told whether outputs are driven (else they are safe), and raises `StoppedError` when the watchdog
-    itself is gone or hangs. A simulated bench, and one whose file says `watchdog_s = 0`, has no watchdog.
+    That function raises `StoppedError` when the watchdog itself is gone or hangs. A simulated bench, and one whose file
+    says `watchdog_s = 0`, has no watchdog; an operator who is to be heard there is heard in this process.
 
     At the end the watchdog goes home when nothing is left to do for any output, and else goes on trying, whatever the
     error was; then the error says so.
@@ -41,21 +56,52 @@ def watched(file: BenchFile, run: Path, known: Outputs) -> Iterator[Callable[[bo
         HardwareError: the watchdog cannot reach the devices.
     """
     if file.is_simulated or not file.bench.protection.watchdog_s:
-        yield lambda _driven: None
+        with _heard_here(file, known, operator) as watch:
+            yield watch
         return
-    heart = Heart(file, run)
+    operator = operator or Operator()
+    heart = Heart(file, run, operator)
+    operator.tell, operator.holding = heart.say_outputs, heart.say_holding
     try:
         heart.wait_until_ready()
-        yield heart.beat
+        yield Watch(heart.beat, heart.control, heart.deaf)
     except BaseException as error:
         if not known.settled:
             error.add_note(heart.hand_over())
         raise
     finally:
         if known.settled:
+            heart.say_outputs(known)
             heart.say_farewell()
         else:
             heart.stop()
+
+
+@contextmanager
+def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> Iterator[Watch]:
+    """Without a watchdog: this process listens itself, for as long as the bench is open."""
+    if operator is None:
+        yield Watch(lambda _driven: None, None)
+        return
+    desk = Desk(units_of(file), "run", operator.ask)
+    operator.tell = lambda outputs: desk.tell(outputs.known, "run")
+    operator.holding = desk.holds
+    try:
+        listener = Listener(desk, "run")
+    except OSError as error:
+        yield Watch(lambda _driven: None, None, f"no listener for a stop: {error}")
+        return
+    try:
+        yield Watch(lambda _driven: None, listener.control)
+    finally:
+        if known.known:
+            operator.answer(known)
+        listener.close()
+
+
+def units_of(file: BenchFile) -> dict[str, str]:
+    """The unit of each output of a bench."""
+    return {name: channel.unit for name, channel in file.bench.channels.items() if channel.is_output}
 
 
 class Heart:
@@ -64,9 +110,17 @@ class Heart:
     Args:
         file: the bench that it watches over.
         run: the run folder, for its report.
+        operator: who hears what is asked at the watchdog's listener.
+
+    Attributes:
+        control: where that listener is.
+        deaf: why there is none.
     """
 
-    def __init__(self, file: BenchFile, run: Path) -> None:
+    def __init__(self, file: BenchFile, run: Path, operator: Operator | None = None) -> None:
+        self._operator = operator or Operator()
+        self.control: Control | None = None
+        self.deaf = ""
         self._limit_s = file.bench.protection.watchdog_s
         self._report = run / REPORT_FILE
         words = [str(file.path.resolve()), str(os.getpid()), str(run.absolute()), str(Path.cwd())]
@@ -120,6 +174,15 @@ class Heart:
         except (OSError, ValueError, subprocess.TimeoutExpired):
             self._end()
 
+    def say_outputs(self, known: Outputs) -> None:
+        """Tell what is known of the outputs. Never raises."""
+        if known.known:
+            self._say_line({"outputs": known.record()})
+
+    def say_holding(self, holds: bool) -> None:
+        """Tell whether the run stands, as the operator asked."""
+        self._say_line({"holding": holds})
+
     def hand_over(self) -> str:
         """Leave the rest to the watchdog; what is to be said of it."""
         self.stop()
@@ -143,6 +206,10 @@ class Heart:
         how = self._failed or f"gave no answer for {self._limit_s:g} s"
         return StoppedError(f"the watchdog process {how}; the run was stopped")
 
+    def _say_line(self, content: Mapping[str, Any]) -> None:
+        with suppress(OSError, ValueError):
+            self._say(json.dumps(content).encode() + b"\n")
+
     def _say(self, what: bytes) -> None:
         pipe = self._process.stdin
         if pipe is None or pipe.closed:
@@ -152,14 +219,28 @@ class Heart:
     def _listen(self) -> None:
         with self._process.stdout as said:  # type: ignore[union-attr] # it is a pipe
             first = said.readline()
-            self._failed = "" if first == READY else _reason(first) or self._death()
+            self._failed = "" if first.startswith(READY) else _reason(first) or self._death()
+            if not self._failed:
+                told = json.loads(first.removeprefix(READY))
+                self.control, self.deaf = control_of(told), told.get("deaf", "")
             self._heard_s = self._asked_s = time.monotonic()
             self._started.set()
             last = b""
             while more := said.read(4096):
                 self._heard_s = time.monotonic()
-                last = (last + more)[-_LONGEST_REASON:].lstrip(ANSWER)
+                last = self._heed((last + more)[-_LONGEST_REASON:])
         self._failed = self._failed or _reason(last) or self._death()
+
+    def _heed(self, said: bytes) -> bytes:
+        """Do what is asked, and return what is left: the beginning of a reason."""
+        for at, byte in enumerate(said):
+            if bytes([byte]) == ANSWER:
+                continue
+            wish = next((wish for wish, word in WISHES.items() if word[0] == byte), None)
+            if wish is None:
+                return said[at:]
+            self._operator.ask(wish)
+        return b""
 
     def _relay(self, said: IO[bytes]) -> None:
         """What it says on stderr, said here."""

@@ -20,6 +20,7 @@ from hil.bench.protection import protection_of
 from hil.bench.read import BenchFile
 from hil.bench.recorder import Recorder
 from hil.bench.rig import BenchRig, Progress, conditions_of
+from hil.bench.stop.control import published
 from hil.clock import Clock, clock
 from hil.daq.contract import Daq
 from hil.daq.scaled import Scaled
@@ -29,6 +30,7 @@ from hil.record.header import Column
 from hil.record.recording import Recording
 from hil.safety.guard import Guard
 from hil.safety.latch import Latch, latch_path
+from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
 from hil.safety.ramp import way_to
 
@@ -43,6 +45,7 @@ def open_rig(
     earlier: Recording | None = None,
     known: Outputs | None = None,
     commanding: str = "",
+    operator: Operator | None = None,
 ) -> Iterator[BenchRig]:
     """The rig of a bench, recording into a new run folder; outputs are made safe before and after, and read back.
 
@@ -59,6 +62,7 @@ def open_rig(
             parts are finished.
         known: what is known of the outputs, for somebody who asks for it afterwards.
         commanding: the output that the rig drives, where it is not the command of the bench.
+        operator: whoever may stop or hold this run from outside. A bench with a watchdog is listened for in any case.
 
     Raises:
         FileError: the folder exists, or the earlier run lacks a channel.
@@ -72,7 +76,8 @@ def open_rig(
     check_packages(file)
     deviations = deviations_on(file, datetime.now(UTC).date())
     known = known or Outputs()
-    with leased(file), watched(file, out, known) as beat, accounted(known), _opened(file, known) as daq:
+    operator = operator or (None if file.is_simulated else Operator())
+    with leased(file), watched(file, out, known, operator) as watch, accounted(known), _opened(file, known) as daq:
         bench = file.bench
         latch = _latch(file, resets)
         columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
@@ -85,9 +90,15 @@ def open_rig(
             finished = _taken_over(writer, earlier)
             recorder = Recorder(writer, daq.inputs)
             guard = Guard(
-                daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note, beat, known
-            )
-            with closed_for_sure(guard.close):
+                daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note, watch.beat,
+                known, operator,
+            )  # fmt: skip
+            if watch.note:
+                recorder.note("no stop from a console", why=watch.note)
+            with (
+                published(watch.control, out, lambda: not known.settled, recorder.note),
+                closed_for_sure(guard.close),
+            ):
                 _switch_on(bench, guard, rate_hz)
                 yield BenchRig(bench, guard, recorder, columns, progress, finished, commanding)
 

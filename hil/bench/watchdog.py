@@ -7,7 +7,8 @@ its own way to the devices once and makes their outputs safe, so that this way i
 not touch them, until the pipe ends without a farewell (the program is dead) or is silent for too long while outputs
 are driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). Each device is made safe
 and read back by itself, whatever the others do, and those that fail are tried again; one that has the name of a device
-but is another one than before is not touched. What it did stands in
+but is another one than before is not touched. It also listens for a stop (see `hil.bench.stop`): it tells the program,
+and takes over in the same way when that has not made its outputs safe within `CONFIRMS_S`. What it did stands in
 `watchdog.json` in the run folder, or in the user's state folder when that is gone. Paths in the bench file are meant
 from FOLDER; nothing in it is imported.
 """
@@ -15,6 +16,7 @@ from FOLDER; nothing in it is imported.
 from __future__ import annotations
 
 import json
+import math
 import os
 import queue
 import signal
@@ -23,18 +25,35 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from hil.bench.heartbeat import ANSWER, AT_REST, ERROR, FAREWELL, GIVE_UP_S, READY, REPORT_FILE
+from hil.bench.heartbeat import (
+    ANSWER,
+    AT_REST,
+    ERROR,
+    FAREWELL,
+    GIVE_UP_S,
+    LINE,
+    READY,
+    REPORT_FILE,
+    WISHES,
+    units_of,
+)
 from hil.bench.lease import leased
 from hil.bench.pinned import pinned
 from hil.bench.read import BenchFile, read_bench
+from hil.bench.stop.control import withdraw
+from hil.bench.stop.desk import Desk
+from hil.bench.stop.listener import Listener
+from hil.daq.calibration import Calibration
 from hil.daq.contract import Daq
 from hil.errors import HardwareError, HilError, InUseError, reason
 from hil.safety.latch import state_path
-from hil.safety.outputs import Outputs
+from hil.safety.operator import Asked
+from hil.safety.outputs import Output, Outputs, outputs_in
 
+CONFIRMS_S = 0.2  # after a stop the program has so long to read its outputs back safe
 _LATE_S = 1.0  # what the dead program had sent may still be on its way, and come after what is sent now
 _AGAIN_S = 0.05
 _HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
@@ -62,22 +81,46 @@ def _watch(path: Path, pid: int, run: Path) -> int:
     except HilError as error:
         _say(ERROR + f"{' '.join(str(error).split())}\n".encode())
         return error.exit_status
-    _say(READY)
-    limit_s = file.bench.protection.watchdog_s
-    why = _watched(_Ears(), limit_s, pid)
-    if why:
-        _act(file, pid, run, why)
+    ears = _Ears()
+    desk = Desk(units_of(file), "watchdog", ears.wish)
+    with _listening(desk) as told:
+        _say(READY + json.dumps(told).encode() + b"\n")
+        why = _watched(ears, file.bench.protection.watchdog_s, pid, desk)
+        if why:
+            _act(file, pid, run, why, desk)
+            withdraw(run)
     return 0
 
 
+@contextmanager
+def _listening(desk: Desk) -> Iterator[dict[str, str]]:
+    """A listener for stops while inside; yields where it is, or why there is none, which keeps no run from starting."""
+    try:
+        listener = Listener(desk, "watchdog")
+    except Exception as error:
+        yield {"deaf": f"no listener for a stop: {reason(error)}"}
+        return
+    try:
+        yield listener.control.told()
+    finally:
+        listener.close()
+
+
 class _Ears:
-    """What the program says, read in a thread of its own so that it can be waited for with a limit everywhere."""
+    """What the program says and what an operator wishes, one after the other, to be waited for with a limit.
+
+    The program is read in a thread of its own.
+    """
 
     def __init__(self) -> None:
-        self._heard: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._heard: queue.SimpleQueue[bytes | Asked] = queue.SimpleQueue()
         threading.Thread(target=self._listen, daemon=True).start()
 
-    def next(self, timeout_s: float | None) -> bytes | None:
+    def wish(self, what: Asked) -> None:
+        """Somebody wishes something. From any thread."""
+        self._heard.put(what)
+
+    def next(self, timeout_s: float | None) -> bytes | Asked | None:
         """What came; nothing at the end of the pipe, None when nothing came in time."""
         try:
             return self._heard.get(timeout=timeout_s)
@@ -90,31 +133,90 @@ class _Ears:
         self._heard.put(b"")
 
 
-def _watched(ears: _Ears, limit_s: float, pid: int) -> str:
+class _Program:
+    """What is known of the program from what it said, byte by byte.
+
+    Attributes:
+        driven: whether outputs are driven.
+        has_left: it said farewell.
+    """
+
+    def __init__(self, desk: Desk) -> None:
+        self._desk = desk
+        self._rest = b""
+        self.driven = self.has_left = False
+
+    def said(self, what: bytes) -> int:
+        """Take it in; returns how many signs of life it held."""
+        signs, self._rest = 0, self._rest + what
+        while self._rest:
+            before, begun, after = self._rest.partition(LINE)
+            line, ended, left = after.partition(b"\n")
+            signs += self._signs(before)
+            if begun and not ended:  # the rest of the line is on its way
+                self._rest = begun + after
+                break
+            if begun:
+                self._line(begun + line)
+            self._rest = left
+        return signs
+
+    def _signs(self, signs: bytes) -> int:
+        self.has_left = self.has_left or FAREWELL in signs
+        if signs:
+            self.driven = signs[-1:] != AT_REST
+        return len(signs)
+
+    def _line(self, line: bytes) -> None:
+        told = json.loads(line)
+        if "holding" in told:
+            self._desk.holds(bool(told["holding"]))
+        if "outputs" in told:
+            self._desk.tell(outputs_in(told["outputs"]), "run")
+
+
+def _watched(ears: _Ears, limit_s: float, pid: int, desk: Desk) -> str:
     """Listen until there is something to do; empty when the program said farewell."""
-    driven = False
+    program = _Program(desk)
+    silent_at_s = confirms_by_s = math.inf
     while True:
-        said = ears.next(limit_s if driven else None)
-        if said is None:
-            with suppress(ProcessLookupError):
-                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
-            deadline_s = time.monotonic() + _RELEASE_S
-            while ears.next(max(0.0, deadline_s - time.monotonic())):
-                pass
+        until_s = min(silent_at_s, confirms_by_s)
+        heard = ears.next(None if until_s == math.inf else max(0.0, until_s - time.monotonic()))
+        if heard is None:
+            _kill(pid, ears)
+            if confirms_by_s <= silent_at_s:
+                return f"was told to stop, did not confirm safe outputs within {CONFIRMS_S:g} s, and was killed"
             return f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed"
-        if not said:
+        if isinstance(heard, str):
+            _say(WISHES[heard])
+            if heard == "stop":
+                confirms_by_s = min(confirms_by_s, time.monotonic() + CONFIRMS_S)
+            continue
+        if not heard:
             return "ended without making its outputs safe"
-        if FAREWELL in said:
+        _say(ANSWER * program.said(heard))
+        if program.has_left:
             return ""
-        driven = said[-1:] != AT_REST
-        _say(ANSWER * len(said))
+        silent_at_s = time.monotonic() + limit_s if program.driven else math.inf
+        if desk.told.is_final:
+            confirms_by_s = math.inf
 
 
-def _act(file: BenchFile, pid: int, run: Path, why: str) -> None:
+def _kill(pid: int, ears: _Ears) -> None:
+    """End the program, so that it cannot wake up and drive on, and wait until it has let go."""
+    with suppress(ProcessLookupError):
+        os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+    deadline_s = time.monotonic() + _RELEASE_S
+    while ears.next(max(0.0, deadline_s - time.monotonic())):
+        pass
+
+
+def _act(file: BenchFile, pid: int, run: Path, why: str, desk: Desk) -> None:
     begun_s = time.monotonic()
+    desk.forget()
     try:
         with _lease_of_the_dead(file, pid):
-            left, unasked, safe_s = _made_safe_with_patience(file, begun_s)
+            left, unasked, safe_s = _made_safe_with_patience(file, begun_s, desk)
     except InUseError as taken:  # whoever took it has made its outputs safe on opening it
         _report(file, run, {"why": why, "left_alone": str(taken)}, f"process {pid} {why}; {taken}")
         return
@@ -156,6 +258,7 @@ class _Device:
     """A device on the way to its safe values: why it is not there, or that it is and what could not be asked.
 
     `moved`: it was found away from them when it was opened. `safe_s`: when it came to them, on the monotonic clock.
+    `outputs`: what it said of each, in the units of the bench.
     """
 
     name: str
@@ -164,6 +267,7 @@ class _Device:
     done: bool = False
     moved: bool = False
     safe_s: float = 0.0
+    outputs: dict[str, Output] = field(default_factory=dict)
 
 
 def _tried_once(file: BenchFile) -> list[str]:
@@ -174,7 +278,7 @@ def _tried_once(file: BenchFile) -> list[str]:
     return [device.failure for device in devices if device.failure]
 
 
-def _made_safe_with_patience(file: BenchFile, begun_s: float) -> tuple[list[str], list[str], float]:
+def _made_safe_with_patience(file: BenchFile, begun_s: float, desk: Desk) -> tuple[list[str], list[str], float]:
     """Make every device safe, each as soon as it can be reached, and keep it so until nothing late can come any more.
 
     Returns why some could not be, what could not be asked, and when the last one came to its safe values.
@@ -184,7 +288,7 @@ def _made_safe_with_patience(file: BenchFile, begun_s: float) -> tuple[list[str]
     lines: dict[str, list[_Device]] = {}
     for name, device in file.devices.items():
         lines.setdefault(str(getattr(device.settings, "address", name)), []).append(_Device(name, "was not tried"))
-    threads = [threading.Thread(target=_with_patience, args=(file, line, begun_s), daemon=True)
+    threads = [threading.Thread(target=_with_patience, args=(file, line, begun_s, desk), daemon=True)
                for line in lines.values()]  # fmt: skip
     for thread in threads:
         thread.start()
@@ -198,18 +302,21 @@ def _made_safe_with_patience(file: BenchFile, begun_s: float) -> tuple[list[str]
     )
 
 
-def _with_patience(file: BenchFile, line: list[_Device], begun_s: float) -> None:
+def _with_patience(file: BenchFile, line: list[_Device], begun_s: float, desk: Desk) -> None:
     while not all(device.done for device in line) and time.monotonic() - begun_s <= GIVE_UP_S:
         for device in line:
             if not device.done:
                 _tried(file, device)
-        time.sleep(_AGAIN_S)
+                desk.tell(device.outputs, "watchdog")
+        if not all(device.done for device in line):
+            time.sleep(_AGAIN_S)
     last_s = time.monotonic()
     while time.monotonic() - last_s < _LATE_S and time.monotonic() - begun_s <= GIVE_UP_S:
         time.sleep(_AGAIN_S)
         for device in line:
             if _looked_again(file, device):  # a late command of the dead program came after all
                 last_s = time.monotonic()
+                desk.tell(device.outputs, "watchdog")
 
 
 def _looked_again(file: BenchFile, device: _Device) -> bool:
@@ -217,12 +324,8 @@ def _looked_again(file: BenchFile, device: _Device) -> bool:
     again = _Device(device.name)
     _tried(file, again)
     if again.moved:
-        device.failure, device.unasked, device.done, device.safe_s = (
-            again.failure,
-            again.unasked,
-            again.done,
-            again.safe_s,
-        )
+        device.failure, device.unasked, device.done = again.failure, again.unasked, again.done
+        device.safe_s, device.outputs = again.safe_s, again.outputs
     return again.moved
 
 
@@ -236,6 +339,7 @@ def _tried(file: BenchFile, device: _Device) -> None:
         device.failure = f"{device.name}: its driver does not return"
     else:
         device.failure, device.unasked, device.moved = attempt.failure, attempt.unasked, attempt.moved
+        device.outputs = attempt.outputs
         if attempt.done and (attempt.moved or not device.done):
             device.safe_s = time.monotonic()
         device.done = attempt.done
@@ -256,6 +360,8 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
     except BaseException as error:
         device.failure = f"{device.name}: {reason(error).removeprefix(f'{device.name}: ')}"
         return
+    finally:
+        device.outputs = _in_bench_units(file, known)
     if not known.settled:
         device.failure = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}"
         return
@@ -271,6 +377,17 @@ def _ask_to_be_safe(daq: Daq, known: Outputs) -> None:
     finally:
         with suppress(Exception):  # what is known of the outputs stands, however it lets go
             daq.close()
+
+
+def _in_bench_units(file: BenchFile, known: Outputs) -> dict[str, Output]:
+    """What a device said at its terminals, as the bench file calibrates them."""
+    lines = {name: entry.line for name, entry in file.bench.channels.items()}
+    return {name: _in_units_of(lines[name], output) if name in lines else output
+            for name, output in known.known.items()}  # fmt: skip
+
+
+def _in_units_of(line: Calibration, output: Output) -> Output:
+    return replace(output, unit=line.unit, at=None if output.at is None else line.value_at(output.at))
 
 
 def _report(file: BenchFile, run: Path, told: dict[str, object], text: str) -> None:

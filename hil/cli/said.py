@@ -9,6 +9,7 @@ from typing import Any
 
 from hil.errors import HilError, exit_status_of
 from hil.extras import EXTRAS, lacking
+from hil.safety.interrupt import Halted
 
 debug = False
 """Whether the traceback is shown too."""
@@ -27,7 +28,7 @@ def say(error: BaseException, *more: str) -> int:
 
 def _text(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt):
-        return "stopped"
+        return f"stopped: {error}" if isinstance(error, Halted) else "stopped"
     if isinstance(error, HilError):
         return " ".join(str(error).split())
     if isinstance(error, OSError):

@@ -14,9 +14,10 @@ from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_b
 from hil.errors import LinkError, RangeError, StoppedError, StorageError, reason
 from hil.safety.envelope import Envelope
 from hil.safety.interlock import Violation, Watches
-from hil.safety.interrupt import check_signals, uninterrupted
+from hil.safety.interrupt import Halted, check_signals, cut_by_halt, uninterrupted
 from hil.safety.latch import Latch
 from hil.safety.limits import Limits
+from hil.safety.operator import Operator, patience_over
 from hil.safety.outputs import Outputs
 from hil.safety.protection import Protection
 from hil.safety.ramp import way_to
@@ -40,6 +41,7 @@ class Guard:
         beat: the sign of life for a watchdog, told whether outputs are driven; given before a task, with each
             block, and when outputs are safe. What it raises ends the task.
         known: what is known of the outputs, where somebody has begun to keep it; else begun anew.
+        operator: what is asked from outside: a stop, a hold.
     """
 
     def __init__(
@@ -52,8 +54,10 @@ class Guard:
         note: Callable[..., None] = lambda _event, **_details: None,
         beat: Callable[[bool], None] = lambda _driven: None,
         known: Outputs | None = None,
+        operator: Operator | None = None,
     ) -> None:
         self._clock = clock or VirtualClock()
+        self._operator = operator or Operator()
         self.known = known or Outputs()
         if not self.known.known:
             self.known.opened(daq.outputs)
@@ -178,15 +182,18 @@ class Guard:
 
         Raises:
             TrippedError: an interlock tripped on the way.
+            Halted: somebody pressed stop on the way.
             StorageError: the way could not be recorded, and nothing else went wrong.
         """
         tripped = self.latch.trips
         with uninterrupted():
-            if not self.known.asked:
+            if not self.known.asked or self._operator.waits:
                 self._go_safe()
             self._let_go()
         if self.latch.trips != tripped:
             self.latch.check()
+        if sys.exception() is None:  # pressed on the way down: the procedure was through, and the run is stopped
+            self._operator.check()
         if self._unrecorded is not None and sys.exception() is None:
             unrecorded, self._unrecorded = self._unrecorded, None
             raise unrecorded
@@ -203,7 +210,10 @@ class Guard:
         """Down the ramp, then safe and read back. Never raises; `known` says what came of it."""
         with uninterrupted():
             try:
-                self._ramp_down()
+                with cut_by_halt():
+                    self._ramp_down()
+            except Halted:
+                pass  # it jumps
             except BaseException as error:  # whatever it is, a jump is left
                 self._note_if_possible("ramp to safe failed", error=reason(error))
             self._tell_safe()
@@ -214,6 +224,8 @@ class Guard:
             if self.known.settled:
                 with suppress(Exception):
                     self._beat(False)
+            if self._operator.answer(self.known):
+                self._note_if_possible("stop", by="operator")
 
     def _live(self) -> None:
         """A sign of life on a way that may take many time-outs: slow is not hung."""
@@ -227,6 +239,7 @@ class Guard:
             self._note_if_possible("the device could not be closed", error=reason(error))
 
     def _played(self, waveform: Waveform, samples: int) -> Iterator[Block]:
+        self._operator.check()
         self.known.driving(waveform)
         return self._judged(self._daq.play(waveform, samples))
 
@@ -235,6 +248,7 @@ class Guard:
         with closing_blocks(blocks):
             for block in blocks:
                 check_signals()
+                self._operator.check()
                 self._beat(True)
                 self._keep(block)
                 refuse_after_sleep(self._clock)
@@ -247,6 +261,7 @@ class Guard:
 
     def _pieces(self, waveforms: Iterable[Waveform]) -> Iterator[Waveform]:
         for waveform in waveforms:
+            self._operator.check()
             self.known.driving(waveform)
             yield from waveform.slices(self._protection.block_samples(waveform.rate_hz))
 
@@ -263,6 +278,30 @@ class Guard:
             raise StoppedError(f"{violation.text}; the run was stopped")
 
     def _wait_for_holds(self) -> None:
+        self._wait_for_interlocks()
+        if self._operator.hold_asked:
+            self._wait_for_operator()
+
+    def _wait_for_operator(self) -> None:
+        self._note("hold", by="operator")
+        self._operator.holding(True)
+        if self._daq.promises.timing == "virtual":
+            self._operator.wait(self._protection.patience_s)
+        else:
+            self._stand_while_held()
+        self._operator.holding(False)
+        self._note("resume", by="operator")
+
+    def _stand_while_held(self) -> None:
+        waited_s = 0.0
+        while self._operator.hold_asked:
+            if waited_s >= self._protection.patience_s:
+                raise patience_over(waited_s)
+            self._stand(self._protection.block_s)
+            waited_s += self._protection.block_s
+        self._wait_for_interlocks()
+
+    def _wait_for_interlocks(self) -> None:
         waited_s = 0.0
         while (holding := self._watches.holding) is not None:
             if waited_s >= self._protection.patience_s:
@@ -283,7 +322,7 @@ class Guard:
     def _ramp_down(self) -> None:
         safe = {name: channel.safe for name, channel in self.outputs.items()}
         ramps, rate_hz = self._protection.ramps_per_s, self._ramp_rate_hz
-        if self._clock.slept_s or all(self.levels[name] == safe[name] for name in ramps):
+        if self._operator.stop_asked or self._clock.slept_s or all(self.levels[name] == safe[name] for name in ramps):
             return  # after a sleep nobody knows where a ramp would have to begin
         path = way_to(safe, self.levels, ramps, rate_hz)
         if path is None:
@@ -291,6 +330,8 @@ class Guard:
         self.known.driving(path)
         with closing_blocks(self._daq.play(path, self._protection.block_samples(rate_hz))) as blocks:
             for block in blocks:
+                if self._operator.stop_asked:
+                    return
                 self._live()
                 try:
                     self._keep(block)

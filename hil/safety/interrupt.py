@@ -8,9 +8,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_SIGNALS = [
-    getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK") if hasattr(signal, name)
-]
+HALT = getattr(signal, "SIGUSR1", signal.SIGTERM)
+"""Delivers a stop that was asked for from outside (see `hil.safety.operator`)."""
+
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK", "SIGUSR1")
+_SIGNALS = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
 
 
 class Terminated(KeyboardInterrupt):
@@ -25,6 +27,14 @@ class Terminated(KeyboardInterrupt):
         self.number = number
 
 
+class Halted(Terminated):
+    """Somebody pressed stop: handled like a signal, but outputs jump to their safe values, also where one ramps."""
+
+    def __init__(self) -> None:
+        super().__init__(HALT)
+        self.args = ("stop was pressed",)
+
+
 def status_of(stopped: KeyboardInterrupt) -> int:
     """The exit status of a program that ended in order after a signal, as shells have it: 128 and its number."""
     return 128 + int(getattr(stopped, "number", signal.SIGINT))
@@ -37,11 +47,14 @@ class _Requests:
         came: since they were taken over, in order.
         heard: how many `terminable` sections are open; held: how many `uninterrupted` ones.
         ending: one was raised and the way out has begun, or the way out was begun without: none is raised any more.
+        cut: how many `cut_by_halt` sections are open: there a stop is raised whatever else is said here.
+        giving_back: held while signals are let go of, and while one is sent from another thread.
     """
 
     def __init__(self) -> None:
         self.came: list[int] = []
-        self.heard = self.held = 0
+        self.heard = self.held = self.cut = 0
+        self.giving_back = threading.Lock()
         self.raised = self.ending = False
         self._before: dict[int, signal.Handlers | object] = {}
 
@@ -70,9 +83,10 @@ class _Requests:
 
     def give_back(self) -> None:
         """Let go of them."""
-        before, self._before = self._before, {}
-        for number, handler in before.items():
-            signal.signal(number, handler)  # type: ignore[arg-type] # as `getsignal` gave it
+        with self.giving_back:
+            before, self._before = self._before, {}
+            for number, handler in before.items():
+                signal.signal(number, handler)  # type: ignore[arg-type] # as `getsignal` gave it
 
     def raise_what_came(self) -> None:
         """Raise the first that came, unless one was raised already."""
@@ -82,9 +96,20 @@ class _Requests:
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         self.came.append(number)
+        if self.cut and number == HALT:
+            raise Halted
         if self.can_raise:
             self.raised = True
             raise _exception(number)
+
+    def send_halt(self) -> bool:
+        """Interrupt the main thread, also where it waits; whether anybody listens there and a signal can be sent."""
+        with self.giving_back:
+            main = threading.main_thread().ident
+            if HALT not in self._before or main is None or not hasattr(signal, "pthread_kill"):
+                return False
+            signal.pthread_kill(main, HALT)
+            return True
 
 
 _requests = _Requests()
@@ -141,6 +166,24 @@ def uninterrupted() -> Iterator[None]:
         _requests.raise_what_came()
 
 
+@contextmanager
+def cut_by_halt() -> Iterator[None]:
+    """A stop raises `Halted` inside, also on the way out and where signals are held: a ramp is no way out of that."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    _requests.cut += 1
+    try:
+        yield
+    finally:
+        _requests.cut -= 1
+
+
+def halt_main_thread() -> bool:
+    """Send a stop to the main thread, as a signal that it hears; False where it does not hear any. From any thread."""
+    return _requests.send_halt()
+
+
 def check_signals() -> None:
     """Raise a signal that came and had no effect: what it raised was lost on its way, or somebody swallowed it."""
     if threading.current_thread() is threading.main_thread() and _requests.can_raise and _requests.came:
@@ -164,4 +207,6 @@ def ignore_signals() -> None:
 
 
 def _exception(number: int) -> KeyboardInterrupt:
-    return KeyboardInterrupt() if number == signal.SIGINT else Terminated(number)
+    if number == signal.SIGINT:
+        return KeyboardInterrupt()
+    return Halted() if number == HALT else Terminated(number)

@@ -193,3 +193,11 @@ class Outputs:
         if failure:  # a way to the safe values that was planned is no place where it was driven to
             return replace(known, state=State.UNKNOWN, at=levels.get(name, known.at))
         return replace(known, state=State.UNCONFIRMED, at=None)
+
+
+def outputs_in(record: Mapping[str, Mapping[str, Any]]) -> dict[str, Output]:
+    """What a record says of each output (see `Outputs.record`)."""
+    return {
+        name: Output(State(told["state"]), told["unit"], told["at"], told["read_back"], told.get("why", ""))
+        for name, told in record.items()
+    }

@@ -17,6 +17,7 @@ from hil.errors import LinkError, SettingError
 from hil.record.recording import Array
 from hil.rig import Rig
 from hil.safety.interrupt import terminable
+from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
 from hil.session.by_hand import HELD
 from hil.session.labels import Labels
@@ -77,7 +78,9 @@ def output_points(
     with (
         accounted(known),
         terminable(),
-        open_rig(file, out, about, lambda _done, _text: None, known=known, commanding=channel) as rig,
+        open_rig(
+            file, out, about, lambda _done, _text: None, known=known, commanding=channel, operator=Operator()
+        ) as rig,
     ):
         for number, target in enumerate(targets, start=1):
             rig.check(np.append(rig.way_to(target), target))

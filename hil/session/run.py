@@ -20,6 +20,7 @@ from hil.record.measurement import Limit
 from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
 from hil.safety.interrupt import terminable
+from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
 from hil.session.labels import NO_LABELS, Labels, labelled
 from hil.session.limit import TypedLimit, checked_limits, limits_of
@@ -86,7 +87,7 @@ def run_procedure(
         with (
             accounted(known),  # also of a signal that came so late that only `terminable` raises it
             terminable(),
-            open_rig(bench, out, about, progress, resets, earlier, known, commanding) as rig,
+            open_rig(bench, out, about, progress, resets, earlier, known, commanding, Operator()) as rig,
         ):
             procedure.run(rig, **values)
     except InputError:

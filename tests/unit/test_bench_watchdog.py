@@ -17,11 +17,13 @@ from wire import Wire
 from hil.bench import watchdog
 from hil.bench.heartbeat import Heart
 from hil.bench.read import BenchFile, read_bench
+from hil.bench.stop.desk import Desk
 from hil.daq.channel import Wiring
 from hil.daq.contract import ReadBack
 from hil.errors import HardwareError
 from tests.links import bench_text, moved, served
 
+DESK = Desk({}, "watchdog", lambda _wish: None)
 BROKEN = [RuntimeError("error 105"), SystemExit("of a library"), MemoryError(), KeyError("ao0")]
 
 
@@ -77,7 +79,7 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("error", BROKEN)
 def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, error: BaseException) -> None:
     devices = {"sick": Valve(error, answers=False), "healthy": Valve(None)}
-    left, unasked, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
+    left, unasked, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic(), DESK)
     assert devices["healthy"].levels["a"] == 0.0 and devices["healthy"].closed
     assert len(left) == 1 and left[0].startswith("sick: nobody knows") and not unasked
     assert devices["sick"].closed > 1  # tried again, and let go of each time
@@ -96,7 +98,7 @@ def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(watchdog, "GIVE_UP_S", 5.0)
     monkeypatch.setattr(watchdog, "_HANGS_S", 0.2)
     devices = {"hanging": Hanging(None)}
-    left, unasked, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
+    left, unasked, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic(), DESK)
     assert not left and not unasked
     assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries >= 2
 
@@ -118,14 +120,14 @@ def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
     monkeypatch.setattr(watchdog, "GIVE_UP_S", 10.0)
     monkeypatch.setattr(watchdog, "_LATE_S", 0.3)
     valve, begun_s = Late(None), time.monotonic()
-    left, _, safe_s = watchdog._made_safe_with_patience(bench_of(tmp_path, {"late": valve}), begun_s)
+    left, _, safe_s = watchdog._made_safe_with_patience(bench_of(tmp_path, {"late": valve}), begun_s, DESK)
     assert not left and valve.levels["a"] == 0.0
     assert safe_s - begun_s > 0.05, "the time at which it came to stay there is told, not the first one"
 
 
 def test_told_is_not_safe_until_it_is_read_back(tmp_path: Path) -> None:
     devices = {"mute": Valve(None, answers=False)}
-    left, _, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic())
+    left, _, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic(), DESK)
     remedy = "was told to be safe, and could not be read back (no answer): use the emergency stop"
     assert left == [f"mute: 'a' {remedy}; 'b' {remedy}"]
 
@@ -134,7 +136,7 @@ def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
-    watchdog._act(bench_of(tmp_path, {"healthy": Valve(None)}), os.getpid(), tmp_path / "gone", "ended")
+    watchdog._act(bench_of(tmp_path, {"healthy": Valve(None)}), os.getpid(), tmp_path / "gone", "ended", DESK)
     (told,) = (tmp_path / "state" / "watchdog").glob("*.json")
     assert "safe_after_s" in told.read_text() and "outputs made safe in" in capfd.readouterr().err
 

@@ -1,0 +1,93 @@
+"""Which consoles there are: whose pages may read an answer, and with which certificate a listener speaks to them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from hil.errors import StorageError
+from hil.safety.latch import state_path
+
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+class Console(BaseModel):
+    """A console that runs on this computer.
+
+    Attributes:
+        pid: its process.
+        origins: of its pages, as a browser names them: `http://127.0.0.1:8123`.
+        host: at which it listens.
+        cert, key: files of its certificate, where it has one.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    pid: int
+    origins: tuple[str, ...]
+    host: str
+    cert: str = ""
+    key: str = ""
+
+    @property
+    def is_reached_from_elsewhere(self) -> bool:
+        """Whether other computers reach it, over TLS."""
+        return self.host not in _LOOPBACK and bool(self.cert and self.key)
+
+
+@contextmanager
+def announced(console: Console) -> Iterator[None]:
+    """The console is known to the runs of this user while inside.
+
+    Raises:
+        StorageError: it cannot be written down.
+    """
+    path = state_path("consoles", str(console.pid), ".json")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_suffix(".part")
+        part.write_text(console.model_dump_json(), encoding="utf-8")
+        part.replace(path)
+    except OSError as error:
+        raise StorageError(f"{path}: the console cannot be announced to its runs: {error.strerror}") from error
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            path.unlink()
+
+
+def consoles() -> list[Console]:
+    """Those that run now. Never raises: a file that cannot be read names none."""
+    found = []
+    with suppress(OSError):
+        for path in sorted(state_path("consoles", "any", ".json").parent.glob("*.json")):
+            with suppress(OSError, ValueError, ValidationError):
+                console = Console.model_validate(json.loads(path.read_text(encoding="utf-8")))
+                if _lives(console.pid):
+                    found.append(console)
+    return found
+
+
+def may_read(origin: str) -> bool:
+    """Whether a page of this origin is a console's."""
+    return any(origin in console.origins for console in consoles())
+
+
+def _lives(pid: int) -> bool:
+    return Path(f"/proc/{pid}").exists() if Path("/proc/self").exists() else _answers(pid)
+
+
+def _answers(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True

@@ -1,0 +1,98 @@
+"""`control.json` in a run folder: where the run is stopped, and the tokens that this takes."""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from hil.bench.stop.desk import By
+
+CONTROL_FILE = "control.json"
+SCHEMA = "hil.control/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Tokens:
+    """Who knows one may ask for what it is for: anybody for a stop, an operator for a hold."""
+
+    stop: str = field(default_factory=lambda: secrets.token_urlsafe(32))
+    hold: str = field(default_factory=lambda: secrets.token_urlsafe(32))
+
+
+@dataclass(frozen=True, slots=True)
+class Control:
+    """Where a listener is, and in which process."""
+
+    listener: By
+    url: str
+    tokens: Tokens
+
+    def as_dict(self, run: Path) -> dict[str, Any]:
+        """As the file has it."""
+        return {
+            "schema": SCHEMA, "run": run.absolute().name, "pid": os.getpid(), "listener": self.listener,
+            "stop_url": f"{self.url}/stop", "token": self.tokens.stop,
+            "hold_url": f"{self.url}/hold", "hold_token": self.tokens.hold,
+            "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+        }  # fmt: skip
+
+    def told(self) -> dict[str, str]:
+        """What another process needs to say the same."""
+        return {"url": self.url, "stop": self.tokens.stop, "hold": self.tokens.hold}
+
+
+def control_of(told: Mapping[str, str]) -> Control | None:
+    """What a watchdog told of its listener; None when it has none."""
+    if "url" not in told:
+        return None
+    return Control("watchdog", told["url"], Tokens(told["stop"], told["hold"]))
+
+
+@contextmanager
+def published(
+    control: Control | None, run: Path, still_needed: Callable[[], bool], note: Callable[..., None]
+) -> Iterator[None]:
+    """The control file in the run folder while inside, readable by this user alone.
+
+    A run that cannot write it goes on: it says so in an event, and no console shows a button for it.
+
+    Args:
+        control: where the listener is; None: there is none.
+        run: the run folder.
+        still_needed: asked afterwards; a watchdog that goes on trying can still be asked what it came to.
+        note: takes an event.
+    """
+    path = run / CONTROL_FILE
+    if control is not None:
+        try:
+            _write(path, json.dumps(control.as_dict(run), indent=1) + "\n")
+        except OSError as error:
+            note("no stop from a console", why=f"{path}: cannot be written: {error.strerror}")
+    try:
+        yield
+    finally:
+        if not still_needed():
+            withdraw(run)
+
+
+def withdraw(run: Path) -> None:
+    """Take the file away: nobody listens there any more."""
+    with suppress(OSError):
+        (run / CONTROL_FILE).unlink()
+
+
+def _write(path: Path, text: str) -> None:
+    part = path.with_suffix(".part")
+    with suppress(FileNotFoundError):
+        part.unlink()
+    descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        file.write(text)
+    part.replace(path)

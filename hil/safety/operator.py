@@ -1,0 +1,96 @@
+"""What somebody at the bench asks of a run from outside: to stop at once, to hold, to go on."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from typing import Literal
+
+from hil.errors import StoppedError
+from hil.safety.interrupt import Halted, halt_main_thread
+from hil.safety.outputs import Outputs
+
+Asked = Literal["stop", "hold", "resume"]
+
+_LOOK_S = 0.05
+
+
+class Operator:
+    """The wishes of an operator, as a run in this thread hears them; they may be said from any thread.
+
+    A stop cuts a running block: the main thread is interrupted where it is. A run in another thread hears it at its
+    next block. There is no way back from a stop. A hold is heard at the next border between parts, as that of an
+    interlock is.
+
+    Attributes:
+        tell: takes what is known of the outputs after a stop, each time they were told to be safe and read back.
+        holding: told when the run begins and ends to hold.
+    """
+
+    def __init__(self) -> None:
+        self.tell: Callable[[Outputs], None] = lambda _outputs: None
+        self.holding: Callable[[bool], None] = lambda _holds: None
+        self._in_main_thread = threading.current_thread() is threading.main_thread()
+        self._stop, self._hold = threading.Event(), threading.Event()
+        self._told = False
+
+    @property
+    def stop_asked(self) -> bool:
+        """Whether somebody pressed stop."""
+        return self._stop.is_set()
+
+    @property
+    def hold_asked(self) -> bool:
+        """Whether somebody wants the run to hold."""
+        return self._hold.is_set()
+
+    @property
+    def waits(self) -> bool:
+        """Whether a stop was asked for, and nothing was said of the outputs since."""
+        return self.stop_asked and not self._told
+
+    def ask(self, what: Asked) -> None:
+        """Say what the run shall do."""
+        if what == "hold":
+            self._hold.set()
+        elif what == "resume":
+            self._hold.clear()
+        else:
+            first = not self._stop.is_set()
+            self._stop.set()
+            if first and self._in_main_thread:
+                halt_main_thread()
+
+    def check(self) -> None:
+        """Raise `Halted` when somebody pressed stop."""
+        if self.stop_asked:
+            raise Halted
+
+    def answer(self, known: Outputs) -> bool:
+        """Tell who asked for a stop what is known of the outputs now; whether that was the first time."""
+        first = self.waits
+        if self.stop_asked:
+            self._told = True
+            self.tell(known)
+        return first
+
+    def wait(self, patience_s: float) -> None:
+        """Stay here while a hold is asked for: on a bench whose time stands still meanwhile.
+
+        Raises:
+            Halted: somebody pressed stop.
+            StoppedError: patience is over.
+        """
+        until_s = time.monotonic() + patience_s
+        while self.hold_asked:
+            self.check()
+            if time.monotonic() > until_s:
+                raise patience_over(patience_s)
+            self._stop.wait(_LOOK_S)
+        self.check()
+
+
+def patience_over(patience_s: float) -> StoppedError:
+    """The error of a run that was held for longer than its bench allows."""
+    return StoppedError(f"the operator held the run for {patience_s:g} s, as long as patience_s allows; it was stopped")

@@ -1,0 +1,124 @@
+"""Stop, from the POST to what stands at the device: with the run at work, hung, dead, and without a watchdog."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import stat
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.bench.find import find_bench
+from hil.bench.open import open_rig
+from hil.bench.read import BenchFile, read_bench
+from hil.record.header import read_end
+from hil.safety.interrupt import Halted, terminable
+from hil.safety.operator import Operator
+from tests import observer
+from tests.faults import PATIENCE_S, start_run
+from tests.links import served
+from tests.stops import posted
+
+# The coupler's own watchdog stays off, so that only the program and its watchdog process can make it safe.
+CHANGES = (("\nwatchdog_s = 1.0\n", "\n"), ("block_s = 0.1\n", "block_s = 0.1\nwatchdog_s = 10.0\n"))
+
+
+def written(path: Path) -> dict[str, Any]:
+    """What a file says as soon as it is there."""
+    deadline_s = time.monotonic() + PATIENCE_S
+    while not path.exists():
+        assert time.monotonic() < deadline_s, f"no {path}"
+        time.sleep(0.01)
+    return dict(json.loads(path.read_text()))
+
+
+@contextmanager
+def driven(folder: Path) -> Iterator[tuple[subprocess.Popen[str], observer.Watch, dict[str, Any]]]:
+    """A run in a process of its own that stands at 40 %, looked at from outside, and its control file."""
+    with ExitStack() as stack:
+        file, devices = stack.enter_context(served("hpv41-modbus-tcp", folder, *CHANGES))
+        (device,) = devices.values()
+        watch = observer.Watch(observer.modbus_tcp(device.port), 0.6, every_s=0.002)
+        stack.callback(watch.close)
+        process = stack.enter_context(start_run(file.path, folder / "run", folder / "state"))
+        stack.callback(process.kill)
+        assert watch.wait(lambda: (watch.now or 0.0) > 39.0, PATIENCE_S)
+        yield process, watch, written(folder / "run" / "control.json")
+
+
+def stop(control: dict[str, Any]) -> dict[str, Any]:
+    status, answer, _ = posted(control["stop_url"], {"token": control["token"]})
+    assert status == 200
+    return answer
+
+
+def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
+    with driven(tmp_path) as (process, watch, control):
+        mode = stat.S_IMODE((tmp_path / "run" / "control.json").stat().st_mode)
+        assert (mode, control["schema"], control["listener"], control["pid"]) == (
+            0o600, "hil.control/1", "watchdog", process.pid,
+        )  # fmt: skip
+        pressed_s = time.monotonic()
+        answer = stop(control)
+        assert time.monotonic() - pressed_s < 1.0
+        time.sleep(0.05)
+        assert watch.is_safe, "what was called confirmed stands at the device"
+        _, err = process.communicate(timeout=PATIENCE_S)
+    outputs = [{"channel": "command", "state": "safe", "value": 0.0, "unit": "%"}]
+    assert (answer["state"], answer["outputs"], answer["by"]) == ("confirmed", outputs, "run")
+    assert process.returncode == 138
+    assert "hil: stopped: stop was pressed; outputs are safe (read back)" in err
+    end = read_end(tmp_path / "run")
+    assert end is not None and end.outcome == "Halted: stop was pressed; outputs are safe (read back)"
+    assert end.meta["outputs"]["command"]["state"] == "safe"
+    assert not (tmp_path / "run" / "control.json").exists()
+    assert not list((tmp_path / "state").rglob("trips/*")), "nothing is latched"
+
+
+def test_stop_of_a_run_that_hangs_is_taken_over(tmp_path: Path) -> None:
+    with driven(tmp_path) as (process, watch, control):
+        process.send_signal(signal.SIGSTOP)
+        pressed_s = time.monotonic()
+        answer = stop(control)
+        assert time.monotonic() - pressed_s < 1.0
+        time.sleep(0.05)
+        assert watch.is_safe
+        assert process.wait(PATIENCE_S) == -signal.SIGKILL, "it cannot wake up and drive on"
+    assert (answer["state"], answer["by"]) == ("confirmed", "watchdog")
+    assert answer["outputs"] == [{"channel": "command", "state": "safe", "value": 0.0, "unit": "%"}]
+    told = written(tmp_path / "run" / "watchdog.json")
+    assert told["why"] == "was told to stop, did not confirm safe outputs within 0.2 s, and was killed"
+
+
+def drive_for_ever(file: BenchFile, run: Path) -> None:
+    with terminable(), open_rig(file, run, {}, lambda _done, _text: None, operator=Operator()) as rig:
+        while True:
+            rig.play(np.full(1000, 20.0))
+
+
+def test_stop_of_a_simulated_run_is_heard_by_the_run_itself(tmp_path: Path) -> None:
+    answers: list[dict[str, Any]] = []
+
+    def press() -> None:
+        control = written(tmp_path / "run" / "control.json")
+        assert (control["listener"], control["pid"]) == ("run", os.getpid())
+        time.sleep(0.1)
+        answers.append(stop(control))
+
+    file = read_bench(find_bench("brevini-hpv41"))
+    pressing = threading.Thread(target=press)
+    pressing.start()
+    with pytest.raises(Halted):
+        drive_for_ever(file, tmp_path / "run")
+    pressing.join()
+    assert (answers[0]["state"], answers[0]["by"], answers[0]["outputs"][0]["value"]) == ("confirmed", "run", 0.0)
+    assert not (tmp_path / "run" / "control.json").exists()

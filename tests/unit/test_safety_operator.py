@@ -1,0 +1,190 @@
+"""A stop and a hold that are asked for from outside, as the guard hears them."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numpy as np
+import pytest
+from wire import Wire
+
+from hil.clock import RealClock
+from hil.daq.contract import Waveform
+from hil.daq.polled import PolledDaq
+from hil.errors import StoppedError
+from hil.safety.guard import Guard
+from hil.safety.interrupt import Halted, Terminated, terminable
+from hil.safety.latch import Latch
+from hil.safety.operator import Operator
+from hil.safety.outputs import Outputs
+from hil.safety.protection import Protection
+from tests.stops import WIRING, Remote
+
+RATE_HZ, BLOCK_S, BUSY_S = 100.0, 1.0, 0.3
+RAMP = {"valve": 2.0}  # V/s: from 5 V it takes 2.5 s
+
+
+@contextmanager
+def guarded(remote: Remote, ramps: dict[str, float], operator: Operator, latch: Latch | None = None) -> Iterator[Guard]:
+    daq = PolledDaq({"remote": remote}, {"remote": WIRING})
+    guard = Guard(daq, Protection(RATE_HZ, {}, ramps, (), BLOCK_S), latch, RealClock(), operator=operator)
+    try:
+        yield guard
+    finally:
+        guard.close()
+
+
+def later(after_s: float, do: Callable[[], object]) -> threading.Thread:
+    thread = threading.Timer(after_s, do)
+    thread.start()
+    return thread
+
+
+def halted(
+    remote: Remote, ramps: dict[str, float], operator: Operator, samples: int, after_s: float,
+    press: Callable[[], object], latch: Latch | None = None,
+) -> tuple[Outputs, float]:  # fmt: skip
+    """What is known of the output after a run at 5 V that somebody stopped, and how long the run took."""
+    timer, begun_s = later(after_s, press), time.monotonic()
+    try:
+        with terminable(), guarded(remote, ramps, operator, latch) as guard:
+            list(guard.play(Waveform(RATE_HZ, {"valve": np.full(samples, 5.0)})))
+    except Halted:
+        return guard.known, time.monotonic() - begun_s
+    finally:
+        timer.join()
+    raise AssertionError("the run was not stopped")
+
+
+def stopped_in_a_block(ramps: dict[str, float]) -> tuple[Remote, float, Outputs, list[tuple[float, bool]], Latch]:
+    """Driven at 5 V in blocks of a second, stopped in the middle of one: when it was asked, and what was told."""
+    remote, operator, latch = Remote(), Operator(), Latch()
+    asked_s: list[float] = []
+    told: list[tuple[float, bool]] = []
+    operator.tell = lambda known: told.append((time.monotonic(), known.are_safe))
+
+    def press() -> None:
+        asked_s.append(time.monotonic())
+        operator.ask("stop")
+
+    known, _ = halted(remote, ramps, operator, 300, 0.2, press, latch)
+    return remote, asked_s[0], known, told, latch
+
+
+@pytest.mark.parametrize("ramps", [{}, RAMP], ids=["jump", "ramp"])
+def test_stop_cuts_a_block_and_jumps(ramps: dict[str, float]) -> None:
+    remote, asked_s, known, told, latch = stopped_in_a_block(ramps)
+    after = [(at_s - asked_s, value) for at_s, value in remote.given if at_s > asked_s + 0.03]
+    assert {value for _, value in after} <= {0.0, 5.0}, "no ramp"
+    safe_s = min(at_s for at_s, value in remote.given if at_s > asked_s and value == 0.0) - asked_s
+    assert safe_s < BUSY_S < BLOCK_S - 0.2, "not at the end of the block"
+    assert told[0][1] and told[0][0] - asked_s < BUSY_S
+    assert known.are_safe and not latch.trips
+
+
+def test_stop_on_the_way_down_makes_it_a_jump() -> None:
+    remote, operator = Remote(), Operator()
+    known, took_s = halted(remote, RAMP, operator, 10, 0.5, lambda: operator.ask("stop"))
+    assert took_s < 0.5 + BUSY_S
+    assert remote.at == 0.0 and max(value for _, value in remote.given if 0.0 < value < 5.0) > 4.0
+    assert known.are_safe
+
+
+def test_nothing_is_driven_after_a_stop() -> None:
+    wire, operator = Wire(), Operator()
+    guard = Guard(wire, Protection(100.0), operator=operator)
+    operator.ask("stop")
+    for _ in range(2):
+        with pytest.raises(Halted):
+            list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))
+        with pytest.raises(Halted):
+            list(guard.stream([Waveform(100.0, {"a": np.full(5, 3.0)})]))
+    assert wire.log["a"] == []
+    with pytest.raises(Halted):
+        guard.close()
+    assert wire.closed
+
+
+def test_run_in_another_thread_is_stopped_at_its_next_block() -> None:
+    remote, ended = Remote(), list[BaseException]()
+
+    def drive() -> None:
+        daq = PolledDaq({"remote": remote}, {"remote": WIRING})
+        mine.append(Operator())
+        guard = Guard(daq, Protection(RATE_HZ, {}, {}, (), 0.1), None, RealClock(), operator=mine[0])
+        try:
+            list(guard.play(Waveform(RATE_HZ, {"valve": np.full(500, 5.0)})))
+        except Halted as halted:
+            ended.append(halted)
+        finally:
+            with pytest.raises(Halted):
+                guard.close() if not ended else guard._operator.check()
+            daq.close()
+
+    mine: list[Operator] = []
+    thread = threading.Thread(target=drive)
+    thread.start()
+    while remote.at != 5.0:
+        time.sleep(0.005)
+    asked_s = time.monotonic()
+    mine[0].ask("stop")
+    thread.join(3.0)
+    assert ended and remote.at == 0.0 and time.monotonic() - asked_s < 0.1 + BUSY_S
+
+
+def test_stop_is_told_what_cannot_be_confirmed() -> None:
+    remote, operator = Remote(deaf=True), Operator()
+    told: list[str] = []
+    operator.tell = lambda known: told.append(known.known["valve"].state)
+    known, _ = halted(remote, {}, operator, 300, 0.3, lambda: operator.ask("stop"))
+    assert told[0] == "driven" and not known.settled
+
+
+def test_status_of_a_stop_is_its_own() -> None:
+    known = Outputs()
+    assert known.status(Halted(), 2) == 138 and isinstance(Halted(), Terminated)
+
+
+def test_hold_waits_at_the_border_and_goes_on() -> None:
+    remote, operator, noted = Remote(), Operator(), list[str]()
+    holding: list[bool] = []
+    operator.holding = holding.append
+    daq = PolledDaq({"remote": remote}, {"remote": WIRING})
+    guard = Guard(
+        daq, Protection(RATE_HZ, {}, {}, (), 0.05), None, RealClock(), operator=operator,
+        note=lambda event, **details: noted.append(event),
+    )  # fmt: skip
+    list(guard.play(Waveform(RATE_HZ, {"valve": np.full(3, 5.0)})))
+    operator.ask("hold")
+    timer = later(0.3, lambda: operator.ask("resume"))
+    begun_s = time.monotonic()
+    list(guard.play(Waveform(RATE_HZ, {"valve": np.full(3, 4.0)})))
+    timer.join()
+    held = [value for at_s, value in remote.given if 0.0 < at_s - begun_s < 0.28]
+    guard.close()
+    assert held and set(held) == {5.0}, "it stands where it stood"
+    assert 4.0 in [value for _, value in remote.given]
+    assert noted == ["hold", "resume"] and holding == [True, False]
+
+
+def test_hold_of_virtual_time_waits_on_the_wall_clock_and_a_stop_ends_it() -> None:
+    wire, operator = Wire(), Operator()
+    guard = Guard(wire, Protection(100.0), operator=operator)
+    operator.ask("hold")
+    timer = later(0.1, lambda: operator.ask("stop"))
+    begun_s = time.monotonic()
+    with pytest.raises(Halted):
+        list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))
+    timer.join()
+    assert 0.09 <= time.monotonic() - begun_s < 0.1 + BUSY_S and 3.0 not in [value for value, _ in wire.log["a"]]
+
+
+def test_hold_is_not_waited_for_longer_than_patience() -> None:
+    operator = Operator()
+    guard = Guard(Wire(), Protection(100.0, patience_s=0.1), operator=operator)
+    operator.ask("hold")
+    with pytest.raises(StoppedError, match=r"the operator held the run for 0\.1 s"):
+        list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))

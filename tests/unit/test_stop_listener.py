@@ -1,0 +1,264 @@
+"""The listener for a stop: what it answers, and that nothing which arrives there hurts it."""
+
+from __future__ import annotations
+
+import os
+import socket
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from hil.bench.stop import listener as module
+from hil.bench.stop.consoles import Console, announced
+from hil.bench.stop.desk import Desk
+from hil.bench.stop.listener import Listener
+from hil.safety.operator import Asked
+from hil.safety.outputs import Output, State
+from tests.stops import SAFE, listening, posted, sent, stopped, tell_safe
+
+BUSY_S = 0.3  # what a machine that does other things besides may add
+
+
+def test_stop_is_confirmed_when_it_was_read_back_and_not_before() -> None:
+    with listening(tell_safe) as (listener, wishes):
+        answer = stopped(listener)
+    assert wishes == ["stop"]
+    assert 0.02 <= answer.pop("seconds") < 0.02 + BUSY_S
+    outputs = [{"channel": "valve", "state": "safe", "value": 0.0, "unit": "V"}]
+    assert answer == {"state": "confirmed", "outputs": outputs, "by": "run"}
+
+
+def test_stop_that_nobody_confirms_is_answered_so_within_a_second() -> None:
+    with listening() as (listener, wishes):
+        begun_s = time.monotonic()
+        answer = stopped(listener)
+        assert time.monotonic() - begun_s < 1.0
+    assert (answer["state"], answer["outputs"][0]["state"], wishes) == ("unconfirmed", "unknown", ["stop"])
+
+
+@pytest.mark.parametrize(
+    "output",
+    [
+        Output(State.DRIVEN, "V", 4.0), Output(State.UNKNOWN, "V"), Output(State.UNCONFIRMED, "V"),
+        Output(State.UNCONFIRMED, "V", can=False),
+    ],
+)  # fmt: skip
+def test_nothing_but_read_back_safe_is_called_confirmed(output: Output, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "ANSWER_S", 0.1)
+    with listening(lambda desk, _wish: desk.tell({"valve": output}, "run")) as (listener, _):
+        assert stopped(listener)["state"] == "unconfirmed"
+
+
+def test_one_of_two_outputs_confirms_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "ANSWER_S", 0.1)
+    desk = Desk({"valve": "V", "enable": "V"}, "watchdog", lambda _wish: None)
+    listener = Listener(desk, "watchdog")
+    try:
+        desk.tell(SAFE, "watchdog")
+        assert stopped(listener)["state"] == "unconfirmed"
+        desk.tell({"enable": Output(State.SAFE, "V", 0.0)}, "watchdog")
+        assert stopped(listener)["state"] == "confirmed"
+    finally:
+        listener.close()
+
+
+def test_wrong_token_moves_nothing() -> None:
+    with listening(tell_safe) as (listener, wishes):
+        tokens, url = listener.control.tokens, listener.control.url
+        for path, token in (("stop", ""), ("stop", tokens.stop[:-1]), ("stop", tokens.hold), ("hold", tokens.stop)):
+            assert posted(f"{url}/{path}", {"token": token, "hold": "1"})[0] == 403
+        assert posted(f"{url}/stop", {})[0] == 403
+        assert posted(f"{url}/", {"token": tokens.stop})[0] == 404
+        assert sent(f"{url}/stop", b"GET /stop HTTP/1.1\r\n\r\n").startswith(b"HTTP/1.1 405 ")
+        assert wishes == []
+
+
+def test_hold_is_asked_for_by_who_knows_its_token() -> None:
+    with listening() as (listener, wishes):
+        url, token = f"{listener.control.url}/hold", listener.control.tokens.hold
+        assert posted(url, {"token": token})[1] == {"state": "running"}
+        assert posted(url, {"token": token, "hold": "1"})[1] == {"state": "asked"}
+        listener._desk.holds(True)
+        assert posted(url, {"token": token})[1] == {"state": "holding"}
+        assert posted(url, {"token": token, "hold": "0"})[1] == {"state": "running"}
+        assert posted(url, {"token": token, "hold": "x"})[0] == 400
+    assert wishes == ["hold", "resume"]
+
+
+def test_answer_may_be_read_by_pages_of_a_console_and_no_others() -> None:
+    ours = "http://127.0.0.1:8123"
+    with listening(tell_safe) as (listener, _):
+        told = {"token": listener.control.tokens.stop}
+        asked = b"OPTIONS /stop HTTP/1.1\r\nOrigin: http://127.0.0.1:8123\r\n\r\n"
+        assert b"Access-Control" not in sent(listener.control.url, asked)
+        with announced(Console(pid=os.getpid(), origins=(ours,), host="127.0.0.1")):
+            assert posted(f"{listener.control.url}/stop", told, ours)[2]["Access-Control-Allow-Origin"] == ours
+            assert b"Allow-Origin: http://127.0.0.1:8123\r\n" in sent(listener.control.url, asked)
+            for other in ("http://127.0.0.1:8124", "http://evil.example", "null"):
+                assert "Access-Control-Allow-Origin" not in posted(f"{listener.control.url}/stop", told, other)[2]
+        with announced(Console(pid=2**22 + 1, origins=(ours,), host="127.0.0.1")):  # it has died
+            assert "Access-Control-Allow-Origin" not in posted(f"{listener.control.url}/stop", told, ours)[2]
+
+
+def test_many_stops_at_once_are_one_stop_and_all_are_answered() -> None:
+    with listening(tell_safe) as (listener, _), ThreadPoolExecutor(30) as pool:
+        answers = list(pool.map(lambda _: stopped(listener)["state"], range(30)))
+    assert answers == ["confirmed"] * 30
+
+
+GARBAGE = (
+    b"", b"\0" * 4000, os.urandom(4000), b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03", b"POST",
+    b"POST /stop HTTP/1.1\r\n",
+    b"POST /stop HTTP/1.1\r\nContent-Length: 1000\r\n\r\ntoken=", b"\r\n\r\n\r\n\r\n", b"x" * 20_000,
+)  # fmt: skip
+
+
+def test_garbage_does_not_keep_a_stop_waiting() -> None:
+    with ExitStack() as stack:
+        listener, wishes = stack.enter_context(listening(tell_safe))
+        place = urlsplit(listener.control.url)
+        for garbage in GARBAGE * 10:
+            line = stack.enter_context(socket.create_connection((place.hostname or "", place.port or 0)))
+            line.sendall(garbage)
+        begun_s = time.monotonic()
+        assert stopped(listener)["state"] == "confirmed"
+        assert time.monotonic() - begun_s < 0.02 + BUSY_S
+    assert wishes == ["stop"]
+
+
+def test_a_thousand_connections_that_say_nothing_do_not_keep_a_stop_waiting() -> None:
+    with ExitStack() as stack:
+        listener, _ = stack.enter_context(listening(tell_safe))
+        place = urlsplit(listener.control.url)
+        handles = len(list(Path("/proc/self/fd").iterdir()))
+        for _ in range(1000):
+            line = socket.socket()
+            line.connect((place.hostname or "", place.port or 0))
+            stack.callback(line.close)
+        begun_s = time.monotonic()
+        assert stopped(listener)["state"] == "confirmed"
+        assert time.monotonic() - begun_s < 0.02 + BUSY_S
+        taken = len(list(Path("/proc/self/fd").iterdir())) - handles - 1000
+        assert taken <= module._MOST + 2, "handles are for the devices"
+        assert len(listener._open) <= module._MOST
+
+
+def test_connection_that_is_slow_to_speak_is_hung_up_on(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(module, "_SAYS_S", 0.1)
+    with listening(tell_safe) as (listener, _):
+        place = urlsplit(listener.control.url)
+        with socket.create_connection((place.hostname or "", place.port or 0), 3.0) as line:
+            line.sendall(b"POST /stop HTTP/1.1\r\n")
+            begun_s = time.monotonic()
+            assert line.recv(10) == b""
+            assert 0.05 < time.monotonic() - begun_s < 0.1 + BUSY_S
+
+
+def test_listener_comes_back_after_whatever_ended_its_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    died = threading.Event()
+
+    async def dies(_listener: Listener) -> None:
+        died.set()
+        raise SystemExit("of a library")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Listener, "_serve", dies)
+        desk = Desk({"valve": "V"}, "run", lambda _wish: None)
+        listener = Listener(desk, "run")
+        assert died.wait(3.0)
+    try:
+        desk.tell(SAFE, "run")
+        assert stopped(listener)["state"] == "confirmed"
+    finally:
+        listener.close()
+
+
+def test_fault_in_an_answer_does_not_end_the_listener(monkeypatch: pytest.MonkeyPatch) -> None:
+    with listening(tell_safe) as (listener, _):
+        with monkeypatch.context() as patch:
+            patch.setattr(module, "response", lambda *_: 1 / 0)
+            assert sent(listener.control.url, b"POST /stop HTTP/1.1\r\n\r\n", 5.0) == b""
+        assert stopped(listener)["state"] == "confirmed"
+
+
+def test_answer_under_way_is_sent_when_the_listener_closes() -> None:
+    with ThreadPoolExecutor(1) as pool:
+        with listening() as (listener, wishes):
+            waiting = pool.submit(stopped, listener)
+            while not wishes:
+                time.sleep(0.005)
+            listener._desk.tell(SAFE, "run")
+        assert waiting.result()["state"] == "confirmed"
+
+
+def test_set_forward_clock_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
+    real = time.monotonic
+    for forward_s in (8 * 3600.0, 2.0**31 / 1000.0, 2.0**32):
+        with monkeypatch.context() as patch:
+            patch.setattr(time, "monotonic", lambda forward_s=forward_s: real() + forward_s)
+            with listening(tell_safe) as (listener, _):
+                assert 0.0 < stopped(listener)["seconds"] < 0.5
+
+
+def test_desk_forgets_what_a_dead_run_said() -> None:
+    wishes: list[Asked] = []
+    desk = Desk({"valve": "V"}, "watchdog", wishes.append)
+    desk.tell(SAFE, "run")
+    assert desk.stop().done() and not wishes
+    desk.forget()
+    waiting = desk.stop()
+    assert wishes == ["stop"] and not waiting.done()
+    desk.tell(SAFE, "watchdog")
+    assert waiting.result(0.0).by == "watchdog"
+
+
+def test_console_from_elsewhere_is_spoken_to_with_its_certificate(tmp_path: Path) -> None:
+    import ssl
+
+    cert, key = certificate(tmp_path)
+    away = Console(pid=os.getpid(), origins=("https://bench:8123",), host="0.0.0.0", cert=str(cert), key=str(key))
+    with announced(away), listening(tell_safe) as (listener, _):
+        assert listener.control.url.startswith("https://0.0.0.0:")
+        port = urlsplit(listener.control.url).port or 0
+        context = ssl.create_default_context(cafile=str(cert))
+        body = f"token={listener.control.tokens.stop}".encode()
+        with (
+            socket.create_connection(("127.0.0.1", port), 3.0) as line,
+            context.wrap_socket(line, server_hostname="localhost") as safe,
+        ):
+            safe.sendall(b"POST /stop HTTP/1.1\r\nContent-Length: %d\r\n\r\n" % len(body) + body)
+            answer = b""
+            while b'"by"' not in answer:
+                answer += safe.recv(4096)
+        assert b'"confirmed"' in answer
+        plain = sent(f"http://127.0.0.1:{port}", b"POST /stop HTTP/1.1\r\n\r\n")
+        assert not plain.startswith(b"HTTP")
+
+
+def certificate(folder: Path) -> tuple[Path, Path]:
+    """A certificate for `localhost` and its key, in files."""
+    import datetime as dt
+
+    from cryptography import x509
+    from cryptography.hazmat.primitives import hashes, serialization
+    from cryptography.hazmat.primitives.asymmetric import ec
+    from cryptography.x509.oid import NameOID
+
+    key, name = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, "x")])
+    now = dt.datetime.now(dt.UTC)
+    made = (
+        x509.CertificateBuilder().subject_name(name).issuer_name(name).public_key(key.public_key()).serial_number(1)
+        .not_valid_before(now - dt.timedelta(days=1)).not_valid_after(now + dt.timedelta(days=1))
+        .add_extension(x509.SubjectAlternativeName([x509.DNSName("localhost")]), critical=False)
+        .sign(key, hashes.SHA256())
+    )  # fmt: skip
+    files = folder / "cert.pem", folder / "key.pem"
+    files[0].write_bytes(made.public_bytes(serialization.Encoding.PEM))
+    files[1].write_bytes(key.private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()))  # fmt: skip
+    return files
