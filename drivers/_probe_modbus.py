@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, field_validator
 
-from drivers.modbus import LineSettings, _client
+from drivers._modbus_line import LineSettings, client_of
 from hil.daq.probe import Found, Progress
 from hil.errors import DeviceLostError
 
@@ -61,7 +61,7 @@ def who(options: Options, progress: Progress) -> list[Found]:
     """Every unit that answers; neighbours that tell the same are one."""
     line = {"transport": "tcp" if options.is_tcp else "rtu", "longest_reply_s": max(1.0, options.timeout_s)}
     settings = LineSettings.model_validate(options.model_dump(exclude={"units"}) | line)
-    client = _client(settings, lambda _sending, frame: frame)
+    client = client_of(settings, lambda _sending, frame: frame)
     if not client.connect():
         raise DeviceLostError(f"{options.address}: cannot be reached")
     answered: list[tuple[int, Mapping[str, str]]] = []

@@ -1,4 +1,4 @@
-"""Registers of a Modbus device: what stands where in which format, and which of them go in one request."""
+"""Registers of a Modbus device: what stands where in which format, and how numbers become words and back."""
 
 from __future__ import annotations
 
@@ -11,10 +11,12 @@ from typing import Literal, get_args
 from hil.daq.channel import Direction, Kind
 from hil.errors import SettingError
 
-Format = Literal["u16", "s16", "u32", "s32", "f32"]
+Format = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
+Table = Literal["coil", "discrete", "input", "holding"]
 WordOrder = Literal["big", "little", "ABCD", "CDAB", "BADC", "DCBA"]
-"""How the four bytes of a number in two registers come: `ABCD` (`big`) with the highest first."""
-_LETTERS = {"u16": "H", "s16": "h", "u32": "I", "s32": "i", "f32": "f"}
+"""How the bytes of a number in several registers come: `ABCD` (`big`) with the highest first."""
+_LETTERS = {"u16": "H", "s16": "h", "u32": "I", "s32": "i", "f32": "f", "u64": "Q", "s64": "q", "f64": "d"}
+_FUNCTIONS: Mapping[str, int] = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
 _NAMED: Mapping[str, str] = {"big": "ABCD", "little": "CDAB"}
 _HUGE = 10.0  # a float so many times its full scale was put together in the wrong order
 _TINY = 1e-8  # of full scale: less than any instrument resolves, but what bytes in the wrong order look like
@@ -22,14 +24,40 @@ _NEAR = 1e-2  # of full scale: only from so near a reading comes that close to z
 
 
 @dataclass(frozen=True, slots=True)
+class Flag:
+    """A bit or register that tells something: it is so when what is masked is `equals`, not 0 if that is not said."""
+
+    table: Table
+    address: int
+    mask: int = 0xFFFF
+    equals: int | None = None
+    means: str = ""
+
+    def is_so(self, word: int) -> bool:
+        """Whether a register, or a coil, says it."""
+        seen = word & self.mask
+        return bool(seen) if self.equals is None else seen == self.equals
+
+
+@dataclass(frozen=True, slots=True)
 class Register:
     """Where a terminal stands in the registers of a device: value = slope · count + offset.
 
     Attributes:
-        table: `input` (read by function 4) or `holding` (3, 6, 16).
+        table: `input` (read by function 4), `holding` (3), `coil` (1) or `discrete` (2).
         address: counted from 0, as it stands on the wire.
-        format: `u16`, `s16`; in two registers `u32`, `s32`, `f32`, whose value is the number itself.
-        read_back: address of an output's read-back in the holding registers, where that is another one.
+        format: `u16`, `s16`; in two registers `u32`, `s32`, `f32`, in four `u64`, `s64`, `f64`, whose value is the
+            number itself. In coils and discrete inputs it is a `bit`, whatever is said.
+        read_back: address of an output's read-back, where that is another one; in the holding registers, or where
+            `read_back_table` says.
+        order: of its bytes, where it is not that of the device; `BA` swaps those of one register.
+        bits: lowest bit and number of bits, where the rest of the register is something else.
+        write: function that an output is written by; 5 for a coil and 16 for registers if it is 0.
+        can_be_read: whether an output can be read back.
+        close: how far an output may stand from where it was driven; exactly there if not said.
+        invalid: what counts mean that are no measurement.
+        nan: what it means when a float is no number.
+        status: flags that say that it is none.
 
     Raises:
         SettingError: a format or table that is not known.
@@ -40,52 +68,112 @@ class Register:
     unit: str
     low: float
     high: float
-    table: Literal["input", "holding"]
+    table: Table
     address: int
     format: Format = "u16"
     slope: float = 1.0
     offset: float = 0.0
     read_back: int | None = None
+    read_back_table: Table | None = None
+    order: str | None = None
+    bits: tuple[int, int] | None = None
+    write: int = 0
+    can_be_read: bool = True
+    close: float | None = None
+    invalid: Mapping[int, str] = field(default_factory=dict)
+    nan: str = ""
+    status: tuple[Flag, ...] = ()
 
     def __post_init__(self) -> None:
         for what, said, known in (("format", self.format, get_args(Format)), ("table", self.table, _FUNCTIONS)):
             if said not in known:
                 raise SettingError(f"register {self.address:#06x}: {what} '{said}' is not known: {', '.join(known)}")
-        if self.direction == "out" and self.table != "holding":
+        if self.direction == "out" and self.table not in ("holding", "coil"):
             raise SettingError(
-                f"register {self.address:#06x}: an output is a holding register, not an {self.table} one"
+                f"register {self.address:#06x}: an output is a holding register or a coil, not an {self.table} one"
             )
 
     @property
+    def is_bit(self) -> bool:
+        """Whether it stands in a table of bits."""
+        return self.table in ("coil", "discrete")
+
+    @property
     def words(self) -> int:
-        """Registers that it takes."""
-        return struct.calcsize(_LETTERS[self.format]) // 2
+        """Registers, or coils, that it takes."""
+        return 1 if self.is_bit else struct.calcsize(_LETTERS[self.format]) // 2
 
     @property
     def function(self) -> int:
         """By which it is read."""
         return _FUNCTIONS[self.table]
 
+    @property
+    def writing(self) -> int:
+        """By which it is written."""
+        return self.write or (5 if self.is_bit else 16)
+
+    @property
+    def read_back_at(self) -> tuple[int, int]:
+        """Function and address of its read-back."""
+        there: Table = self.read_back_table or ("holding" if self.table == "holding" else self.table)
+        return _FUNCTIONS[there], self.address if self.read_back is None else self.read_back
+
+    @property
+    def field(self) -> tuple[int, int]:
+        """Lowest bit and number of bits of its count."""
+        return self.bits or (0, 1 if self.is_bit else 16 * self.words)
+
     def count_of(self, value: float) -> int:
-        """A value as a register of whole numbers takes it, the end of the format where it is beyond; not negative."""
-        bits = 16 * self.words
-        least = -(1 << bits - 1) if self.format.startswith("s") else 0
-        count = max(least, min(least + (1 << bits) - 1, round((value - self.offset) / self.slope)))
-        return count & (1 << bits) - 1
+        """A value as a field of whole numbers takes it, the end of the format where it is beyond; not negative."""
+        width = self.field[1]
+        least = -(1 << width - 1) if self.format.startswith("s") and not self.is_bit else 0
+        count = max(least, min(least + (1 << width) - 1, round((value - self.offset) / self.slope)))
+        return count & (1 << width) - 1
 
     def words_of(self, value: float, order: WordOrder) -> list[int]:
-        """A value as the registers take it, first register first."""
-        if self.format == "f32":
-            data = struct.pack(">f", (value - self.offset) / self.slope)
+        """A value as the registers take it, first register first; 0 in bits that are none of its own."""
+        if self.is_bit:
+            return [self.count_of(value)]
+        if self.format in ("f32", "f64"):
+            data = struct.pack(f">{_LETTERS[self.format]}", (value - self.offset) / self.slope)
         else:
-            data = self.count_of(value).to_bytes(2 * self.words, "big")
-        return list(struct.unpack(f">{self.words}H", _on_the_wire(data, order)))
+            data = (self.count_of(value) << self.field[0]).to_bytes(2 * self.words, "big")
+        return _words(self._turned(data, order))
+
+    def mask(self, order: WordOrder) -> list[int]:
+        """The bits of the registers that are its own."""
+        lowest, width = self.field
+        if self.is_bit:
+            return [1]
+        return _words(self._turned(((1 << width) - 1 << lowest).to_bytes(2 * self.words, "big"), order))
+
+    def raw_of(self, words: Sequence[int], order: WordOrder) -> float | int:
+        """The count that registers say, signed where its format is; of a float the number."""
+        if self.is_bit:
+            return int(words[0])
+        data = self._turned(struct.pack(f">{len(words)}H", *words), order)
+        if self.bits is None:
+            (count,) = struct.unpack(f">{_LETTERS[self.format]}", data)
+            return float(count) if self.format in ("f32", "f64") else int(count)
+        lowest, width = self.bits
+        raw = int.from_bytes(data, "big") >> lowest & (1 << width) - 1
+        return raw - (1 << width) if self.format.startswith("s") and raw >> width - 1 else raw
 
     def value_of(self, words: Sequence[int], order: WordOrder) -> float:
         """What registers say."""
-        data = _highest_first(struct.pack(f">{len(words)}H", *words), order)
-        (count,) = struct.unpack(f">{_LETTERS[self.format]}", data)
-        return float(self.slope * count + self.offset)
+        return float(self.slope * self.raw_of(words, order) + self.offset)
+
+    def said_invalid(self, words: Sequence[int], order: WordOrder) -> str | None:
+        """What the description says of a count that is no measurement; None for one that may be."""
+        raw = self.raw_of(words, order)
+        if isinstance(raw, float):
+            return self.nan or "not a number" if math.isnan(raw) and self.nan else None
+        width = self.field[1]
+        for count in (raw, raw & (1 << width) - 1):
+            if count in self.invalid:
+                return self.invalid[count] or f"count {count:#x}"
+        return None
 
     def measured(self, value: float, before: float | None) -> float:
         """The value, or NaN when it is none: not a number, or a float that only bytes in the wrong order explain.
@@ -95,75 +183,40 @@ class Register:
             before: the reading before it; None when there was none.
         """
         full = max(abs(self.low), abs(self.high))
-        if self.format != "f32" or math.isinf(value):
+        if self.format not in ("f32", "f64") or math.isinf(value):
             return value
         far = before is None or not abs(before) <= _NEAR * full
         wrong = abs(value) > _HUGE * full or (0.0 < abs(value) < _TINY * full and far)
         return math.nan if wrong else value
 
+    def stands(self, words: Sequence[int], driven: Sequence[int], order: WordOrder) -> bool:
+        """Whether what is read back is what was driven, as near as it has to be."""
+        if self.close is not None:
+            return abs(self.value_of(words, order) - self.value_of(driven, order)) <= self.close
+        return all((a ^ b) & mask == 0 for a, b, mask in zip(words, driven, self.mask(order), strict=True))
 
-_FUNCTIONS: Mapping[str, int] = {"holding": 3, "input": 4}
+    def _turned(self, data: bytes, order: WordOrder) -> bytes:
+        return turned(data, self.order or order)
+
+
+def turned(data: bytes, order: str) -> bytes:
+    """Bytes, highest first, as a byte order puts them on the wire, and back: each of them undoes itself.
+
+    Of one register only `BA` changes anything.
+    """
+    name = _NAMED.get(order, order)
+    words = [data[i : i + 2] for i in range(0, len(data), 2)]
+    if name in ("CDAB", "DCBA"):
+        words.reverse()
+    if name == "BA" or (name in ("BADC", "DCBA") and len(words) > 1):
+        words = [word[::-1] for word in words]
+    return b"".join(words)
 
 
 def float32(words: Sequence[int], order: WordOrder) -> float:
     """Two registers as a floating-point number."""
-    return float(struct.unpack(">f", _highest_first(struct.pack(">2H", *words), order))[0])
+    return float(struct.unpack(">f", turned(struct.pack(">2H", *words), order))[0])
 
 
-def _highest_first(data: bytes, order: WordOrder) -> bytes:
-    name = _NAMED.get(order, order)
-    return data if len(data) != 4 else bytes(data[name.index(letter)] for letter in "ABCD")
-
-
-def _on_the_wire(data: bytes, order: WordOrder) -> bytes:
-    return data if len(data) != 4 else bytes(data["ABCD".index(letter)] for letter in _NAMED.get(order, order))
-
-
-@dataclass(slots=True)
-class Stretch:
-    """Neighbouring registers of one table that go in one request."""
-
-    first: int
-    terminals: dict[str, Register] = field(default_factory=dict)
-
-    @property
-    def count(self) -> int:
-        """Registers from the first to the last."""
-        last = self._last
-        return last.address + last.words - self.first
-
-    @property
-    def function(self) -> int:
-        """By which they are read."""
-        return self._last.function
-
-    @property
-    def read_back(self) -> int:
-        """Where the outputs among them are read back, the first one first."""
-        first = next(iter(self.terminals.values()))
-        return first.address if first.read_back is None else first.read_back
-
-    def split(self, words: Sequence[int]) -> dict[str, tuple[int, ...]]:
-        """The words of each terminal, of those that one request brought."""
-        return {name: tuple(words[r.address - self.first :][: r.words]) for name, r in self.terminals.items()}
-
-    def takes(self, register: Register) -> bool:
-        """Whether a register goes on where these end, also in its read-back."""
-        last = self._last
-        apart = None if register.read_back is None else register.read_back - register.address
-        same = apart == (None if last.read_back is None else last.read_back - last.address)
-        return register.table == last.table and register.address == last.address + last.words and same
-
-    @property
-    def _last(self) -> Register:
-        return next(reversed(self.terminals.values()))
-
-
-def stretches(registers: Mapping[str, Register]) -> list[Stretch]:
-    """Registers in as few requests as possible without asking for any that lie between (some devices refuse)."""
-    found: list[Stretch] = []
-    for name, register in sorted(registers.items(), key=lambda item: (item[1].table, item[1].address)):
-        if not found or not found[-1].takes(register):
-            found.append(Stretch(register.address))
-        found[-1].terminals[name] = register
-    return found
+def _words(data: bytes) -> list[int]:
+    return list(struct.unpack(f">{len(data) // 2}H", data))

@@ -1,14 +1,17 @@
-"""Modbus devices on TCP or a serial line, with a plant behind their registers; the twin of the driver."""
+"""Modbus devices on TCP or a serial line, with a plant behind their registers; the twin of the driver.
 
-# ruff: noqa: ARG002 - a bank of registers says what it refuses by methods that do nothing else
+A device is what its description says; the coupler has more than a description can say, and is written after its manual.
+"""
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Mapping
 from typing import Any
 
+from hil.description.named import Described, description_of
 from sim_devices._field import Side
+from sim_devices._modbus_bank import Bank
+from sim_devices._modbus_described import DescribedBank
 from sim_devices._modbus_frames import COMMON, Refused
 from sim_devices._modbus_table import serve_registers
 from sim_devices._quirks import Quirks
@@ -16,67 +19,6 @@ from sim_devices._stream import StreamServer
 from sim_devices._twin import Twin, TwinSettings, quirks, world
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
-
-
-class Bank:
-    """The registers of a device as its manual lists them. An address that is not served is refused.
-
-    Attributes:
-        functions: those that its manual lists, by their codes.
-    """
-
-    functions = COMMON
-
-    def __init__(self, side: Side, _settings: Mapping[str, Any]) -> None:
-        self.side = side
-        self.silent_since_s = side.clock.now_s
-
-    def input(self, address: int) -> int:
-        """An input register."""
-        raise Refused(2)
-
-    def holding(self, address: int) -> int:
-        """A holding register."""
-        raise Refused(2)
-
-    def output(self, address: int) -> int:
-        """What a write to a holding register changes."""
-        return self.holding(address)
-
-    def coil(self, address: int) -> bool:
-        """A coil."""
-        raise Refused(2)
-
-    def discrete(self, address: int) -> bool:
-        """A discrete input."""
-        raise Refused(2)
-
-    def write(self, address: int, count: int) -> None:
-        """Write a holding register."""
-        raise Refused(2)
-
-    def write_coil(self, address: int, on: bool) -> None:
-        """Write a coil."""
-        raise Refused(2)
-
-    def may_write(self, address: int, count: int) -> None:
-        """Refuse what `write` would refuse, before anything of a request is written."""
-        raise Refused(2)
-
-    def restart(self) -> None:
-        """Outputs and watchdog as after power-on."""
-
-    def heard(self) -> None:
-        """A valid request came."""
-        self.silent_since_s = self.side.clock.now_s
-
-    def tick(self) -> None:
-        """Look at the watchdog."""
-
-    @property
-    def silent_s(self) -> float:
-        """How long nothing was asked."""
-        return self.side.clock.now_s - self.silent_since_s
 
 
 class Wago750(Bank):
@@ -89,8 +31,8 @@ class Wago750(Bank):
 
     _FULL = 0x7FFF
 
-    def __init__(self, side: Side, settings: Mapping[str, Any]) -> None:
-        super().__init__(side, settings)
+    def __init__(self, side: Side) -> None:
+        super().__init__(side)
         self._outputs = [_to_word(round(side.standing(f"ao{i}") * self._FULL / 10.0)) for i in range(4)]
         self._time, self._armed, self._status = 100, 0, 0
 
@@ -154,106 +96,16 @@ class Wago750(Bank):
         self.side.drive({f"ao{i}": 0.0 for i in range(4)})
 
 
-class IoLogikE1241(Bank):
-    """Four outputs of 0 … 10 V in 12 bit; its watchdog makes them safe until that is cleared, output by output.
-
-    Its watchdog and the level to which outputs then go are set at the device: `watchdog_s`, `watchdog_level`.
-    """
-
-    def __init__(self, side: Side, settings: Mapping[str, Any]) -> None:
-        super().__init__(side, settings)
-        self._timeout_s = settings.get("watchdog_s")
-        self._level = float(settings.get("watchdog_level") or 0.0)
-        self._counts = [round(side.standing(f"ao{i}") * 409.5) for i in range(4)]
-        self._safe = [False] * 4
-
-    def holding(self, address: int) -> int:
-        """The raw value of an output."""
-        if not 0x0400 <= address < 0x0404:
-            raise Refused(2)
-        return self._counts[address - 0x0400]
-
-    def coil(self, address: int) -> bool:
-        """Safe status of an output."""
-        if not 0x1010 <= address < 0x1014:
-            raise Refused(2)
-        return self._safe[address - 0x1010]
-
-    def may_write(self, address: int, count: int) -> None:
-        """Four outputs of 12 bit."""
-        if not 0x0400 <= address < 0x0404:
-            raise Refused(2)
-        if count > 4095:
-            raise Refused(3)
-
-    def write(self, address: int, count: int) -> None:
-        """An output; it takes effect once the output is no longer in safe mode."""
-        self._counts[address - 0x0400] = count
-        self._drive(address - 0x0400)
-
-    def write_coil(self, address: int, on: bool) -> None:
-        """Clear the safe mode of an output."""
-        if not 0x1020 <= address < 0x1024:
-            raise Refused(2)
-        if on:
-            self._safe[address - 0x1020] = False
-            self._drive(address - 0x1020)
-
-    def restart(self) -> None:
-        """Every output zero."""
-        self._counts, self._safe = [0] * 4, [False] * 4
-        self.side.drive({f"ao{i}": 0.0 for i in range(4)})
-
-    def tick(self) -> None:
-        """Outputs go to the level that was set, and stay there, when nothing was asked for the watchdog's time."""
-        if self._timeout_s is not None and self.silent_s > self._timeout_s and not all(self._safe):
-            self._safe = [True] * 4
-            self.side.drive({f"ao{i}": self._level for i in range(4)})
-
-    def _drive(self, i: int) -> None:
-        if not self._safe[i]:
-            self.side.drive({f"ao{i}": self._counts[i] / 409.5})
-
-
-class IoLogikE1240(Bank):
-    """Eight inputs of 0 … 10 V in 16 bit."""
-
-    def input(self, address: int) -> int:
-        """The raw value of an input."""
-        if address >= 8:
-            raise Refused(2)
-        volts = self.side.number(f"ai{address}")
-        return max(0, min(0xFFFF, round(volts * 6553.5)))
-
-
-class FlowMeter(Bank):
-    """Flow and temperature as floats, two input registers each."""
-
-    def __init__(self, side: Side, settings: Mapping[str, Any]) -> None:
-        super().__init__(side, settings)
-        self._low_first = settings.get("word_order") == "little"
-
-    def input(self, address: int) -> int:
-        """Half of a float."""
-        if address >= 4:
-            raise Refused(2)
-        value = self.side.read().get(("flow", "temperature")[address // 2], 0.0)
-        high, low = struct.unpack(">HH", struct.pack(">f", value))
-        first_is_low = self._low_first != self.side.quirks.word_order
-        return int((low, high)[address % 2] if first_is_low else (high, low)[address % 2])
-
-
-_BANKS: Mapping[str, type[Bank]] = {
-    "wago-750": Wago750,
-    "iologik-e1241": IoLogikE1241,
-    "iologik-e1240": IoLogikE1240,
-    "flow-meter": FlowMeter,
-}
-
-
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the device where the driver will look for it."""
-    return serve_registers(_BANKS[settings["model"]](side, settings), settings, side, behave)
+    return serve_registers(_bank(settings, side), settings, side, behave)
+
+
+def _bank(settings: Mapping[str, Any], side: Side) -> Bank:
+    if settings.get("model") == "wago-750":
+        return Wago750(side)
+    told = Described(model=settings.get("model", ""), description=settings.get("description"))
+    return DescribedBank(side, description_of(told, "modbus"), settings)
 
 
 def _to_word(value: int) -> int:

@@ -7,12 +7,12 @@ from typing import Any
 
 from hil.daq.channel import Pwm
 from sim_devices._field import Side
+from sim_devices._modbus_bank import Bank
 from sim_devices._modbus_frames import Refused
 from sim_devices._modbus_table import serve_registers
 from sim_devices._quirks import Quirks
 from sim_devices._stream import StreamServer
 from sim_devices._twin import Twin, TwinSettings, quirks, world
-from sim_devices.modbus import Bank
 
 __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
 
@@ -31,8 +31,8 @@ class Amplifier(Bank):
         status: its faults, one bit each.
     """
 
-    def __init__(self, side: Side, settings: Mapping[str, Any]) -> None:
-        super().__init__(side, settings)
+    def __init__(self, side: Side) -> None:
+        super().__init__(side)
         self.status = 0
         self._held = {**_POWER_ON, 0: round(1000.0 * side.standing("current"))}
         self._modulate()
@@ -91,7 +91,7 @@ class Amplifier(Bank):
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the amplifier where the driver will look for it."""
-    return serve_registers(Amplifier(side, settings), settings, side, behave)
+    return serve_registers(Amplifier(side), settings, side, behave)
 
 
 _twin = Twin("pwm_amplifier", serve, example="127.0.0.1:1502", free="127.0.0.1:0")

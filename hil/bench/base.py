@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from hil.bench.device import files_at_home
 from hil.bench.find import find_bench
 from hil.errors import FileError, HilError
 
@@ -62,12 +63,15 @@ def merged(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _at_home(content: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """A model file beside the base is found from elsewhere too."""
-    valve = content.get("valve")
+    """Files beside the base, its model and descriptions of devices, are found from elsewhere too."""
+    valve, devices = content.get("valve"), content.get("devices")
+    own = dict(content)
+    if isinstance(devices, dict):
+        own["devices"] = files_at_home(devices, folder)
     plant = valve.get("plant") if isinstance(valve, dict) else None
     if isinstance(valve, dict) and isinstance(plant, str) and plant.endswith(".json"):
-        return {**content, "valve": {**valve, "plant": str(folder / plant)}}
-    return content
+        own["valve"] = {**valve, "plant": str(folder / plant)}
+    return own
 
 
 def _text(path: Path) -> str:

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from hil.bench.draft import Draft, sound_part
 from hil.bench.fault import Fault
-from hil.bench.file import Bench, ChannelEntry
+from hil.bench.file import Bench, ChannelEntry, Device
 from hil.bench.lines import Place
 from hil.catalog import Kind, find
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
@@ -22,6 +22,10 @@ from hil.errors import HardwareError, HilError, LinkError
 
 if TYPE_CHECKING:
     from hil.daq.polled import Link
+
+
+_FILES = ("model", "eds", "dbc")
+_SUFFIXES = (".toml", ".eds", ".dcf", ".dbc")
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +77,9 @@ def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[Device
         module = find(kind, device.driver or device.simulated).load()
     except HilError as error:
         return None, [Fault((*place, key), str(error))]
-    given = device.settings | ({"simulation": simulation_of([name], draft, folder)} if device.simulated else {})
+    given = own_settings(device, folder) | (
+        {"simulation": simulation_of([name], draft, folder)} if device.simulated else {}
+    )
     settings, faults = sound_part(module.Settings, given, place)
     if settings is None:
         return None, [_at_home(fault, place) for fault in faults]
@@ -139,6 +145,26 @@ def simulation_of(names: Collection[str], draft: Draft | Bench, folder: Path) ->
     instruments = {name: _instrument(name, channel, own.get(name, {}) if isinstance(own, dict) else {})
                    for name, channel in draft.channels.items() if channel.device in names}  # fmt: skip
     return told | {"plant": model_path(plant, folder), "instruments": instruments}
+
+
+def own_settings(device: Device, folder: Path) -> dict[str, Any]:
+    """What a bench file says to a driver or simulated device; files beside it that describe the device as paths."""
+    found: dict[str, Any] = files_at_home(device.settings, folder)
+    return found
+
+
+def files_at_home(told: Any, folder: Path) -> Any:
+    """Settings in which descriptions, and files that these name, stand as paths."""
+    if isinstance(told, Mapping):
+        return {
+            key: str(folder / value) if key in _FILES and _is_file(value) else files_at_home(value, folder)
+            for key, value in told.items()
+        }
+    return told
+
+
+def _is_file(value: Any) -> bool:
+    return isinstance(value, str) and value.lower().endswith(_SUFFIXES)
 
 
 def model_path(plant: str, folder: Path) -> str:

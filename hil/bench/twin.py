@@ -11,7 +11,7 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from hil.bench.device import simulation_of
+from hil.bench.device import own_settings, simulation_of
 from hil.bench.examined import examined_device
 from hil.bench.read import BenchFile
 from hil.catalog import find
@@ -43,7 +43,7 @@ def serve(file: BenchFile, folder: Path, quirks: dict[str, dict[str, str]]) -> d
     served: dict[str, Any] = {}
     try:
         for name, twin in twins.items():
-            settings = devices[name].settings
+            settings = own_settings(devices[name], folder)
             served[name] = twin.serve(settings, world.side(name), twin.quirks(quirks.get(name, {})))
     except BaseException:
         for started in served.values():
@@ -85,7 +85,7 @@ def subject(
     twin = _twin_of(driver)
     wirings = {name: other.wiring(file.bench.channels) for name, other in file.devices.items()}
     side = twin.world(simulation_of(list(file.devices), file.bench, folder), wirings).side(using[0])
-    served = twin.serve(file.bench.devices[using[0]].settings, side, twin.quirks({}))
+    served = twin.serve(own_settings(file.bench.devices[using[0]], folder), side, twin.quirks({}))
 
     def spoil(**quirks: Any) -> None:
         served.behaviour.quirks = twin.quirks(quirks)

@@ -10,15 +10,17 @@ import typer
 from hil.catalog import KINDS, entries, models, tables
 from hil.errors import UnknownNameError
 
-_FILES = ("benches", "models", "tables")
+_FILES = ("benches", "descriptions", "models", "tables")
 
 
 def command(
     kind: str = typer.Argument(
-        "", metavar="[drivers|devices|procedures|plants|effects|benches|models|tables]", help="Only one kind."
+        "",
+        metavar="[drivers|devices|procedures|plants|effects|benches|descriptions|models|tables]",
+        help="Only one kind.",
     ),
 ) -> None:
-    """List the installed drivers, devices, procedures, plants, effects, benches, models and tables."""
+    """List the installed drivers, devices, procedures, plants, effects, benches, descriptions, models and tables."""
     if kind and kind not in (*KINDS, *_FILES):
         raise UnknownNameError("kind of entry", kind, (*KINDS, *_FILES))
     for name in (known for known in (*KINDS, *_FILES) if kind in ("", known)):
@@ -36,6 +38,10 @@ def _lines(kind: str) -> Iterator[tuple[str, str]]:
         from hil.bench.find import benches
 
         yield from ((name, _first_words(path, "name = ")) for name, path in benches().items())
+    elif kind == "descriptions":
+        from hil.description.find import descriptions
+
+        yield from ((name, _first_words(path, "summary = ")) for name, path in descriptions().items())
     elif kind == "models":
         yield from ((name, _first_words(path, '"title": ')) for name, path in models().items())
     elif kind == "tables":

@@ -11,10 +11,12 @@ A driver (`drivers/NAME.py`) or simulated device (`sim_devices/NAME.py`) provide
     terminals(settings) -> {name: Terminal}   what it has to connect to; opens nothing
     open_daq(settings, wiring) -> Daq         the device, open, every output where it was found
 
-It may provide two more, by which `hil check` warns and a run is refused before anything is opened:
+It may provide more, by which `hil check` warns and a run is refused before anything is opened:
 
     needs(settings) -> (package, …)           what must be installed, by the names under which it is imported
     watchdog_levels(settings) -> {name: raw}  where the device's own watchdog puts outputs, as far as that is known
+    has_watchdog(settings) -> bool            whether the device has one; as `watchdog_s` may be said if not given
+    not_read_back(settings) -> {name, …}      outputs of which the device cannot be asked where they stand
 """
 
 from __future__ import annotations

@@ -28,7 +28,21 @@ TO_SCANNER = (
     '[devices.module]\ndriver = "ascii_module"\nmodel = "adam-4024"\naddress = "socket://127.0.0.1:14001"\n'
     "watchdog_s = 1.0\n\n"
 )
+BARE = [
+    ('model = "wago-750"\n', (
+        "description = { summary = 'bare', modbus = { addresses = 'wire' }, terminals = { "
+        "ao0 = { direction = 'out', unit = 'V', range = [-10, 10], table = 'holding', address = 0, "
+        "read_back = false }, "
+        "'ai{n}' = { count = 4, direction = 'in', unit = 'V', range = [-10, 10], table = 'input', address = 0 } } }\n"
+    )),
+    ("watchdog_s = 1.0\n", ""),
+]  # fmt: skip
 SPEAKS = {
+    "described without a watchdog": (devices.no_watchdog, TCP, BARE, "device 'io': driver 'modbus' has no watchdog",
+                                     "put a relay into the valve's supply"),
+    "described without read-back": (devices.not_read_back, TCP, BARE,
+                                    "channel 'command': device 'io' cannot be asked where ao0 stands",
+                                    "give an input that measures it an interlock"),
     "own watchdog off": (devices.watchdog_off, TCP, [("watchdog_s = 1.0\n", "")],
                          "device 'io': its own watchdog is off", "say watchdog_s = … under [devices.io]"),
     "NI without an enable line": (devices.no_watchdog, NI, [("on = 1.0\n", "")],

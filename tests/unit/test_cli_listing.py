@@ -11,6 +11,7 @@ import pytest
 
 from hil.bench.find import benches
 from hil.catalog import KINDS, entries, models, tables
+from hil.description.find import descriptions
 
 # typer brings pydantic and its own needs; none of these is its.
 HEAVY = (
@@ -50,7 +51,7 @@ def test_listing_shows_everything_with_a_summary() -> None:
         here = lines[start : start + len(entries(kind))]
         for entry, line in zip(entries(kind), here, strict=True):
             assert line.split(maxsplit=1) == [entry.name, entry.summary]
-    files = {"benches": benches(), "models": models(), "tables": tables()}
+    files = {"benches": benches(), "descriptions": descriptions(), "models": models(), "tables": tables()}
     for kind, found in files.items():
         start = lines.index(f"{kind}:") + 1
         here = lines[start : start + len(found)]

@@ -8,6 +8,7 @@ import threading
 from pathlib import Path
 
 import pytest
+from pydantic import BaseModel
 
 from hil.bench.find import benches
 from hil.bench.read import read_bench
@@ -15,6 +16,8 @@ from hil.bench.twin import subject
 from hil.catalog import entries, find
 from hil.daq.channel import InputChannel, Wiring
 from hil.daq.conformance import CHECKS, examine
+from hil.description import modbus as modbus_words
+from hil.description.find import descriptions
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import kit
 from sim_devices.kit import Quirks
@@ -31,6 +34,15 @@ def test_every_setting_and_model_is_in_the_reference(name: str) -> None:
     words = set(re.findall(r"[\w-]+", PAGE))
     assert f"## `{name}`" in PAGE
     assert set(module.Settings.model_fields) | set(getattr(module, "MODELS", ())) <= words
+
+
+def test_every_key_of_a_description_is_in_its_reference() -> None:
+    page = (DOCS / "reference" / "descriptions.md").read_text(encoding="utf-8")
+    words = set(re.findall(r"\w+", page))
+    shown = [kind for kind in vars(modbus_words).values() if isinstance(kind, type) and issubclass(kind, BaseModel)]
+    assert len(shown) > 8
+    assert {key for kind in shown for key in kind.model_fields} <= words
+    assert {name for name in descriptions() if name not in PAGE} == set()
 
 
 def test_every_quirk_and_bench_is_in_the_reference() -> None:

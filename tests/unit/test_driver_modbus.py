@@ -17,11 +17,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import modbus
+from drivers import _modbus_line, modbus
+from drivers._described_modbus import model_of
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform
 from hil.daq.polled import PolledDaq
+from hil.description.named import Described, description_of
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from sim_devices import modbus as twin
 from sim_devices._field import Side
@@ -143,15 +145,17 @@ def test_driver_sends_and_understands_what_the_specification_prints(name: str) -
     with socket.create_server(("127.0.0.1", 0)) as listener:
         thread = threading.Thread(target=exchange, args=(listener,))
         thread.start()
-        client = modbus._client(modbus.Settings(model="wago-750", address=f"127.0.0.1:{listener.getsockname()[1]}"))
+        client = _modbus_line.client_of(
+            modbus.Settings(model="wago-750", address=f"127.0.0.1:{listener.getsockname()[1]}")
+        )
         client.connect()
         function, address, rest = request[0], *struct.unpack(">HH", request[1:5])
         values = [0x000A, 0x0102] if function == 16 else [rest]
-        got = modbus._request(client, function, address, rest, values, 1)
+        got = _modbus_line.request(client, function, address, rest, values, 1)
         client.close()
         thread.join()
     assert heard[0][7:].hex(" ") == request.hex(" ")
-    assert modbus._belongs(got, function, address, 3 if function == 3 else 1, values)
+    assert _modbus_line.belongs(got, function, address, 3 if function == 3 else 1, values)
     if function in (3, 4):
         assert got.registers == list(struct.unpack(f">{answer[1] // 2}H", answer[2:]))
     if function == 1:
@@ -175,7 +179,7 @@ def test_floats_in_both_word_orders() -> None:
 
 
 def test_full_scale_counts_of_the_coupler() -> None:
-    register = modbus.MODELS["wago-750"].registers["ao0"]
+    register = model_of(description_of(Described(model="wago-750"), "modbus")).registers["ao0"]
     assert [register.count_of(volts) for volts in (10.0, 0.0, -10.0)] == [0x7FFF, 0, 0x8001]
     assert register.value_of([0x8001], "big") == pytest.approx(-10.0)
 
@@ -437,7 +441,7 @@ def test_float_in_the_wrong_word_order_is_not_believed() -> None:
     with linked(METER, Quirks(word_order=True), model="flow-meter") as (link, _, terminals):
         terminals.drive({"ao0": 3.3})
         time.sleep(0.003)
-        with pytest.raises(LinkError, match=r"flow reads .* check word_order \(now big\)"):
+        with pytest.raises(LinkError, match=r"flow reads .* check word_order \(now ABCD\)"):
             link.read()
 
 
@@ -506,7 +510,7 @@ FRAMES = st.lists(
 @given(FRAMES, st.booleans())
 def test_hostile_bytes_neither_crash_nor_hang_nor_move_an_output(pieces: list[bytes], tcp: bool) -> None:
     terminals = HOSTILE_SIDE
-    bank = twin.Wago750(terminals, {})
+    bank = twin.Wago750(terminals)
     frames = TcpFrames(bank, 1) if tcp else RtuFrames(bank, 1)
     writes = 0
     received = b""
@@ -544,7 +548,7 @@ def test_settings_that_cannot_be_are_told(changes: dict[str, Any], text: str) ->
 
 def test_refused_value_writes_nothing() -> None:
     terminals = side(clock=VirtualClock())
-    bank = twin.IoLogikE1241(terminals, {})
+    bank = twin._bank({"model": "iologik-e1241"}, terminals)
     answer = answered(bytes.fromhex("10 04 00 00 02 04 01 00 FF FF"), bank)
     assert answer == bytes.fromhex("90 03")
     assert bank.holding(0x0400) == 0

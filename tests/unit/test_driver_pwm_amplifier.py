@@ -53,7 +53,7 @@ def linked(channel: OutputChannel = OUT, **settings: Any) -> Iterator[tuple[Any,
     """A driver's link to a served twin."""
     terminals = side()
     told = {"timeout_s": 0.1, "longest_reply_s": 0.2, "watchdog_s": 0.3, "address": "127.0.0.1:0", **settings}
-    amplifier = Amplifier(terminals, told)
+    amplifier = Amplifier(terminals)
     server = serve_registers(amplifier, told, terminals, Quirks())
     try:
         checked = pwm_amplifier.Settings.model_validate({**told, "address": server.where})
@@ -82,7 +82,7 @@ def test_without_dither_there_is_none() -> None:
 def test_dither_moves_the_coil_only_once_it_is_set() -> None:
     clock = VirtualClock()
     terminals = side(clock)
-    amplifier = Amplifier(terminals, {})
+    amplifier = Amplifier(terminals)
     amplifier.write(0, 1500)
 
     def swing() -> float:
@@ -145,7 +145,7 @@ def _read_until_looked_at(link: Any) -> None:
 
 def test_expired_watchdog_lets_no_current_through_until_it_is_set_anew() -> None:
     clock = VirtualClock()
-    amplifier = Amplifier(side(clock), {})
+    amplifier = Amplifier(side(clock))
     amplifier.heard()
     amplifier.write(4, 3)
     amplifier.write(0, 1500)
@@ -166,7 +166,7 @@ def test_expired_watchdog_lets_no_current_through_until_it_is_set_anew() -> None
     ("address", "count", "code"), [(0, 3001, 3), (1, 99, 3), (1, 5001, 3), (2, 5001, 3), (3, 501, 3), (5, 0, 2)]
 )
 def test_twin_refuses_what_is_out_of_range(address: int, count: int, code: int) -> None:
-    amplifier = Amplifier(side(VirtualClock()), {})
+    amplifier = Amplifier(side(VirtualClock()))
     with pytest.raises(Refused) as refused:
         amplifier.may_write(address, count)
     assert refused.value.code == code

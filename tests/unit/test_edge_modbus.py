@@ -117,7 +117,7 @@ def test_formats_of_whole_numbers(form: Any, words: list[int], value: float) -> 
         link.close()
 
 
-@pytest.mark.parametrize(("key", "said"), [("format", "f64"), ("format", "int16"), ("table", "coil")])
+@pytest.mark.parametrize(("key", "said"), [("format", "f16"), ("format", "int16"), ("table", "coils")])
 def test_an_unknown_format_or_table_is_no_register(key: str, said: str) -> None:
     with pytest.raises(SettingError, match=rf"register 0x0004: {key} '{said}' is not known: "):
         gauge(**{"at": 4, "form" if key == "format" else key: said})
@@ -281,7 +281,7 @@ def test_whatever_the_library_raises_is_a_named_error(error: Exception) -> None:
     with ForeignLine(device.on_tcp) as line:
         link = opened(line, model, wired("t", outputs=("q",)))
         link._client.close()
-        link._client = Broken(error)
+        link._line.client = Broken(error)
         for call in (link.read, link.standing, lambda: link.drive({"q": 1.0})):
             with pytest.raises(HardwareError) as told:
                 call()

@@ -35,7 +35,7 @@ def side(out: str, in_: str, unit: str = "V") -> Side:
 
 @pytest.fixture
 def coupler() -> modbus.Wago750:
-    return modbus.Wago750(side("ao0", "ai0"), {})
+    return modbus.Wago750(side("ao0", "ai0"))
 
 
 @pytest.fixture

@@ -81,8 +81,22 @@ def driving(file: BenchFile) -> Iterator[tuple[str, DeviceInUse]]:
             yield name, device
 
 
+def not_read_back(file: BenchFile, _day: dt.date) -> Iterator[str]:
+    """Outputs of which the device cannot be asked where they stand, as far as its driver knows."""
+    for name, device in driving(file):
+        silent = getattr(device.module, "not_read_back", lambda _settings: ())(device.settings)
+        for channel, output in device.wiring(file.bench.channels).outputs.items():
+            if output.terminal in silent:
+                yield (
+                    f"channel '{channel}': device '{name}' cannot be asked where {output.terminal} stands, so nobody "
+                    f"knows whether it is safe: give an input that measures it an interlock, or take another device"
+                )
+
+
 def _may_have_watchdog(device: DeviceInUse) -> bool:
-    return "watchdog_s" in type(device.settings).model_fields
+    """Whether it has one that `watchdog_s` would arm."""
+    has = getattr(device.module, "has_watchdog", lambda settings: "watchdog_s" in type(settings).model_fields)
+    return bool(has(device.settings))
 
 
 def _watchdog_s(device: DeviceInUse) -> float | None:

@@ -7,7 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 
 from hil.bench.nets.calibration import overdue_today, undated
 from hil.bench.nets.channels import live_zeros, without_interlocks, without_limits
-from hil.bench.nets.devices import no_watchdog, no_watchdog_process, open_to_others, watchdog_elsewhere, watchdog_off
+from hil.bench.nets.devices import (
+    no_watchdog,
+    no_watchdog_process,
+    not_read_back,
+    open_to_others,
+    watchdog_elsewhere,
+    watchdog_off,
+)
 from hil.bench.nets.packages import packages_lacking
 from hil.bench.nets.times import too_hasty
 from hil.bench.read import BenchFile
@@ -20,8 +27,8 @@ def _packages(file: BenchFile, _day: dt.date) -> Iterator[str]:
 
 
 RULES: Sequence[Rule] = (
-    _packages, watchdog_off, no_watchdog, watchdog_elsewhere, no_watchdog_process, too_hasty, open_to_others,
-    without_interlocks, live_zeros, without_limits, undated, overdue_today,
+    _packages, watchdog_off, no_watchdog, watchdog_elsewhere, not_read_back, no_watchdog_process, too_hasty,
+    open_to_others, without_interlocks, live_zeros, without_limits, undated, overdue_today,
 )  # fmt: skip
 
 

@@ -1,0 +1,271 @@
+"""Requests to a Modbus device and their answers, each of which is checked to be the answer to just this request."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
+from typing import Any, Literal, NoReturn
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+
+from drivers._edge import quiet, wire_log
+from drivers._registers import WordOrder
+from hil.errors import DeviceLostError, LinkError
+
+
+class LineSettings(BaseModel):
+    """How a device on Modbus is reached, whatever its registers.
+
+    Attributes:
+        transport: `tcp`, or `rtu` on a serial line.
+        address: `host:port` for tcp; for rtu a serial port, `usb:` with the number or place of its adapter, or
+            `socket://host:port` (serial server).
+        unit_id: of the device on its line.
+        baud, parity: of a serial line.
+        timeout_s: an answer that takes longer counts as none.
+        longest_reply_s: after a failure on a serial line nothing is asked for so long, so that a late answer passes
+            and is not taken for the next one. No answer may come later than that.
+        watchdog_s: the device makes its outputs safe after so long without a request. Armed by this driver where
+            the device allows it; else it says how the device was set.
+        word_order: of numbers in several registers: `big` (or `ABCD`) is the high word first, `little` (`CDAB`) the low
+            one; `BADC` and `DCBA` have the bytes of each word swapped.
+        echo: what is sent on a serial line comes back before the answer, as some RS-485 adapters do.
+        pause_s: so long nothing is asked after an answer, for devices and converters that need to turn around.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    transport: Literal["tcp", "rtu"] = "tcp"
+    address: str
+    unit_id: PositiveInt = Field(1, le=247)
+    baud: PositiveInt = 19200
+    parity: Literal["N", "E", "O"] = "N"
+    timeout_s: PositiveFloat = 0.2
+    longest_reply_s: PositiveFloat = 1.0
+    watchdog_s: PositiveFloat | None = None
+    word_order: WordOrder | None = None
+    echo: bool = False
+    pause_s: float = Field(0.0, ge=0.0, le=1.0)
+
+
+class ModbusLine:
+    """A device on its line, asked request by request.
+
+    Args:
+        settings: how it is reached.
+        heard: told of every valid answer.
+    """
+
+    def __init__(self, settings: LineSettings, heard: Callable[[], None]) -> None:
+        self._settings, self._on_answer = settings, heard
+        self._quiet_until_s = self._rest_until_s = 0.0
+        self._sent = self._came = b""
+        self.has_read = False  # whether readings have come: a device that needs a pause falls silent before
+        self._log = wire_log("modbus", settings.address)
+        self.client = client_of(settings, self._trace)
+
+    def connect(self) -> None:
+        """Open the line if it is not.
+
+        Raises:
+            DeviceLostError: nobody is there.
+        """
+        if not self.client.connect():
+            raise DeviceLostError(f"{self._settings.address}: cannot be reached")
+
+    def close(self) -> None:
+        """Let go of it."""
+        self.client.close()
+
+    @property
+    def is_clean(self) -> bool:
+        """Whether the next answer can only be that to the next request."""
+        return time.monotonic() >= self._quiet_until_s
+
+    def identity(self) -> str:
+        """What the device says of itself; most that say nothing refuse the question at once.
+
+        Only asked on TCP: on a serial line a device that keeps silent would keep an output waiting.
+        """
+        from pymodbus.exceptions import ModbusException
+
+        if self._settings.transport != "tcp":
+            return ""
+        try:
+            answer = self.client.read_device_information(device_id=self._settings.unit_id)
+            told: Mapping[int, bytes] = {} if answer.isError() else answer.information
+        except (ModbusException, OSError):  # the next question begins on a new connection
+            self.client.close()
+            return ""
+        return " ".join(part.decode("ascii", "replace").strip() for part in told.values() if isinstance(part, bytes))
+
+    def tell_blindly(self, requests: Sequence[tuple[int, int, Sequence[int]]]) -> None:
+        """Send (function, address, values) without waiting for what the device says to them."""
+        with suppress(Exception):  # the checked writing that follows says what is wrong
+            self.connect()
+            for function, address, values in requests:
+                request(self.client, function, address, 1, values, self._settings.unit_id, no_response_expected=True)
+        self.client.close()
+
+    def ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
+        """One request and its answer.
+
+        Raises:
+            LinkError: none came, or one that is refused or belongs to another request.
+            DeviceLostError: the connection is gone.
+        """
+        from pymodbus.exceptions import ConnectionException
+
+        self._wait_until_clean()
+        self._came = b""
+        try:
+            answer = request(self.client, function, address, count, values, self._settings.unit_id)
+        except DeviceLostError:  # the port is not there, or not the same one any more
+            raise
+        except ConnectionException as error:
+            self._fail(error, DeviceLostError, "the connection is lost")
+        except Exception as error:  # whatever the library makes of what came
+            self._fail(error, LinkError, f"no valid answer within {self._settings.timeout_s:g} s{self._what_came()}")
+        self._on_answer()
+        if answer.isError():
+            raise LinkError(
+                f"function {function} at register {address:#06x} is refused with exception {answer.exception_code}"
+                f"{_EXCEPTIONS.get(answer.exception_code, '')}{_counted_otherwise(answer.exception_code, address)}"
+            )
+        if not belongs(answer, function, address, count, values):
+            echo = ": an adapter that echoes does so, then say echo = true" if self._may_echo else ""
+            self._fail(
+                None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}{echo}"
+            )
+        if self._settings.pause_s:
+            self._rest_until_s = time.monotonic() + self._settings.pause_s
+        return [int(bit) for bit in answer.bits[:count]] if function in (1, 2) else list(answer.registers)
+
+    def _what_came(self) -> str:
+        """What can be said of an answer that was none."""
+        if not self._came:
+            never = self._settings.transport == "rtu" and not self.has_read and not self._settings.pause_s
+            return "; if it answers now and then, it may need a pause between frames: say pause_s" if never else ""
+        if self._settings.transport == "tcp" and self._came[:2] != self._sent[:2]:
+            came, sent = (int.from_bytes(frame[:2], "big") for frame in (self._came, self._sent))
+            return (
+                f": one came, but with transaction number {came} instead of {sent}: a gateway that numbers by itself, "
+                f"which cannot be used, or answers that come late"
+            )
+        if self._may_echo and self._came.startswith(self._sent):
+            return ": what was sent came back: the adapter echoes, say echo = true"
+        return f": what came is none ({self._came[:20].hex(' ')})"
+
+    @property
+    def _may_echo(self) -> bool:
+        return self._settings.transport == "rtu" and not self._settings.echo
+
+    def _trace(self, sending: bool, frame: bytes) -> bytes:
+        if sending:
+            self._sent = frame
+        else:
+            self._came = frame
+        self._log.debug("%s %s", "→" if sending else "←", frame.hex(" "))
+        return frame if sending or self._settings.transport == "tcp" else self._from_the_answer_on(frame)
+
+    def _from_the_answer_on(self, frame: bytes) -> bytes:
+        """What came on a serial line without the noise of its turning around, which the library takes for an answer."""
+        unit_id, function = self._sent[:2]
+        starts = (i for i in range(len(frame) - 1) if frame[i] == unit_id and frame[i + 1] & 0x7F == function)
+        return frame[next(starts, 0) :]
+
+    def _wait_until_clean(self) -> None:
+        """Let a late answer pass on a serial line, and a device its pause, before the next request."""
+        wait_s = max(self._quiet_until_s, self._rest_until_s) - time.monotonic()
+        if wait_s > 0.0:
+            time.sleep(wait_s)
+        self._quiet_until_s = 0.0
+
+    def _fail(self, error: Exception | None, kind: type[Exception], text: str) -> NoReturn:
+        """Drop the connection: what arrives on it from now on belongs to nobody."""
+        self.client.close()
+        if self._settings.transport == "rtu":
+            self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
+        raise kind(text) from error
+
+
+_EXCEPTIONS = {
+    1: " (unknown function)",
+    2: " (no such register)",
+    3: " (value not allowed)",
+    4: " (device failure)",
+    5: " (accepted, but it takes long)",
+    6: " (device busy)",
+    8: " (memory of the device is at fault)",
+    10: " (gateway: no path to the device; check its port and unit_id)",
+    11: " (gateway: the device behind it does not answer; check unit_id, wiring and baud rate there)",
+}
+_NO_SUCH_REGISTER = 2
+
+
+def client_of(settings: LineSettings, trace: Callable[[bool, bytes], bytes] | None = None) -> Any:
+    """The library's client for such a line, not yet connected."""
+    from pymodbus import FramerType
+    from pymodbus.client import ModbusTcpClient
+
+    from drivers._steady_serial import SteadySerialClient
+
+    quiet("pymodbus.logging")
+    common: dict[str, Any] = {"timeout": settings.timeout_s, "retries": 0, "trace_packet": trace}
+    if settings.transport == "tcp":
+        host, port = host_and_port(settings.address) or ("", 0)
+        return ModbusTcpClient(host, port=port, **common)
+    if settings.address.startswith("socket://"):
+        host, port = host_and_port(settings.address.removeprefix("socket://")) or ("", 0)
+        client: Any = ModbusTcpClient(host, port=port, framer=FramerType.RTU, **common)
+    else:
+        client = SteadySerialClient(settings.address, baudrate=settings.baud, parity=settings.parity, **common)
+    client.comm_params.handle_local_echo = client.transaction.comm_params.handle_local_echo = settings.echo
+    return client
+
+
+def request(
+    client: Any, function: int, address: int, count: int, values: Sequence[int], unit_id: int, **more: Any
+) -> Any:
+    """Ask a client of the library by the number of a function."""
+    ask: dict[int, Callable[[], Any]] = {
+        1: lambda: client.read_coils(address, count=count, device_id=unit_id),
+        2: lambda: client.read_discrete_inputs(address, count=count, device_id=unit_id),
+        3: lambda: client.read_holding_registers(address, count=count, device_id=unit_id),
+        4: lambda: client.read_input_registers(address, count=count, device_id=unit_id),
+        5: lambda: client.write_coil(address, bool(values[0]), device_id=unit_id, **more),
+        6: lambda: client.write_register(address, values[0], device_id=unit_id, **more),
+        15: lambda: client.write_coils(address, [bool(value) for value in values], device_id=unit_id, **more),
+        16: lambda: client.write_registers(address, list(values), device_id=unit_id, **more),
+    }
+    return ask[function]()
+
+
+def belongs(answer: Any, function: int, address: int, count: int, values: Sequence[int]) -> bool:
+    """Whether an answer can be the one to a request: same function, same length or same echo."""
+    if answer.function_code != function:
+        return False
+    if function in (3, 4):
+        return len(answer.registers) == count
+    if function in (1, 2):
+        return len(answer.bits) >= count
+    if function in (15, 16):
+        return bool(answer.address == address and answer.count == len(values))
+    return bool(answer.address == address)
+
+
+def host_and_port(text: str) -> tuple[str, int] | None:
+    """The two parts of `host:port`, None where it is none."""
+    host, colon, port = text.rpartition(":")
+    return (host, int(port)) if colon and host and port.isdecimal() and 0 < int(port) < 65536 else None
+
+
+def _counted_otherwise(code: int, address: int) -> str:
+    """A register that there is not is mostly one that the manual counts otherwise."""
+    if code != _NO_SUCH_REGISTER:
+        return ""
+    for first, table in ((400001, "holding"), (300001, "input"), (40001, "holding"), (30001, "input")):
+        if first <= address <= first + 9998:
+            return f"; what a manual calls {address} is usually {table} register {address - first} on the wire"
+    return f"; a manual that counts from 1 calls this one {address + 1}"

@@ -1,0 +1,278 @@
+"""A Modbus device in words: registers and coils, their types and scales, and what makes its outputs safe."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, FiniteFloat, PositiveFloat, field_validator, model_validator
+
+from hil.daq.channel import Terminal
+from hil.description.modbus_place import BITS, Addresses, Table, on_the_wire
+from hil.description.terminal import DescribedTerminal, Strict, each
+
+Type = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
+Order = Literal["ABCD", "CDAB", "BADC", "DCBA"]
+WORDS: Mapping[Type, int] = {"bit": 1, "u16": 1, "s16": 1, "u32": 2, "s32": 2, "f32": 2, "u64": 4, "s64": 4, "f64": 4}
+TIMES: Mapping[str, float] = {"{tenths}": 10.0, "{seconds}": 1.0, "{ms}": 1000.0}
+"""What a watchdog's time is written as, and its counts in a second."""
+_SAFE = re.compile(r"\{safe:(.+)\}")
+Address = Annotated[int, Field(ge=0)]
+
+
+def safe_of(value: int | str) -> str:
+    """The terminal of `{safe:TERMINAL}`, else nothing."""
+    found = _SAFE.fullmatch(value) if isinstance(value, str) else None
+    return found[1] if found else ""
+
+
+class Place(Strict):
+    """A register or coil beside the terminals: `table` and `address` in the style of the file."""
+
+    address: Address
+    table: Table | None = None
+
+
+class Write(Place):
+    """What is written there: a number, `{tenths}`, `{seconds}`, `{ms}` (the watchdog's time), `{safe:TERMINAL}`.
+
+    `{safe:TERMINAL}` takes as many registers as the terminal; nothing is written where the bench has nothing on it.
+    """
+
+    value: int | str
+
+    @field_validator("value")
+    @classmethod
+    def _known(cls, value: int | str) -> int | str:
+        if isinstance(value, int) or value in TIMES or safe_of(value):
+            return value
+        raise ValueError(f"'{value}': a number, {', '.join(TIMES)} or {{safe:TERMINAL}} with the name of an output")
+
+
+class Flag(Place):
+    """A bit, or a whole register, that tells something: it is so when the masked value is `equals`.
+
+    Attributes:
+        bit: of the register, 0 is the lowest.
+        mask: bits that are looked at, where it is more than one.
+        equals: what they are when it is so; not 0, or 1 for a coil, if not given.
+        means: in words.
+    """
+
+    bit: int | None = Field(None, ge=0, le=15)
+    mask: int | None = Field(None, ge=1, le=0xFFFF)
+    equals: int | None = Field(None, ge=0, le=0xFFFF)
+    means: str = ""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if self.bit is not None and self.mask is not None:
+            raise ValueError("bit or mask, not both")
+        return self
+
+
+class ModbusTerminal(DescribedTerminal):
+    """A terminal in registers or coils: value = slope · count + offset, or `raw` counts at the ends of the range.
+
+    Attributes:
+        table, address: where it stands; with `addresses = "40001"` the address says the table.
+        type: of the count; `bit` in coils and discrete inputs.
+        byte_order: of more than one register, where it is not that of the device; `BA` swaps the bytes of one.
+        bit, bits: the bit, or lowest and highest bit, of a register that holds more than this.
+        raw: counts at `range`'s ends.
+        write: by which function, 5, 6, 15 or 16; 5 for coils and 16 for registers if not said.
+        read_back: where an output is read back, if that is another place; `false` where it cannot be.
+        invalid: counts that are no measurement, and what they mean; `nan` too.
+        status: flags that say that it is none.
+        step: from the first register of one to that of the next in a row; as many as one takes if not given.
+    """
+
+    table: Table | None = None
+    address: Address
+    type: Type | None = None
+    byte_order: Order | Literal["AB", "BA"] | None = None
+    bit: int | None = Field(None, ge=0, le=63)
+    bits: tuple[int, int] | None = None
+    raw: tuple[FiniteFloat, FiniteFloat] | None = None
+    slope: FiniteFloat | None = None
+    offset: FiniteFloat | None = None
+    write: Literal[5, 6, 15, 16] | None = None
+    read_back: Literal[False] | Address | Place | None = None
+    invalid: dict[str, str] = Field(default_factory=dict)
+    status: tuple[Flag, ...] = ()
+    step: int | None = Field(None, ge=1)
+
+    @field_validator("invalid")
+    @classmethod
+    def _counts(cls, given: dict[str, str]) -> dict[str, str]:
+        for text in given:
+            if text.lower() != "nan" and not re.fullmatch(r"0[xX][0-9a-fA-F]+|-?\d+", text):
+                raise ValueError(f'\'{text}\' is no count: a number such as "0x8000" or "-9999", or "nan"')
+        return given
+
+    @model_validator(mode="after")
+    def _one_scale(self) -> Self:
+        if self.raw is not None and (self.slope is not None or self.offset is not None):
+            raise ValueError("raw, or slope and offset, not both")
+        if self.raw is not None and self.raw[0] == self.raw[1]:
+            raise ValueError("raw: the counts at both ends of the range are the same")
+        if self.slope == 0.0:
+            raise ValueError("slope 0 makes every reading the same")
+        if self.bit is not None and self.bits is not None:
+            raise ValueError("bit or bits, not both")
+        if self.direction == "in" and (self.write is not None or self.read_back is not None or self.close is not None):
+            raise ValueError("write, read_back and close belong to an output")
+        return self
+
+    @property
+    def scale(self) -> tuple[float, float]:
+        """Slope and offset."""
+        if self.raw is None:
+            return (1.0 if self.slope is None else self.slope), self.offset or 0.0
+        (low, high), (first, last) = self.range, self.raw
+        slope = (high - low) / (last - first)
+        return slope, low - slope * first
+
+    @property
+    def field(self) -> tuple[int, int] | None:
+        """Lowest bit and number of bits, of what does not fill its registers."""
+        if self.bit is not None:
+            return self.bit, 1
+        return None if self.bits is None else (self.bits[0], self.bits[1] - self.bits[0] + 1)
+
+
+class Wire(Strict):
+    """How the device is spoken to.
+
+    Attributes:
+        addresses: how addresses are counted in this file: as on the `wire`, from 0 in each table, or as `40001`.
+        byte_order: of numbers in several registers; `ABCD` is the highest byte first.
+        longest_read, longest_write: registers that one request may have.
+        gap: so many registers that nothing is wanted of may be read across; some devices refuse any.
+        pause_s: so long nothing is asked after an answer.
+        echo: what is sent on a serial line comes back first.
+    """
+
+    addresses: Addresses
+    byte_order: Order = "ABCD"
+    longest_read: int = Field(125, ge=1, le=125)
+    longest_write: int = Field(123, ge=1, le=123)
+    gap: int = Field(0, ge=0, le=124)
+    pause_s: float = Field(0.0, ge=0.0, le=1.0)
+    echo: bool = False
+
+
+class Watchdog(Strict):
+    """What makes the outputs safe when nothing is asked any more.
+
+    Attributes:
+        arm: what is written, in this order; empty where it is set at the device itself.
+        expires_to: where outputs go then, in their unit, if it is always the same; it is armed only where that is
+            safe. Without, they go where `{safe:TERMINAL}` was written.
+    """
+
+    arm: tuple[Write, ...] = ()
+    expires_to: FiniteFloat | None = None
+
+
+class SafeMode(Strict):
+    """Outputs that the device itself made safe: a coil for each output that says so, and one that ends it.
+
+    Both are those of the first output; the others follow in the order of their registers.
+    """
+
+    status: Place
+    clear: Place
+
+
+class Enable(Strict):
+    """What outputs need before they obey: written with the outputs at their safe values.
+
+    Attributes:
+        write: in this order.
+        ready: what is so when they obey; it is waited for.
+        patience_s: so long.
+        disable: written when the device is let go of.
+    """
+
+    write: tuple[Write, ...]
+    ready: Flag | None = None
+    patience_s: PositiveFloat = 2.0
+    disable: tuple[Write, ...] = ()
+
+
+class Faults(Strict):
+    """Faults that the device reports, and how they are cleared when it is opened.
+
+    Attributes:
+        flags: looked at when it is opened, and with every reading back of outputs.
+        clear: written, in this order, when one is so at opening.
+        patience_s: so long they may take to go.
+    """
+
+    flags: tuple[Flag, ...]
+    clear: tuple[Write, ...] = ()
+    patience_s: PositiveFloat = 1.0
+
+
+class ModbusDescription(Strict):
+    """A device on Modbus TCP or RTU.
+
+    Attributes:
+        summary: what it is, in one line.
+        source: the manual and its edition.
+    """
+
+    protocol: Literal["modbus"]
+    summary: str
+    source: str = ""
+    modbus: Wire
+    terminals: dict[str, ModbusTerminal] = Field(min_length=1)
+    watchdog: Watchdog | None = None
+    safe_mode: SafeMode | None = None
+    enable: Enable | None = None
+    faults: Faults | None = None
+
+    @property
+    def ports(self) -> dict[str, Terminal]:
+        """What a bench can connect to."""
+        return {one: self.kind_of(told) for name, told in self.terminals.items() for one, _ in each(name, told)}
+
+    @property
+    def outputs(self) -> list[str]:
+        """Names of outputs."""
+        return [one for name, told in self.terminals.items() if told.direction == "out" for one, _ in each(name, told)]
+
+    def kind_of(self, told: ModbusTerminal) -> Terminal:
+        """As a bench connects to it; one bit is digital where nothing else is said."""
+        one = told.terminal
+        is_bit = told.kind is None and self.form_of(told) == "bit"
+        return Terminal(one.direction, "digital", one.unit, one.low, one.high, one.over) if is_bit else one
+
+    def place_of(self, told: ModbusTerminal, i: int = 0) -> tuple[Table, int]:
+        """Table and wire address of the i-th of a row."""
+        table, address = on_the_wire(told.address, told.table, self.modbus.addresses)
+        return table, address + i * (told.step or WORDS[self.form_of(told)])
+
+    def form_of(self, told: ModbusTerminal) -> Type:
+        """The type of a terminal: a bit where the table has nothing else."""
+        table, _ = on_the_wire(told.address, told.table, self.modbus.addresses)
+        return told.type or ("bit" if table in BITS else "u16")
+
+    def wire(self, place: Place) -> tuple[Table, int]:
+        """Table and wire address of a place beside the terminals; a holding register if not said."""
+        table = place.table or ("holding" if self.modbus.addresses == "wire" else None)
+        return on_the_wire(place.address, table, self.modbus.addresses)
+
+    def read_back_of(self, told: ModbusTerminal, i: int = 0) -> tuple[Table, int] | None:
+        """Where an output is read back; None where it cannot be."""
+        said, (table, address) = told.read_back, self.place_of(told, i)
+        if said is None:
+            return table, address
+        if said is False:
+            return None
+        by_number = self.modbus.addresses == "40001"
+        place = said if isinstance(said, Place) else Place(address=said, table=None if by_number else table)
+        table_there, there = self.wire(place)
+        return table_there, there + address - self.place_of(told)[1]

@@ -1,0 +1,124 @@
+"""What makes no sense together in the description of a Modbus device."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import get_args
+
+from hil.bench.lines import Place as Where
+from hil.description.modbus import WORDS, Flag, ModbusDescription, ModbusTerminal, Order, Place, Type, Write, safe_of
+from hil.description.modbus_place import BITS, Table
+from hil.description.terminal import name_faults
+
+Told = tuple[Where, str]
+
+
+def modbus_faults(told: ModbusDescription) -> Iterator[Told]:
+    """Every fault with its place in the file; the text says what is allowed."""
+    yield from name_faults(told.terminals)
+    sound = True
+    for name, terminal in told.terminals.items():
+        for key, text in _terminal(told, terminal):
+            sound = False
+            yield ("terminals", name, *key), text
+    outputs = told.outputs if sound else []
+    for where, place in _places(told):
+        try:
+            table, _ = told.wire(place)
+        except ValueError as error:
+            yield (*where, "address"), str(error)
+            continue
+        if isinstance(place, Write):
+            yield from _write(where, place, table, outputs)
+        if isinstance(place, Flag) and place.bit and table in BITS:
+            yield (*where, "bit"), f"a {table} is one bit; take this away"
+    if not outputs and sound:
+        for section in ("watchdog", "safe_mode", "enable"):
+            if getattr(told, section) is not None:
+                yield (section,), "there is no output that it could be for; take this away"
+
+
+def _terminal(told: ModbusDescription, terminal: ModbusTerminal) -> Iterator[Told]:
+    try:
+        table, _ = told.place_of(terminal)
+        _, last = told.place_of(terminal, terminal.count - 1)
+        form, is_bit = told.form_of(terminal), table in BITS
+    except ValueError as error:
+        yield ("address",), str(error)
+        return
+    if last + WORDS[form] - 1 > 0xFFFF:
+        yield ("address",), f"{terminal.address}: its last register would be {last + WORDS[form] - 1}, beyond 65535"
+    if is_bit and form != "bit":
+        yield ("type",), f"'{form}': a {table} is a bit; take type away"
+    if not is_bit and form == "bit":
+        yield (
+            ("type",),
+            f"'bit': a register is {', '.join(t for t in get_args(Type) if t != 'bit')}; one bit is bit = …",
+        )
+    yield from _field(terminal, form)
+    yield from _order(terminal, form)
+    if terminal.direction == "out":
+        yield from _output(told, terminal, table, form)
+
+
+def _field(terminal: ModbusTerminal, form: Type) -> Iterator[Told]:
+    if terminal.field is None:
+        return
+    key, (lowest, width) = "bit" if terminal.bit is not None else "bits", terminal.field
+    if form in ("bit", "f32", "f64"):
+        yield (key,), f"a part of a register of whole numbers; this is '{form}'"
+    elif width < 1 or lowest < 0 or lowest + width > 16 * WORDS[form]:
+        yield (key,), f"lowest and highest bit of 0 … {16 * WORDS[form] - 1}, the lowest first"
+
+
+def _order(terminal: ModbusTerminal, form: Type) -> Iterator[Told]:
+    order, words = terminal.byte_order, WORDS[form]
+    if order is not None and (order in get_args(Order)) != (words > 1):
+        yield ("byte_order",), f"'{order}': AB or BA for one register, ABCD, CDAB, BADC or DCBA for several"
+
+
+def _output(told: ModbusDescription, terminal: ModbusTerminal, table: Table, form: Type) -> Iterator[Told]:
+    if table in ("input", "discrete"):
+        yield ("address",), f"an output stands in a coil or a holding register; a {table} one can only be read"
+        return
+    if terminal.write is not None and (terminal.write in (5, 15)) != (table == "coil"):
+        yield ("write",), f"{terminal.write}: functions 5 and 15 write coils, 6 and 16 holding registers"
+    elif terminal.write == 6 and WORDS[form] > 1:
+        yield ("write",), "6 writes one register; this type takes several: say 16"
+    try:
+        back = told.read_back_of(terminal)
+    except ValueError as error:
+        yield ("read_back",), str(error)
+        return
+    if back is not None and (back[0] in BITS) != (table in BITS):
+        yield ("read_back",), f"a {table} is not read back in a {back[0]} register"
+    if back is None and terminal.field is not None:
+        yield ("read_back",), "part of a register is written with the rest of it, which must be read: take this away"
+
+
+def _write(where: Where, write: Write, table: Table, outputs: list[str]) -> Iterator[Told]:
+    if table in ("input", "discrete"):
+        yield (*where, "address"), f"a {table} one can only be read; coils and holding registers are written"
+    if (terminal := safe_of(write.value)) and outputs and terminal not in outputs:
+        yield (*where, "value"), f"no output '{terminal}'; there are: {', '.join(outputs)}"
+    limit = 1 if table == "coil" else 0xFFFF
+    if isinstance(write.value, int) and not 0 <= write.value <= limit:
+        yield (*where, "value"), f"{write.value}: a {table} takes 0 … {limit}"
+
+
+def _places(told: ModbusDescription) -> Iterator[tuple[Where, Place]]:
+    """Every place beside the terminals, and where it stands in the file."""
+    for i, write in enumerate(told.watchdog.arm if told.watchdog else ()):
+        yield ("watchdog", "arm", i), write
+    if told.safe_mode is not None:
+        yield ("safe_mode", "status"), told.safe_mode.status
+        yield ("safe_mode", "clear"), told.safe_mode.clear
+    if told.enable is not None:
+        yield from ((("enable", "write", i), write) for i, write in enumerate(told.enable.write))
+        yield from ((("enable", "disable", i), write) for i, write in enumerate(told.enable.disable))
+        yield from [(("enable", "ready"), told.enable.ready)] if told.enable.ready else []
+    if told.faults is not None:
+        yield from ((("faults", "flags", i), flag) for i, flag in enumerate(told.faults.flags))
+        yield from ((("faults", "clear", i), write) for i, write in enumerate(told.faults.clear))
+    for name, terminal in told.terminals.items():
+        yield from ((("terminals", name, "status", i), flag) for i, flag in enumerate(terminal.status))

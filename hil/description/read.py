@@ -1,0 +1,76 @@
+"""Descriptions as they stand in a file or in a bench file; read, or everything that is wrong with them."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel
+
+from hil.bench.draft import sound_part
+from hil.bench.fault import BenchError, Fault
+from hil.bench.lines import Place, line_at, lines_of
+from hil.description.modbus import ModbusDescription
+from hil.description.modbus_check import modbus_faults
+from hil.errors import FileError, SettingError
+
+Description = ModbusDescription
+"""A device in words, by protocol."""
+_PROTOCOLS: Mapping[str, tuple[type[BaseModel], Callable[[Any], Iterator[tuple[Place, str]]]]] = {
+    "modbus": (ModbusDescription, modbus_faults),
+}
+
+
+def read_description(path: Path) -> Description:
+    """The description in a file.
+
+    Raises:
+        FileError: it cannot be read, or is not TOML (the message names the line).
+        BenchError: it has faults, each with its line and what is allowed.
+    """
+    try:
+        return _read(path, path.stat().st_mtime_ns)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
+
+
+@lru_cache(maxsize=64)
+def _read(path: Path, _changed: int) -> Description:
+    try:
+        text = path.read_text(encoding="utf-8")
+        content = tomllib.loads(text)
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise FileError(f"{path}: not a description: {error}") from None
+    description, faults = checked(content)
+    if description is None or faults:
+        lines = lines_of(text)
+        in_order = sorted(faults, key=lambda fault: line_at(lines, fault.place) or 0)
+        raise BenchError(list(dict.fromkeys(fault.described(path, lines) for fault in in_order)))
+    return description
+
+
+def checked(content: Mapping[str, Any]) -> tuple[Description | None, list[Fault]]:
+    """A description from what a file says, or its faults."""
+    protocol = str(content.get("protocol", ""))
+    if protocol not in _PROTOCOLS:
+        found = "is missing" if not protocol else f"'{protocol}' is not known"
+        return None, [Fault(("protocol",), f"{found}; there are: {', '.join(_PROTOCOLS)}")]
+    model, rules = _PROTOCOLS[protocol]
+    description, faults = sound_part(model, dict(content), ())
+    if description is not None and not faults:
+        faults = [Fault(place, text) for place, text in rules(description)]
+    return (None if faults else description), faults
+
+
+def of_protocol(description: Description, protocol: str, where: str) -> Description:
+    """The description, if it is of this protocol.
+
+    Raises:
+        SettingError: it is of another.
+    """
+    if description.protocol != protocol:
+        raise SettingError(f'{where} is a description for driver = "{description.protocol}", not "{protocol}"')
+    return description

@@ -1,0 +1,92 @@
+"""What every description says of a terminal, and rows of terminals that are alike."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, field_validator
+
+from hil.daq.channel import Direction, Kind, Terminal
+from hil.errors import UnitError
+from hil.units import check_unit
+
+_KINDS: Mapping[str, Kind] = {"V": "voltage", "mV": "voltage", "A": "current", "mA": "current"}
+_NUMBER = "{n}"
+
+
+class Strict(BaseModel):
+    """A table in which nothing stands that is not known."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class DescribedTerminal(Strict):
+    """A terminal, or `count` of them that are alike, with `{n}` in the name.
+
+    Attributes:
+        direction: `in` is read, `out` is driven.
+        unit: of its values, `range` included; `1` for what has none.
+        range: the lowest and highest value that it takes or reads.
+        kind: as in `hil.daq.channel.Terminal`; by the unit if not given, volts and amperes being terminals of an I/O
+            module and all else a value that the device measures by itself.
+        over: how far beyond its range an input still measures, as a share of the span.
+        close: how far an output may stand from where it was driven, in `unit`; for what is written exactly, 0.
+        count: how many there are of it; `first` is the number of the first.
+    """
+
+    direction: Direction
+    unit: str = "1"
+    range: tuple[FiniteFloat, FiniteFloat]
+    kind: Kind | None = None
+    over: float = Field(0.0, ge=0.0, le=1.0)
+    close: float | None = Field(None, ge=0.0)
+    count: int = Field(1, ge=1, le=4096)
+    first: int = Field(0, ge=0)
+
+    @field_validator("unit")
+    @classmethod
+    def _unit(cls, given: str) -> str:
+        try:
+            check_unit(given)
+        except UnitError as error:
+            raise ValueError(str(error)) from None
+        return given
+
+    @field_validator("range")
+    @classmethod
+    def _ordered(cls, given: tuple[float, float]) -> tuple[float, float]:
+        if given[0] >= given[1]:
+            raise ValueError(f"low {given[0]:g} must be below high {given[1]:g}")
+        return given
+
+    @property
+    def terminal(self) -> Terminal:
+        """As a bench connects to it."""
+        low, high = self.range
+        return Terminal(self.direction, self.is_of, self.unit, low, high, self.over)
+
+    @property
+    def is_of(self) -> Kind:
+        """Its kind, said or by its unit."""
+        return self.kind or _KINDS.get(self.unit, "value")
+
+
+def each(name: str, told: DescribedTerminal) -> Iterator[tuple[str, int]]:
+    """The names of the terminals that an entry stands for, and the place of each among them."""
+    for i in range(told.count):
+        yield name.replace(_NUMBER, str(told.first + i)), i
+
+
+def name_faults(terminals: Mapping[str, DescribedTerminal]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """A row without a number in its name, one alone with it, a name that stands twice."""
+    seen: set[str] = set()
+    for name, told in terminals.items():
+        if told.count > 1 and _NUMBER not in name:
+            yield (
+                ("terminals", name, "count"),
+                f"{told.count} terminals need {_NUMBER} in their name, such as ai{_NUMBER}",
+            )
+        for one, _ in each(name, told):
+            if one in seen and (told.count == 1 or _NUMBER in name):
+                yield ("terminals", name), f"there is a terminal '{one}' already"
+            seen.add(one)

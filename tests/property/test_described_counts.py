@@ -1,0 +1,89 @@
+"""Every type, byte order and scale of a described register, driver and twin alike, against `struct` alone."""
+
+from __future__ import annotations
+
+import math
+import struct
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from drivers._described_modbus import model_of
+from hil.description.modbus import ModbusDescription
+from sim_devices._described_counts import Counts
+
+CODES = {"u16": "H", "s16": "h", "u32": "I", "s32": "i", "f32": "f", "u64": "Q", "s64": "q", "f64": "d"}
+LAID = {  # as struct lays bytes: whole number little or big, words in either order
+    "ABCD": lambda data: data,
+    "DCBA": lambda data: data[::-1],
+    "BADC": lambda data: b"".join(struct.pack("<H", w) for w in struct.unpack(f">{len(data) // 2}H", data)),
+    "CDAB": lambda data: b"".join(
+        struct.pack("<H", w) for w in struct.unpack(f">{len(data) // 2}H", data[::-1])
+    ),
+}  # fmt: skip
+SCALES = ({}, {"slope": 0.1}, {"slope": -0.001, "offset": 12.5}, {"raw": [0, 4000]}, {"raw": [4000, -100]})
+
+
+def described(form: str, order: str, scale: dict[str, Any]) -> ModbusDescription:
+    words = struct.calcsize(CODES[form]) // 2
+    own = {} if words > 1 or order in ("ABCD", "CDAB") else {"byte_order": "BA"}
+    return ModbusDescription.model_validate({
+        "protocol": "modbus", "summary": "one", "modbus": {"addresses": "wire", "byte_order": order},
+        "terminals": {"x": {"direction": "out", "range": [-50.0, 150.0], "unit": "bar", "table": "holding",
+                            "address": 7, "type": form, **own, **scale}},
+    })  # fmt: skip
+
+
+def on_the_wire(form: str, order: str, count: float) -> list[int]:
+    data = struct.pack(">" + CODES[form], count)
+    laid = LAID[order](data) if len(data) > 2 else data[:: 1 if order in ("ABCD", "CDAB") else -1]
+    return list(struct.unpack(f">{len(laid) // 2}H", laid))
+
+
+@pytest.mark.parametrize("scale", SCALES, ids=str)
+@pytest.mark.parametrize("order", LAID)
+@pytest.mark.parametrize("form", CODES)
+@given(value=st.floats(-50.0, 150.0, width=32), bits=st.integers(0, (1 << 64) - 1))
+def test_registers_are_those_of_struct(form: str, order: str, scale: dict[str, Any], value: float, bits: int) -> None:
+    told = described(form, order, scale)
+    register, terminal = model_of(told).registers["x"], told.terminals["x"]
+    twin = Counts(told, terminal, told.modbus.byte_order)
+    slope, offset = terminal.scale
+    size = struct.calcsize(CODES[form])
+
+    count = (value - offset) / slope
+    if form[0] != "f":
+        low, high = (0, (1 << 8 * size) - 1) if form[0] == "u" else (-(1 << 8 * size - 1), (1 << 8 * size - 1) - 1)
+        count = max(low, min(high, round(count)))
+    expected = on_the_wire(form, order, count)
+    assert register.words_of(value, order) == expected  # type: ignore[arg-type]
+    assert twin.encoded(value) == expected
+
+    (any_count,) = struct.unpack(">" + CODES[form], bits.to_bytes(8, "big")[:size])
+    words = on_the_wire(form, order, any_count)
+    for read in (register.value_of(words, order), twin.decoded(words)):  # type: ignore[arg-type]
+        assert read == slope * any_count + offset or (math.isnan(read) and math.isnan(any_count)) or math.isinf(read)
+
+
+@given(
+    lowest=st.integers(0, 15), width=st.integers(1, 16), word=st.integers(0, 0xFFFF), around=st.integers(0, 0xFFFF),
+    signed=st.booleans(),
+)  # fmt: skip
+def test_a_part_of_a_register_leaves_the_rest(lowest: int, width: int, word: int, around: int, signed: bool) -> None:
+    width = min(width, 16 - lowest)
+    told = ModbusDescription.model_validate({
+        "protocol": "modbus", "summary": "one", "modbus": {"addresses": "wire"},
+        "terminals": {"x": {"direction": "out", "range": [-1e5, 1e5], "table": "holding", "address": 0,
+                            "type": "s16" if signed else "u16", "bits": [lowest, lowest + width - 1]}},
+    })  # fmt: skip
+    register, twin = model_of(told).registers["x"], Counts(told, told.terminals["x"], "ABCD")
+    field = int(f"{word:016b}"[16 - lowest - width : 16 - lowest], 2)
+    count = field - (1 << width) if signed and field >> width - 1 else field
+    assert register.value_of([word], "ABCD") == twin.decoded([word]) == count
+    (mask,) = register.mask("ABCD")
+    assert [mask] == twin.own_bits() == [int("0" * (16 - lowest - width) + "1" * width + "0" * lowest, 2)]
+    (written,) = register.words_of(count, "ABCD")
+    assert [written] == twin.encoded(count) == [word & mask]
+    assert (around & ~mask | written) & mask == word & mask
