@@ -43,7 +43,7 @@ from hil.diagnosis.search.around import around
 from hil.diagnosis.search.fitted import Fitted, change_without
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.wording import drifted, headline, quantity_text, sentence, told_only_together, unlikely
-from hil.identification.grey_box import fit_ceiling, fit_percent
+from hil.identification.fit import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
 from hil.physics.model import Model

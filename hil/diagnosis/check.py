@@ -2,33 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.diagnosis.units import (
-    GOOD_FIT,
-    expected,
-    fit_but_for_gain,
-    good_fit,
-    is_of_its_origin,
-    refuse_reversed,
-    refuse_wrong_time,
-    refuse_wrong_unit,
-)
 from hil.errors import FileError
 from hil.identification.clipped import without_clipped
 from hil.identification.experiment import DEAD, Experiment, require_excitation
 from hil.identification.gaps import bridged
-from hil.identification.grey_box import fit_percent
-from hil.identification.noise import channel_floor, resolution, white_floor
+from hil.identification.mistaken.look import mistaken
+from hil.identification.mistaken.suspicion import Suspicion, expected, is_of_its_origin
+from hil.identification.mistaken.time_unit import wrong_time
+from hil.identification.noise import resolution, white_floor
+from hil.identification.repeated import without_held
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.record.recording import Array
 
-# Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
-_HOPELESS, _FITS_BETTER = 35.0, 20.0
 # A coarse channel that stands still may hide moves of this many of its steps.
 _MANY_STEPS = 3.0
 _TELLING = 0.02
@@ -56,22 +47,20 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
             two columns are swapped, or a channel or the time is off by the factor of a wrong unit.
     """
     require_excitation(experiments)
-    refuse_wrong_time(model, experiments)
+    strange = [e for e in experiments if not is_of_its_origin(model, e)]  # what a model was made of is what it says
+    _refuse(wrong_time(model, strange))
     alive, warnings = _without_dead(model, experiments)
     for e in alive:
-        _refuse_short(model, e)
-        likely = expected(model, e)
-        if is_of_its_origin(model, e):
-            continue  # what a model was made of is what it says
-        refuse_reversed(model, e, likely)
-        _refuse_swapped(model, e, likely)
-        refuse_wrong_unit(model, e, likely)
+        if e in strange:
+            _refuse_short(model, e)
+            _refuse(mistaken(model, e))
     even, bridges = bridged(model, alive)
     warnings += bridges
     kept = []
     for e in even:
-        e, said = without_clipped(e)
-        warnings += said
+        e, clipped = without_clipped(e)
+        e, held = without_held(e)
+        warnings += [*clipped, *held]
         simulated = e.respond(model.definition, model.values, model.active_effects)[0]
         kept.append(_Timed(e, simulated, _floor(model, e)))
     moved, said = _with_clocks_set(kept)
@@ -102,27 +91,10 @@ def _refuse_short(model: Model, e: Experiment) -> None:
         )
 
 
-def _refuse_swapped(model: Model, e: Experiment, simulated: Array) -> None:
-    command, before = e.on_grid_input(), fit_percent(e.output, simulated)
-    # What is commanded has no noise, unless a position loop that keeps an integrating plant in its stroke commands it.
-    by_a_loop = model.definition.observer is not None
-    noisy = _noise_share(white_floor(command), command) > 10.0 * _noise_share(channel_floor(e.output), e.output)
-    if before > _HOPELESS and not by_a_loop and not noisy:
-        return
-    inputs = e.drive.inputs.copy()
-    inputs[0] = e.to_follow
-    turned = replace(e, drive=replace(e.drive, inputs=inputs, first_output=float(command[0])), output=command)
-    enough = good_fit(model) if before <= _HOPELESS else GOOD_FIT
-    if fit_but_for_gain(model, turned) > max(enough, before + _FITS_BETTER):
-        raise FileError(
-            f"{e.name}: the columns '{e.input}' and '{e.output_heading}' look swapped: "
-            "the model fits the other way round"
-        )
-
-
-def _noise_share(floor: float, values: Array) -> float:
-    """Noise over how far a channel goes; a coarse one has at least that of its steps."""
-    return floor / (float(np.ptp(values)) or 1.0)
+def _refuse(suspicions: Iterable[Suspicion]) -> None:
+    """A model of the unit itself is at hand: what only fits it otherwise is not looked for in physics."""
+    for suspicion in suspicions:
+        raise FileError(suspicion.sentence)
 
 
 def _with_clocks_set(timed: Sequence[_Timed]) -> tuple[list[Experiment], list[str]]:

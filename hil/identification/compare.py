@@ -9,8 +9,8 @@ import numpy as np
 
 from hil.identification.clipped import without_clipped
 from hil.identification.experiment import DEAD, Experiment
+from hil.identification.fit import fit_ceiling, fit_percent
 from hil.identification.gaps import bridged
-from hil.identification.grey_box import fit_ceiling, fit_percent
 from hil.identification.noise import channel_floor
 from hil.physics.model import Model
 from hil.record.recording import Array

@@ -23,7 +23,7 @@ _FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
 FEWEST_SAMPLES = 20
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Experiment:
     """One recording as a plant sees it.
 

@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
 from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.fit import fit_percent
 from hil.identification.free import all_values, check_free, moved, moved_effects, unknown_of
 from hil.identification.gaps import bridged
 from hil.identification.lines import common_line, line_at
-from hil.identification.looks import doubts, look, one_frequency
+from hil.identification.looks import believed, doubts, look, one_frequency
 from hil.identification.noise import channel_floor, measured_noise, resolution
 from hil.identification.residuals import Residuals
 from hil.identification.structure import choose_structure
@@ -83,19 +84,6 @@ def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
     return model
 
 
-def fit_percent(measured: Array, simulated: Array) -> float:
-    """100·(1 − ‖y − ŷ‖/‖y − mean(y)‖) %, as the papers use it."""
-    spread = float(np.linalg.norm(measured - measured.mean()))
-    if spread == 0.0:
-        return float("nan")
-    return 100.0 * (1.0 - float(np.linalg.norm(measured - simulated)) / spread)
-
-
-def fit_ceiling(measured: Array, noise_std: float) -> float:
-    """The fit that the true model would reach, given the noise."""
-    return 100.0 * (1.0 - noise_std / float(np.std(measured))) if np.std(measured) else float("nan")
-
-
 def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = ()) -> GreyBoxFit:
     """Estimate the plant's parameters from all experiments together, effects of the model included as they are.
 
@@ -123,6 +111,9 @@ def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Seque
     lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
     if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
         found = _fitted(model, again, also_free, (*still, *said))
+    found = replace(
+        found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.estimate.on_bound)))
+    )
     return _none_told(found) if model.definition.structures and one_frequency(alive) else found
 
 

@@ -12,61 +12,69 @@ from hil.errors import FileError
 from hil.identification.clipped import without_clipped
 from hil.identification.experiment import Experiment
 from hil.identification.feedback import runs_in_a_loop
-from hil.identification.noise import NOISE_OVER_RESOLUTION, resolution, white_floor
+from hil.identification.mistaken.look import mistaken
+from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against, is_of_its_origin
+from hil.identification.mistaken.time_unit import wrong_time
+from hil.identification.repeated import stale_sentence, without_held, without_stale
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import Array
 
-_REVERSED = -0.7  # correlation with a typical unit from which on an output runs the other way
 _SAME_FREQUENCY, _LEAST_PERIODS, _LINE_WIDTH, _ALL_POWER = 1.05, 3, 3, 0.999  # of a command that is one sine
-_SAME_RUN = 0.95  # share of equal runs of repeats, of a channel that was held between slower samples
 _LINEAR = "transfer-function"
 
 
 @dataclass(frozen=True, slots=True)
 class Looked:
-    """Experiments as they are fitted, what was done to them, and what stays doubtful, in words."""
+    """Experiments as they are fitted; what was done to them, and what stays doubtful, in words.
+
+    `suspicions`: headings that look wrong beside the start. A unit unlike a typical one may be right all the same: the
+    fit tells (see `Suspicion.outweighs`).
+    """
 
     experiments: tuple[Experiment, ...]
     said: tuple[str, ...]
+    suspicions: tuple[Suspicion, ...] = ()
 
 
 def look(model: Model, experiments: Sequence[Experiment]) -> Looked:
     """Leave out what is no measurement; say what recordings cannot tell, or look like.
 
     Raises:
-        FileError: an output runs the other way than any unit of this plant.
+        FileError: samples so far apart that a plant of this kind moves between them alone, as in a wrong unit of time.
     """
+    strange = [e for e in experiments if not is_of_its_origin(model, e)]
+    held_against = strange if can_be_held_against(model) else []
+    suspicions = wrong_time(model, held_against)
+    slow = [sentence for e in held_against for sentence in _too_slow(model, e)]
+    if slow and suspicions:
+        raise FileError(suspicions[0].sentence)
     kept, said = [], []
     for e in experiments:
-        _refuse_reversed(model, e)
+        suspicions += mistaken(model, e) if e in held_against else ()
         told, clipped = without_clipped(e)
         told, held = without_held(told)
+        told, repeated = without_stale(told)
         kept.append(told)
-        said += [*clipped, *held, *_too_slow(model, e), *_in_a_loop(e)]
-    return Looked(tuple(kept), (*said, *one_frequency(experiments)))
+        stale = [stale_sentence(e, repeated)] if repeated else []
+        said += [*clipped, *held, *stale, *_in_a_loop(e)]
+    return Looked(tuple(kept), (*said, *slow, *one_frequency(experiments)), tuple(suspicions))
 
 
-def without_held(e: Experiment) -> tuple[Experiment, list[str]]:
-    """The experiment without samples that only repeat one of a slower channel, and that in words."""
-    starts = np.flatnonzero(np.diff(e.output, prepend=np.nan) != 0.0)
-    lengths = np.diff(starts)
-    if len(lengths) < 20:
-        return e, []
-    usual = int(np.median(lengths))
-    fresh = e.output[starts]
-    noisy = white_floor(fresh) >= NOISE_OVER_RESOLUTION * resolution(fresh) > 0.0
-    if usual < 2 or not noisy or np.mean(lengths == usual) < _SAME_RUN:
-        return e, []
-    repeated = np.ones(len(e.output), dtype=np.bool_)
-    repeated[starts] = False
-    said = (
-        f"{e.name}: channel '{e.output_heading}' shows each value {usual} times: it was sampled every "
-        f"{usual * e.interval_s:.4g} s and held in between; the repeats are left out"
-    )
-    return e.without(repeated), [said]
+def believed(suspicions: Sequence[Suspicion], fits: Mapping[str, float], at_bounds: bool) -> tuple[str, ...]:
+    """What is still to be said of suspicions where recordings were fitted as they say they are, fits in %.
+
+    `at_bounds`: whether the fit drove parameters to their bounds.
+
+    Raises:
+        FileError: a suspicion outweighs the fit.
+    """
+    for suspicion in suspicions:
+        if suspicion.outweighs(fits[suspicion.recording], at_bounds=at_bounds):
+            raise FileError(suspicion.sentence)
+    return tuple(f"{s.sentence}. Other values of the plant fit it as it is" for s in suspicions)
 
 
 def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, float]) -> tuple[str, ...]:
@@ -79,28 +87,7 @@ def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, f
     return (*below, *_beyond_nyquist(model, experiments), *_integrates(model))
 
 
-def _refuse_reversed(model: Model, e: Experiment) -> None:
-    plant = model.definition
-    if "any" in (plant.inputs[0].unit, plant.output.unit) or plant.observer is not None:
-        return  # a gain may have either sign, a position that adds up has none of its own
-    expected = e.respond(plant, model.values, model.active_effects)[0]
-    if _correlation(expected[e.told], e.told_output) < _REVERSED:
-        raise FileError(
-            f"{e.name}: the output '{e.output_heading}' runs the other way: where the command of a {plant.title} goes "
-            "up, it goes down; is its sign right, or that of the command?"
-        )
-
-
-def _correlation(first: Array, second: Array) -> float:
-    spread = float(np.std(first) * np.std(second))
-    if spread == 0.0:
-        return 0.0
-    return float(np.mean((first - first.mean()) * (second - second.mean()))) / spread
-
-
 def _too_slow(model: Model, e: Experiment) -> list[str]:
-    if model.definition.inputs[0].unit == "any":
-        return []
     constant_s = time_constant_s(model, e)
     if not 0.0 < 2.0 * constant_s < e.interval_s:
         return []

@@ -12,6 +12,8 @@ from hil.record.recording import Array
 # Steps that are tried, as shares of full scale: a small one stays linear, but may end within a dead band.
 _STEPS = (0.05, 0.25, 0.6)
 _SAMPLES = 4000
+# Samples within a time constant below which finer ones are simulated, and the span of intervals that are tried.
+_RESOLVED, _SHORTEST_S, _LONGEST_S = 20.0, 1e-6, 0.1
 
 
 def time_constant_s(model: Model, e: Experiment) -> float:
@@ -19,20 +21,31 @@ def time_constant_s(model: Model, e: Experiment) -> float:
 
     0 for plants that do not settle.
     """
+    interval_s = e.interval_s
+    found_s = _time_constant_s(model, e, interval_s)
+    while found_s == 0.0 and (interval_s := _RESOLVED * interval_s) < _LONGEST_S:  # it may not have moved in time
+        found_s = _time_constant_s(model, e, interval_s)
+    while 0.0 < found_s <= _RESOLVED * interval_s and interval_s > _SHORTEST_S:
+        interval_s /= _RESOLVED
+        found_s = _time_constant_s(model, e, interval_s)
+    return found_s
+
+
+def _time_constant_s(model: Model, e: Experiment, interval_s: float) -> float:
     for share in _STEPS:
-        change = _moved_by(model, e, share)
+        change = _moved_by(model, e, share, interval_s)
         if change[-1] > 0.0:
             settles = abs(change[-1] - change[3 * _SAMPLES // 4]) <= 0.01 * change[-1]
-            return float(np.argmax(change >= 0.632 * change[-1])) * e.interval_s if settles else 0.0
+            return float(np.argmax(change >= 0.632 * change[-1])) * interval_s if settles else 0.0
     return 0.0
 
 
-def _moved_by(model: Model, e: Experiment, share: float) -> Array:
+def _moved_by(model: Model, e: Experiment, share: float, interval_s: float) -> Array:
     """How far the output moves after a step from where the recording begins, shape (_SAMPLES,)."""
     rest, full = e.drive.inputs[:, :1], model.definition.inputs[0].full_scale
     inputs = np.repeat(rest, _SAMPLES, axis=1)
     inputs[0, 1:] += share * full * (-1.0 if rest[0, 0] > 0.5 * full else 1.0)
-    drive = Drive(inputs, e.drive.first_output, e.interval_s)
+    drive = Drive(inputs, e.drive.first_output, interval_s)
     answer = simulate(model.definition, model.values, drive, model.active_effects)[0]
     moved: Array = np.abs(answer - answer[0])
     return moved

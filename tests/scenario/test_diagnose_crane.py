@@ -6,7 +6,8 @@ import numpy as np
 
 from hil.diagnosis.diagnose import diagnose
 from hil.identification.experiment import Experiment, experiment
-from hil.identification.grey_box import fit_percent, fit_plant, starting_model
+from hil.identification.fit import fit_percent
+from hil.identification.grey_box import fit_plant, starting_model
 from hil.physics.compose import plant
 from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect, Drive, simulate

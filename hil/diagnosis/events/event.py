@@ -10,8 +10,6 @@ import numpy as np
 from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 
-LEAST_SPELLS = 3  # fewer may be anything
-
 
 @dataclass(frozen=True, slots=True)
 class Spell:

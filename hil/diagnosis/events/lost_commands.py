@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
-from hil.diagnosis.events.event import LEAST_SPELLS, Events, Spell, how_often
+from hil.diagnosis.events.event import Events, Spell, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of
 from hil.identification.experiment import Experiment
+from hil.identification.repeated import LEAST_SPELLS
 from hil.record.recording import Array
 
 # A jump is this share of the command's range; what comes with so many of them, and hardly without, has a law.

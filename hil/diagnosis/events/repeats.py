@@ -8,23 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.diagnosis.events.bursts import Burst, bursts_of
-from hil.diagnosis.events.event import LEAST_SPELLS, Events, Spell, how_often
+from hil.diagnosis.events.event import Events, Spell, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of, residuals_of
 from hil.identification.experiment import Experiment
-from hil.identification.noise import NOISE_OVER_RESOLUTION, white_floor
+from hil.identification.noise import white_floor
+from hil.identification.repeated import LEAST_SPELLS, STALE_RUN, longer_than_by_chance, same_again
+from hil.identification.repeated import without_stale as repeats_left_out
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
 Mask = NDArray[np.bool_]
 
-# A noisy channel shows the same value so often in a row only when nobody has measured it anew: chance would make
-# such a run in one of so many recordings.
-_STALE_RUN = 4
-_CHANCE_RUNS = 1e-4
 # In bursts of misfit a run is telling already when chance makes so few of them there, in a channel that seldom repeats.
 _CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
-_LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stopped
 # A run at whose end the output catches up at once, to within a half, with so many steps or noise deviations that the
 # model went on by meanwhile: what sticks comes loose, but not within a sample.
 _CAUGHT_UP, _AT_ONCE = 6.0, 0.5
@@ -36,15 +33,9 @@ def without_stale(experiments: Sequence[Experiment]) -> tuple[tuple[Experiment, 
     """The experiments with samples ignored that only repeat the one before, and where those are."""
     kept, spells = [], []
     for e in experiments:
-        repeated = _stale_runs(e.output)
-        if len(repeated) < LEAST_SPELLS and not any(_is_long(e, start, stop) for start, stop in repeated):
-            kept.append(e)
-            continue
-        stale = np.zeros(len(e.output), dtype=np.bool_)
-        for start, stop in repeated:
-            stale[start + 1 : stop] = True
-            spells.append(Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])))
-        kept.append(e.without(stale))
+        fresh, repeated = repeats_left_out(e)
+        kept.append(fresh)
+        spells += [Spell(e.name, float(e.time_s[start]), float(e.time_s[stop - 1])) for start, stop in repeated]
     return tuple(kept), tuple(spells)
 
 
@@ -82,34 +73,14 @@ def stale_outputs(spells: Sequence[Spell], problem: Problem, residuals: Array, r
     )  # fmt: skip
 
 
-def _is_long(e: Experiment, start: int, stop: int) -> bool:
-    return stop - start >= _LONE_SAMPLES and e.time_s[stop - 1] - e.time_s[start] >= _LONE_S
-
-
-def _stale_runs(values: Array) -> list[tuple[int, int]]:
-    """Runs of identical values in a channel whose noise is well above its resolution."""
-    steps = np.abs(np.diff(values))
-    moving = steps[steps > 0.0]
-    floor = white_floor(values)
-    if not moving.size or floor < NOISE_OVER_RESOLUTION * float(moving.min()):
-        return []
-    least = _longer_than_by_chance(steps, floor)
-    ends = (values.max(), values.min())
-    return [
-        (start, stop + 1)
-        for start, stop in runs(steps == 0.0)
-        if stop - start >= least - 1 and values[start] not in ends
-    ]
-
-
 def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int, int]]:
     """Runs of identical values in these stretches, so long that chance makes hardly one of them."""
     steps = np.abs(np.diff(values))
     looked_at = sum(stop - start for start, stop in bursts)
-    same_again = _same_again(steps, white_floor(values))
-    if not looked_at or same_again > _TELLING_REPEAT:
+    chance = same_again(steps, white_floor(values))
+    if not looked_at or chance > _TELLING_REPEAT:
         return []
-    least = max(_STALE_RUN - 1, 1 + int(np.ceil(np.log(_CHANCE_IN_BURSTS / looked_at) / np.log(same_again))))
+    least = max(STALE_RUN - 1, 1 + int(np.ceil(np.log(_CHANCE_IN_BURSTS / looked_at) / np.log(chance))))
     inside = np.zeros(len(steps), dtype=np.bool_)
     for start, stop in bursts:
         inside[max(start - 1, 0) : stop] = True
@@ -119,10 +90,10 @@ def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int
 def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[int, int]]:
     """Runs of identical values after which the output is, within a sample, where the model went meanwhile."""
     values, steps, floor = e.output, np.abs(np.diff(e.output)), white_floor(e.output)
-    if _same_again(steps, floor) > _REPEATS_BY_ITSELF:
+    if same_again(steps, floor) > _REPEATS_BY_ITSELF:
         return []
     least = _CAUGHT_UP * max(float(steps[steps > 0.0].min()), floor)
-    shortest = _longer_than_by_chance(steps, floor)
+    shortest = longer_than_by_chance(steps, floor)
     simulated = output_of(problem, around, e)
     found = []
     for start, last in runs(steps == 0.0):
@@ -133,18 +104,6 @@ def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[in
         if abs(went) >= least and max(abs(jump - went), goes) <= _AT_ONCE * abs(went):
             found.append((start, last + 1))
     return found
-
-
-def _longer_than_by_chance(steps: Array, floor: float) -> int:
-    """So many identical values in a row are more than chance makes anywhere in a recording."""
-    longest = 1.0 + np.log(_CHANCE_RUNS / (len(steps) + 1)) / np.log(_same_again(steps, floor))
-    return max(_STALE_RUN, int(np.ceil(longest)))
-
-
-def _same_again(steps: Array, floor: float) -> float:
-    """The probability that two readings of white noise agree within the resolution."""
-    moving = steps[steps > 0.0]
-    return float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor) if moving.size and floor > 0.0 else 1.0
 
 
 def _times(count: int) -> str:

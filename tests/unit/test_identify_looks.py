@@ -1,0 +1,143 @@
+"""What identify says of recordings before it fits them, and when it refuses them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.diagnosis.check import check
+from hil.errors import FileError
+from hil.identification.fit import fit_percent
+from hil.identification.grey_box import fit_plant
+from hil.identification.looks import Looked, believed, look
+from hil.identification.mistaken.suspicion import Suspicion
+from hil.physics.model import typical_model
+from hil.physics.simulate import ActiveEffect
+from hil.record.recording import Array, Recording, recording
+from tests.concealed import NOISE, PLANT, bound, noise, nominal, records, with_rows
+
+# A unit that is not a typical one.
+OWN = {"pilot_rate": 5.0, "dead_band": 24.0, "full_flow": 55.0, "sensor_lag": 0.02}
+
+
+def made_steps() -> Recording:
+    return records(parameters=OWN, seed=41)[0]
+
+
+def with_values(one: Recording, **columns: Callable[[Recording], Array]) -> Recording:
+    channels = {n: replace(c, values=columns[n](one)) if n in columns else c for n, c in one.channels.items()}
+    return replace(one, channels=channels)
+
+
+def looked_at(one: Recording) -> Looked:
+    start = typical_model(PLANT)
+    return look(start, bound(start, [one]))
+
+
+def command_of(one: Recording) -> Array:
+    return one.values("command")
+
+
+def flow_of(one: Recording) -> Array:
+    return one.values("flow")
+
+
+MISTAKES = {
+    "swapped": (with_values(made_steps(), command=flow_of, flow=command_of), "look swapped"),
+    "millilitres": (with_values(made_steps(), flow=lambda r: 1000.0 * flow_of(r)), "factor near 1000 .*wrong unit"),
+    "volts": (with_values(made_steps(), command=lambda r: 0.1 * command_of(r)), "multiplied by 10; .*wrong unit"),
+    "other sign": (with_values(made_steps(), flow=lambda r: -flow_of(r)), "runs the other way"),
+    "minutes": (replace(made_steps(), time_s=made_steps().time_s / 60.0), "multiplied by 60; .*unit of time"),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_what_a_typical_unit_fits_only_otherwise_is_suspected(mistake: str) -> None:
+    one, sentence = MISTAKES[mistake]
+    (first, *_) = looked_at(one).suspicions
+    assert first.fit > 50.0
+    with pytest.raises(FileError, match=sentence):
+        believed([first], {one.name: 40.0}, at_bounds=False)
+
+
+def test_samples_further_apart_than_a_plant_takes_are_refused_before_any_fit() -> None:
+    short = with_rows(made_steps(), slice(400, 1000))
+    slow = replace(short, time_s=1000.0 * short.time_s)
+    with pytest.raises(FileError, match=r"time divided by 1000; .*--unit time=UNIT"):
+        looked_at(slow)
+
+
+def test_a_good_recording_of_a_unit_unlike_a_typical_one_is_not_suspected() -> None:
+    found = looked_at(made_steps())
+    assert found.suspicions == () and found.said == ()
+
+
+def test_a_fit_as_recorded_outweighs_a_suspicion_unless_it_halves_the_misfit() -> None:
+    suspected = Suspicion("x", "a factor near 10 looks like a wrong unit", 95.0)
+    assert not suspected.outweighs(97.0) and not suspected.outweighs(92.0)
+    assert suspected.outweighs(85.0) and suspected.outweighs(30.0) and suspected.outweighs(float("nan"))
+    assert suspected.outweighs(94.0, at_bounds=True)
+
+
+def test_a_wrong_unit_is_refused_and_a_unit_of_another_size_is_told_of() -> None:
+    start = typical_model(PLANT)
+    with pytest.raises(FileError, match="wrong unit"):
+        fit_plant(start, bound(start, [MISTAKES["millilitres"][0]]))
+    small = with_values(made_steps(), flow=lambda r: 0.2 * r.values("flow"))
+    found = fit_plant(start, bound(start, [small]))
+    assert found.fits["steps"] > 90.0
+    tenth = with_values(made_steps(), flow=lambda r: 0.1 * r.values("flow"))
+    found = fit_plant(start, bound(start, [with_values(tenth, flow=lambda r: r.values("flow") * 70.0 / 55.0)]))
+    assert any("wrong unit. Other values of the plant fit it as it is" in note for note in found.notes)
+
+
+def test_stale_and_held_samples_are_left_out_and_said() -> None:
+    one = made_steps()
+    flow = one.values("flow").copy()
+    for start in (300, 900, 1700, 2500):
+        flow[start : start + 40] = flow[start]
+    stale = looked_at(with_values(one, flow=lambda _: flow))
+    assert any("was not measured anew 4 times, for 0.16 s on average" in text for text in stale.said)
+    assert stale.experiments[0].ignored is not None and stale.experiments[0].ignored.sum() == 4 * 39
+    held = looked_at(with_values(one, flow=lambda r: np.repeat(r.values("flow")[::8], 8)))
+    assert any("shows each value 8 times" in text for text in held.said)
+
+
+def test_a_diagnosis_leaves_out_what_was_held_between_slower_samples() -> None:
+    held = with_values(records(seed=42)[1], flow=lambda r: np.repeat(r.values("flow")[::5], 5))
+    checked = check(nominal(), bound(nominal(), [held]))
+    assert any("shows each value 5 times" in text for text in checked.warnings)
+
+
+def test_a_coarse_sweep_of_leakage_is_not_called_swapped() -> None:
+    """Within the dead band a flow meter of coarse steps shows little but its steps."""
+    leaking = ActiveEffect("leakage", "flow", {"leak": 0.6, "fall": 0.5, "lean": 0.0})
+    time_s = np.arange(0.0, 60.0, 0.05)
+    command = np.interp(time_s, [0.0, 15.0, 45.0, 60.0], [0.0, 18.0, -18.0, 0.0])
+    start = typical_model(PLANT)
+    silent = recording("leak", time_s, {"command [%]": command, "flow [l/min]": 0.0 * command})
+    (e,) = bound(start, [silent])
+    flow = e.respond(start.definition, start.values, (leaking,))[0] + NOISE * noise(
+        np.random.default_rng(3), len(time_s)
+    )
+    coarse = recording("leak", time_s, {"command [%]": command, "flow [l/min]": 0.5 * np.round(flow / 0.5)})
+    assert not any("swapped" in s.sentence for s in look(start, bound(start, [coarse])).suspicions)
+    check(nominal(), bound(nominal(), [coarse]))
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_what_identify_took_is_not_refused_afterwards(mistake: str) -> None:
+    """Whatever a model was made of is what it says."""
+    one, _ = MISTAKES[mistake]
+    (e,) = bound(nominal(), [one])
+    fit = fit_percent(e.output, e.respond(nominal().definition, nominal().values)[0])
+    model = replace(nominal(), origin={**nominal().origin, "fit_percent": {one.name: fit}})
+    check(model, [e])
+
+
+def test_too_few_samples_are_refused() -> None:
+    with pytest.raises(FileError, match="at least 20 are needed"):
+        fit_plant(typical_model(PLANT), bound(typical_model(PLANT), [with_rows(made_steps(), slice(10))]))
