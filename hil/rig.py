@@ -7,6 +7,7 @@ in engineering units, never device names, volts or registers.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -15,7 +16,10 @@ from hil.record.recording import Array, Recording
 
 @dataclass(frozen=True, slots=True)
 class RoleChannel:
-    """A channel of the rig in engineering units: its name, unit and allowed range."""
+    """A channel of the rig in engineering units: its name, unit and allowed range.
+
+    `operating_point`: of a command, where the valve is tried when nobody says where; None where the bench names none.
+    """
 
     name: str
     unit: str
@@ -23,6 +27,7 @@ class RoleChannel:
     high: float
     safe: float = 0.0
     slew_per_s: float | None = None
+    operating_point: float | None = None
 
 
 class Rig(Protocol):
@@ -133,5 +138,13 @@ class Rig(Protocol):
         ...
 
     def progress(self, done: float, text: str) -> None:
-        """Tell the operator how far the procedure is: 0 … 1."""
+        """Tell the operator what is done, and how far that is: 0 … 1; where a time is expected, that counts."""
+        ...
+
+    def expect(self, duration_s: float) -> None:
+        """Say how long what comes now takes, in s of bench time: the operator is told how much of it is left."""
+        ...
+
+    def before(self, rest_s: float) -> AbstractContextManager[None]:
+        """For a sequence: what is expected inside is followed by so much more, in s of bench time."""
         ...

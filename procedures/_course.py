@@ -1,4 +1,4 @@
-"""The course of a run: checked whole before anything moves, begun and ended at neutral, with the time left."""
+"""The course of a run: checked whole before anything moves, begun and ended at neutral, its time known."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array
 from hil.rig import Rig
 from hil.signals.ramps import ramp
 
-_PIECE_S = 5.0  # of a long command: how often the operator hears about it
-
-_LATE_SHARE = 0.05  # of the expected time
+_PIECE_S = 5.0  # of a long command, which is not in memory as a whole
 
 
 class Course:
@@ -38,11 +36,12 @@ class Course:
         neutral = rig.command.safe
         rig.tighten(min(float(path.min()), neutral), max(float(path.max()), neutral))
         rig.note("plan", expected_s=round(self._expected_s, 1), **plan)
-        rig.progress(0.0, f"about {time_text(self._expected_s)} of bench time")
+        rig.expect(self._expected_s)
 
     def go_to(self, level: float) -> None:
         """Ramp to a level and let the valve settle there."""
-        self.heard(self._rig.ramp_to(level, self.rate_hz), f"to {level:.4g} {self._rig.command.unit}")
+        self.say(f"to {level:.4g} {self._rig.command.unit}")
+        self._rig.ramp_to(level, self.rate_hz)
 
     def warm_up(self, level: float, duration_s: float) -> None:
         """Go to a level and stay there before anything is measured."""
@@ -52,23 +51,18 @@ class Course:
             self.play(np.full(samples, level), "warming up", {"kind": "warm-up"})
 
     def play(self, command: Array, text: str, part: Mapping[str, Any] | None = None) -> None:
-        """Drive a command without a gap, telling how far it is."""
-        for piece in self._rig.stream(self._pieces(command), self.rate_hz, part=part):
-            self.heard(piece, text)
+        """Drive a command without a gap."""
+        self.say(text)
+        for _ in self._rig.stream(self._pieces(command), self.rate_hz, part=part):
+            pass
 
-    def heard(self, recording: Recording, text: str) -> None:
-        """Tell how far the run is, from the stamps of what has come."""
-        passed_s = float(recording.time_s[-1])
-        share = min(passed_s / self._expected_s, 0.99)
-        left_s = self._expected_s - passed_s
-        late = "almost done" if left_s > -_LATE_SHARE * self._expected_s else "longer than expected"
-        left = f"{time_text(left_s)} left" if left_s > 0.0 else late
-        self._rig.progress(share, f"{text}; {left}")
+    def say(self, text: str) -> None:
+        """Tell what is being done."""
+        self._rig.progress(0.0, text)
 
     def finish(self) -> None:
         """Back to neutral."""
-        self._rig.ramp_to(self._rig.command.safe, self.rate_hz)
-        self._rig.progress(1.0, "done")
+        self.go_to(self._rig.command.safe)
 
     def _pieces(self, command: Array) -> Iterator[Array]:
         samples = max(1, round(_PIECE_S * self.rate_hz))
@@ -98,12 +92,3 @@ def joined(rig: Rig, rate_hz: float, warm_up_s: float, pieces: Sequence[Array]) 
         path.append(piece)
         at = float(piece[-1])
     return np.concatenate((*path, ramped(rig, at, rig.command.safe, rate_hz)))
-
-
-def time_text(seconds: float) -> str:
-    """`45 s`, `6 min 20 s`, `1 h 5 min`."""
-    whole = round(seconds)
-    if whole < 60:
-        return f"{whole} s"
-    minutes, rest = divmod(whole, 60)
-    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"

@@ -127,11 +127,11 @@ def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_
                 return
             yield piece
 
+    course.say(f"to {target:.4g} {unit}")
     for recorded in rig.stream(pieces(), course.rate_hz):
         moved = float(recorded.values(name)[-1]) - at
         at += moved
         arrived = arrived or direction * (target - at - _PIECES_AHEAD * moved) <= 0.0
-        course.heard(recorded, f"to {target:.4g} {unit}")
     course.go_to(rig.command.safe)
     if not arrived:
         raise InputError(

@@ -42,16 +42,23 @@ def play(rig: Rig, stages: Sequence[Stage], rate_hz: float) -> list[Recording]:
         rig.check(stage.command, rate_hz)
     made = []
     at: float | None = None
-    for i, stage in enumerate(stages):
-        rig.progress(i / len(stages), stage.text)
+    rig.expect(expected_s(rig, stages, rate_hz))
+    for stage in stages:
+        rig.progress(0.0, stage.text)
         if at != stage.command[0]:
             rig.ramp_to(float(stage.command[0]), rate_hz)
         made.append(rig.play(stage.command, rate_hz, part=stage.part))
         at = float(stage.command[-1])
     if at != rig.command.safe:
         rig.ramp_to(rig.command.safe, rate_hz)
-    rig.progress(1.0, "done")
     return made
+
+
+def expected_s(rig: Rig, stages: Sequence[Stage], rate_hz: float) -> float:
+    """Bench time of stages, in s: those that begin where the one before them ended need no ramp."""
+    ends = [rig.command.safe, *(float(stage.command[-1]) for stage in stages)]
+    ramps = 1 + sum(float(stage.command[0]) != end for stage, end in zip(stages, ends, strict=False))
+    return sum(len(stage.command) for stage in stages) / rate_hz + ramps * rig.settling_s
 
 
 def check_channels(rig: Rig, names: Sequence[str], needed_for: str) -> None:

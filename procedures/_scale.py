@@ -90,8 +90,8 @@ def about_levels(
 ) -> tuple[tuple[float, float], ...]:
     """Every (bias, amplitude) in the unit of the command, bias by bias.
 
-    Biases that are not given are ±50 %, because many valves are dead about neutral, or the middle of a
-    command that goes one way.
+    Biases that are not given are the operating point of the bench; where it names none ±50 %, because many valves are
+    dead about neutral, or the middle of a command that goes one way.
 
     Raises:
         SettingError: nothing given, an amplitude not above 0, or the command may not go there.
@@ -107,6 +107,9 @@ def about_levels(
 
 
 def _default_biases(scale: Scale) -> list[tuple[float, float]]:
+    point = scale.command.operating_point
+    if point is not None:
+        return [(100.0 * (point - scale.neutral) / scale.full, point)]
     if scale.both_ways:
         return [(percent, scale.level("biases", percent)) for percent in (50.0, -50.0)]
     return [(100.0 * (scale.centre - scale.neutral) / scale.full, scale.centre)]

@@ -97,8 +97,8 @@ class Heard:
 def listen(rig: Rig, course: Course, tone: Tone, patience: Patience, phase_rad: float, text: str) -> Heard:
     """Drive a sine until it has been measured; its samples are marked as a part of kind "sine"."""
     ear = _Ear(tone, patience, course.rate_hz, phase_rad, rig.response.name)
+    course.say(text)
     for piece in rig.stream(ear.pieces(), course.rate_hz):
-        course.heard(piece, text)
         if measured := ear.take(piece):
             heard = ear.heard()
             part = {"kind": "sine", "frequency_hz": tone.frequency_hz, "amplitude": tone.amplitude, "bias": tone.bias}

@@ -10,8 +10,9 @@ and can be changed per bench.
 
 from __future__ import annotations
 
+import inspect
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -41,6 +42,7 @@ from procedures._efc import (
     THROUGH_FLOW,
     Stage,
     check_channels,
+    expected_s,
     held,
     instrument_std,
     part_recordings,
@@ -122,19 +124,53 @@ def run(
     check_at_least("top_current", _OPENING_A, top_current, "A")
     check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE, THROUGH_FLOW, SUPPLY_PRESSURE), "the acceptance test")
     rig.tighten(min(0.0, rig.command.safe), max(top_current, rig.command.safe))
-    coil = electrical_check.drive(rig, voltage, rate_hz=rate_hz)
+    parts_s = _expected_s(rig, top_current, sweep_s, normally_open, levels, frequencies, rate_hz)
+    with rig.before(sum(parts_s)):
+        coil = electrical_check.drive(rig, voltage, rate_hz=rate_hz)
     if not _usable(electrical_check.judged(coil, coil.meta["parts"][0], rig.conditions.get("conditions", {}))):
         rig.note(_ENDED, reason="the coil is not usable: see its resistance")
         return
-    if not _functions(rig, normally_open, rate_hz):
+    with rig.before(sum(parts_s[1:])):
+        functions = _functions(rig, normally_open, rate_hz)
+    if not functions:
         rig.note(_ENDED, reason="pressure does not follow the current as the valve's type asks")
         return
-    leakage_check.run(rig, closing_current=top_current if normally_open else 0.0, rate_hz=rate_hz)
-    pieces = pressure_current.drive(rig, top_current, sweep_s, normally_open, rate_hz)
-    efc_step_response.run(rig, currents=_steps(top_current), rate_hz=rate_hz)
+    with rig.before(sum(parts_s[2:])):
+        leakage_check.run(rig, closing_current=top_current if normally_open else 0.0, rate_hz=rate_hz)
+    with rig.before(sum(parts_s[3:])):
+        pieces = pressure_current.drive(rig, top_current, sweep_s, normally_open, rate_hz)
+    with rig.before(sum(parts_s[4:])):
+        efc_step_response.run(rig, currents=_steps(top_current), rate_hz=rate_hz)
     curve = efc_frequency_response.curve_of(rig, pieces)
     if reached := [level for level in levels if _reached(rig, curve, level)]:
         efc_frequency_response.drive(rig, curve, reached, frequencies, rate_hz=rate_hz)
+
+
+def _expected_s(
+    rig: Rig,
+    top_current: float,
+    sweep_s: float,
+    normally_open: bool,
+    levels: Sequence[str],
+    frequencies: Sequence[float],
+    rate_hz: float,
+) -> list[float]:
+    """Bench time of function, leakage, curve, steps and frequency response, in s."""
+    settings = _defaults(leakage_check.run), _defaults(efc_step_response.run)
+    leakage, steps = ({**one, "rate_hz": rate_hz} for one in settings)
+    parts = (
+        [_function_stage(rig, normally_open, rate_hz)],
+        leakage_check.stages(**leakage),
+        pressure_current.stages(top_current, sweep_s, normally_open, rate_hz),
+        efc_step_response.stages(**{**steps, "currents": _steps(top_current)}),
+    )
+    times = [expected_s(rig, stages, rate_hz) for stages in parts]
+    return [*times, efc_frequency_response.expected_s(rig, levels, frequencies)]
+
+
+def _defaults(run: Callable[..., None]) -> dict[str, Any]:
+    """What a part of the sequence takes where the sequence says nothing."""
+    return {a.name: a.default for a in inspect.signature(run).parameters.values() if a.default is not a.empty}
 
 
 def evaluate(recording: Recording) -> Findings:
@@ -180,10 +216,14 @@ def _usable(found: Findings) -> bool:
 
 def _functions(rig: Rig, normally_open: bool, rate_hz: float) -> bool:
     """Whether the pressure rises as the type asks, seen at two currents before anything goes on."""
+    (made,) = play(rig, [_function_stage(rig, normally_open, rate_hz)], rate_hz)
+    return _rise(made, rig.command.name, rig.response.name, normally_open)[0] > _FOLLOWS_PSI
+
+
+def _function_stage(rig: Rig, normally_open: bool, rate_hz: float) -> Stage:
     wait_s = max(rig.settling_s, 0.2)
     path = np.concatenate((held(0.0, wait_s, rate_hz), held(_OPENING_A, 2.0 * wait_s, rate_hz)))
-    (made,) = play(rig, [Stage(path, "function", {"kind": KIND, "normally_open": normally_open})], rate_hz)
-    return _rise(made, rig.command.name, rig.response.name, normally_open)[0] > _FOLLOWS_PSI
+    return Stage(path, "function", {"kind": KIND, "normally_open": normally_open})
 
 
 def _rise(samples: Recording, command: str, response: str, normally_open: bool) -> tuple[float, float]:

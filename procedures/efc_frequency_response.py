@@ -18,6 +18,7 @@ from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures import frequency_response, pressure_current
+from procedures._steady_sine import Patience
 
 MEASUREMENTS = frequency_response.MEASUREMENTS
 LEVELS_PSI = {"low": (19.0, 21.0), "medium": (20.0, 140.0), "high": (133.0, 147.0)}
@@ -51,7 +52,8 @@ def run(
         normally_open: whether current closes the valve.
         rate_hz: sample rate; that of the bench when not given.
     """
-    pieces = pressure_current.drive(rig, top_current, cycle_s, normally_open, rate_hz)
+    with rig.before(expected_s(rig, levels, frequencies, measure_periods, measure_s)):
+        pieces = pressure_current.drive(rig, top_current, cycle_s, normally_open, rate_hz)
     drive(rig, curve_of(rig, pieces), levels, frequencies, measure_periods, measure_s, rate_hz)
 
 
@@ -84,13 +86,24 @@ def drive(
         low, high = sorted(pressure_current.checked_current(curve, p, "levels") for p in LEVELS_PSI[level])
         swings[level] = (low, high)
     # the limits of the command only ever become narrower, so the level that goes highest comes first
-    for level, (low, high) in sorted(swings.items(), key=lambda item: -item[1][1]):
+    ordered = sorted(swings.items(), key=lambda item: -item[1][1])
+    for i, (level, (low, high)) in enumerate(ordered, 1):
         rig.note("level", level=level, low_a=round(low, 5), high_a=round(high, 5), psi=LEVELS_PSI[level])
-        frequency_response.run(
-            rig, frequencies=frequencies, amplitudes=(_AMPERE * (high - low) / 2.0,),
-            biases=(_AMPERE * ((low + high) / 2.0 - rig.command.safe),), full_command=1.0,
-            measure_periods=measure_periods, measure_s=measure_s, rate_hz=rate_hz,
-        )  # fmt: skip
+        rest = [name for name, _ in ordered[i:]]
+        with rig.before(expected_s(rig, rest, frequencies, measure_periods, measure_s)):
+            frequency_response.run(
+                rig, frequencies=frequencies, amplitudes=(_AMPERE * (high - low) / 2.0,),
+                biases=(_AMPERE * ((low + high) / 2.0 - rig.command.safe),), full_command=1.0,
+                measure_periods=measure_periods, measure_s=measure_s, rate_hz=rate_hz,
+            )  # fmt: skip
+
+
+def expected_s(
+    rig: Rig, levels: Sequence[str], frequencies: Sequence[float], measure_periods: int = 3, measure_s: float = 2.0
+) -> float:
+    """Bench time of the sines of so many levels, before their currents are known, in s."""
+    patience = Patience(rig.settling_s, measure_periods, measure_s, 0.0, 0.0)
+    return len(levels) * (2.0 * rig.settling_s + sum(patience.expected_s(f) for f in frequencies))
 
 
 def evaluate(recording: Recording) -> Findings:

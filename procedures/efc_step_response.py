@@ -7,7 +7,7 @@ EFC thesis, section 3.1.3.2. Repeats tell the scatter of a valve that sticks.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -59,8 +59,13 @@ def run(
     check_at_least("hold_s", 0.2, hold_s, "s")
     for current in currents:
         check_above("currents", from_current, current, "A")
+    play(rig, stages(currents, repeats, from_current, hold_s, rate_hz), rate_hz)
+
+
+def stages(currents: Sequence[float], repeats: int, from_current: float, hold_s: float, rate_hz: float) -> list[Stage]:
+    """Every step with its repeats."""
     base = held(from_current, hold_s, rate_hz)
-    stages = [
+    return [
         Stage(
             np.concatenate((base, held(current, hold_s, rate_hz), base)),
             f"step to {current:g} A, {i + 1} of {repeats}",
@@ -68,7 +73,6 @@ def run(
         )
         for current in currents for i in range(repeats)
     ]  # fmt: skip
-    play(rig, stages, rate_hz)
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -99,12 +99,19 @@ def drive(
     check_at_least("repeats", 2, repeats)
     check_at_least("hold_s", 0.4, hold_s, "s")
     check_at_least("rise_s", 2.0 / rate_hz, rise_s, "s")
+    part = {"kind": KIND, "voltage": voltage, "coil_temperature": coil_temperature}
+    (made,) = play(rig, stages(test_current, rise_s, hold_s, repeats, rate_hz, part), rate_hz)
+    return made
+
+
+def stages(
+    test_current: float, rise_s: float, hold_s: float, repeats: int, rate_hz: float, part: Mapping[str, Any]
+) -> list[Stage]:
+    """The steps, up and down."""
     low, high = held(0.0, hold_s, rate_hz), held(test_current, hold_s, rate_hz)
     up = ramp(0.0, test_current, rise_s, rate_hz)[1:-1]
     command = np.concatenate([low, *([up, high, up[::-1], low] * repeats)])
-    part = {"kind": KIND, "voltage": voltage, "coil_temperature": coil_temperature}
-    (made,) = play(rig, [Stage(command, f"coil at {test_current:g} A", part)], rate_hz)
-    return made
+    return [Stage(command, f"coil at {test_current:g} A", part)]
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -60,9 +60,14 @@ def run(
     check_at_least("closing_current", 0.0, closing_current, "A")
     check_at_least("settle_s", 0.0, settle_s, "s")
     check_above("hold_s", 0.0, hold_s, "s")
+    play(rig, stages(closing_current, settle_s, hold_s, rate_hz), rate_hz)
+
+
+def stages(closing_current: float, settle_s: float, hold_s: float, rate_hz: float) -> list[Stage]:
+    """Waiting, and measuring."""
     wait = Stage(held(closing_current, settle_s, rate_hz), "valve closed", {"kind": "settling"})
     measure = Stage(held(closing_current, hold_s, rate_hz), "leakage", {"kind": KIND, "current": closing_current})
-    play(rig, [wait, measure], rate_hz)
+    return [wait, measure]
 
 
 def evaluate(recording: Recording) -> Findings:

@@ -72,14 +72,20 @@ def drive(
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
     check_above("top_current", 0.0, top_current, "A")
     check_above("cycle_s", 0.0, cycle_s, "s")
-    stages = []
+    sweeps = stages(top_current, cycle_s, normally_open, rate_hz)
+    made = play(rig, sweeps, rate_hz)
+    return [replace(piece, meta={**piece.meta, "sweep": stage.part})
+            for piece, stage in zip(made, sweeps, strict=True)]  # fmt: skip
+
+
+def stages(top_current: float, cycle_s: float, normally_open: bool, rate_hz: float) -> list[Stage]:
+    """The sweeps, the second at half the speed."""
+    found = []
     for duration_s in (cycle_s, 2.0 * cycle_s):
         sweep = triangle(0.0, top_current, duration_s, rate_hz)
         part = {"kind": KIND, "speed_per_s": 2.0 * top_current / duration_s, "normally_open": normally_open}
-        stages.append(Stage(np.concatenate((held(0.0, 0.5, rate_hz), sweep)), f"sweep of {duration_s:g} s", part))
-    made = play(rig, stages, rate_hz)
-    return [replace(piece, meta={**piece.meta, "sweep": stage.part})
-            for piece, stage in zip(made, stages, strict=True)]  # fmt: skip
+        found.append(Stage(np.concatenate((held(0.0, 0.5, rate_hz), sweep)), f"sweep of {duration_s:g} s", part))
+    return found
 
 
 def curve_of(name: str, pieces: Sequence[tuple[float, Recording]], command: str, response: str) -> PressureCurve:

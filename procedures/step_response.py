@@ -97,7 +97,7 @@ def run(
     before = values[0]
     for level, piece in zip(values, rig.stream(iter(steps), rate_hz), strict=True):
         rig.mark(len(piece), {"kind": "level", "from": before, "to": level})
-        course.heard(piece, f"{before:.4g} → {level:.4g} {rig.command.unit}")
+        course.say(f"{before:.4g} → {level:.4g} {rig.command.unit}")
         before = level
     course.finish()
 

@@ -48,6 +48,7 @@ class Valve(_Strict):
         serial: of the unit, or `ask`: each run is told, by `--serial` or on the terminal.
         settling_s: after a change of the command, its answer has died away in so long.
         limits: of its command, in that channel's unit; they tighten those of the channel.
+        operating_point: where procedures swing when nobody says where, in the unit of its command: where it follows.
         amplifier: settings of its electronics: dither, ramps, dead-band compensation.
     """
 
@@ -56,6 +57,7 @@ class Valve(_Strict):
     serial: str = ""
     settling_s: PositiveFloat = 1.0
     limits: OutputLimits | None = None
+    operating_point: FiniteFloat | None = None
     amplifier: str = ""
 
 

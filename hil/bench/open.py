@@ -19,10 +19,11 @@ from hil.bench.nets.packages import check_packages
 from hil.bench.protection import protection_of
 from hil.bench.read import BenchFile
 from hil.bench.recorder import Recorder
-from hil.bench.rig import BenchRig, Progress, conditions_of
+from hil.bench.rig import BenchRig, conditions_of
 from hil.bench.stop.control import published
+from hil.bench.told import Progress, Told
 from hil.clock import Clock, clock
-from hil.daq.contract import Daq
+from hil.daq.contract import Block, Daq
 from hil.daq.scaled import Scaled
 from hil.errors import FileError
 from hil.record.folder import RunWriter
@@ -89,8 +90,14 @@ def open_rig(
         with recorded(RunWriter.create(out, header, columns), known) as writer:
             finished = _taken_over(writer, earlier)
             recorder = Recorder(writer, daq.inputs)
+            told = Told(progress, _shown(bench, daq, commanding))
+
+            def keep(block: Block) -> None:
+                recorder.keep(block)
+                told.heard(recorder.time_of(block), block.columns)
+
             guard = Guard(
-                daq, protection_of(bench, rate_hz), latch, _clock(daq), recorder.keep, recorder.note, watch.beat,
+                daq, protection_of(bench, rate_hz), latch, _clock(daq), keep, recorder.note, watch.beat,
                 known, operator,
             )  # fmt: skip
             if watch.note:
@@ -100,7 +107,7 @@ def open_rig(
                 closed_for_sure(guard.close),
             ):
                 _switch_on(bench, guard, rate_hz)
-                yield BenchRig(bench, guard, recorder, columns, progress, finished, commanding)
+                yield BenchRig(bench, guard, recorder, columns, told, finished, commanding)
 
 
 @contextmanager
@@ -143,6 +150,13 @@ def _switch_on(bench: Bench, guard: Guard, rate_hz: float) -> None:
     if way is not None:
         for _ in guard.play(way):
             pass
+
+
+def _shown(bench: Bench, daq: Daq, commanding: str) -> dict[str, str]:
+    """Channels that the operator sees, with their units: the command, the response, the other inputs."""
+    roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
+    names = dict.fromkeys((commanding or roles["command"], roles["response"], *daq.inputs))
+    return {name: bench.channels[name].unit for name in names}
 
 
 def _clock(daq: Daq) -> Clock:

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
 
 from hil.bench.file import Bench
 from hil.bench.recorder import Recorder
+from hil.bench.told import Told
 from hil.daq.contract import Block, Waveform, joined
 from hil.record.header import Column
 from hil.record.recording import Array, Channel, Recording
@@ -19,9 +21,6 @@ from hil.rig import RoleChannel
 from hil.safety.envelope import Envelope
 from hil.safety.guard import Guard
 from hil.safety.ramp import way_to
-
-Progress = Callable[[float, str], None]
-"""Called with the share done, 0 … 1, and what is going on."""
 
 
 class BenchRig:
@@ -35,7 +34,7 @@ class BenchRig:
         guard: the device behind its limits and interlocks.
         recorder: the run folder; the guard keeps every block in it.
         columns: the channels as they are recorded, with source and calibration.
-        progress: told how far the procedure is.
+        told: what the operator hears.
         finished: parts that a run which this one resumes has finished.
         commanding: the output that is driven as the command, where it is not the bench's own.
     """
@@ -46,7 +45,7 @@ class BenchRig:
         guard: Guard,
         recorder: Recorder,
         columns: Iterable[Column],
-        progress: Progress,
+        told: Told,
         finished: Sequence[Mapping[str, Any]] = (),
         commanding: str = "",
     ) -> None:
@@ -55,10 +54,11 @@ class BenchRig:
         self._guard = guard
         self._recorder = recorder
         self._columns = {column.name: column for column in columns}
-        self._progress = progress
+        self._told = told
         self._rates_hz: set[float] = set()
         self._roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
-        self._roles["command"] = commanding or self._roles["command"]
+        self._own_command = self._roles["command"]
+        self._roles["command"] = commanding or self._own_command
 
     @property
     def command(self) -> RoleChannel:
@@ -66,7 +66,9 @@ class BenchRig:
         name = self._roles["command"]
         limits, channel = self._guard.limits[name], self._guard.outputs[name]
         slew = None if np.isinf(limits.slew_per_s) else limits.slew_per_s
-        return RoleChannel(name, channel.unit, limits.low, limits.high, channel.safe, slew)
+        own = name == self._own_command
+        point = self._bench.valve.operating_point if own else None
+        return RoleChannel(name, channel.unit, limits.low, limits.high, channel.safe, slew, point)
 
     @property
     def response(self) -> RoleChannel:
@@ -161,8 +163,16 @@ class BenchRig:
         self._recorder.note(event, **details)
 
     def progress(self, done: float, text: str) -> None:
-        """Tell the operator how far the procedure is: 0 … 1."""
-        self._progress(done, text)
+        """Tell the operator what is done, and how far that is: 0 … 1."""
+        self._told.say(done, text)
+
+    def expect(self, duration_s: float) -> None:
+        """Say how long what comes now takes, in s of bench time."""
+        self._told.expect(duration_s)
+
+    def before(self, rest_s: float) -> AbstractContextManager[None]:
+        """What is expected inside is followed by so much more, in s of bench time."""
+        return self._told.before(rest_s)
 
     @property
     def _level(self) -> float:

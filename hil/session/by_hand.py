@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.bench.read import BenchFile
 from hil.errors import RangeError, SettingError, UnknownNameError
-from hil.record.recording import Array, Recording
+from hil.record.recording import Array
 from hil.rig import Rig
 from hil.session.procedure import Procedure
 
@@ -17,7 +17,6 @@ HELD = "held"
 """The kind of the part in which the output stands at its value."""
 
 _PIECE_S = 0.1  # so often somebody who wants to end it is heard
-_NOW_S = 0.5  # over so long what an input does now is averaged
 
 
 def output_of(bench: BenchFile, name: str) -> str:
@@ -67,24 +66,9 @@ def hold(rig: Rig, value: float, for_s: float, wanted: Callable[[], bool] = lamb
         part = {"kind": kind, "to": value, "channel": out.name, "unit": out.unit}
         for recording in rig.stream(pieces, rate_hz, part=part):
             done += len(recording)
-            rig.progress(done / whole, inputs_text(recording))
+            rig.progress(done / whole, f"{out.name} {'to' if kind != HELD else 'at'} {value:g} {out.unit}")
     if done < whole:
         rig.note("ended by hand", after_s=done / rate_hz)
-
-
-def inputs_text(recording: Recording) -> str:
-    """What every channel but the time did in a piece, in a line."""
-    told = []
-    for name, channel in recording.channels.items():
-        if channel.unit != "s":
-            unit = "" if channel.unit == "1" else f" {channel.unit}"
-            told.append(f"{name} {float(np.mean(channel.values[-_last(recording) :])):.4g}{unit}")
-    return ", ".join(told)
-
-
-def _last(recording: Recording) -> int:
-    interval_s = float(np.median(np.diff(recording.time_s))) if len(recording) > 1 else _NOW_S
-    return max(1, round(_NOW_S / interval_s))
 
 
 def _still(value: float, samples: int, rate_hz: float, wanted: Callable[[], bool]) -> Iterator[Array]:

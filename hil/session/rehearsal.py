@@ -11,7 +11,7 @@ from typing import Any
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.bench.rehearsal import twin_of
-from hil.bench.rig import Progress
+from hil.bench.told import Progress
 from hil.errors import HardwareError, RangeError, RehearsalError, StorageError
 from hil.record.folder import read
 from hil.record.recording import Recording

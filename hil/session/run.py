@@ -12,7 +12,7 @@ from hil.bench.ending import accounted
 from hil.bench.file import Bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
-from hil.bench.rig import Progress
+from hil.bench.told import Progress
 from hil.errors import InputError, SettingError
 from hil.record.events import EVENTS_FILE
 from hil.record.folder import read
@@ -94,6 +94,7 @@ def run_procedure(
         if new:
             _take_back(out)
         raise
+    progress(1.0, "outputs safe; evaluating")
     return evaluate_run(procedure, out)
 
 

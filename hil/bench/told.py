@@ -1,0 +1,106 @@
+"""What the operator is told while a bench drives: one time over the whole run, what is going on, and live values."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+
+import numpy as np
+
+from hil.record.recording import Array
+
+Progress = Callable[[float, str], None]
+"""Called with the share done, 0 … 1, and what is going on."""
+
+_MOST_SHARE = 0.99  # until the outputs are safe and the run is evaluated, nothing is done
+_EVERY_S = 0.1  # of the operator's time
+_MOST_VALUES = 6
+_LATE_SHARE = 0.05  # of the expected time
+
+
+class Told:
+    """Follows the blocks of a run and says how far it is.
+
+    Where a procedure has said how long it takes, the share is bench time over that; a sequence says what follows each
+    of its parts, so that the time is that of the whole. Where nothing was said, the share is what the procedure tells.
+
+    Args:
+        progress: told.
+        units: of the channels whose values are shown, by name, the most important first.
+    """
+
+    def __init__(self, progress: Progress, units: Mapping[str, str]) -> None:
+        self._progress = progress
+        self._units = dict(list(units.items())[:_MOST_VALUES])
+        self._text, self._share = "", 0.0
+        self._now_s, self._until_s = 0.0, 0.0
+        self._then_s = 0.0
+        self._live = ""
+        self._last = -_EVERY_S
+
+    def expect(self, duration_s: float) -> None:
+        """What comes now takes so long, in s of bench time."""
+        self._until_s = self._now_s + duration_s + self._then_s
+
+    @contextmanager
+    def before(self, rest_s: float) -> Iterator[None]:
+        """What is expected inside is followed by so much more, in s of bench time."""
+        self._then_s += rest_s
+        try:
+            yield
+        finally:
+            self._then_s -= rest_s
+
+    def say(self, share: float, text: str) -> None:
+        """The procedure says what it does, and how much of that is done."""
+        self._text = text
+        self._reach(share if self._until_s <= 0.0 else self._by_time)
+        self._tell()
+
+    def heard(self, time_s: Array, values: Mapping[str, Array]) -> None:
+        """A block has come: its stamps, counted from the first sample of the run, and its channels."""
+        self._now_s = float(time_s[-1])
+        if self._until_s > 0.0:
+            self._reach(self._by_time)
+        now = time.monotonic()
+        if now - self._last >= _EVERY_S:
+            self._last = now
+            self._live = ", ".join(_value_text(name, unit, values[name]) for name, unit in self._units.items())
+            self._tell()
+
+    @property
+    def _by_time(self) -> float:
+        return self._now_s / self._until_s
+
+    def _reach(self, share: float) -> None:
+        """Further, never back: what was expected shorter than it is stands still for a while."""
+        self._share = max(self._share, min(share, _MOST_SHARE))
+
+    def _tell(self) -> None:
+        self._progress(self._share, "; ".join(filter(None, (self._text, self._left, self._live))))
+
+    @property
+    def _left(self) -> str:
+        if self._until_s <= 0.0:
+            return ""
+        left_s = self._until_s - self._now_s
+        if left_s > 0.0:
+            return f"{time_text(left_s)} left"
+        return "almost done" if left_s > -_LATE_SHARE * self._until_s else "longer than expected"
+
+
+def time_text(seconds: float) -> str:
+    """`45 s`, `6 min 20 s`, `1 h 5 min`."""
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    minutes, rest = divmod(whole, 60)
+    return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
+def _value_text(name: str, unit: str, values: Array) -> str:
+    measured = values[np.isfinite(values)]
+    if not measured.size:
+        return f"{name} not measured"
+    return f"{name} {float(measured.mean()):.4g}{'' if unit == '1' else f' {unit}'}"
