@@ -10,6 +10,7 @@ EXTRAS: Mapping[str, str] = {
     **dict.fromkeys(("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl"), "formats"),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
     **dict.fromkeys(("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf"), "passport"),
+    **dict.fromkeys(("starlette", "uvicorn", "python_multipart"), "console"),
     "nidaqmx": "ni",
     "control": "control",
     "psycopg": "postgresql",

@@ -88,8 +88,9 @@ def _points(
     archive: str,
 ) -> list[Point]:
     from hil.cli.places import check_folder
-    from hil.cli.run_end import entered, folder_name, safely
+    from hil.cli.run_end import entered, safely
     from hil.session.calibration import input_points, output_points
+    from hil.session.labels import folder_name
 
     entry = file.bench.channels[channel]
     answered = _answers(typed, entry.unit)

@@ -41,10 +41,10 @@ def command(
     from hil.cli.places import check_folder
     from hil.cli.progress import shown
     from hil.cli.quantity import quantity
-    from hil.cli.run_end import ended, folder_name
+    from hil.cli.run_end import ended
     from hil.errors import SettingError
     from hil.session.by_hand import output_of, to_be_ended
-    from hil.session.labels import labelled, labels_of
+    from hil.session.labels import folder_name, labelled, labels_of
     from hil.session.procedure import load_procedure
     from hil.session.run import run_procedure
 

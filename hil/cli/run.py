@@ -41,7 +41,9 @@ def command(
         False, "--rehearse", help="First play it on the simulated valve; drive only what goes through there."
     ),
     rehearse_only: bool = typer.Option(
-        False, "--rehearse-only", help="Play it on the simulated valve, and no further."
+        False,
+        "--rehearse-only",
+        help="Play it on the simulated valve, and no further; --out keeps its recording.",
     ),
     resume: Path | None = typer.Option(
         None, "--resume", metavar="RUN", help="Go on where this run was broken off: its procedure, bench and settings."
@@ -51,7 +53,7 @@ def command(
 ) -> None:
     """Run a procedure on a bench; leaves a run folder with samples, findings and report."""
     from hil.cli.progress import shown
-    from hil.session.labels import labelled, labels_of
+    from hil.session.labels import folder_name, labelled, labels_of
     from hil.session.limit import checked_limits, split_limits
     from hil.session.procedure import load_procedure
     from hil.session.setting import split_assignments
@@ -71,7 +73,7 @@ def command(
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
     from hil.cli.places import check_folder
-    from hil.cli.run_end import ended, folder_name
+    from hil.cli.run_end import ended
     from hil.session.run import rehearse_procedure
 
     found = read_bench(find_bench(bench))
@@ -84,7 +86,8 @@ def command(
     def run(known: Outputs) -> Outcome | None:
         if rehearse or rehearse_only:
             with shown() as progress:
-                rehearsed = rehearse_procedure(chosen, found, given, progress, resume)
+                keep = out if rehearse_only else None
+                rehearsed = rehearse_procedure(chosen, found, given, progress, resume, keep)
             typer.echo(_rehearsed(rehearsed))
         if rehearse_only:
             return None

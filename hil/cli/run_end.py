@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from contextlib import suppress
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn, TypeVar
 
@@ -17,13 +15,6 @@ if TYPE_CHECKING:
     from hil.session.outcome import Outcome
 
 _T = TypeVar("_T")
-
-
-def folder_name(procedure: str, serial: str) -> str:
-    """Procedure, unit and time in UTC; of the serial number what a folder's name can hold."""
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "-", serial).strip("-.")
-    unit = f"{plain}-" if plain and plain != "simulated" else ""
-    return f"{procedure}-{unit}{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
 
 
 def safely(run: Callable[[Outputs], _T], folder: Path, archive: str) -> _T:

@@ -26,6 +26,7 @@ def command(
     every: float = typer.Option(0.5, "--every", metavar="S", help="How often the readings are shown."),
     csv: Path | None = typer.Option(None, "--csv", metavar="FILE", help="Write every row that is shown here too."),
     as_json: bool = typer.Option(False, "--json", help="Say at the end how each input stands, schema hil.watch/1."),
+    lines: bool = typer.Option(False, "--lines", help="Say it each time, as one line of the same JSON."),
 ) -> None:
     """Every input of a bench: raw value, value, noise, age, and in words whether it can be believed.
 
@@ -46,7 +47,7 @@ def command(
         check_file(csv)
     with terminable(), ExitStack() as stack:
         looked = stack.enter_context(inputs_of(file, channels))
-        show = (lambda _at_s, _readings: None) if as_json else stack.enter_context(_shown())
+        show = _shower(file.bench.name, as_json, lines, stack)
         keep = _kept(stack.enter_context(csv.open("w", encoding="utf-8"))) if csv else (lambda _at_s, _readings: None)
         readings: Sequence[Reading] = []
         for step in range(math.ceil(min(seconds / every, 1e12) - 1e-9)):
@@ -54,12 +55,19 @@ def command(
             readings = looked.look(every)
             show((step + 1) * every, readings)
             keep((step + 1) * every, readings)
-            if not file.is_simulated or sys.stdout.isatty():  # virtual time waits only for somebody who looks on
+            if not file.is_simulated or lines or sys.stdout.isatty():  # virtual time waits for who looks on
                 time.sleep(max(0.0, begun_s + every - time.monotonic()))
         if as_json:
             typer.echo(_as_json(file.bench.name, readings))
         if looked.failures:
             raise LinkError("; ".join(looked.failures.values()))
+
+
+def _shower(bench: str, as_json: bool, lines: bool, stack: ExitStack) -> Callable[[float, Sequence[Reading]], None]:
+    """What shows the readings of each look."""
+    if lines:
+        return lambda _at_s, readings: print(_as_json(bench, readings), flush=True)
+    return (lambda _at_s, _readings: None) if as_json else stack.enter_context(_shown())
 
 
 @contextmanager

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from typing import Any
 
 from hil.bench.read import BenchFile
@@ -76,6 +78,13 @@ def labelled(
             f"{procedure.name} issues a certificate, which is of a unit: say which with --serial SN; nothing was driven"
         )
     return bench.of_unit(serial), replace(labels, serial=serial)
+
+
+def folder_name(procedure: str, serial: str) -> str:
+    """Procedure, unit and time in UTC; of the serial number what a folder's name can hold."""
+    plain = re.sub(r"[^A-Za-z0-9._-]+", "-", serial).strip("-.")
+    unit = f"{plain}-" if plain and plain != SIMULATED else ""
+    return f"{procedure}-{unit}{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
 
 
 def _label(name: str, text: str) -> str:

@@ -37,6 +37,7 @@ def rehearse(
     settings: Mapping[str, Any],
     progress: Progress = lambda _done, _text: None,
     earlier: Recording | None = None,
+    keep: Path | None = None,
 ) -> Rehearsal:
     """Play a procedure on the twin of a bench, in virtual time, behind the same limits and interlocks.
 
@@ -46,6 +47,7 @@ def rehearse(
         settings: by name, as values.
         progress: told how far the rehearsal is.
         earlier: a run that is to be resumed.
+        keep: the run folder to make of it, for somebody who looks at what would be driven; else it is forgotten.
 
     Raises:
         RehearsalError: a sample would leave the envelope, or an interlock would stop or trip the run.
@@ -53,7 +55,7 @@ def rehearse(
     """
     twin = twin_of(bench)
     with TemporaryDirectory(prefix="hil-rehearsal-") as folder:
-        run = Path(folder) / "run"
+        run = keep or Path(folder) / "run"
         try:
             with open_rig(twin, run, {}, lambda done, text: progress(done, f"rehearsal: {text}"),
                           earlier=earlier) as rig:  # fmt: skip

@@ -104,8 +104,9 @@ def rehearse_procedure(
     settings: Mapping[str, Any],
     progress: Progress = lambda _done, _text: None,
     resume: Path | None = None,
+    keep: Path | None = None,
 ) -> Rehearsal:
-    """Play on the simulated valve what `run_procedure` would drive with the same arguments.
+    """Play on the simulated valve what `run_procedure` would drive with the same arguments; `keep` takes its recording.
 
     Raises:
         RehearsalError: a sample would leave the envelope, or an interlock would stop or trip the run.
@@ -113,7 +114,7 @@ def rehearse_procedure(
     """
     earlier, values = planned(procedure, bench, settings, resume)
     with terminable():
-        return rehearse(procedure, bench, values, progress, earlier)
+        return rehearse(procedure, bench, values, progress, earlier, keep)
 
 
 def planned(

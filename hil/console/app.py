@@ -1,0 +1,53 @@
+"""The console as an ASGI application: its pages, its files, and what stands in front of them."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import RedirectResponse, Response
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+
+from hil.console.console import Console
+from hil.console.headers import Headers
+from hil.console.page import refusal
+from hil.console.routes import bench, live, run
+from hil.console.site import Site
+from hil.console.underway import Underway
+from hil.errors import HilError
+
+
+def application(site: Site) -> Starlette:
+    """The console of a site."""
+    console = Console(site, Underway(site.runs))
+
+    @asynccontextmanager
+    async def lifespan(_app: Starlette) -> AsyncIterator[None]:
+        yield
+        console.close()
+
+    app = Starlette(
+        routes=[
+            Route("/", _first), *bench.ROUTES, *run.ROUTES, *live.ROUTES,
+            Mount("/static", StaticFiles(packages=[("hil.console", "static")])),
+        ],
+        middleware=[Middleware(Headers)],
+        exception_handlers={HilError: _refused},
+        lifespan=lifespan,
+    )  # fmt: skip
+    app.state.console = console
+    return app
+
+
+def _first(_request: Request) -> Response:
+    return RedirectResponse("/bench")
+
+
+def _refused(request: Request, error: Exception) -> Response:
+    if not isinstance(error, HilError):
+        raise error
+    return refusal(request, error)

@@ -1,0 +1,85 @@
+"""A page: a template of this package, escaped, in the reader's language, with what every page has."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cache
+from http import HTTPStatus
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, JSONResponse, Response
+
+from hil.console.console import Console
+from hil.errors import HilError, UnknownNameError
+from hil.language.words import ENGLISH, _, languages, marked, plural, speaking, spoken
+from hil.report.number import limits_text, number, unit_text, with_uncertainty
+from hil.version import __version__
+
+COOKIE = "hil_language"
+PAGES = (
+    ("bench", marked("Bench")), ("run", marked("Run")), ("results", marked("Results")),
+    ("diagnose", marked("Diagnose")), ("devices", marked("Devices")),
+)  # fmt: skip
+
+SAID_BY_SCRIPTS = (
+    marked("No connection to the console. What this page shows is old."),
+    marked("running"), marked("lost"), marked("ended"), marked("Stop"), marked("kept"), marked("broken"),
+    marked("not known"), marked("about {time} left"), marked("no measurement"), marked("nobody reads it now"),
+    marked("The process of this run is gone. Look at the valve, then at its outputs."),
+    marked("time"), marked("frequency"), marked("Reset"), marked("tripped"), marked("answers"), marked("Refused"),
+    marked("rehearsed"), marked("Rehearsing …"), marked("within all limits"), marked("Starting …"), marked("hold"),
+    marked("go on"), marked("holding"), marked("A hold was asked for; it begins between two parts."),
+    marked("Really reset the trip of {name}?"), marked("stale"), marked("missing"), marked("bias"),
+)  # fmt: skip
+
+
+def language_of(request: Request) -> str:
+    """The reader's language: as chosen on the page, else as the browser asks."""
+    chosen = request.query_params.get("lang") or request.cookies.get(COOKIE, "")
+    asked = [chosen, *(part.partition(";")[0] for part in request.headers.get("accept-language", "").split(","))]
+    return next((short for one in asked if (short := one.strip()[:2].lower()) in languages()), ENGLISH)
+
+
+def page(request: Request, template: str, status: int = 200, **values: Any) -> HTMLResponse:
+    """A template with its values, what is under way, and the texts that scripts say."""
+    language = language_of(request)
+    with speaking(language):
+        text = _templates().get_template(template).render(
+            **values, language=spoken(), languages=languages(), version=__version__, pages=PAGES, request=request,
+            place=request.url.path.split("/")[1] or "bench", controls=controls_of(Console.of(request)),
+            words={text: _(text) for text in SAID_BY_SCRIPTS} if language != ENGLISH else {},
+            account=request.scope.get("hil.account"),
+        )  # fmt: skip
+    response = HTMLResponse(text, status)
+    if request.query_params.get("lang") in languages():
+        response.set_cookie(COOKIE, language, max_age=31_536_000, samesite="strict", httponly=True)
+    return response
+
+
+def controls_of(console: Console) -> list[Mapping[str, Any]]:
+    """Every run under way that this console shows, and where each is stopped."""
+    return [run.told for run in console.underway.look()]
+
+
+def refusal(request: Request, error: HilError) -> Response:
+    """What was asked for cannot be done, in one line: as a page, or as JSON for a script."""
+    missing = isinstance(error, UnknownNameError) or str(error).startswith("no run ")
+    status = HTTPStatus.NOT_FOUND if missing else HTTPStatus.BAD_REQUEST
+    text = " ".join(str(error).split())
+    if request.method != "GET" or "application/json" in request.headers.get("accept", ""):
+        return JSONResponse({"error": text}, status)
+    return page(request, "refused.html", status, why=text)
+
+
+@cache
+def _templates() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("hil.console", "templates"), autoescape=True, undefined=StrictUndefined,
+        trim_blocks=True, lstrip_blocks=True, extensions=["jinja2.ext.i18n"],
+    )  # fmt: skip
+    environment.install_gettext_callables(_, plural, newstyle=False)  # type: ignore[attr-defined]
+    environment.filters.update(number=number, unit=unit_text)
+    environment.globals.update(with_uncertainty=with_uncertainty, limits_text=limits_text)
+    return environment

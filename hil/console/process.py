@@ -1,0 +1,79 @@
+"""`hil …` as a process of its own, started with a list of arguments, never through a shell; it outlives the console."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.errors import StorageError
+
+_TOLD_BYTES = 16_384
+
+
+@dataclass(frozen=True, slots=True)
+class Started:
+    """A process that this console started.
+
+    Attributes:
+        name: by which pages speak of it.
+        process: it.
+        log: what it prints.
+    """
+
+    name: str
+    process: subprocess.Popen[bytes]
+    log: Path
+
+    @property
+    def exit_status(self) -> int | None:
+        """None while it runs."""
+        return self.process.poll()
+
+    @property
+    def lines(self) -> list[str]:
+        """What it printed last."""
+        return tail_lines(self.log)
+
+    @property
+    def last_line(self) -> str:
+        """The last thing it said; empty before the first."""
+        return next((line for line in reversed(self.lines) if line.strip()), "").strip()
+
+    def interrupt(self) -> None:
+        """Ask it to end, as Ctrl-C does; it makes its own outputs safe."""
+        if self.process.poll() is None:
+            self.process.send_signal(signal.SIGINT)
+
+
+def start(name: str, arguments: Sequence[str], log: Path) -> Started:
+    """Start `hil ARGUMENTS…`.
+
+    Raises:
+        StorageError: its log cannot be written.
+    """
+    try:
+        log.parent.mkdir(parents=True, exist_ok=True)
+        with log.open("wb") as written:
+            process = subprocess.Popen(
+                [sys.executable, "-m", "hil", *arguments],
+                stdin=subprocess.DEVNULL, stdout=written, stderr=subprocess.STDOUT, start_new_session=True,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            )  # fmt: skip
+    except OSError as error:
+        raise StorageError(f"{log}: hil {arguments[0]} cannot be started: {error.strerror or error}") from error
+    return Started(name, process, log)
+
+
+def tail_lines(log: Path) -> list[str]:
+    """The last lines of a log; none where it is not there."""
+    try:
+        with log.open("rb") as file:
+            file.seek(max(0, log.stat().st_size - _TOLD_BYTES))
+            return file.read().decode("utf-8", "replace").splitlines()
+    except OSError:
+        return []

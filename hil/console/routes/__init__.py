@@ -1,0 +1,1 @@
+"""What each page shows and takes; one file for a page."""

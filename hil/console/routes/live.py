@@ -1,0 +1,117 @@
+"""A run while it is driven: strip chart, Bode plot, time left, hold, and its verdict at the end."""
+
+from __future__ import annotations
+
+import json
+import ssl
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+from urllib.request import Request as Asked
+from urllib.request import urlopen
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response, StreamingResponse
+from starlette.routing import Route
+
+from hil.console.console import Console
+from hil.console.page import controls_of, page
+from hil.console.underway import control_of, run_of
+from hil.errors import FileError, HilError, LinkError
+from hil.findings.results import RESULTS_FILE, read_results
+
+_HOLD_S = 2.0
+
+
+def show(request: Request) -> Response:
+    """The page of a run; one that has only just been started has no folder yet."""
+    name = request.path_params["run"]
+    return page(request, "live.html", name=name, told=_told(Console.of(request), name))
+
+
+def state(request: Request) -> Response:
+    """How a run stands, as JSON."""
+    return JSONResponse(_told(Console.of(request), request.path_params["run"]))
+
+
+async def stream(request: Request) -> Response:
+    """The run's pictures, as server-sent events."""
+    console, name = Console.of(request), request.path_params["run"]
+    pictures = console.following.pictures(console.site.run(name), console.pid(name))
+    headers = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+    return StreamingResponse(pictures, media_type="text/event-stream", headers=headers)
+
+
+def controls(request: Request) -> Response:
+    """Every run under way, and where each is stopped."""
+    return JSONResponse({"runs": controls_of(Console.of(request))})
+
+
+async def hold(request: Request) -> Response:
+    """Hold a run, or let it go on; what its listener says."""
+    console, name = Console.of(request), request.path_params["run"]
+    wanted = str((await request.form()).get("hold", ""))
+    answer = await run_in_threadpool(_held, console.site.run(name), wanted)
+    if wanted:
+        console.audit(request, "hold" if wanted == "1" else "go on", {"run": name})
+    return JSONResponse(answer)
+
+
+def _held(folder: Path, wanted: str) -> Any:
+    """What the run's own listener answers: it is on this computer, and the run's own folder says where."""
+    control = control_of(folder)
+    if "hold_url" not in control:
+        raise LinkError(f"run {folder.name}: it does not say where it can be held")
+    fields = {"token": str(control.get("hold_token", "")), "hold": wanted}
+    own = ssl.create_default_context()
+    own.check_hostname, own.verify_mode = False, ssl.CERT_NONE  # the console's own certificate, maybe self-signed
+    try:
+        with urlopen(Asked(str(control["hold_url"]), urlencode(fields).encode()), timeout=_HOLD_S, context=own) as told:
+            return json.loads(told.read(4096))
+    except (OSError, ValueError) as error:
+        raise LinkError(f"run {folder.name}: it does not answer: {error}") from None
+
+
+def _told(console: Console, name: str) -> dict[str, Any]:
+    """State, last words and verdict of a run."""
+    started = console.started.get(name)
+    status = started.exit_status if started else None
+    said = started.last_line.removeprefix("hil: ") if started else ""
+    told: dict[str, Any] = {
+        "run": name, "text": said, "exit_status": status, "outcome": "", "verdict": None, "judged": False, "missed": [],
+        "report": False,
+    }  # fmt: skip
+    try:
+        folder = console.site.run(name)
+        run = run_of(folder, console.pid(name))
+    except FileError:
+        if started is None:
+            raise
+        return {**told, "state": "starting" if status is None else "refused", "outcome": "" if status is None else said}
+    evaluating = run.state == "ended" and started is not None and status is None
+    return {
+        **told, **run.told, **({"state": "evaluating"} if evaluating else {}), **_verdict(folder),
+        "report": (folder / "report.html").is_file(),
+    }  # fmt: skip
+
+
+def _verdict(folder: Path) -> dict[str, Any]:
+    """The verdict, whether there are results at all, and what is not met for certain."""
+    if not (folder / RESULTS_FILE).is_file():
+        return {}
+    try:
+        results = read_results(folder / RESULTS_FILE)
+    except HilError:
+        return {}
+    missed = [value.name for value in results.values if value.verdict in ("fail", "cannot tell")]
+    return {"verdict": results.verdict, "judged": True, "missed": missed}
+
+
+ROUTES = [
+    Route("/controls", controls),
+    Route("/live/{run}", show),
+    Route("/live/{run}/state", state),
+    Route("/live/{run}/stream", stream),
+    Route("/live/{run}/hold", hold, methods=["POST"]),
+]

@@ -1,0 +1,177 @@
+"""The page on which a run is prepared: unit, operator, procedure, settings; rehearse, then start."""
+
+from __future__ import annotations
+
+import math
+import shutil
+from collections.abc import Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from hil.bench.protection import envelopes_of
+from hil.bench.read import BenchFile
+from hil.catalog import entries
+from hil.console.console import Console
+from hil.console.envelope import COARSE_KEPT, FINE_S, Envelope
+from hil.console.form import faults_of, fields_of, given_of, setting_named_in
+from hil.console.page import page
+from hil.console.process import Started
+from hil.errors import HilError, InUseError, SettingError
+from hil.record.folder import read
+from hil.session.labels import folder_name, labels_of
+from hil.session.procedure import Procedure, load_procedure
+
+_HAND = "jog"  # moves one output by hand from the command line; not a test of a unit
+_FIRST = "frequency_response"
+
+
+def show(request: Request) -> Response:
+    """The form of a procedure on a bench, filled with what the address says."""
+    console, asked = Console.of(request), request.query_params
+    files = list(console.site.bench_files())
+    procedure = load_procedure(asked.get("procedure") or _FIRST)
+    given = {key.removeprefix("set."): value for key, value in asked.items() if key.startswith("set.")}
+    fields = [{**asdict(field), "value": given.get(field.name, field.default)} for field in fields_of(procedure)]
+    return page(
+        request, "run.html", benches=files, bench=asked.get("bench") or next(iter(files), ""),
+        procedures=_listed(), procedure=procedure, fields=fields,
+        serial=asked.get("serial", ""), operator=asked.get("operator", ""), why=asked.get("why", ""),
+    )  # fmt: skip
+
+
+async def check(request: Request) -> Response:
+    """What is wrong with the form as it stands: by setting, in words."""
+    form = await _form(request)
+    procedure = load_procedure(form.get("procedure", ""))
+    return JSONResponse({"faults": faults_of(procedure, given_of(procedure, form))})
+
+
+async def begin_rehearsal(request: Request) -> Response:
+    """Play the procedure on the simulated valve, in a process of its own."""
+    console, form = Console.of(request), await _form(request)
+    return JSONResponse(await run_in_threadpool(_begin_rehearsal, console, form))
+
+
+def rehearsal(request: Request) -> Response:
+    """How a rehearsal stands; when it is over, what would be driven, against the envelope."""
+    console, name = Console.of(request), request.path_params["name"]
+    made = console.started.get(name)
+    if made is None or not name.startswith("rehearsal-"):
+        raise SettingError(f"no rehearsal '{name:.60}'; rehearse again")
+    if made.exit_status is None:
+        return JSONResponse({"state": "running", "text": made.last_line})
+    procedure = load_procedure(request.query_params.get("procedure", ""))
+    if made.exit_status:
+        text = made.last_line.removeprefix("hil: ")
+        return JSONResponse({"state": "refused", "text": text, "setting": setting_named_in(procedure, text)})
+    file = console.site.bench(request.query_params.get("bench", ""))
+    return JSONResponse({"state": "rehearsed", "text": _said(made), **_planned(_kept(console, name), file)})
+
+
+async def begin(request: Request) -> Response:
+    """Start the run, in a process of its own; answers with its name."""
+    console, form = Console.of(request), await _form(request)
+    name, about = await run_in_threadpool(_begin, console, form)
+    console.audit(request, "run", about)
+    return JSONResponse({"run": name})
+
+
+def _begin_rehearsal(console: Console, form: Mapping[str, str]) -> dict[str, str]:
+    procedure, _file, arguments = _asked(console, form)
+    name = console.new_name("rehearsal")
+    folder = _kept(console, name)
+    shutil.rmtree(folder.parent, ignore_errors=True)  # those before it
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    console.start([*arguments, "--rehearse-only", "--out", str(folder)], name)
+    return {"rehearsal": name, "procedure": procedure.name}
+
+
+def _begin(console: Console, form: Mapping[str, str]) -> tuple[str, dict[str, Any]]:
+    procedure, file, arguments = _asked(console, form)
+    if not file.is_simulated and (driving := console.run_on(file.bench.name)) is not None:
+        raise InUseError(f"bench '{file.bench.name}': run {driving.folder.name} drives it now", None)
+    console.watching.end(form["bench"])
+    console.site.runs.mkdir(parents=True, exist_ok=True)
+    folder = _free(console.site.runs / folder_name(procedure.name, form.get("serial", "").strip()))
+    archive = str(console.site.place.folder or console.site.place.url)
+    console.start([*arguments, "--out", str(folder), "--archive", archive], folder.name)
+    return folder.name, {"run": folder.name, "bench": file.bench.name, "arguments": arguments}
+
+
+def _free(folder: Path) -> Path:
+    """A folder of that name, or with a number behind it where a run of the same second has it."""
+    names = (folder.with_name(f"{folder.name}{f'-{i}' if i else ''}") for i in range(100))
+    return next(name for name in names if not name.exists())
+
+
+def _kept(console: Console, name: str) -> Path:
+    return console.site.state / "rehearsals" / name
+
+
+def _asked(console: Console, form: Mapping[str, str]) -> tuple[Procedure, BenchFile, list[str]]:
+    """The procedure, its bench, and the arguments of `hil` for it.
+
+    Raises:
+        SettingError, UnknownNameError, BenchError: something in the form cannot be taken.
+    """
+    procedure = load_procedure(form.get("procedure", ""))
+    path = console.site.bench_path(form.get("bench", ""))
+    file = console.site.bench(form.get("bench", ""))
+    given = given_of(procedure, form)
+    for name, why in faults_of(procedure, given).items():
+        raise SettingError(f"setting {name}: {why}")
+    labels = labels_of(form.get("serial", ""), form.get("operator", ""), [])
+    arguments = ["run", procedure.name, "--bench", str(path), *(f"--set={n}={value}" for n, value in given.items())]
+    arguments += [f"--serial={labels.serial}"] if labels.serial else []
+    arguments += [f"--operator={labels.operator}"] if labels.operator else []
+    return procedure, file, arguments
+
+
+async def _form(request: Request) -> dict[str, str]:
+    return {key: value for key, value in (await request.form()).items() if isinstance(value, str)}
+
+
+def _listed() -> list[tuple[str, str]]:
+    """Each procedure with the first line that says what it is."""
+    found = []
+    for entry in entries("procedures"):
+        try:
+            found.append((entry.name, load_procedure(entry.name).doc.splitlines()[0]))
+        except (HilError, IndexError):
+            found.append((entry.name, ""))
+    return [(name, doc) for name, doc in found if name != _HAND]
+
+
+def _said(made: Started) -> str:
+    return " ".join(line.strip() for line in made.lines if line.startswith(("rehearsed", "indication")))
+
+
+def _planned(folder: Path, file: BenchFile) -> dict[str, Any]:
+    """The outputs of a rehearsal over its time, with the limits in force."""
+    recording = read(folder)
+    envelopes = envelopes_of(file.bench)
+    found = []
+    for name, entry in file.bench.channels.items():
+        if not entry.is_output or name not in recording.channels:
+            continue
+        drawn = Envelope(1, FINE_S, COARSE_KEPT, merges=True)
+        drawn.take(recording.time_s, recording.channels[name].values[None, :])
+        told, limits = drawn.since(-math.inf), envelopes.get(name)
+        found.append({"name": name, "unit": entry.unit, "t": told["t"], "low": told["low"][0], "high": told["high"][0],
+                      "limits": [limits.low, limits.high] if limits else None})  # fmt: skip
+    return {"seconds": recording.duration_s, "outputs": found}
+
+
+ROUTES = [
+    Route("/run", show),
+    Route("/run/check", check, methods=["POST"]),
+    Route("/run/rehearse", begin_rehearsal, methods=["POST"]),
+    Route("/run/rehearsal/{name}", rehearsal),
+    Route("/run/start", begin, methods=["POST"]),
+]

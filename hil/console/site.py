@@ -1,0 +1,77 @@
+"""What a console may show and start: benches, procedures and runs by name; no path comes from a browser."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.archive.place import Place
+from hil.bench.find import benches
+from hil.bench.read import BenchFile, read_bench
+from hil.errors import FileError, UnknownNameError
+from hil.record.header import HEADER_FILE
+
+_NAME = re.compile(r"^[^\x00-\x1f/\\]{1,200}$")
+
+
+@dataclass(frozen=True, slots=True)
+class Site:
+    """Where a console works.
+
+    Attributes:
+        place: the archive.
+        runs: the folder in which runs lie and new ones are made.
+        benches: the folder in which bench files of this lab lie, beside those that are installed.
+        state: for the console's own files: logs of what it started, uploads.
+    """
+
+    place: Place
+    runs: Path
+    benches: Path
+    state: Path
+
+    def bench_files(self) -> Mapping[str, Path]:
+        """Every bench by name: those of the lab's folder first, then the installed ones."""
+        own = {path.stem: path for path in sorted(self.benches.glob("*.toml")) if _is_bench(path)}
+        return {**own, **{name: path for name, path in benches().items() if name not in own}}
+
+    def bench_path(self, name: str) -> Path:
+        """Where the bench file of that name lies.
+
+        Raises:
+            UnknownNameError: there is none.
+        """
+        known = self.bench_files()
+        if name not in known:
+            raise UnknownNameError("bench", name, known)
+        return known[name]
+
+    def bench(self, name: str) -> BenchFile:
+        """The bench of that name.
+
+        Raises:
+            UnknownNameError: there is none.
+            FileError, BenchError: its file has faults.
+        """
+        return read_bench(self.bench_path(name))
+
+    def run(self, name: str) -> Path:
+        """The folder of a run, by its name in the folder of runs.
+
+        Raises:
+            FileError: no run of that name; a name that leads out of the folder is none.
+        """
+        folder = self.runs / name
+        plain = _NAME.match(name) is not None and not name.startswith(".")
+        if not plain or folder.is_symlink() or not (folder / HEADER_FILE).is_file():
+            raise FileError(f"no run '{name:.80}' in {self.runs}")
+        return folder
+
+
+def _is_bench(path: Path) -> bool:
+    try:
+        return path.is_file() and "[channels" in path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False

@@ -1,0 +1,96 @@
+// What every page does: words in the reader's language, runs under way, and whether the console still answers.
+"use strict";
+const WORDS = JSON.parse(document.getElementById("words").textContent);
+const EVERY_MS = 400, SILENT_MS = 900;
+
+function say(text, values) {
+  return Object.entries(values || {}).reduce((said, [name, value]) => said.replace("{" + name + "}", value), WORDS[text] || text);
+}
+
+function decimal(text) { return document.documentElement.lang === "de" ? text.replace(".", ",") : text; }
+
+function shown(value, digits = 5) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  let text = Math.abs(value) >= 1e7 || (value !== 0 && Math.abs(value) < 1e-4) ? value.toExponential(digits - 1) : String(Number(value.toPrecision(digits)));
+  return decimal(text.replace("-", "\u2212"));
+}
+
+// A reading to the place that its noise, or the span that is shown, still tells.
+function told_to(value, width) {
+  if (value === null || value === undefined || !Number.isFinite(value)) return "–";
+  if (!(width > 0)) return shown(value);
+  const places = Math.min(6, Math.max(0, 1 - Math.floor(Math.log10(width))));
+  const text = value.toFixed(places);
+  return decimal((Number(text) === 0 ? text.replace("-", "") : text).replace("-", "\u2212"));
+}
+
+// An element with a class, text and children; text is never taken for markup.
+function make(tag, className, ...inside) {
+  const made = document.createElement(tag);
+  if (className) made.className = className;
+  made.append(...inside.filter(one => one !== null && one !== undefined));
+  return made;
+}
+
+function duration(seconds) {
+  const s = Math.max(0, Math.round(seconds));
+  return s < 100 ? s + " s" : s < 6000 ? Math.round(s / 60) + " min" : Math.floor(s / 3600) + " h " + Math.round(s % 3600 / 60) + " min";
+}
+
+async function post(path, fields) {
+  const answer = await fetch(path, {method: "POST", body: new URLSearchParams(fields), headers: {Accept: "application/json"}});
+  const content = await answer.json().catch(() => ({error: answer.status + " " + answer.statusText}));
+  if (!answer.ok) throw new Error(content.error || answer.statusText);
+  return content;
+}
+
+async function ask(path) {
+  const answer = await fetch(path, {headers: {Accept: "application/json"}, signal: AbortSignal.timeout(2 * SILENT_MS)});
+  if (!answer.ok) throw new Error((await answer.json().catch(() => ({}))).error || answer.statusText);
+  return answer.json();
+}
+
+let heard = performance.now(), offline = false;
+function connected(is) {
+  if (is) heard = performance.now();
+  const silent = performance.now() - heard > SILENT_MS;
+  if (silent === offline) return;
+  offline = silent;
+  const told = document.getElementById("offline");
+  told.hidden = !silent;
+  told.textContent = silent ? say("No connection to the console. What this page shows is old.") : "";
+  document.dispatchEvent(new CustomEvent("hil:connection", {detail: !silent}));
+}
+
+function showUnderway(runs) {
+  const told = document.getElementById("underway");
+  const names = runs.map(run => run.run + " · " + say(run.state));
+  if (told.dataset.said === names.join()) return;
+  told.dataset.said = names.join();
+  told.replaceChildren(...runs.map(run => {
+    const link = make("a", "", run.run);
+    link.href = "/live/" + encodeURIComponent(run.run);
+    return make("span", "tag " + (run.state === "lost" ? "bad" : run.state === "running" ? "good" : ""), link, " " + say(run.state));
+  }));
+}
+
+async function look() {
+  try {
+    const told = await ask("/controls");
+    connected(true);
+    showUnderway(told.runs);
+    document.dispatchEvent(new CustomEvent("hil:controls", {detail: told.runs}));
+  } catch (error) { connected(false); }
+  setTimeout(look, EVERY_MS);
+}
+
+for (const select of document.querySelectorAll("select[data-go]")) select.addEventListener("change", () => select.form.submit());
+for (const link of document.querySelectorAll(".langs a")) {  // keeps what else the address says
+  const address = new URL(location.href);
+  address.searchParams.set("lang", link.hreflang);
+  link.href = address.search;
+}
+const FIRST_CONTROLS = JSON.parse(document.getElementById("controls").textContent);
+showUnderway(FIRST_CONTROLS);
+setInterval(() => connected(false), 200);
+look();

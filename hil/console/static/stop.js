@@ -1,0 +1,1 @@
+// The stop button: see the place that base.html keeps for it.

@@ -1,0 +1,156 @@
+"""Runs that are under way in the folder of runs, whoever started them, and what became of them."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from hil.errors import FileError
+from hil.record.header import END_FILE, HEADER_FILE, read_end, read_header
+from hil.record.samples import JOURNAL_FILE
+
+State = Literal["running", "lost", "ended"]
+
+CONTROL_FILE = "control.json"
+_SILENT_S = 15.0  # a run whose process nobody knows and that has written nothing for so long has been lost
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run that is not closed, or was not when it was seen last.
+
+    Attributes:
+        folder: of it.
+        state: `lost` when its process is gone and the folder was not closed.
+        outcome: how it ended, in its own words; empty before.
+        meta: of its header.
+        control: how it is stopped and held (`control.json`); empty while it says nothing of that.
+    """
+
+    folder: Path
+    state: State
+    outcome: str
+    meta: Mapping[str, Any]
+    control: Mapping[str, Any]
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """For a page: what the run is, and where it is stopped."""
+        valve = self.meta.get("valve") or {}
+        return {
+            "run": self.folder.name, "state": self.state, "outcome": self.outcome,
+            "procedure": self.meta.get("procedure") or "", "bench": self.meta.get("bench") or "",
+            "serial": valve.get("serial") or "", "operator": self.meta.get("operator") or "",
+            **{key: self.control[key] for key in _OF_CONTROL if key in self.control},
+        }  # fmt: skip
+
+
+_OF_CONTROL = ("listener", "stop_url", "token")
+
+
+def run_of(folder: Path, pid: int | None = None) -> Run:
+    """How a run stands.
+
+    Args:
+        folder: of the run.
+        pid: of its process, where the console started it.
+
+    Raises:
+        FileError: not a run folder.
+    """
+    header, end, control = read_header(folder), read_end(folder), control_of(folder)
+    if end is not None:
+        return Run(folder, "ended", end.outcome, header.meta, control)
+    known = control.get("pid", pid)
+    alive = lives(int(known)) if isinstance(known, int) else _wrote_lately(folder)
+    if not alive and (folder / END_FILE).exists():  # closed between the two questions
+        return run_of(folder, pid)
+    return Run(folder, "running" if alive else "lost", "", header.meta, control)
+
+
+def control_of(folder: Path) -> Mapping[str, Any]:
+    """What the run says of how it is stopped; empty where it says nothing that can be read."""
+    try:
+        content = json.loads((folder / CONTROL_FILE).read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return content if isinstance(content, dict) and content.get("schema") == "hil.control/1" else {}
+
+
+def lives(pid: int) -> bool:
+    """Whether a process is there and does more than wait to be buried."""
+    try:
+        os.kill(pid, 0)
+    except PermissionError:
+        return True
+    except OSError:
+        return False
+    with suppress(OSError, IndexError):
+        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] not in (b"Z", b"X")
+    return True
+
+
+def _wrote_lately(folder: Path) -> bool:
+    newest = 0.0
+    for name in (JOURNAL_FILE, HEADER_FILE):
+        with suppress(OSError):
+            newest = max(newest, (folder / name).stat().st_mtime)
+    return time.time() - newest < _SILENT_S
+
+
+@dataclass(slots=True)
+class Underway:
+    """Finds runs that are not closed; a folder is looked at anew only when its list of entries has changed.
+
+    Attributes:
+        runs: the folder in which runs lie.
+    """
+
+    runs: Path
+    _seen_ns: int = field(default=-1, init=False)
+    _known: set[str] = field(default_factory=set, init=False)
+    _open: dict[str, Path] = field(default_factory=dict, init=False)
+
+    def look(self) -> list[Run]:
+        """Runs under way, the newest last: each is told once more when it has ended or was lost, then no longer."""
+        self._find_new()
+        found = []
+        for name, folder in list(self._open.items()):
+            try:
+                run = run_of(folder)
+            except FileError:  # deleted, or its header is being written
+                if not folder.exists():
+                    del self._open[name]
+                continue
+            if run.state != "running" and not run.control:
+                del self._open[name]
+            found.append(run)
+        return sorted(found, key=lambda run: run.folder.stat().st_ctime_ns if run.folder.exists() else 0)
+
+    def _find_new(self) -> None:
+        try:
+            changed_ns = self.runs.stat().st_mtime_ns
+        except OSError:
+            return
+        if changed_ns == self._seen_ns:
+            return
+        fresh = time.time_ns() - changed_ns < 2_000_000_000  # the clock of a file system may stand that long
+        with os.scandir(self.runs) as entries:
+            for entry in entries:
+                if entry.name not in self._known and entry.is_dir(follow_symlinks=False):
+                    self._take(entry.name)
+        self._seen_ns = -1 if fresh else changed_ns
+
+    def _take(self, name: str) -> None:
+        folder = self.runs / name
+        if not (folder / HEADER_FILE).exists():
+            return  # not yet a run, or none
+        self._known.add(name)
+        if not (folder / END_FILE).exists() and (_wrote_lately(folder) or control_of(folder)):
+            self._open[name] = folder

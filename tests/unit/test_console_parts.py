@@ -1,0 +1,193 @@
+"""The parts of the console that need no browser: what they read, and what they refuse."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.archive.place import archive_place
+from hil.bench.read import read_bench
+from hil.console.board import RunReader, interlocks_of, lines_of
+from hil.console.bode import bode_point
+from hil.console.envelope import Envelope
+from hil.console.follow import Follower
+from hil.console.form import faults_of, fields_of, given_of, setting_named_in
+from hil.console.process import start
+from hil.console.site import Site
+from hil.console.underway import Underway, run_of
+from hil.errors import FileError, UnknownNameError
+from hil.record.folder import RunWriter
+from hil.record.header import new_header
+from hil.session.procedure import load_procedure
+
+BENCH = Path("sim_devices/benches/brevini-hpv41.toml").resolve()
+
+
+@pytest.fixture
+def site(tmp_path: Path) -> Site:
+    (tmp_path / "benches").mkdir()
+    (tmp_path / "benches" / "own.toml").write_text(BENCH.read_text(encoding="utf-8"), encoding="utf-8")
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    return Site(archive_place(str(runs)), runs, tmp_path / "benches", tmp_path / "state")
+
+
+def written(folder: Path, seconds: float = 1.0) -> RunWriter:
+    file = read_bench(BENCH)
+    columns = [(name, entry.unit) for name, entry in file.bench.channels.items()]
+    writer = RunWriter(folder, new_header(columns, {"bench": file.bench.name, "procedure": "jog"}))
+    time_s = np.arange(round(1000 * seconds)) / 1000.0
+    writer.append(time_s, {name: np.sin(6.0 * time_s) for name, _unit in columns})
+    return writer
+
+
+def test_envelope_keeps_the_extremes_of_each_stretch_and_of_the_whole() -> None:
+    values = np.random.default_rng(1).normal(size=(2, 10_000))
+    whole, recent = Envelope(2, 0.01, 100, merges=True), Envelope(2, 0.01, 100, merges=False)
+    for first in range(0, 10_000, 130):
+        stamps = np.arange(first, min(first + 130, 10_000)) / 1000.0
+        whole.take(stamps, values[:, first : first + 130])
+        recent.take(stamps, values[:, first : first + 130])
+    assert len(whole.start_s) <= 100
+    assert np.array_equal(whole.low.min(axis=1), values.min(axis=1))
+    assert np.array_equal(whole.high.max(axis=1), values.max(axis=1))
+    last = values[0, -10:]
+    assert (recent.low[0, -1], recent.high[0, -1]) == (last.min(), last.max())
+    assert len(recent.start_s) == 100
+
+
+def test_envelope_tells_what_was_not_measured_as_nothing() -> None:
+    seen = Envelope(1, 0.01, 100, merges=False)
+    seen.take(np.arange(30) / 1000.0, np.concatenate((np.zeros(10), np.full(10, np.nan), np.full(10, np.inf)))[None])
+    assert seen.since(-np.inf)["low"] == [[0.0, None, None]]
+
+
+def test_bode_point_is_of_a_whole_sine_that_tells_its_response() -> None:
+    sine = {"kind": "sine", "frequency_hz": 2.0, "amplitude": 5.0, "bias": 50.0, "response": [0.0, -0.1]}
+    point = bode_point(sine)
+    assert point is not None
+    assert (point["gain_db"], point["phase_deg"]) == (-20.0, -90.0)
+    assert bode_point({**sine, "unfinished": True}) is None
+    assert bode_point({**sine, "response": [0.0, None]}) is None
+    assert bode_point({"kind": "ramp"}) is None
+
+
+def test_fields_are_those_of_the_signature_and_faults_stand_beside_them() -> None:
+    procedure = load_procedure("frequency_response")
+    fields = {field.name: field for field in fields_of(procedure)}
+    assert list(fields) == list(procedure.settings)
+    assert fields["measure_s"].unit == "s"
+    assert fields["reference"].options == ("lowest", "standard")
+    form = {"set.measure_s": "200 ms", "set.tolerance": "many", "set.poles": fields["poles"].default, "set.x": "1"}
+    given = given_of(procedure, form)
+    assert given == {"measure_s": "200 ms", "tolerance": "many"}
+    assert set(faults_of(procedure, given)) == {"tolerance"}
+    assert setting_named_in(procedure, "setting measure_periods: 1; at least 2 is allowed") == "measure_periods"
+
+
+@pytest.mark.parametrize("name", ["../runs/a", "..", ".", "a/b", "/etc", "", "a\x00b", "a\\b", ".hidden"])
+def test_site_finds_no_run_outside_its_folder(site: Site, name: str) -> None:
+    written(site.runs / "a").close()
+    assert site.run("a") == site.runs / "a"
+    with pytest.raises(FileError, match="no run"):
+        site.run(name)
+
+
+def test_site_follows_no_link_and_knows_benches_by_name_alone(site: Site, tmp_path: Path) -> None:
+    written(tmp_path / "elsewhere").close()
+    (site.runs / "link").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(FileError, match="no run"):
+        site.run("link")
+    assert site.bench("own").bench.name
+    with pytest.raises(UnknownNameError):
+        site.bench(str(BENCH))
+
+
+def test_underway_tells_a_run_whose_process_is_gone_as_lost(site: Site) -> None:
+    process = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
+    writer = written(site.runs / "a")
+    control = {"schema": "hil.control/1", "run": "a", "pid": process.pid, "stop_url": "http://127.0.0.1:1/stop"}
+    (site.runs / "a" / "control.json").write_text(json.dumps(control), encoding="utf-8")
+    underway = Underway(site.runs)
+    assert [run.state for run in underway.look()] == ["running"]
+    process.kill()
+    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # dead, and not yet buried
+    assert [run.state for run in underway.look()] == ["lost"]
+    process.wait()
+    assert [run.state for run in underway.look()] == ["lost"]
+    writer.close()
+    assert run_of(site.runs / "a").state == "ended"
+
+
+def test_underway_leaves_closed_runs_alone_and_finds_new_ones(site: Site) -> None:
+    written(site.runs / "old").close()
+    underway = Underway(site.runs)
+    assert underway.look() == []
+    writer = written(site.runs / "new")
+    assert [(run.folder.name, run.state) for run in underway.look()] == [("new", "running")]
+    writer.close("stopped")
+    assert [(run.state, run.outcome) for run in underway.look()] == [("ended", "stopped")]
+    assert underway.look() == []
+
+
+def test_follower_tells_every_sample_and_sine_once(tmp_path: Path) -> None:
+    writer = written(tmp_path / "run")
+    follower = Follower(tmp_path / "run")
+    first = follower.look()
+    assert first is not None
+    assert first["rows"] == 1000
+    assert follower.look() is None
+    names = [channel["name"] for channel in follower.channels]
+    writer.append(np.arange(1000, 1500) / 1000.0, {name: np.full(500, np.nan) for name in names})
+    writer.mark(400, {"kind": "sine", "frequency_hz": 1.0, "amplitude": 5.0, "bias": 0.0, "response": [1.0, 0.0]})
+    second = follower.look()
+    assert second is not None
+    assert (second["rows"], len(second["bode"])) == (1500, 1)
+    assert second["values"] == [None] * len(names)
+    writer.close()
+    over = follower.look()
+    assert over is not None
+    assert (over["state"], over["bode"]) == ("ended", [])
+    assert follower.finished
+    assert len(follower.snapshot()["bode"]) == 1
+
+
+def test_board_shows_a_silent_bench_as_missing_and_never_as_zero() -> None:
+    file = read_bench(BENCH)
+    lines = lines_of(file, [], {})
+    assert [line.name for line in lines] == list(file.bench.channels)
+    assert {line.value for line in lines} == {None}
+    assert {line.tone for line in lines} == {"missing"}
+    assert {lock["state"] for lock in interlocks_of(file, lines)} <= {"not known", "judged by the run"}
+
+
+def test_board_reads_a_run_as_watch_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = read_bench(BENCH)
+    writer = written(tmp_path / "run")
+    reader = RunReader(file, tmp_path / "run")
+    lines = {line.name: line for line in lines_of(file, *reader.read())}
+    assert lines["flow"].state == "ok"
+    assert lines["flow"].value == pytest.approx(np.sin(6.0 * 0.999))
+    assert lines["command"].state == "driven"
+    locks = {lock["name"]: lock["state"] for lock in interlocks_of(file, list(lines.values()))}
+    assert locks["pressure-lost"] == "broken"
+    import hil.console.board as board
+
+    now = board.time.monotonic()
+    monkeypatch.setattr(board.time, "monotonic", lambda: now + 3.0)
+    late = {line.name: line for line in lines_of(file, *reader.read())}
+    assert {late[name].tone for name in ("flow", "command")} == {"stale"}
+    writer.close()
+
+
+def test_start_gives_arguments_one_by_one_and_tells_the_last_words(tmp_path: Path) -> None:
+    made = start("x", ["list", "; touch harmed"], tmp_path / "logs" / "x.log")
+    assert made.process.wait(60) == 2
+    assert "touch harmed" in made.last_line
+    assert not list(tmp_path.glob("harmed"))
