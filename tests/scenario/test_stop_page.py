@@ -1,0 +1,163 @@
+"""The stop button of a page in a real browser, speaking to real listeners; the web server may be dead."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import threading
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from importlib.resources import files
+from typing import Any
+
+import pytest
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from hil.bench.stop.consoles import Console, announced
+from hil.bench.stop.listener import Listener
+from tests.stops import listening, tell_safe
+
+SCRIPT = (files("hil") / "console" / "static" / "stop.js").read_text(encoding="utf-8")
+PAGE = """<!DOCTYPE html><html lang="en"><head><title>t</title><script type="application/json" id="controls">%s</script>
+<script src="/stop.js" defer></script></head><body><input id="field"><iframe id="frame" src="/empty"></iframe>
+<section id="stop"></section></body></html>"""
+CSP = "default-src 'none'; script-src 'self'; style-src 'self'; frame-src 'self'; connect-src 'self' http://127.0.0.1:*"
+COUNT_BEEPS = """window.beeps = 0; const start = OscillatorNode.prototype.start;
+OscillatorNode.prototype.start = function (...at) { window.beeps += 1; return start.apply(this, at); };"""
+
+
+@contextmanager
+def browser() -> Iterator[Browser]:
+    found = shutil.which("chromium")
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=found, args=["--no-sandbox", "--disable-gpu"])
+        try:
+            yield started
+        finally:
+            started.close()
+
+
+@contextmanager
+def web_server(runs: Sequence[dict[str, Any]]) -> Iterator[ThreadingHTTPServer]:
+    """Serves one page with these runs, announced as a console."""
+    contents = {
+        "/": ("text/html", PAGE % json.dumps(runs)), "/stop.js": ("text/javascript", SCRIPT),
+        "/empty": ("text/html", "<p>x"),
+    }  # fmt: skip
+
+    class Pages(BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            kind, text = contents.get(self.path, ("text/plain", ""))
+            self.send_response(200)
+            for name, value in (("Content-Type", f"{kind}; charset=utf-8"), ("Content-Security-Policy", CSP)):
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(text.encode())
+
+        def log_message(self, *_: Any) -> None:
+            """Nothing."""
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Pages)
+    thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+    thread.start()
+    origin = f"http://127.0.0.1:{server.server_port}"
+    try:
+        with announced(Console(pid=os.getpid(), origins=(origin,), host="127.0.0.1")):
+            yield server
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+def run_at(listener: Listener, name: str = "hpv41-7", **more: Any) -> dict[str, Any]:
+    control = listener.control
+    return {"run": name, "state": "running", "stop_url": f"{control.url}/stop", "token": control.tokens.stop, **more}
+
+
+def shown(page: Page) -> str:
+    return page.locator("#stop").inner_text()
+
+
+def waited(page: Page, text: str, within_s: float) -> float:
+    """How long it took until a text was shown."""
+    begun_s = time.monotonic()
+    page.wait_for_function("text => document.getElementById('stop').innerText.includes(text)", arg=text, polling=10,
+                           timeout=1000.0 * within_s)  # fmt: skip
+    return time.monotonic() - begun_s
+
+
+def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
+    with ExitStack() as stack:
+        chromium = stack.enter_context(browser())
+
+        with subtests.test("F12 in a field: confirmed, with the time it took"):
+            one, wishes = stack.enter_context(listening(tell_safe))
+            with web_server([run_at(one)]) as server, chromium.new_page() as page:
+                page.goto(f"http://127.0.0.1:{server.server_port}/")
+                assert "ends hpv41-7" in shown(page) and wishes == []
+                page.focus("#field")
+                page.keyboard.press("F12")
+                assert waited(page, "hpv41-7: stop confirmed, outputs read back safe after 0.", 2.0) < 1.0
+                assert "valve 0 V" in shown(page) and "UNCONFIRMED" not in shown(page) and wishes == ["stop"]
+
+        with subtests.test("the web server is dead"):
+            two, wishes = stack.enter_context(listening(tell_safe))
+            with chromium.new_page() as page:
+                with web_server([run_at(two)]) as server:
+                    page.goto(f"http://127.0.0.1:{server.server_port}/")
+                    origin = f"http://127.0.0.1:{server.server_port}"
+                stack.enter_context(announced(Console(pid=os.getpid(), origins=(origin,), host="127.0.0.1")))
+                page.click("#stop button.press")
+                assert waited(page, "stop confirmed", 2.0) < 1.0
+            assert wishes == ["stop"]
+
+        with subtests.test("nobody confirms: said so within a second, with sound, for each run"):
+            three, wishes = stack.enter_context(listening())
+            dead = {"run": "gone", "state": "lost", "stop_url": "http://127.0.0.1:1/stop", "token": "x"}
+            deaf = {"run": "by hand", "state": "running"}
+            with web_server([run_at(three), dead, deaf]) as server, chromium.new_page() as page:
+                page.add_init_script(COUNT_BEEPS)
+                page.goto(f"http://127.0.0.1:{server.server_port}/")
+                page.keyboard.press("F12")
+                assert waited(page, "hpv41-7: UNCONFIRMED: use the emergency stop", 2.0) < 1.2
+                for name in ("gone", "by hand"):
+                    assert f"{name}: UNCONFIRMED: use the emergency stop" in shown(page)
+                assert page.evaluate("window.beeps") > 0
+                three._desk.tell(tell_safe_outputs(), "watchdog")
+                waited(page, "hpv41-7: stop confirmed", 3.0)  # it asks again
+                page.click("#stop button.mute")
+                assert page.locator("#stop button.mute").is_hidden()
+
+        with (
+            subtests.test("it shows when the key does not reach it"),
+            web_server([]) as server,
+            chromium.new_page() as page,
+        ):
+            page.goto(f"http://127.0.0.1:{server.server_port}/")
+            waited(page, "F12 stops too", 2.0)
+            assert "no run is under way here" in shown(page)
+            page.frame_locator("#frame").locator("p").click()
+            page.evaluate("document.getElementById('frame').focus()")
+            waited(page, "F12 does not reach this page", 2.0)
+            page.click("#stop .keys")
+            waited(page, "F12 stops too", 2.0)
+
+        with subtests.test("runs that begin later are stopped too; a run that has ended is not asked"):
+            four, wishes = stack.enter_context(listening(tell_safe))
+            with web_server([]) as server, chromium.new_page() as page:
+                page.goto(f"http://127.0.0.1:{server.server_port}/")
+                told = [run_at(four), {**run_at(four, "old"), "state": "ended", "outcome": "completed"}]
+                page.evaluate("runs => document.dispatchEvent(new CustomEvent('hil:controls', {detail: runs}))", told)
+                page.keyboard.press("F12")
+                waited(page, "hpv41-7: stop confirmed", 2.0)
+                assert "old" not in shown(page)
+
+
+def tell_safe_outputs() -> Any:
+    from tests.stops import SAFE
+
+    return SAFE
