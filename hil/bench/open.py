@@ -21,7 +21,7 @@ from hil.bench.read import BenchFile
 from hil.bench.recorder import Recorder
 from hil.bench.rig import BenchRig, conditions_of
 from hil.bench.stop.control import published
-from hil.bench.told import Progress, Told
+from hil.bench.told import Progress, Shown, Told
 from hil.clock import Clock, clock
 from hil.daq.contract import Block, Daq
 from hil.daq.scaled import Scaled
@@ -152,11 +152,13 @@ def _switch_on(bench: Bench, guard: Guard, rate_hz: float) -> None:
             pass
 
 
-def _shown(bench: Bench, daq: Daq, commanding: str) -> dict[str, str]:
-    """Channels that the operator sees, with their units: the command, the response, the other inputs."""
+def _shown(bench: Bench, daq: Daq, commanding: str) -> list[Shown]:
+    """Channels that the operator sees: the command, the response, the other inputs."""
     roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
     names = dict.fromkeys((commanding or roles["command"], roles["response"], *daq.inputs))
-    return {name: bench.channels[name].unit for name in names}
+    spans = {name: channel.high - channel.low for name, channel in daq.inputs.items()}
+    spans |= {name: channel.high - channel.low for name, channel in daq.outputs.items()}
+    return [Shown(name, bench.channels[name].unit, spans[name]) for name in names]
 
 
 def _clock(daq: Daq) -> Clock:

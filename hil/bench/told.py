@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,7 +18,30 @@ Progress = Callable[[float, str], None]
 _MOST_SHARE = 0.99  # until the outputs are safe and the run is evaluated, nothing is done
 _EVERY_S = 0.1  # of the operator's time
 _MOST_VALUES = 6
+_RESOLUTION = 1e-3  # of the range
 _LATE_SHARE = 0.05  # of the expected time
+
+
+@dataclass(frozen=True, slots=True)
+class Shown:
+    """A channel that the operator sees: its values with no more places than its range makes sense of."""
+
+    name: str
+    unit: str
+    span: float
+
+    def text(self, values: Array) -> str:
+        """The mean of what was measured."""
+        measured = values[np.isfinite(values)]
+        if not measured.size:
+            return f"{self.name} not measured"
+        value = round(float(measured.mean()), self._places) + 0.0  # never minus zero
+        return f"{self.name} {value:.{max(0, self._places)}f}{'' if self.unit == '1' else f' {self.unit}'}"
+
+    @property
+    def _places(self) -> int:
+        known = math.isfinite(self.span) and self.span > 0.0
+        return min(6, -math.floor(math.log10(_RESOLUTION * self.span))) if known else 3
 
 
 class Told:
@@ -27,16 +52,16 @@ class Told:
 
     Args:
         progress: told.
-        units: of the channels whose values are shown, by name, the most important first.
+        shown: channels whose values are shown, the most important first.
     """
 
-    def __init__(self, progress: Progress, units: Mapping[str, str]) -> None:
+    def __init__(self, progress: Progress, shown: Sequence[Shown]) -> None:
         self._progress = progress
-        self._units = dict(list(units.items())[:_MOST_VALUES])
+        self._shown = shown[:_MOST_VALUES]
         self._text, self._share = "", 0.0
         self._now_s, self._until_s = 0.0, 0.0
         self._then_s = 0.0
-        self._live = ""
+        self._values: Mapping[str, Array] = {}
         self._last = -_EVERY_S
 
     def expect(self, duration_s: float) -> None:
@@ -63,10 +88,10 @@ class Told:
         self._now_s = float(time_s[-1])
         if self._until_s > 0.0:
             self._reach(self._by_time)
+        self._values = values
         now = time.monotonic()
         if now - self._last >= _EVERY_S:
             self._last = now
-            self._live = ", ".join(_value_text(name, unit, values[name]) for name, unit in self._units.items())
             self._tell()
 
     @property
@@ -78,7 +103,8 @@ class Told:
         self._share = max(self._share, min(share, _MOST_SHARE))
 
     def _tell(self) -> None:
-        self._progress(self._share, "; ".join(filter(None, (self._text, self._left, self._live))))
+        live = ", ".join(one.text(self._values[one.name]) for one in self._shown) if self._values else ""
+        self._progress(self._share, "; ".join(filter(None, (self._text, self._left, live))))
 
     @property
     def _left(self) -> str:
@@ -97,10 +123,3 @@ def time_text(seconds: float) -> str:
         return f"{whole} s"
     minutes, rest = divmod(whole, 60)
     return f"{minutes} min {rest} s" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
-
-
-def _value_text(name: str, unit: str, values: Array) -> str:
-    measured = values[np.isfinite(values)]
-    if not measured.size:
-        return f"{name} not measured"
-    return f"{name} {float(measured.mean()):.4g}{'' if unit == '1' else f' {unit}'}"

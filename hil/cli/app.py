@@ -11,7 +11,7 @@ import typer
 from hil import cli
 from hil.cli import said
 from hil.cli.said import say
-from hil.errors import marked
+from hil.errors import InputError, marked
 from hil.safety.interrupt import raised, status_of
 from hil.version import __version__
 
@@ -62,6 +62,9 @@ def main() -> int:
     except BrokenPipeError:  # the reader of our output went away, as `head` does
         sys.stderr.close()
     except (Exception, KeyboardInterrupt) as error:
+        if isinstance(error, typer.Abort):  # at a question: typer tells only in its context what it was
+            ended = isinstance(error.__context__, EOFError)
+            return say(InputError("no answer was given; nothing was done")) if ended else _stopped(KeyboardInterrupt())
         stopped = error.__cause__  # typer makes an error of its own of Ctrl-C
         if isinstance(stopped, KeyboardInterrupt):
             return _stopped(stopped)

@@ -38,8 +38,9 @@ def command(
 def _text(found: DateDifference) -> str:
     lines = [found.verdict, *(f"  {_sentence(change)}" for change in found.changes)]
     if found.unchanged:
-        kept = ", ".join(f"{one.name} (within {one.limit:.2g} {one.unit})" for one in found.unchanged)
-        lines.append(f"  unchanged: {kept}")
+        lines.append("  unchanged within these limits (95 %):")
+        width = max(len(one.name) for one in found.unchanged)
+        lines += [f"    {one.name:{width}}  {_limit(one.limit, one.unit)}" for one in found.unchanged]
     return "\n".join([*lines, *(f"  note: {note}" for note in found.notes)])
 
 
@@ -52,6 +53,12 @@ def _sentence(change: Change) -> str:
         f"{change.name} ({change.stage}, {whose}): {_size(change.before)} → {_size(change.after)} {change.unit}{share}"
     )
     return text.replace(MINUS, "-")
+
+
+def _limit(limit: float, unit: str) -> str:
+    from hil.report.number import number, unit_text
+
+    return f"{number(limit, 2)} {unit_text(unit)}".rstrip()
 
 
 def _size(size: Size) -> str:

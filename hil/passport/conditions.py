@@ -25,7 +25,7 @@ class _Condition(NamedTuple):
 
 
 _CONDITIONS = (
-    _Condition("oil temperature", "oil", ("oil temperature", "fluid temperature"), "fluid_temperature_c", "degC"),
+    _Condition("oil temperature", "oil", ("oil temperature", "fluid temperature"), "fluid_temperature_c", "°C"),
     _Condition("supply pressure", "supply", ("supply pressure",), "supply_pressure_bar", "bar"),
 )
 

@@ -67,10 +67,12 @@ def labelled(
     """
     stated = bench.bench.valve.serial
     serial = labels.serial or ("" if stated == ASK else stated)
-    if not serial and stated == ASK and not bench.is_simulated:
+    if not serial and stated == ASK:
         if ask is None:
             raise SettingError(f'{bench.path}: serial = "ask": say which unit this is with --serial SN')
         serial = _label("serial number", ask())
+        if not serial:
+            raise SettingError(f'{bench.path}: serial = "ask": nothing was typed or scanned; nothing was driven')
     if not serial and bench.is_simulated:
         serial = SIMULATED
     if procedure.certificate and (not serial or (serial == SIMULATED and not bench.is_simulated)):

@@ -9,6 +9,7 @@ from hil.errors import SettingError, UnitError
 from hil.units import scale_and_offset
 
 _QUANTITY = re.compile(r"^\s*(?P<number>[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d\s].*)?$")
+_COMMA = re.compile(r"\d,\d")
 
 
 def number_in(text: str, unit: str, what: str) -> float:
@@ -23,6 +24,8 @@ def number_in(text: str, unit: str, what: str) -> float:
         SettingError: no number, or a unit that is none of that kind.
     """
     found = _QUANTITY.match(text)
+    if _COMMA.search(text):
+        raise SettingError(f"{what}: '{text.strip()}': numbers are typed with a point, as in 0.2")
     if found is None:
         raise SettingError(f"{what}: '{text.strip()}' is not a number{_with(unit)}")
     value, given = float(found["number"]), (found["unit"] or "").strip()

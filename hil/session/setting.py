@@ -29,6 +29,8 @@ class Setting:
     @property
     def unit(self) -> str:
         """Of its numbers, as its name (`cycle_s`) or its meaning (`…, in Hz`) says; empty where neither does."""
+        if not _has_numbers(self.type):
+            return ""
         suffix = next((unit for ending, unit in _ENDINGS.items() if self.name.endswith(ending)), "")
         told = _IN_UNIT.search(self.meaning)
         return suffix or (told[1] if told else "")
@@ -47,7 +49,17 @@ class Setting:
         except ValidationError as error:
             first = error.errors()[0]
             place = "".join(f"[{key}]" for key in first["loc"] if isinstance(key, int))
-            raise SettingError(f"setting {self.name}{place}: {first['msg']}, found {first['input']!r:.40}") from None
+            raise SettingError(f"setting {self.name}{place}: {first['input']!r:.40}: {self._wanted(first)}") from None
+
+    def _wanted(self, error: Mapping[str, Any]) -> str:
+        """What was expected, in the words of this program where it has some."""
+        own = {
+            "float_parsing": f"a number{f' in {self.unit}' if self.unit else ''} was expected",
+            "int_parsing": "a whole number was expected",
+            "bool_parsing": "yes or no was expected",
+            "literal_error": f"expected is one of {type_text(self.type)}",
+        }
+        return own.get(str(error["type"]), str(error["msg"]))
 
     def described(self) -> str:
         """`name [unit]: type = default   meaning`."""
@@ -132,6 +144,8 @@ def value_text(value: Any) -> str:
     """A value as it would be given on the command line."""
     if isinstance(value, tuple | list):
         return ",".join(value_text(item) for item in value)
+    if value is None:
+        return "none"
     return f"{value:g}" if isinstance(value, float) else str(value).lower() if isinstance(value, bool) else str(value)
 
 

@@ -94,3 +94,12 @@ def test_archive_that_is_away_does_not_fail_the_run(monkeypatch, capsys, tmp_pat
     status, said = _said(monkeypatch, capsys, *run)
     assert status == 0
     assert "will be entered later" in said.err
+
+
+def test_a_simulated_bench_asks_too_and_nothing_is_no_answer(tmp_path):
+    bench, procedure = asking(tmp_path, "brevini-hpv41"), load_procedure("step_response")
+    assert labelled(bench, procedure, NO_LABELS, ask=lambda: "A7\r")[1].serial == "A7"
+    with pytest.raises(SettingError, match="nothing was typed or scanned"):
+        labelled(bench, procedure, NO_LABELS, ask=lambda: "\r")
+    with pytest.raises(SettingError, match=r"--serial SN"):
+        labelled(bench, procedure, NO_LABELS)

@@ -12,7 +12,7 @@ import pytest
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
-from hil.bench.told import Told, time_text
+from hil.bench.told import Shown, Told, time_text
 from hil.record.folder import read
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings
@@ -24,7 +24,7 @@ def heard_by(monkeypatch: pytest.MonkeyPatch) -> tuple[Told, list[tuple[float, s
     """One who hears every block, however fast they come."""
     monkeypatch.setattr("hil.bench.told._EVERY_S", 0.0)
     said: list[tuple[float, str]] = []
-    return Told(lambda share, text: said.append((share, text)), {"current": "A", "pressure": "psi"}), said
+    return Told(lambda *one: said.append(one), [Shown("current", "A", 2.2), Shown("pressure", "psi", 300.0)]), said
 
 
 def block(told: Told, until_s: float, current: float = 1.2, pressure: float = 141.04) -> None:
@@ -42,7 +42,7 @@ def test_a_sequence_has_one_time_over_all_its_parts(monkeypatch: pytest.MonkeyPa
     block(told, 25.0)
     block(told, 41.0)
     assert [share for share, _ in said] == [0.0, 0.25, 0.25, 0.625, 0.99]
-    assert said[3][1] == "steps; 15 s left; current 1.2 A, pressure 141 psi"
+    assert said[3][1] == "steps; 15 s left; current 1.200 A, pressure 141.0 psi"
     assert "almost done" in said[4][1]
 
 
@@ -62,7 +62,7 @@ def test_where_no_time_is_known_the_procedure_says_how_far_it_is(monkeypatch: py
     told, said = heard_by(monkeypatch)
     told.say(0.4, "by hand")
     block(told, 1.0)
-    assert said == [(0.4, "by hand"), (0.4, "by hand; current 1.2 A, pressure 141 psi")]
+    assert said == [(0.4, "by hand"), (0.4, "by hand; current 1.200 A, pressure 141.0 psi")]
     assert [time_text(s) for s in (45.0, 380.0, 3900.0)] == ["45 s", "6 min 20 s", "1 h 5 min"]
 
 
