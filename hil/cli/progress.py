@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import math
+import os
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
 _STEP = 0.1
+EVERY = "HIL_PROGRESS_S"
 
 
 @contextmanager
@@ -54,13 +58,23 @@ def _while_it_lasts(show: Callable[[float, str], None]) -> Callable[[float, str]
 
 
 def _plain() -> Callable[[float, str], None]:
-    """A line on stderr each time another tenth is done."""
-    last = -1.0
+    """A line on stderr each time another tenth is done, and as often as `HIL_PROGRESS_S` asks."""
+    every_s = _asked_s()
+    last, last_s = -1.0, -math.inf
 
     def show(done: float, text: str) -> None:
-        nonlocal last
-        if done >= last + _STEP or (done >= 1.0 > last):
+        nonlocal last, last_s
+        now_s = time.monotonic()
+        if done >= last + _STEP or (done >= 1.0 > last) or now_s - last_s >= every_s:
             print(f"{done:4.0%}  {text}", file=sys.stderr, flush=True)
-            last = done
+            last, last_s = done, now_s
 
     return show
+
+
+def _asked_s() -> float:
+    """Seconds between two lines; infinity where nobody asks."""
+    try:
+        return max(0.1, float(os.environ.get(EVERY, "")))
+    except ValueError:
+        return math.inf

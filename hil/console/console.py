@@ -33,6 +33,7 @@ class Console:
         started: processes that were started here, by the name by which pages speak of them.
         audit: told of each act that moves an output, resets a trip or overrides a limit: (request, act, details).
         readers: of the board, by run.
+        products: by job, where its product is found.
     """
 
     site: Site
@@ -42,6 +43,7 @@ class Console:
     started: dict[str, Started] = field(default_factory=dict)
     audit: Callable[[Request, str, Mapping[str, Any]], None] = lambda _request, _act, _details: None
     readers: dict[str, RunReader] = field(default_factory=dict)
+    products: dict[str, str] = field(default_factory=dict)
     _numbers: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
 
     @classmethod

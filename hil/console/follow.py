@@ -45,7 +45,6 @@ class Follower:
         self._events: list[dict[str, Any]] = []
         self._details: dict[int, dict[str, Any]] = {}
         self._bode: list[dict[str, Any]] = []
-        self._expected_s: float | None = None
         self._run = run_of(folder, pid)
         self._looks = 0
         self._caught_up = False
@@ -91,7 +90,7 @@ class Follower:
         return {
             "seq": self._looks, "run": self.folder.name, "state": self._run.state, "outcome": self._run.outcome,
             "rows": self._rows,
-            "time_s": self._last_s, "values": self._values, "expected_s": self._expected_s,
+            "time_s": self._last_s, "values": self._values,
         }  # fmt: skip
 
     def _take_samples(self) -> int:
@@ -115,8 +114,6 @@ class Follower:
                 if event["event"] == "part stopped" and (point := bode_point(self._details.pop(event["part"]))):
                     points.append(point)
                 continue
-            if event["event"] == "plan" and isinstance(details.get("expected_s"), int | float):
-                self._expected_s = (self._last_s or 0.0) + float(details["expected_s"])
             told.append({"event": event["event"], "time_s": event.get("time_s"), "details": details})
         self._events += told
         self._bode += points

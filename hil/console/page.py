@@ -26,12 +26,13 @@ PAGES = (
 SAID_BY_SCRIPTS = (
     marked("No connection to the console. What this page shows is old."),
     marked("running"), marked("lost"), marked("ended"), marked("Stop"), marked("kept"), marked("broken"),
-    marked("not known"), marked("about {time} left"), marked("no measurement"), marked("nobody reads it now"),
+    marked("not known"), marked("no measurement"), marked("nobody reads it now"),
     marked("The process of this run is gone. Look at the valve, then at its outputs."),
     marked("time"), marked("frequency"), marked("Reset"), marked("tripped"), marked("answers"), marked("Refused"),
     marked("rehearsed"), marked("Rehearsing …"), marked("within all limits"), marked("Starting …"), marked("hold"),
     marked("go on"), marked("holding"), marked("A hold was asked for; it begins between two parts."),
     marked("Really reset the trip of {name}?"), marked("stale"), marked("missing"), marked("bias"),
+    marked("done"), marked("refused"), marked("starting"), marked("evaluating"),
 )  # fmt: skip
 
 

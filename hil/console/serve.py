@@ -6,6 +6,7 @@ import os
 import socket
 from collections.abc import Callable
 
+from hil.bench.stop.consoles import Console, announced
 from hil.console.app import application
 from hil.console.site import Site
 from hil.errors import SettingError
@@ -32,12 +33,19 @@ def serve(site: Site, host: str, port: int, ready: Callable[[str], None]) -> Non
         raise SettingError(f"--host {host}: the console listens on this computer alone ({', '.join(_LOOPBACK)})")
     listening = _listening(host, port)
     named = f"[{host}]" if ":" in host else host
-    ready(f"http://{named}:{listening.getsockname()[1]}/")
+    port = int(listening.getsockname()[1])
     config = uvicorn.Config(
         application(site), log_level="warning", access_log=False, ws="none", server_header=False,
         timeout_graceful_shutdown=_SHUTDOWN_S, h11_max_incomplete_event_size=16_384,
     )  # fmt: skip
-    uvicorn.Server(config).run([listening])
+    with announced(Console(pid=os.getpid(), origins=_origins(port), host=host)):
+        ready(f"http://{named}:{port}/")
+        uvicorn.Server(config).run([listening])
+
+
+def _origins(port: int) -> tuple[str, ...]:
+    """As browsers name pages of this console."""
+    return tuple(f"http://{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
 
 
 def _listening(host: str, port: int) -> socket.socket:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import ssl
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,8 @@ from hil.errors import FileError, HilError, LinkError
 from hil.findings.results import RESULTS_FILE, read_results
 
 _HOLD_S = 2.0
+_LINE = re.compile(r"^\s*(?P<share>\d+)%\s+(?P<text>.*)$")
+_LEFT = (" left", "almost done", "longer than expected")
 
 
 def show(request: Request) -> Response:
@@ -79,9 +82,16 @@ def _told(console: Console, name: str) -> dict[str, Any]:
     status = started.exit_status if started else None
     said = started.last_line.removeprefix("hil: ") if started else ""
     told: dict[str, Any] = {
-        "run": name, "text": said, "exit_status": status, "outcome": "", "verdict": None, "judged": False, "missed": [],
+        "run": name,
+        "text": said,
+        **_progress(said),
+        "exit_status": status,
+        "outcome": "",
+        "verdict": None,
+        "judged": False,
+        "missed": [],
         "report": False,
-    }  # fmt: skip
+    }
     try:
         folder = console.site.run(name)
         run = run_of(folder, console.pid(name))
@@ -94,6 +104,16 @@ def _told(console: Console, name: str) -> dict[str, Any]:
         **told, **run.told, **({"state": "evaluating"} if evaluating else {}), **_verdict(folder),
         "report": (folder / "report.html").is_file(),
     }  # fmt: skip
+
+
+def _progress(line: str) -> dict[str, Any]:
+    """The share done and the time left, of a line in which a run says how far it is."""
+    found = _LINE.match(line)
+    if found is None:
+        return {"share": None, "left": ""}
+    text = found["text"]
+    left = next((part.strip() for part in text.split(";") if part.strip().endswith(_LEFT)), "")
+    return {"share": int(found["share"]) / 100.0, "left": left, "text": text}
 
 
 def _verdict(folder: Path) -> dict[str, Any]:

@@ -32,11 +32,6 @@ function make(tag, className, ...inside) {
   return made;
 }
 
-function duration(seconds) {
-  const s = Math.max(0, Math.round(seconds));
-  return s < 100 ? s + " s" : s < 6000 ? Math.round(s / 60) + " min" : Math.floor(s / 3600) + " h " + Math.round(s % 3600 / 60) + " min";
-}
-
 async function post(path, fields) {
   const answer = await fetch(path, {method: "POST", body: new URLSearchParams(fields), headers: {Accept: "application/json"}});
   const content = await answer.json().catch(() => ({error: answer.status + " " + answer.statusText}));

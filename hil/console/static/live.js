@@ -2,7 +2,7 @@
 "use strict";
 const live = document.getElementById("live"), base = "/live/" + encodeURIComponent(live.dataset.run);
 const LANE = 76, KEPT = 3000;
-let channels = [], fine = null, coarse = null, window_s = 60, seq = -1, last_s = null, expected_s = null, bode = [], source = null, told = null, dirty = false;
+let channels = [], fine = null, coarse = null, window_s = 60, seq = -1, last_s = null, bode = [], source = null, told = null, dirty = false;
 
 function put(id, text) { const at = document.getElementById(id); if (at.textContent !== text) at.textContent = text; }
 
@@ -99,7 +99,6 @@ function events(list) {
 function picture(come) {
   seq = come.seq;
   last_s = come.time_s;
-  expected_s = come.expected_s;
   values(come.values);
   if (come.events) events(come.events);
   if (come.bode && come.bode.length) bode.push(...come.bode);
@@ -136,8 +135,10 @@ function state(come) {
   at.className = "word " + (WORD[come.state] || "");
   put("about", [come.procedure, come.bench, come.serial, come.operator].filter(Boolean).join(" · "));
   put("progress", come.state === "running" || come.state === "starting" || come.state === "evaluating" ? come.text : "");
-  const left = come.state === "running" && expected_s && last_s !== null ? expected_s - last_s : null;
-  put("left", left !== null && left > 0 ? say("about {time} left", {time: duration(left)}) : "");
+  put("left", come.state === "running" ? come.left : "");
+  const bar = document.getElementById("share");
+  bar.hidden = come.state !== "running" || come.share === null || come.share === undefined;
+  if (!bar.hidden) bar.value = come.share;
   document.getElementById("hold").hidden = come.state !== "running" || !come.stop_url;
   if (come.state === "running" || come.state === "ended" || come.state === "lost" || come.state === "evaluating") if (!source && !fine) follow();
   verdict(come);

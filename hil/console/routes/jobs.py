@@ -1,0 +1,53 @@
+"""Work that takes a while and drives nothing: a passport, a diagnosis, a report. Each is a process of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from hil.console.console import Console
+from hil.console.page import page
+from hil.errors import FileError
+
+
+def begin(console: Console, kind: str, arguments: list[str], product: str, name: str = "") -> Response:
+    """Start a job and lead to its page.
+
+    Args:
+        console: where it is started.
+        kind: of the job, as in its name.
+        arguments: of `hil`.
+        product: the address at which its product is found when it has ended well.
+        name: if not a new one.
+    """
+    made = console.start(arguments, name or console.new_name(kind))
+    console.products[made.name] = product
+    return RedirectResponse(f"/jobs/{made.name}", 303)
+
+
+def show(request: Request) -> Response:
+    """The page of a job."""
+    name = request.path_params["job"]
+    return page(request, "job.html", name=name, told=_told(Console.of(request), name))
+
+
+def state(request: Request) -> Response:
+    """How it stands."""
+    return JSONResponse(_told(Console.of(request), request.path_params["job"]))
+
+
+def _told(console: Console, name: str) -> dict[str, Any]:
+    made, product = console.started.get(name), console.products.get(name)
+    if made is None or product is None:
+        raise FileError(f"no job '{name:.80}'; it was started by a console that has ended")
+    status = made.exit_status
+    # 1 is a verdict, not a failure
+    state = "running" if status is None else "done" if status in (0, 1) else "refused"
+    return {"job": name, "state": state, "text": made.last_line.removeprefix("hil: "), "lines": made.lines[-30:],
+            "product": product if state == "done" else ""}  # fmt: skip
+
+
+ROUTES = [Route("/jobs/{job}", show), Route("/jobs/{job}/state", state)]

@@ -1,0 +1,277 @@
+"""Runs found again: search, values, report, two runs over each other, a value over time, passports."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.routing import Route
+
+from hil.archive.archive import Search, find_runs
+from hil.archive.entry import Entry
+from hil.archive.pending import catch_up
+from hil.archive.trend import drift_of, points_of
+from hil.catalog import entries
+from hil.console.console import Console
+from hil.console.page import page
+from hil.console.routes import jobs
+from hil.errors import ArchiveError, FileError, HilError, SettingError
+from hil.findings.results import RESULTS_FILE, Results, read_results
+from hil.record.folder import read
+from hil.record.measurement import COVERAGE_FACTOR
+from hil.session.comparison import compare_runs
+
+_MOST = 200
+_VERDICTS = ("pass", "fail", "cannot tell")
+_PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
+_REPORT_HEADERS = {
+    # a page of our own making, with its style inside; it may run nothing and reach nothing
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
+    "frame-ancestors 'self'; sandbox allow-same-origin",
+    "X-Frame-Options": "SAMEORIGIN",
+}
+
+
+def show(request: Request) -> Response:
+    """The search, the newest run first."""
+    console, asked = Console.of(request), request.query_params
+    wanted = {name: asked.get(name, "").strip() for name in ("serial", "procedure", "since", "verdict")}
+    found, fault = _searched(console, wanted)
+    return page(
+        request,
+        "results.html",
+        wanted=wanted,
+        runs=[_row(console, entry) for entry in found[:_MOST]],
+        count=len(found),
+        most=_MOST,
+        fault=fault,
+        procedures=[entry.name for entry in entries("procedures")],
+        verdicts=_VERDICTS,
+        passports=_passports(console.site.runs),
+    )
+
+
+def one(request: Request) -> Response:
+    """A run: verdict, values, and its report."""
+    console, name = Console.of(request), request.path_params["run"]
+    folder = console.site.run(name)
+    results = _results(folder)
+    return page(
+        request,
+        "result.html",
+        name=name,
+        results=results,
+        values=[_value(value) for value in results.values] if results else [],
+        meta=_facts(folder),
+        report=(folder / "report.html").is_file(),
+    )
+
+
+def report(request: Request) -> Response:
+    """The report of a run, as it lies in its folder."""
+    name = request.path_params["run"]
+    path = Console.of(request).site.run(name) / "report.html"
+    if not path.is_file():
+        raise FileError(f"no run '{name:.80}' with a report; make it again")
+    return FileResponse(path, media_type="text/html", headers=_REPORT_HEADERS)
+
+
+async def report_again(request: Request) -> Response:
+    """Make the report again, also of a run that was stopped or tripped."""
+    console, name = Console.of(request), request.path_params["run"]
+    folder = console.site.run(name)
+    return jobs.begin(console, "report", ["report", str(folder)], f"/results/{name}")
+
+
+def compare(request: Request) -> Response:
+    """Two runs side by side, and their curves over each other."""
+    console, asked = Console.of(request), request.query_params
+    names = asked.getlist("run")
+    if len(names) != 2:
+        raise SettingError(f"two runs are compared; {len(names)} were chosen")
+    page_path = _compared(console, names[0], names[1])
+    return page(request, "compare.html", first=names[0], second=names[1], page=page_path.name)
+
+
+def compared(request: Request) -> Response:
+    """The page of a comparison, as it was made."""
+    name = request.path_params["name"]
+    path = Console.of(request).site.state / "compared" / name
+    if not re.fullmatch(r"[0-9a-f]{16}\.html", name) or not path.is_file():
+        raise FileError("no run comparison of that name; compare again")
+    return FileResponse(path, media_type="text/html", headers=_REPORT_HEADERS)
+
+
+def trend(request: Request) -> Response:
+    """A value of a unit over time, with its limits and a test for drift."""
+    console, asked = Console.of(request), request.query_params
+    serial, wanted = asked.get("serial", "").strip(), asked.get("value", "")
+    runs = find_runs(console.site.place, Search(serial), values=True) if serial else []
+    names = list(dict.fromkeys(value.name for run in runs for value in run.values if value.value is not None))
+    chosen = wanted if wanted in names else next(iter(names), "")
+    points = [point for point in points_of(runs, chosen) if point.value.name == chosen]
+    told = [
+        {
+            "run": p.run,
+            "at": p.started_utc.isoformat(),
+            "local": f"{p.started_utc.astimezone():%Y-%m-%d %H:%M %z}",
+            "value": p.value.value,
+            "low": p.value.low,
+            "high": p.value.high,
+            "expanded": None if p.value.std is None else COVERAGE_FACTOR * p.value.std,
+            "unit": p.value.unit,
+            "verdict": p.value.verdict,
+            "relation": p.value.relation,
+        }
+        for p in points
+    ]
+    return page(
+        request,
+        "trend.html",
+        serial=serial,
+        names=names,
+        chosen=chosen,
+        points=told,
+        drift=drift_of(points).sentence if points else "",
+        serials=_serials(console),
+    )
+
+
+async def passport(request: Request) -> Response:
+    """Issue a passport of runs of one unit."""
+    console = Console.of(request)
+    names = [str(name) for name in (await request.form()).getlist("run")]
+    if not names:
+        raise SettingError("a passport is of at least one run; choose runs of one unit")
+    folders = [console.site.run(name) for name in names]
+    serial = await run_in_threadpool(_serial, folders[0])
+    folder = console.site.runs / "passports"
+    folder.mkdir(exist_ok=True)
+    file = f"{serial}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.pdf"
+    console.audit(request, "passport", {"runs": names, "file": file})
+    arguments = ["passport", *map(str, folders), "--out", str(folder / file)]
+    return jobs.begin(console, "passport", arguments, f"/passports/{file}")
+
+
+def passport_file(request: Request) -> Response:
+    """A passport that was issued here."""
+    name = request.path_params["name"]
+    path = Console.of(request).site.runs / "passports" / name
+    if not _PASSPORT.match(name) or path.is_symlink() or not path.is_file():
+        raise FileError(f"no run passport '{name:.80}'")
+    return FileResponse(path, media_type="application/pdf", filename=name)
+
+
+def _searched(console: Console, wanted: dict[str, str]) -> tuple[list[Entry], str]:
+    """(runs, the newest first, and what kept them from being found)."""
+    place = console.site.place
+    try:
+        since = datetime.fromisoformat(wanted["since"]).astimezone() if wanted["since"] else None
+    except ValueError:
+        return [], f"since {wanted['since']:.40}: a date was expected, as 2026-11-25"
+    try:
+        catch_up(place)
+        found = find_runs(place, Search(wanted["serial"], wanted["procedure"], since, wanted["verdict"]))
+    except ArchiveError as error:
+        return [], str(error)
+    return found[::-1], ""
+
+
+def _row(console: Console, entry: Entry) -> dict[str, Any]:
+    started = entry.started_utc.astimezone()
+    return {
+        "name": entry.folder.name,
+        "here": entry.folder.parent == console.site.runs.resolve(),
+        "serial": entry.serial,
+        "operator": entry.operator,
+        "procedure": entry.procedure,
+        "bench": entry.bench,
+        "verdict": entry.verdict,
+        "started": f"{started:%Y-%m-%d %H:%M}",
+        "offset": f"{started:%z}",
+        "outcome": "" if entry.outcome in ("completed", "written") else entry.outcome,
+    }
+
+
+def _value(value: Any) -> dict[str, Any]:
+    expanded = None if value.std is None else COVERAGE_FACTOR * value.std
+    return {
+        "name": value.name,
+        "value": value.value,
+        "expanded": expanded,
+        "unit": value.unit,
+        "low": value.low,
+        "high": value.high,
+        "relation": "" if value.relation == "=" else value.relation,
+        "verdict": value.verdict,
+        "meaning": value.meaning,
+    }
+
+
+def _results(folder: Path) -> Results | None:
+    try:
+        return read_results(folder / RESULTS_FILE)
+    except HilError:
+        return None
+
+
+def _facts(folder: Path) -> dict[str, str]:
+    meta = read(folder).meta
+    valve = meta.get("valve") or {}
+    told = {
+        "serial": valve.get("serial"),
+        "procedure": meta.get("procedure"),
+        "operator": meta.get("operator"),
+        "bench": meta.get("bench"),
+        "outcome": meta.get("outcome", "not closed"),
+        "started": meta.get("started_utc"),
+    }
+    return {name: str(text) for name, text in told.items() if text}
+
+
+def _serial(folder: Path) -> str:
+    """The unit's serial number as far as the name of a file can hold it."""
+    valve = read(folder).meta.get("valve") or {}
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", str(valve.get("serial") or "")).strip("-.") or "unit"
+
+
+def _serials(console: Console) -> list[str]:
+    try:
+        return sorted({entry.serial for entry in find_runs(console.site.place, Search()) if entry.serial})
+    except ArchiveError:
+        return []
+
+
+def _passports(runs: Path) -> list[str]:
+    return sorted((path.name for path in (runs / "passports").glob("*.pdf")), reverse=True)[:20]
+
+
+def _compared(console: Console, first: str, second: str) -> Path:
+    import hashlib
+
+    from hil.report.comparison_page import write_comparison_page
+
+    found = compare_runs(console.site.run(first), console.site.run(second))
+    folder = console.site.state / "compared"
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / f"{hashlib.sha256(f'{first}|{second}'.encode()).hexdigest()[:16]}.html"
+    write_comparison_page(found.first, found.second, found.differences, found.one_bench, path)
+    return path
+
+
+ROUTES = [
+    Route("/results", show),
+    Route("/results/compare", compare),
+    Route("/results/compared/{name}", compared),
+    Route("/results/trend", trend),
+    Route("/results/passport", passport, methods=["POST"]),
+    Route("/results/{run}", one),
+    Route("/results/{run}/report", report, methods=["GET"]),
+    Route("/results/{run}/report", report_again, methods=["POST"]),
+    Route("/passports/{name}", passport_file),
+]
