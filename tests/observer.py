@@ -26,11 +26,16 @@ class Line:
         self.dead = False
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._listener.getsockname()[1])
-        self._open: list[socket.socket] = [self._listener]
+        self._open: list[socket.socket] = []
+        self._ended = False
         threading.Thread(target=self._accept, daemon=True).start()
 
     def close(self) -> None:
         """End it."""
+        self._ended = True
+        with suppress(OSError):  # closing alone would leave the thread that waits there, and its port open
+            self._listener.shutdown(socket.SHUT_RDWR)
+        self._listener.close()
         for end in self._open:
             with suppress(OSError):
                 end.close()
@@ -39,8 +44,16 @@ class Line:
         with suppress(OSError):
             while True:
                 near, _ = self._listener.accept()
-                far = socket.create_connection(("127.0.0.1", self._device_port))
-                self._open += [near, far]
+                self._open.append(near)
+                if self._ended:
+                    near.close()
+                    return
+                try:
+                    far = socket.create_connection(("127.0.0.1", self._device_port))
+                except OSError:  # the device has gone
+                    near.close()
+                    continue
+                self._open.append(far)
                 for one, other in ((near, far), (far, near)):
                     one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     threading.Thread(target=self._carry, args=(one, other), daemon=True).start()
@@ -53,6 +66,7 @@ class Line:
         for end in (one, other):
             with suppress(OSError):
                 end.shutdown(socket.SHUT_RDWR)
+            end.close()
 
 
 def crc16(frame: bytes) -> bytes:

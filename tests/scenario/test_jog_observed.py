@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import os
 import re
+import select
 import signal
 import subprocess
 import sys
@@ -24,6 +25,17 @@ from tests.links import served
 PATIENCE_S = 40.0
 pytestmark = pytest.mark.slow
 
+# The shell of a terminal: when the first process of a session ends, what nobody has read from the terminal is lost.
+SHELL = """
+import signal, subprocess, sys, time
+command = subprocess.Popen(sys.argv[1:])
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+signal.signal(signal.SIGHUP, lambda number, _: command.send_signal(number))
+status = command.wait()
+time.sleep(1.0)
+sys.exit(status)
+"""
+
 
 @dataclass
 class Jog:
@@ -34,6 +46,8 @@ class Jog:
     line: observer.Line
     watch: observer.Watch
     said: list[bytes] = field(default_factory=list)
+    listener: threading.Thread | None = None
+    is_open: bool = True
 
     @property
     def text(self) -> str:
@@ -43,6 +57,29 @@ class Jog:
         status = self.process.wait(PATIENCE_S)
         time.sleep(0.2)
         return status
+
+    def listen(self) -> None:
+        """Keep what is said."""
+        self.listener = threading.Thread(target=self._listen, daemon=True)
+        self.listener.start()
+
+    def _listen(self) -> None:
+        with suppress(OSError):
+            while self.is_open:
+                if select.select([self.terminal], [], [], 0.05)[0]:
+                    self.said.append(os.read(self.terminal, 4096))
+
+    def hang_up(self) -> None:
+        """Close the terminal; nobody listens there any more, since its number may become another file's."""
+        if self.is_open and self.listener is not None:
+            self.is_open = False
+            self.listener.join()
+            os.close(self.terminal)
+
+    @property
+    def command(self) -> int:
+        """The process number of what the shell started."""
+        return int(Path(f"/proc/{self.process.pid}/task/{self.process.pid}/children").read_text(encoding="ascii"))
 
 
 @contextmanager
@@ -57,7 +94,19 @@ def jogging(folder: Path, for_time: str = "60s", *instead: str) -> Iterator[Jog]
         path.write_text(file.text.replace(f":{device.port}", f":{line.port}"), encoding="utf-8")
         near, far = os.openpty()
         what = instead or ("jog", str(path), "command", "40 %", "--for", for_time)
-        command = [sys.executable, "-m", "hil", *what, "--out", str(folder / "run"), "--archive", str(folder)]
+        command = [
+            sys.executable,
+            "-c",
+            SHELL,
+            sys.executable,
+            "-m",
+            "hil",
+            *what,
+            "--out",
+            str(folder / "run"),
+            "--archive",
+            str(folder),
+        ]
         environment = {**os.environ, "HIL_STATE_DIR": str(folder / "state")}
 
         def take_terminal() -> None:
@@ -69,31 +118,27 @@ def jogging(folder: Path, for_time: str = "60s", *instead: str) -> Iterator[Jog]
         )
         os.close(far)
         jog = Jog(process, near, line, watch)
-        threading.Thread(target=_listen, args=(jog,), daemon=True).start()
+        jog.listen()
         try:
             assert watch.wait(lambda: (watch.now or 0.0) > 39.0, PATIENCE_S), jog.text
             time.sleep(0.3)
             yield jog
         finally:
+            with suppress(OSError, ValueError):
+                os.kill(jog.command, signal.SIGKILL)
             process.kill()
             process.wait()
             watch.close()
             line.close()
-            with suppress(OSError):
-                os.close(near)
-
-
-def _listen(jog: Jog) -> None:
-    with suppress(OSError):
-        while said := os.read(jog.terminal, 4096):
-            jog.said.append(said)
+            jog.hang_up()
 
 
 def _signal(*numbers: int) -> Callable[[Jog], None]:
     def send(jog: Jog) -> None:
+        command = jog.command
         for number in numbers:
             with suppress(ProcessLookupError):
-                jog.process.send_signal(number)
+                os.kill(command, number)
             time.sleep(0.05)
 
     return send
@@ -106,7 +151,7 @@ def _signal(*numbers: int) -> Callable[[Jog], None]:
         (lambda jog: os.write(jog.terminal, b"\x03"), 130, "stopped; outputs are safe (read back)"),
         (_signal(signal.SIGINT, signal.SIGINT), 130, "stopped; outputs are safe (read back)"),
         (_signal(signal.SIGTERM), 143, "stopped; outputs are safe (read back)"),
-        (lambda jog: os.close(jog.terminal), 129, ""),
+        (Jog.hang_up, 129, ""),
     ],
     ids=["a key", "Ctrl-C", "Ctrl-C twice", "SIGTERM", "terminal closed"],
 )
