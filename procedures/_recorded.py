@@ -9,6 +9,7 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.identification.measuring_chain import MeasuringChain
+from hil.record.conditions import measured_conditions
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array, Channel, Recording
 
@@ -121,7 +122,8 @@ def departures(recording: Recording) -> tuple[str, ...]:
     conditions = recording.meta.get("conditions", {})
     silent = [words for name, words in _STATED.items() if conditions.get(name) in (None, "")]
     found = [f"Not stated: {', '.join(silent)}."] if silent else []
-    temperature_c = conditions.get("fluid_temperature_c")
+    measured = measured_conditions(recording).get("fluid_temperature_c")
+    temperature_c = conditions.get("fluid_temperature_c") if measured is None else measured.mean
     if temperature_c is not None and abs(float(temperature_c) - _TEMPERATURE_C) > _TEMPERATURE_TOLERANCE_C:
-        found.append(f"The fluid was at {temperature_c:g} °C; {_TEMPERATURE_C:g} °C is customary.")
+        found.append(f"The fluid was at {temperature_c:.3g} °C; {_TEMPERATURE_C:g} °C is customary.")
     return tuple(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from typing import Any, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, model_validator
+from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, field_validator, model_validator
 
 from hil.daq.calibration import Calibration
 from hil.daq.channel import Pwm
@@ -212,7 +212,11 @@ class ProtectionEntry(_Strict):
 
 
 class Conditions(_Strict):
-    """Conditions of the test, as a report on ISO 10770-1 states them."""
+    """Conditions of the test, as a report on ISO 10770-1 states them.
+
+    What a channel measures (oil temperature, supply pressure) is taken from there. A run in which one leaves its entry
+    in `ranges` carries a deviation.
+    """
 
     fluid: str = ""
     viscosity_class: str = ""
@@ -223,6 +227,18 @@ class Conditions(_Strict):
     return_pressure_bar: float | None = None
     pressure_drop_bar: float | None = None
     notes: str = ""
+    ranges: dict[
+        Literal["fluid_temperature_c", "ambient_temperature_c", "supply_pressure_bar", "return_pressure_bar"],
+        tuple[FiniteFloat, FiniteFloat],
+    ] = {}
+
+    @field_validator("ranges")
+    @classmethod
+    def _rising(cls, ranges: dict[str, tuple[float, float]]) -> dict[str, tuple[float, float]]:
+        for name, (low, high) in ranges.items():
+            if low > high:
+                raise ValueError(f"{name}: {low:g} is above {high:g}")
+        return ranges
 
 
 class InstrumentEntry(_Strict):

@@ -12,7 +12,7 @@ from hil.passport.unit import Unit, UnitRun
 from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus
-from hil.report.provenance import conditions_of
+from hil.report.provenance import stated_or_measured
 from hil.report.results import value_text, verdict_box
 
 _ON_PAGE_ONE, _DEVIATIONS_ON_PAGE_ONE, _LONGEST = 16, 5, 160
@@ -75,11 +75,10 @@ def _conditions(unit: Unit) -> list[tuple[str, str]]:
     """Of every run; a label that has several values in them has all."""
     found: dict[str, list[str]] = {}
     for run in unit.runs:
-        conditions: Mapping[str, Any] = {"conditions": run.recording.meta.get("conditions")}
-        for label, text in conditions_of(conditions):
+        for label, text in stated_or_measured(run.recording):
             if text not in found.setdefault(label, []):
                 found[label].append(text)
-    return [(label, "; ".join(texts)) for label, texts in found.items()]
+    return [(label, "; ".join(texts)) for label, texts in found.items()] or [(_("Conditions"), _("none stated"))]
 
 
 def _limit_row(m: Measured) -> list[str]:

@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from hil.errors import UnitError
+from hil.record.conditions import measured_conditions
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Recording
-from hil.units import scale_and_offset
 
 if TYPE_CHECKING:
     from hil.passport.difference import Change
@@ -19,14 +18,13 @@ if TYPE_CHECKING:
 class _Condition(NamedTuple):
     name: str
     stage: str
-    channels: tuple[str, ...]
     stated: str
     unit: str
 
 
 _CONDITIONS = (
-    _Condition("oil temperature", "oil", ("oil temperature", "fluid temperature"), "fluid_temperature_c", "°C"),
-    _Condition("supply pressure", "supply", ("supply pressure",), "supply_pressure_bar", "bar"),
+    _Condition("oil temperature", "oil", "fluid_temperature_c", "°C"),
+    _Condition("supply pressure", "supply", "supply_pressure_bar", "bar"),
 )
 
 
@@ -55,14 +53,8 @@ def _mean(recordings: Sequence[Recording], one: _Condition) -> tuple[float, floa
 
 
 def _of(recording: Recording, one: _Condition) -> tuple[float, float | None] | None:
-    for name in one.channels:
-        channel = recording.channels.get(name)
-        if channel is not None and np.isfinite(channel.values).any():
-            try:
-                scale, offset = scale_and_offset(channel.unit, one.unit)
-            except UnitError:
-                continue
-            spread = abs(scale) * float(np.nanstd(channel.values))
-            return scale * float(np.nanmean(channel.values)) + offset, spread
+    measured = measured_conditions(recording).get(one.stated)
+    if measured is not None:
+        return measured.mean, measured.std
     stated = (recording.meta.get("conditions") or {}).get(one.stated)
     return None if stated is None else (float(stated), None)

@@ -10,7 +10,8 @@ from hil.errors import UnitError
 from hil.passport.certificate import Signer
 from hil.passport.unit import Unit, UnitRun
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Verdict
-from hil.report.facts import facts_of
+from hil.record.recording import Recording
+from hil.report.provenance import stated_or_measured
 from hil.report.results import value_text
 from hil.units import scale_and_offset
 from hil.version import __version__
@@ -98,7 +99,7 @@ def _measurement(at: Element, run: UnitRun) -> None:
             _text(entry, "name", str(one["name"]))
             if one.get("serial"):
                 _identified(entry, "owner", str(one["serial"]), "serial number")
-    _influences(at, meta)
+    _influences(at, run.recording)
     results = SubElement(at, _dcc("results"))
     for m in run.findings.measured:
         _result(SubElement(results, _dcc("result")), m)
@@ -106,8 +107,8 @@ def _measurement(at: Element, run: UnitRun) -> None:
         _nothing(SubElement(results, _dcc("result")))
 
 
-def _influences(at: Element, meta: Mapping[str, Any]) -> None:
-    facts = facts_of(meta.get("conditions") or {})
+def _influences(at: Element, recording: Recording) -> None:
+    facts = stated_or_measured(recording)
     if facts:
         conditions = SubElement(at, _dcc("influenceConditions"))
         for label, text in facts:

@@ -9,21 +9,41 @@ from pathlib import Path
 from typing import Any
 
 from hil.language.words import _
+from hil.record.conditions import Condition, measured_conditions
 from hil.record.header import read_end
 from hil.record.recording import Channel, Recording
-from hil.report.facts import facts_of, text_of
+from hil.report.facts import fact_of, facts_of, text_of
 from hil.report.name import within
-from hil.report.number import fixed, number, unit_text
+from hil.report.number import fixed, number, rounded, unit_text
 from hil.report.section import Table
 
 _MOST_EVENTS = 40
 
 
-def conditions_of(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
+def conditions_of(recording: Recording) -> list[tuple[str, str]]:
     """Conditions of the test, and what is known of the valve beside its name."""
-    valve = {name: value for name, value in (meta.get("valve") or {}).items() if name not in ("name", "serial")}
-    rows = [*facts_of(meta.get("conditions") or {}), *facts_of(valve)]
-    return rows or [(_("Conditions"), _("none stated"))]
+    valve = {name: v for name, v in (recording.meta.get("valve") or {}).items() if name not in ("name", "serial")}
+    return [*stated_or_measured(recording), *facts_of(valve)] or [(_("Conditions"), _("none stated"))]
+
+
+def stated_or_measured(recording: Recording) -> list[tuple[str, str]]:
+    """Conditions of the test: measured where a channel measured them, else as stated."""
+    stated = {name: v for name, v in (recording.meta.get("conditions") or {}).items() if name != "ranges"}
+    measured = measured_conditions(recording)
+    rows = {name: fact for name, v in stated.items() for fact in facts_of({name: v})}
+    for name, condition in measured.items():
+        label, was = rows.get(name, (fact_of(name, "")[0], ""))
+        rows[name] = (label, _measured_text(condition, was))
+    return list(rows.values())
+
+
+def _measured_text(condition: Condition, stated: str) -> str:
+    """`first 99.9, mean 99.8, last 99.8 bar, measured (stated: 100 bar)`, to a tenth of the scatter."""
+    first, mean, last = (rounded(v, condition.std)[0] for v in (condition.first, condition.mean, condition.last))
+    text = _("measured: first {first}, mean {mean}, last {last} {unit}").format(
+        first=first, mean=mean, last=last, unit=condition.unit
+    )
+    return text + (" (" + _("stated: {value}").format(value=stated) + ")" if stated else "")
 
 
 def instrument_line(instrument: Any) -> str:

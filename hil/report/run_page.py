@@ -40,7 +40,7 @@ def write_run_report(recording: Recording, findings: Findings, path: Path) -> No
         sections=sections(recording, findings),
         notes=[with_minus(note) for note in findings.notes],
         deviations=[with_minus(deviation) for deviation in findings.deviations],
-        conditions=conditions_of(meta),
+        conditions=conditions_of(recording),
         settings=facts_of(meta.get("settings", {})),
         instruments=[instrument_line(instrument) for instrument in meta.get("instruments", ())],
         channels=channel_table(recording.channels.values()),

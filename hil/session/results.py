@@ -10,6 +10,7 @@ from types import MappingProxyType
 from hil.errors import FileError, InputError
 from hil.findings.collect import results_of
 from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
+from hil.record.conditions import condition_departures
 from hil.record.folder import read
 from hil.record.measurement import Findings, Limit
 from hil.record.recording import Recording
@@ -68,7 +69,9 @@ def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, L
         if recording.meta.get("outcome") == "completed":
             raise
         found = Findings(notes=(f"Nothing could be evaluated of this run: {error}.",))
-    found = replace(found, deviations=(*found.deviations, *recording.meta.get("deviations", ())))
+    found = replace(
+        found, deviations=(*found.deviations, *recording.meta.get("deviations", ()), *condition_departures(recording))
+    )
     return found.with_missing(procedure.measurements).judged(limits)
 
 

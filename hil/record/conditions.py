@@ -1,0 +1,99 @@
+"""Conditions of a test as its channels measured them, and where they leave the range that the bench declares."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from hil.errors import UnitError
+from hil.record.recording import Array, Channel, Recording
+from hil.units import scale_and_offset
+
+CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
+    "fluid_temperature_c": (("oil temperature", "fluid temperature"), "degC"),
+    "ambient_temperature_c": (("ambient temperature",), "degC"),
+    "supply_pressure_bar": (("supply pressure",), "bar"),
+    "return_pressure_bar": (("return pressure",), "bar"),
+}
+"""By their name in the bench file: channels that measure them, the first that is there, and the unit of the name."""
+
+_SHOWN = {"degC": "°C"}
+_STEADY_S = 1.0  # means over so long are looked at, not single samples
+
+
+@dataclass(frozen=True, slots=True)
+class Condition:
+    """What a channel measured of a condition: means over the first, the whole, the last, the lowest and highest second.
+
+    `std`: standard deviation of single samples.
+    """
+
+    channel: str
+    unit: str
+    first: float
+    mean: float
+    last: float
+    low: float
+    high: float
+    std: float
+
+
+def measured_conditions(recording: Recording) -> dict[str, Condition]:
+    """Every condition that a channel measured, by its name in the bench file."""
+    found = {name: _measured(recording, *known) for name, known in CHANNELS.items()}
+    return {name: condition for name, condition in found.items() if condition is not None}
+
+
+def condition_departures(recording: Recording) -> tuple[str, ...]:
+    """Where a condition left its declared range, a sentence each; measured where it was, else as stated."""
+    stated: Mapping[str, Any] = recording.meta.get("conditions") or {}
+    measured = measured_conditions(recording)
+    found = []
+    for name, (low, high) in (stated.get("ranges") or {}).items():
+        unit = _SHOWN.get(CHANNELS[name][1], CHANNELS[name][1])
+        was = measured.get(name)
+        span = (was.low, was.high) if was else (stated.get(name), stated.get(name))
+        words = name.rpartition("_")[0].replace("_", " ").capitalize()
+        if span[0] is None:
+            found.append(f"{words} was not measured and not stated; {low:g} to {high:g} {unit} is declared.")
+        elif span[0] < low or span[1] > high:
+            how = "was" if was else "is stated as"
+            text = f"{span[0]:.4g}" if span[0] == span[1] else f"{span[0]:.4g} to {span[1]:.4g}"
+            found.append(f"{words} {how} {text} {unit}; {low:g} to {high:g} {unit} is declared.")
+    return tuple(found)
+
+
+def _measured(recording: Recording, names: tuple[str, ...], unit: str) -> Condition | None:
+    channel = next((recording.channels[name] for name in names if name in recording.channels), None)
+    values = None if channel is None else _in_unit(channel, unit)
+    if channel is None or values is None or not np.isfinite(values).any():
+        return None
+    kept = np.isfinite(values)
+    values, time_s = values[kept], recording.time_s[kept]
+    means = _means(time_s, values)
+    return Condition(
+        channel.name, _SHOWN.get(unit, unit), float(means[0]), float(values.mean()), float(means[-1]),
+        float(means.min()), float(means.max()), float(values.std()),
+    )  # fmt: skip
+
+
+def _in_unit(channel: Channel, unit: str) -> Array | None:
+    try:
+        scale, offset = scale_and_offset(channel.unit, unit)
+    except UnitError:
+        return None
+    made: Array = scale * channel.values + offset
+    return made
+
+
+def _means(time_s: Array, values: Array) -> Array:
+    """Over every second that holds samples; what is left at the end belongs to the last whole one."""
+    seconds = np.floor((time_s - time_s[0]) / _STEADY_S).astype(np.int64)
+    whole = max(1, int(np.floor((time_s[-1] - time_s[0]) / _STEADY_S + 1e-9)))
+    starts = np.unique(np.searchsorted(seconds, np.arange(whole)))
+    counts = np.diff(np.append(starts, len(values)))
+    made: Array = np.add.reduceat(values, starts) / counts
+    return made
