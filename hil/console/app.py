@@ -15,7 +15,7 @@ from starlette.staticfiles import StaticFiles
 from hil.console.console import Console
 from hil.console.headers import Headers
 from hil.console.page import refusal
-from hil.console.routes import bench, jobs, live, results, run
+from hil.console.routes import bench, devices, diagnose, jobs, live, results, run
 from hil.console.site import Site
 from hil.console.underway import Underway
 from hil.errors import HilError
@@ -33,6 +33,7 @@ def application(site: Site) -> Starlette:
     app = Starlette(
         routes=[
             Route("/", _first), *bench.ROUTES, *run.ROUTES, *live.ROUTES, *results.ROUTES, *jobs.ROUTES,
+            *diagnose.ROUTES, *devices.ROUTES,
             Mount("/static", StaticFiles(packages=[("hil.console", "static")])),
         ],
         middleware=[Middleware(Headers)],

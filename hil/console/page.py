@@ -32,7 +32,7 @@ SAID_BY_SCRIPTS = (
     marked("rehearsed"), marked("Rehearsing …"), marked("within all limits"), marked("Starting …"), marked("hold"),
     marked("go on"), marked("holding"), marked("A hold was asked for; it begins between two parts."),
     marked("Really reset the trip of {name}?"), marked("stale"), marked("missing"), marked("bias"),
-    marked("done"), marked("refused"), marked("starting"), marked("evaluating"),
+    marked("last recorded"), marked("done"), marked("refused"), marked("starting"), marked("evaluating"),
 )  # fmt: skip
 
 

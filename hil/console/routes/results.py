@@ -29,7 +29,7 @@ from hil.session.comparison import compare_runs
 _MOST = 200
 _VERDICTS = ("pass", "fail", "cannot tell")
 _PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
-_REPORT_HEADERS = {
+REPORT_HEADERS = {
     # a page of our own making, with its style inside; it may run nothing and reach nothing
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
     "frame-ancestors 'self'; sandbox allow-same-origin",
@@ -78,7 +78,7 @@ def report(request: Request) -> Response:
     path = Console.of(request).site.run(name) / "report.html"
     if not path.is_file():
         raise FileError(f"no run '{name:.80}' with a report; make it again")
-    return FileResponse(path, media_type="text/html", headers=_REPORT_HEADERS)
+    return FileResponse(path, media_type="text/html", headers=REPORT_HEADERS)
 
 
 async def report_again(request: Request) -> Response:
@@ -104,7 +104,7 @@ def compared(request: Request) -> Response:
     path = Console.of(request).site.state / "compared" / name
     if not re.fullmatch(r"[0-9a-f]{16}\.html", name) or not path.is_file():
         raise FileError("no run comparison of that name; compare again")
-    return FileResponse(path, media_type="text/html", headers=_REPORT_HEADERS)
+    return FileResponse(path, media_type="text/html", headers=REPORT_HEADERS)
 
 
 def trend(request: Request) -> Response:

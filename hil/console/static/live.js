@@ -83,6 +83,15 @@ function drawBode() {
   drawPoints(document.getElementById("phase"), rows.map(r => ({name: r.name, x: r.x, y: r.phase})), "°");
 }
 
+let came = performance.now();
+function old() {  // what no sample confirms any more looks like it
+  const is = !told || told.state !== "running" || performance.now() - came > 1000;
+  document.getElementById("lanes").classList.toggle("old", is);
+  const note = document.getElementById("rows"), text = last_s === null ? "" : shown(last_s, 6) + " s" + (is ? " · " + say("last recorded") : "");
+  if (note.textContent !== text) note.textContent = text;
+}
+setInterval(old, 200);
+
 function soon() { if (!dirty) { dirty = true; requestAnimationFrame(draw); } }
 
 const QUIET = new Set(["plan"]), LOUD = /trip|stop|lost|not measured|refused|deleted/;
@@ -102,7 +111,7 @@ function picture(come) {
   values(come.values);
   if (come.events) events(come.events);
   if (come.bode && come.bode.length) bode.push(...come.bode);
-  put("rows", come.rows ? shown(last_s, 6) + " s" : "");
+  came = performance.now();
   soon();
 }
 
@@ -115,6 +124,7 @@ function follow() {
     document.getElementById("events").replaceChildren();
     lanes();
     picture(come);
+    if (told && told.state !== "running") came = -Infinity;
   });
   source.addEventListener("picture", event => {
     const come = JSON.parse(event.data);

@@ -1,0 +1,155 @@
+"""The page of diagnosis: a model and recordings in, stages and causes out, the corrected model accepted or tested."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+from starlette.concurrency import run_in_threadpool
+from starlette.datastructures import UploadFile
+from starlette.requests import Request
+from starlette.responses import FileResponse, RedirectResponse, Response
+from starlette.routing import Route
+
+from hil.archive.archive import Search, find_runs
+from hil.catalog import models
+from hil.console import uploads
+from hil.console.console import Console
+from hil.console.page import page
+from hil.console.routes import jobs
+from hil.console.routes.results import REPORT_HEADERS
+from hil.errors import ArchiveError, FileError, SettingError, UnknownNameError
+from hil.physics.model import load_model
+
+_RUNS = 40
+_NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9 ._+-]{0,60}$")
+
+
+def show(request: Request) -> Response:
+    """What can be diagnosed, and what was."""
+    console, asked = Console.of(request), request.query_params
+    return page(
+        request, "diagnose.html", models=list(_models(console)), model=asked.get("model", ""), runs=_runs(console),
+        chosen=asked.getlist("run"), done=_done(console),
+    )  # fmt: skip
+
+
+async def begin(request: Request) -> Response:
+    """Start a diagnosis, in a process of its own."""
+    console, form = Console.of(request), await uploads.form_of(request)
+    known = _models(console)
+    model = str(form.get("model", ""))
+    if model not in known:
+        raise UnknownNameError("model", model, known)
+    recordings = [console.site.run(str(name)) for name in form.getlist("run")]
+    files = [one for one in form.getlist("file") if isinstance(one, UploadFile) and one.filename]
+    recordings += await run_in_threadpool(uploads.kept, files, console.site.state) if files else []
+    if not recordings:
+        raise SettingError("a diagnosis needs at least one recording; choose a run or a file")
+    name = console.new_name("diagnosis")
+    out = console.site.state / "diagnoses" / name
+    out.parent.mkdir(parents=True, exist_ok=True)
+    arguments = ["diagnose", *map(str, recordings), "--model", str(known[model]), "--out", str(out)]
+    for option in ("input", "output"):
+        if channel := str(form.get(option, "")).strip():
+            arguments.append(f"--{option}={channel}")
+    return jobs.begin(console, "diagnosis", arguments, f"/diagnose/{name}", name)
+
+
+def one(request: Request) -> Response:
+    """A diagnosis: what it says, in short, its report, and what can be done now."""
+    console, name = Console.of(request), request.path_params["diagnosis"]
+    folder = _folder(console, name)
+    told = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    return page(
+        request, "diagnosis.html", name=name, told=told, next_run=_next_run(told),
+        corrected=(folder / "corrected.json").is_file(), accepted=request.query_params.get("accepted", ""),
+    )  # fmt: skip
+
+
+def report(request: Request) -> Response:
+    """Its report."""
+    path = _folder(Console.of(request), request.path_params["diagnosis"]) / "report.html"
+    return FileResponse(path, media_type="text/html", headers=REPORT_HEADERS)
+
+
+async def accept(request: Request) -> Response:
+    """Take the corrected model among those of this lab, under a name."""
+    console, name = Console.of(request), request.path_params["diagnosis"]
+    wanted = str((await request.form()).get("name", "")).strip()
+    await run_in_threadpool(_accept, console, _folder(console, name), wanted)
+    console.audit(request, "accept model", {"diagnosis": name, "model": wanted})
+    return RedirectResponse(f"/diagnose/{name}?{urlencode({'accepted': wanted})}", 303)
+
+
+def _accept(console: Console, folder: Path, wanted: str) -> None:
+    corrected = folder / "corrected.json"
+    if not _NAME.match(wanted) or ".." in wanted:
+        raise SettingError(f"name '{wanted:.60}': letters, digits, spaces, and . _ + - are allowed")
+    load_model(corrected)
+    target = console.site.benches / "models" / f"{wanted}.json"
+    if wanted in _models(console):
+        raise SettingError(f"name '{wanted}': there is a model of that name; say another")
+    target.parent.mkdir(exist_ok=True)
+    shutil.copyfile(corrected, target)
+
+
+def _models(console: Console) -> dict[str, Path]:
+    """Models by name: those of this lab, then the installed ones."""
+    own = {path.stem: path for path in sorted((console.site.benches / "models").glob("*.json"))}
+    return {**own, **{name: path for name, path in models().items() if name not in own}}
+
+
+def _runs(console: Console) -> list[str]:
+    """The newest runs of this console's folder."""
+    try:
+        found = find_runs(console.site.place, Search())
+    except ArchiveError:
+        return []
+    here = console.site.runs.resolve()
+    return [entry.folder.name for entry in reversed(found) if entry.folder.parent == here][:_RUNS]
+
+
+def _done(console: Console) -> list[str]:
+    folder = console.site.state / "diagnoses"
+    return sorted((path.parent.name for path in folder.glob("*/diagnosis.json")), reverse=True)[:20]
+
+
+def _folder(console: Console, name: str) -> Path:
+    folder = console.site.state / "diagnoses" / name
+    if not re.fullmatch(r"diagnosis-[0-9T-]+", name) or not (folder / "diagnosis.json").is_file():
+        raise FileError(f"no run of a diagnosis '{name:.80}'")
+    return folder
+
+
+def _next_run(told: dict[str, Any]) -> str:
+    """The address at which the proposed test stands in the form of a run; it is driven through the guard like any."""
+    test = told.get("next_test")
+    if not test or not test.get("procedure"):
+        return ""
+    asked = {"procedure": test["procedure"], "why": test.get("why", "")}
+    settings = {f"set.{name}": _typed(value) for name, value in (test.get("settings") or {}).items()}
+    return f"/run?{urlencode({**asked, **settings})}"
+
+
+def _typed(value: Any) -> str:
+    return (
+        ",".join(map(_typed, value))
+        if isinstance(value, list)
+        else f"{value:g}"
+        if isinstance(value, float)
+        else str(value)
+    )
+
+
+ROUTES = [
+    Route("/diagnose", show, methods=["GET"]),
+    Route("/diagnose", begin, methods=["POST"]),
+    Route("/diagnose/{diagnosis}", one),
+    Route("/diagnose/{diagnosis}/report", report),
+    Route("/diagnose/{diagnosis}/accept", accept, methods=["POST"]),
+]

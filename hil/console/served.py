@@ -1,0 +1,89 @@
+"""Simulated devices that this console started: each bench's in a process of its own, found again after a restart."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from hil.console.process import start, tail_lines
+from hil.console.underway import lives
+from hil.errors import FileError, SettingError
+
+
+@dataclass(frozen=True, slots=True)
+class Served:
+    """The devices of a bench, simulated.
+
+    Attributes:
+        bench: by name.
+        pid: of the process that serves them.
+        quirks: their misbehaviour, as it was asked for.
+        log: what the process says.
+    """
+
+    bench: str
+    pid: int
+    quirks: tuple[str, ...]
+    log: Path
+
+    @property
+    def is_alive(self) -> bool:
+        """Whether they are served."""
+        return lives(self.pid) and _is_ours(self.pid)
+
+    @property
+    def lines(self) -> list[str]:
+        """Where each is served, or why it is not."""
+        return tail_lines(self.log)
+
+
+def serve(state: Path, bench: str, path: Path, quirks: list[str]) -> Served:
+    """Start the devices of a bench.
+
+    Raises:
+        SettingError: they are served already.
+        StorageError: the process cannot be started.
+    """
+    folder = state / "devices"
+    if any(one.bench == bench and one.is_alive for one in served(state)):
+        raise SettingError(f"the devices of bench '{bench}' are served already; end them first")
+    log = folder / f"{bench}.log"
+    made = start(f"devices-{bench}", ["devices", str(path), *(f"--quirk={quirk}" for quirk in quirks)], log)
+    told = {"bench": bench, "pid": made.process.pid, "quirks": quirks}
+    (folder / f"{bench}.json").write_text(json.dumps(told), encoding="utf-8")
+    return Served(bench, made.process.pid, tuple(quirks), log)
+
+
+def served(state: Path) -> list[Served]:
+    """Every bench whose devices were started here, living or dead."""
+    found = []
+    for path in sorted((state / "devices").glob("*.json")):
+        with suppress(OSError, ValueError, KeyError, TypeError):
+            told = json.loads(path.read_text(encoding="utf-8"))
+            found.append(Served(str(told["bench"]), int(told["pid"]), tuple(told["quirks"]), path.with_suffix(".log")))
+    return found
+
+
+def end(state: Path, bench: str) -> None:
+    """End the devices of a bench, as Ctrl-C does.
+
+    Raises:
+        FileError: none of that bench are served by this console.
+    """
+    found = next((one for one in served(state) if one.bench == bench and one.is_alive), None)
+    if found is None:
+        raise FileError(f"no run of the devices of bench '{bench:.80}' here")
+    with suppress(ProcessLookupError):
+        os.kill(found.pid, signal.SIGINT)
+
+
+def _is_ours(pid: int) -> bool:
+    """Whether the process serves devices, and is not another that has the number now."""
+    try:
+        return b"\0devices\0" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return not Path("/proc/self").exists()  # where nobody can look
