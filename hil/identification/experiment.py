@@ -15,6 +15,7 @@ from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
 from hil.record.recording import Array, Channel, Recording, Samples, split_heading
+from hil.record.unmeasured import across, measured_rows
 
 _GRID_PER_UNEVEN_SAMPLE = 8
 DEAD = "a dead sensor, no supply or a wrong column"
@@ -228,6 +229,7 @@ def experiment(
     names = _input_names(plant, input_name)
     output_name = output_name or plant.output.name
     _check_named(recording, plant, names[0], output_name)
+    recording = measured_rows(recording, names)
     stated = _gain_stds(recording, names[0], output_name, plant)
     units = _input_units(plant, recording, names[0])
     if any(name in recording.own for name in (*names, output_name, *(signal.name for signal in plant.observed))):
@@ -235,12 +237,14 @@ def experiment(
     inputs = np.array([recording.values(name, unit) for name, unit in zip(names, units, strict=True)])
     measured = recording.channel(output_name)
     output_unit = measured.unit if plant.output.unit == "any" else plant.output.unit
-    output = recording.values(measured.name, output_unit)
-    observed = {
-        signal.name: recording.values(signal.name, signal.unit)
+    output, ignored = across(recording.values(measured.name, output_unit))
+    inner = {
+        signal.name: across(recording.values(signal.name, signal.unit))
         for signal in plant.observed
         if signal.name in recording.channels
     }
+    observed = {name: values for name, (values, _) in inner.items()}
+    silent = {name: lacking for name, (_, lacking) in inner.items() if lacking.any()}
     read_s = _read_s(recording, measured.name, plant)
     at = declared_read_at(recording) if read_at is None else read_at
     if read_s is not None:
@@ -249,7 +253,8 @@ def experiment(
     drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
     return Experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
-        recording.time_s, drive, grid_s, output, observed, at is not None, read_s=read_s, gain_stds=stated,
+        recording.time_s, drive, grid_s, output, observed, at is not None, ignored if ignored.any() else None,
+        read_s=read_s, gain_stds=stated, silent=silent,
         skew_s=() if read_s is not None else _skew_s(recording, measured.name, plant, at or 0.0),
     )  # fmt: skip
 
@@ -456,8 +461,10 @@ def sample_intervals_s(experiments: Sequence[Experiment]) -> list[float]:
 def require_excitation(experiments: Sequence[Experiment]) -> None:
     """Raise `FileError` when a recording is too short to tell anything, or no output or its input moves."""
     for e in experiments:
-        if len(e.output) < FEWEST_SAMPLES:
-            raise FileError(f"{e.name}: {len(e.output)} samples; at least {FEWEST_SAMPLES} are needed to identify")
+        count = int(np.count_nonzero(e.told))
+        if count < FEWEST_SAMPLES:
+            of = "" if count == len(e.output) else f" of '{e.output_heading}' that were measured"
+            raise FileError(f"{e.name}: {count} samples{of}; at least {FEWEST_SAMPLES} are needed to identify")
     telling = [e for e in experiments if not e.stands_still] or experiments
     if all(np.ptp(e.drive.inputs[0]) == 0.0 for e in telling):
         names = ", ".join(e.name for e in telling)

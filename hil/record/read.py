@@ -53,7 +53,7 @@ def format_of(path: Path) -> ModuleType:
 
 
 def read_recording(path: str | Path, reading: Reading = AS_IT_IS) -> Recording:
-    """Read a recording from a file or a run folder, of measurements alone (see `hil.record.unmeasured.measured_rows`).
+    """Read a recording from a file or a run folder; NaN is where a sample of a run is no measurement.
 
     Args:
         path: of it.
@@ -81,9 +81,9 @@ def read_any(path: str | Path, reading: Reading = AS_IT_IS) -> Recording | Respo
     path = path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path)
     if path.is_dir():
         from hil.record.folder import read
-        from hil.record.unmeasured import measured_rows
+        from hil.record.unmeasured import with_blanks
 
-        return as_said(measured_rows(read(path)), reading)
+        return as_said(with_blanks(read(path)), reading)
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
     form = _by_content(path) or format_of(path)

@@ -38,36 +38,69 @@ def sentence(recording: Recording, name: str, lacking: NDArray[np.bool_]) -> str
     )
 
 
-def measured_rows(recording: Recording) -> Recording:
-    """The rows in which every channel was measured; a channel that was never measured is left out.
+def with_blanks(recording: Recording) -> Recording:
+    """The recording with NaN for each sample that is no measurement; without channels that were never measured.
 
-    `meta["unmeasured"]` says what was cut, a sentence for each channel.
+    `meta["unmeasured"]` says what was not measured, a sentence for each channel.
 
     Raises:
-        FileError: fewer than two rows are left.
+        FileError: no channel was ever measured.
     """
     lacking = unmeasured(recording)
     if not lacking:
         return recording
-    kept = {name: c for name, c in recording.channels.items() if name not in lacking or not lacking[name].all()}
-    rows = ~np.logical_or.reduce(
-        [lacking[name] for name in kept if name in lacking] or [np.zeros(len(recording), bool)]
-    )
     said = [sentence(recording, name, mask) for name, mask in lacking.items()]
+    channels = {
+        name: channel if name not in lacking else replace(channel, values=_blanked(channel.values, lacking[name]))
+        for name, channel in recording.channels.items()
+        if name not in lacking or not lacking[name].all()
+    }
+    if not channels:
+        raise FileError(f"{recording.name}: {'; '.join(said)}")
+    return replace(recording, channels=channels, meta={**recording.meta, "unmeasured": said})
+
+
+def _blanked(values: Array, lacking: NDArray[np.bool_]) -> Array:
+    return np.where(lacking, np.nan, values)
+
+
+def measured_rows(recording: Recording, names: Iterable[str]) -> Recording:
+    """The rows in which each of these channels was measured.
+
+    Raises:
+        FileError: fewer than two rows are left.
+    """
+    named = [name for name in names if name in recording.channels]
+    lacking = {name: ~np.isfinite(recording.channels[name].values) for name in named if name not in recording.own}
+    if not any(mask.any() for mask in lacking.values()):
+        return recording
+    rows = ~np.logical_or.reduce(list(lacking.values()))
     if np.count_nonzero(rows) < 2:
-        raise FileError(f"{recording.name}: no two rows in which every channel was measured: {'; '.join(said)}")
+        said = [sentence(recording, name, mask) for name, mask in lacking.items() if mask.any()]
+        raise FileError(f"{recording.name}: no two rows in which all that is used was measured: {'; '.join(said)}")
     before = np.concatenate(([0], np.cumsum(rows)))  # rows that are left, before each
 
     def moved(events: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
         return [{**event, "row": int(before[min(event["row"], len(recording))])} for event in events]
 
-    time_s, meta = recording.time_s[rows], {**recording.meta, "unmeasured": said}
+    time_s, meta = recording.time_s[rows], dict(recording.meta)
     if "events" in meta:
         meta["events"] = moved(meta["events"])
     if "parts" in meta:
         meta["parts"] = parts_of(moved(as_events(meta["parts"])), time_s)
-    channels = {name: replace(channel, values=channel.values[rows]) for name, channel in kept.items()}
+    channels = {name: replace(channel, values=channel.values[rows]) for name, channel in recording.channels.items()}
     return replace(recording, time_s=time_s, channels=channels, meta=meta)
+
+
+def across(values: Array) -> tuple[Array, NDArray[np.bool_]]:
+    """Numbers in place of samples that are no measurements, straight from one that is one to the next; and which."""
+    lacking = ~np.isfinite(values)
+    if not lacking.any():
+        return values, lacking
+    if lacking.all():
+        return np.zeros_like(values), lacking
+    at = np.arange(len(values))
+    return np.interp(at, at[~lacking], values[~lacking]), lacking
 
 
 def supposed(recording: Recording, where: Literal["near", "far"]) -> Recording:

@@ -41,6 +41,7 @@ from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Array, Recording, split_heading
 from hil.record.response_table import ResponseTable
+from hil.record.unmeasured import measured_rows
 
 _LINEAR = "transfer-function"
 _MEMBERSHIPS = ("left trapezoid", "left triangle", "right triangle", "right trapezoid")
@@ -60,7 +61,8 @@ def models_of_steps(
         InputError: no step, or a response that does not follow one.
     """
     response = None if beside is None else as_response([beside])
-    found = measured_steps(_levels(recording), *channels_of(recording, input_name, output_name), band=band)
+    names = channels_of(recording, input_name, output_name)
+    found = measured_steps(_levels(measured_rows(recording, names)), *names, band=band)
     return [_of_step(one, response, band) for one in found]
 
 
@@ -191,6 +193,7 @@ def estimated_online(
         FileError: uneven stamps, or input and output stamped apart.
         InputError: what `RecursiveLeastSquares` refuses.
     """
+    recording = measured_rows(recording, (input_name, output_name))
     time_s = recording.time_s
     intervals = np.diff(time_s)
     if np.ptp(intervals) > _EVEN * float(np.median(intervals)):
@@ -337,6 +340,9 @@ def error_between(
     Raises:
         FileError: they have different intervals.
     """
+    for one in (measured, reference):
+        if len(measured_rows(one, (output_name,))) < len(one):
+            raise FileError(f"{'; '.join(one.meta['unmeasured'])}: eq. 4.1 compares sample by sample")
     shared = min(len(measured), len(reference))
     steps = [float(np.median(np.diff(one.time_s))) for one in (measured, reference)]
     if abs(steps[0] - steps[1]) > _EVEN * steps[0]:

@@ -18,13 +18,14 @@ from hil.errors import FileError, LinkError
 from hil.record.measurement import Findings, Measurement
 from hil.record.read import read_recording
 from hil.record.recording import Channel, Recording
-from hil.record.unmeasured import measured_rows, supposed
+from hil.record.unmeasured import measured_rows, supposed, with_blanks
 from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock, Watch
 from hil.safety.protection import Protection
 from hil.session.procedure import load_procedure
 from hil.session.resting import measured_findings
 from hil.session.run import evaluate_run, run_procedure
+from tests.concealed import bound, nominal, records
 from tests.wire import Wire
 
 NONE = (np.nan, np.inf, -np.inf)
@@ -140,15 +141,37 @@ def test_suppositions_are_numbers_and_leave_alone_what_was_measured() -> None:
 def test_rows_without_a_measurement_are_cut_and_a_dead_channel_left_out() -> None:
     made = recording([1.0, np.nan, 3.0, np.inf, 5.0])
     dead = replace(made, channels={**made.channels, "b": Channel("b", "V", np.full(5, np.nan))})
-    cut = measured_rows(dead)
+    told = with_blanks(dead)
+    cut = measured_rows(told, ["a", "b"])
     assert (cut.values("a").tolist(), cut.time_s.tolist(), set(cut.channels)) == (
         [1.0, 3.0, 5.0],
         [0.0, 2.0, 4.0],
         {"a"},
     )
     assert len(cut.meta["unmeasured"]) == 2
-    with pytest.raises(FileError, match="no two rows in which every channel was measured"):
-        measured_rows(recording([1.0, np.nan, np.inf]))
+    assert len(measured_rows(told, [])) == 5
+    with pytest.raises(FileError, match="no two rows in which all that is used was measured"):
+        measured_rows(recording([1.0, np.nan, np.inf]), ["a"])
+    with pytest.raises(FileError, match="'a' was not measured in 2 of 2"):
+        with_blanks(recording([np.nan, np.inf]))
+
+
+def test_only_channels_that_are_used_decide_which_samples_tell() -> None:
+    """A second meter at the end of its range costs nothing; samples of the response that are none are not told."""
+    (made, *_) = records(seed=5)
+    flow, spool = made.values("flow").copy(), made.values("flow").copy()
+    flow[1000:1100], spool[200:900] = np.inf, np.nan
+    lacking = replace(made, channels={
+        **made.channels,
+        "flow": Channel("flow", "l/min", flow),
+        "spool position": Channel("spool position", "%", spool),
+        "other meter": Channel("other meter", "l/min", np.where(spool > 0.0, np.inf, spool)),
+    })  # fmt: skip
+    (e,) = bound(nominal(), [with_blanks(lacking)])
+    assert len(e.output) == len(made)
+    assert e.ignored is not None and np.flatnonzero(e.ignored).tolist() == list(range(1000, 1100))
+    assert np.flatnonzero(e.silent["spool position"]).tolist() == list(range(200, 900))
+    assert np.isfinite(e.output).all() and np.isfinite(e.observed["spool position"]).all()
 
 
 def test_only_what_rests_on_no_measurement_is_not_given() -> None:
@@ -190,5 +213,5 @@ def test_a_step_beyond_the_range_of_the_flow_meter_has_no_figure(tmp_path: Path)
     assert "was not measured in" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
     events = [event["event"] for event in read_recording(tmp_path / "run").meta["events"]]
     assert {"reading at the end of its range", "measured again"} <= set(events)
-    assert read_recording(tmp_path / "run").values("flow").max() < 42.0
+    assert np.nanmax(read_recording(tmp_path / "run").values("flow")) < 42.0
     assert evaluate_run(procedure, tmp_path / "run").findings.measured == outcome.findings.measured

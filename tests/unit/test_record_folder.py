@@ -18,6 +18,7 @@ from hil.record.folder import RunWriter, read
 from hil.record.header import Column
 from hil.record.read import read_recording
 from hil.record.tail import Tail
+from hil.record.unmeasured import measured_rows
 
 CHANNELS = [("command", "%"), ("flow", "l/min")]
 
@@ -298,15 +299,17 @@ def test_an_empty_run_says_so(tmp_path: Path) -> None:
         read(path)
 
 
-def test_what_was_not_measured_is_kept_as_such_and_left_out_for_who_asks_for_measurements(tmp_path: Path) -> None:
+def test_what_was_not_measured_is_kept_as_such_and_is_no_number_for_who_asks_for_measurements(tmp_path: Path) -> None:
     with RunWriter.create(tmp_path / "run", {}, CHANNELS) as run, run.part({"kind": "level"}):
         time_s, values = block(0)
         values["flow"][7], values["flow"][9] = np.nan, np.inf
         run.append(time_s, values)
     whole, measured = read(tmp_path / "run"), read_recording(tmp_path / "run")
     assert np.flatnonzero(~np.isfinite(whole.values("flow"))).tolist() == [7, 9]
-    assert measured.time_s.tolist() == np.delete(whole.time_s, [7, 9]).tolist()
-    assert measured.meta["parts"][0]["count"] == whole.meta["parts"][0]["count"] - 2 == len(measured)
+    assert np.flatnonzero(np.isnan(measured.values("flow"))).tolist() == [7, 9]
+    cut = measured_rows(measured, ["flow"])
+    assert cut.time_s.tolist() == np.delete(whole.time_s, [7, 9]).tolist()
+    assert cut.meta["parts"][0]["count"] == whole.meta["parts"][0]["count"] - 2 == len(cut)
     assert "'flow' was not measured in 2 of" in measured.meta["unmeasured"][0]
 
 
