@@ -35,6 +35,7 @@ def identify(
     reading: Reading | None = None,
     part: str = "",
     notes: Notes = unsaid,
+    progress: Progress = quiet,
 ) -> Identified:
     """Fit a plant's parameters to recordings together (`hil identify`).
 
@@ -52,6 +53,7 @@ def identify(
         reading: how paths are read.
         part: of a run that measured several frequency responses, this one.
         notes: told what was assumed of the recordings.
+        progress: told how far it is, where that takes long.
 
     Returns:
         `model`, the fit in words as `text`, and the `experiments` that were fitted.
@@ -64,7 +66,8 @@ def identify(
     read = read_for(str(plant), recordings, reading or AS_IT_IS, part)
     for note in notes_on(read):
         notes(note)
-    return identified(str(plant), read, free, inputs, output, orders_of(poles, zeros, dead_time, weights), notes)
+    orders = orders_of(poles, zeros, dead_time, weights)
+    return identified(str(plant), read, free, inputs, output, orders, notes, progress)
 
 
 def compare(
@@ -155,15 +158,14 @@ def diagnose(
     Returns:
         `diagnosis` and the `corrected` model.
     """
-    from hil.identification.experiment import for_model
     from hil.record.reading import AS_IT_IS
-    from hil.session.diagnosis import diagnosed
+    from hil.session.diagnosis import bound_to, diagnosed
     from hil.session.sources import notes_on, samples_of
 
     nominal = _model(model)
     read = [samples_of(one, reading or AS_IT_IS) for one in recordings]
-    experiments = [for_model(nominal, one, inputs, output) for one in read]
-    for note in notes_on(read, experiments):
+    experiments, said = bound_to(nominal, read, inputs, output)
+    for note in (*notes_on(read, experiments), *said):
         notes(note)
     return diagnosed(nominal, experiments, None if out is None else Path(out), str(bench), bench_budget_s, progress)
 

@@ -40,16 +40,19 @@ def command(
     """Fit a plant's parameters to all recordings together and write a model file."""
     from hil import api
     from hil.cli.places import check_distinct, check_file
+    from hil.cli.progress import shown
     from hil.cli.reading import reading_of, teller
     from hil.record.plain import to_json
 
     check_distinct(recordings)
     check_file(out, recordings)
     assumed: list[str] = []
-    found = api.identify(
-        recordings, plant, free=[name for names in free for name in names.split(",") if name], inputs=input_name,
-        output=output_name, poles=poles, zeros=zeros, dead_time=dead_time, weights=weights, part=part,
-        reading=reading_of(time, interval, unit, rename, columns, gaps), notes=teller(aside=as_json, kept=assumed),
-    )  # fmt: skip
+    with shown() as progress:
+        found = api.identify(
+            recordings, plant, free=[name for names in free for name in names.split(",") if name], inputs=input_name,
+            output=output_name, poles=poles, zeros=zeros, dead_time=dead_time, weights=weights, part=part,
+            reading=reading_of(time, interval, unit, rename, columns, gaps),
+            notes=teller(aside=as_json, kept=assumed), progress=progress,
+        )  # fmt: skip
     api.save_model(found.model, out)
     typer.echo(to_json({**found.as_dict(), "assumed": assumed}) if as_json else found.text)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
+from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,8 +33,17 @@ _RESTARTS = (0.4, 2.5)
 _WELL_ABOVE_FLOOR = 1.5
 _MOST_OVER_FLOOR = 2.0
 _TELLING_CHI2 = 25.0
+# Simulations after which a fit is usually half done, and the share that is done before it.
+_USUAL_SIMULATIONS, _BEFORE_FIT = 60.0, 0.1
 # Units are taken for slower than the start says where so many times more samples are then left out.
 _LATE_SETTLING = 1.1
+
+Progress = Callable[[float, str], None]
+Tick = Callable[[], None]
+
+
+def _quiet(_done: float, _text: str) -> None:
+    """Progress that nobody asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,33 +95,41 @@ def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
     return model
 
 
-def fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = ()) -> GreyBoxFit:
+def fit_plant(
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str] = (), progress: Progress = _quiet
+) -> GreyBoxFit:
     """Estimate the plant's parameters from all experiments together, effects of the model included as they are.
 
     Args:
         model: start values; parameters that are not free stay at them.
         experiments: what to fit.
         also_free: parameters to estimate beside those that the plant does not hold fixed.
+        progress: told how far it is, a share and what is done; how many simulations a fit takes is a guess.
 
     Raises:
         FileError: no input or no output moves.
     """
     with one_blas_thread():
-        return _fit_plant(model, experiments, also_free)
+        return _fit_plant(model, experiments, also_free, progress)
 
 
-def _fit_plant(model: Model, experiments: Sequence[Experiment], also_free: Sequence[str]) -> GreyBoxFit:
+def _fit_plant(
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], progress: Progress
+) -> GreyBoxFit:
     require_excitation(experiments)
+    progress(0.0, "looking at the recordings")
     still = tuple(f"{e.name}: {e.where_it_stands}: {DEAD}; it is left out" for e in experiments if e.stands_still)
     looked = look(model, [e for e in experiments if not e.stands_still])
     alive = looked.experiments
     still = (*still, *looked.said)
     even, said = bridged(model, alive)
-    found = _fitted(model, even, also_free, (*still, *said))
+    tick = _ticking(progress)
+    found = _fitted(model, even, also_free, (*still, *said), tick)
     again, said = bridged(found.model, alive)
     lost, more_lost = (sum(e.count_lost for e in each) for each in (even, again))
     if more_lost > _LATE_SETTLING * lost:  # the start settles too soon to be left in
-        found = _fitted(model, again, also_free, (*still, *said))
+        found = _fitted(model, again, also_free, (*still, *said), tick)
+    progress(1.0, "fitted")
     found = replace(
         found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.estimate.on_bound)))
     )
@@ -123,15 +142,29 @@ def _none_told(found: GreyBoxFit) -> GreyBoxFit:
     return replace(found, model=replace(found.model, parameters=parameters))
 
 
+def _ticking(progress: Progress) -> Tick:
+    """What tells of every simulation that there was another one."""
+    counted, one_at_a_time = count(1), Lock()
+
+    def tick() -> None:
+        with one_at_a_time:
+            done = next(counted)
+            progress(
+                _BEFORE_FIT + (1.0 - _BEFORE_FIT) * done / (done + _USUAL_SIMULATIONS), f"fitting, simulation {done}"
+            )
+
+    return tick
+
+
 def _fitted(
-    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], said: tuple[str, ...]
+    model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], said: tuple[str, ...], tick: Tick
 ) -> GreyBoxFit:
     weights = [1.0 / max(channel_floor(e.told_output), _resolution(e.output)) for e in experiments]
     model, note = _with_structure(model, experiments, weights)
     plant = model.definition
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     names += [name for name in dict.fromkeys(also_free) if "." in name]
-    found, used = _best_reading(model, names, experiments, weights)
+    found, used = _best_reading(model, names, experiments, weights, tick)
     at = _merged(model, found)
     about = Residuals(plant, used, weights, model.values, moved_effects(model, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
@@ -178,6 +211,7 @@ def _best_reading(
     names: Sequence[str],
     experiments: Sequence[Experiment],
     weights: Sequence[float],
+    tick: Tick,
 ) -> tuple[Estimate, list[Experiment]]:
     """Fit with both conventions of when a sample is read, unless the recordings declare it; keep the better."""
     best: tuple[Estimate, list[Experiment]] | None = None
@@ -185,9 +219,9 @@ def _best_reading(
     for read_at in sorted(declared) or (0.0, 1.0):
         moved = [e.reading_at(read_at) for e in experiments]
         start = _unknowns(model, names, all_values(model) if best is None else _merged(model, best[0]))
-        found = _fit_from(model, moved, weights, start)
+        found = _fit_from(model, moved, weights, start, tick)
         if best is None:
-            found = _restarted(model, moved, weights, found)
+            found = _restarted(model, moved, weights, found, tick)
         # Where a dead time can stand in for it, the data do not tell the reading instant: keep the plain one.
         if best is None or found.chi2 < best[0].chi2 - _TELLING_CHI2:
             best = found, moved
@@ -199,7 +233,9 @@ def _merged(model: Model, found: Estimate) -> dict[str, float]:
     return all_values(model) | {u.name: float(v) for u, v in zip(found.unknowns, found.values, strict=True)}
 
 
-def _restarted(model: Model, experiments: Sequence[Experiment], weights: Sequence[float], first: Estimate) -> Estimate:
+def _restarted(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], first: Estimate, tick: Tick
+) -> Estimate:
     """Try other starts while the fit stays far above the noise; a poor start must not pass for physics."""
     best = first
     for factor in _RESTARTS:
@@ -211,7 +247,7 @@ def _restarted(model: Model, experiments: Sequence[Experiment], weights: Sequenc
             else u
             for u in first.unknowns
         ]
-        other = _fit_from(model, experiments, weights, moved)
+        other = _fit_from(model, experiments, weights, moved, tick)
         best = min(best, other, key=lambda found: found.chi2)
     return best
 
@@ -231,7 +267,7 @@ def unknown(parameter: Parameter, start: float) -> Unknown:
 
 
 def _fit_from(
-    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], start: Sequence[Unknown]
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], start: Sequence[Unknown], tick: Tick
 ) -> Estimate:
     plant = model.definition
     names = [u.name for u in start]
@@ -240,6 +276,7 @@ def _fit_from(
     of_plant = Residuals(plant, experiments, weights, base, active)
 
     def residuals(values: Array) -> Array:
+        tick()
         tried = dict(zip(names, values.tolist(), strict=True))
         parameters = base | {name: value for name, value in tried.items() if "." not in name}
         return of_plant.at(parameters, moved_effects(model, tried))

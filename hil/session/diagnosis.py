@@ -15,9 +15,11 @@ from hil.diagnosis.diagnosis import NextTest
 from hil.diagnosis.next_test import Span, span_within
 from hil.errors import SettingError, StorageError
 from hil.identification.experiment import Experiment, for_model
+from hil.identification.stretches import experiments_of
 from hil.physics.model import Model, save_model
 from hil.record.plain import plain
 from hil.record.read import read_recording
+from hil.record.recording import Recording, split_heading
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
@@ -28,6 +30,14 @@ DIAGNOSIS_FILE, CORRECTED_FILE, REPORT_FILE = "diagnosis.json", "corrected.json"
 _WAYS = 4.0
 
 Progress = Callable[[float, str], None]
+
+
+def bound_to(
+    model: Model, recordings: Sequence[Recording], inputs: Sequence[str] = (), output: str = ""
+) -> tuple[list[Experiment], tuple[str, ...]]:
+    """Recordings bound to a model, in their most telling stretches where they are too long; and that in words."""
+    command = inputs[0] if inputs and inputs[0] else split_heading(model.input)[0]
+    return experiments_of(model, recordings, lambda _: command, lambda one: for_model(model, one, inputs, output))
 
 
 def diagnosed(

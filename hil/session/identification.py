@@ -10,6 +10,7 @@ from typing import Any
 from hil.errors import FileError, SettingError
 from hil.identification.experiment import Experiment, experiment
 from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.stretches import experiments_of
 from hil.identification.table_fit import AS_THEY_SHOW, Orders, fit_tables
 from hil.physics.model import Model
 from hil.physics.plant import Plant
@@ -21,6 +22,7 @@ from hil.session.sources import Source, read_source
 
 SCHEMA = "hil.identified/1"
 _LINEAR = "transfer-function"
+_LONG = 100_000  # samples from which on a fit takes longer than a glance
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,8 +91,11 @@ def identified(
     output_name: str = "",
     orders: Orders = AS_THEY_SHOW,
     notes: Callable[[str], None] = lambda _note: None,
+    progress: Callable[[float, str], None] = lambda _done, _text: None,
 ) -> Identified:
     """Fit a plant, or the model of a file, to everything that was read; `notes` is told what was assumed.
+
+    `progress` is told how far it is where that takes long.
 
     Raises:
         FileError, UnknownNameError, SettingError: what cannot be fitted, and why.
@@ -107,19 +112,29 @@ def identified(
         )
     start = starting_model(plant, free)
     recordings = [one for one in read if isinstance(one, Recording)]
-    experiments = [bound(one, start.definition, input_name, output_name) for one in recordings]
-    for note in (note for one in experiments for note in one.notes):
+    plant_of = start.definition
+    experiments, said = experiments_of(
+        start, recordings, lambda one: _channels(one, plant_of, input_name, output_name)[0][0],
+        lambda one: bound(one, plant_of, input_name, output_name),
+    )  # fmt: skip
+    for note in (*said, *(note for one in experiments for note in one.notes)):
         notes(note)
-    found = fit_plant(start, experiments, free)
+    is_long = sum(len(one.output) for one in experiments) >= _LONG
+    found = fit_plant(start, experiments, free, progress if is_long else lambda _done, _text: None)
     return Identified(found.model, found.summary(), tuple(experiments), dict(found.fits), found.notes)
 
 
 def bound(recording: Recording, plant: Plant, input_name: Sequence[str] = (), output_name: str = "") -> Experiment:
     """A recording bound to a plant: by the names given, else by the plant's, else by the roles that a run declares."""
+    given, answer = _channels(recording, plant, input_name, output_name)
+    return experiment(recording, plant, given, answer or None)
+
+
+def _channels(recording: Recording, plant: Plant, input_name: Sequence[str], output_name: str) -> tuple[list[str], str]:
     roles = recording.meta.get("roles", {})
     given, answer = list(input_name), output_name
     if not given and plant.inputs[0].name not in recording.channels and "command" in roles:
         given = [str(roles["command"])]
     if not answer and plant.output.name not in recording.channels and "response" in roles:
         answer = str(roles["response"])
-    return experiment(recording, plant, given, answer or None)
+    return given or [plant.inputs[0].name], answer

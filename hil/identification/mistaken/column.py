@@ -12,6 +12,7 @@ from hil.identification.mistaken.suspicion import GOOD_FIT, Suspicion, fit_but_f
 from hil.identification.noise import channel_floor, white_floor
 from hil.physics.model import Model
 from hil.record.recording import Array
+from hil.record.unmeasured import across
 
 # Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
 _HOPELESS, _FITS_BETTER = 35.0, 20.0
@@ -26,11 +27,11 @@ def swapped_columns(model: Model, e: Experiment, simulated: Array) -> Suspicion 
     if before > _HOPELESS and not by_a_loop and not noisy:
         return None
     inputs = e.drive.inputs.copy()
-    inputs[0] = e.to_follow
+    inputs[0] = across(e.to_follow)[0]
     turned = replace(e, drive=replace(e.drive, inputs=inputs, first_output=float(command[0])), output=command)
     enough = good_fit(model) if before <= _HOPELESS else GOOD_FIT
     fit = fit_but_for_gain(model, turned)
-    if fit <= max(enough, before + _FITS_BETTER):
+    if not fit > max(enough, before + _FITS_BETTER):
         return None
     looks = (
         f"the columns '{e.input}' and '{e.output_heading}' look swapped: {spoken_of(model)} fits the other way round"

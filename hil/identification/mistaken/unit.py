@@ -90,8 +90,8 @@ def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspici
         for channel in range(len(e.drive.inputs) + 1)
         for k in unit_factors(_unit_of(model, e, channel))
     ]
-    best = max(tried, key=lambda found: found.fit)
-    if best.fit <= _enough(model, before, best.factor):
+    best = max(tried, key=lambda found: np.nan_to_num(found.fit, nan=-np.inf))
+    if not best.fit > _enough(model, before, best.factor):
         return None
     first, *others = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
     also = "".join(f" (or '{other.channel}' {other.how} by it)" for other in others)

@@ -1,0 +1,75 @@
+"""Recordings too long to be fitted whole are fitted where their command tells most, and that is said."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.identification import stretches
+from hil.identification.experiment import Experiment, experiment
+from hil.identification.grey_box import fit_plant, starting_model
+from hil.identification.stretches import Stretch, experiments_of, telling_stretches
+from hil.physics.model import Model
+from hil.physics.simulate import Drive, simulate
+from hil.record.recording import Array, Recording, recording
+
+INTERVAL_S = 0.01
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stretches, "MOST_SAMPLES", 6000)
+    monkeypatch.setattr(stretches, "_SAMPLES", 1000)
+
+
+def long_command(count: int = 40_000) -> Array:
+    """At rest but for two places: small steps at one, large ones at another."""
+    rng = np.random.default_rng(1)
+    command = np.zeros(count)
+    command[8000:12_000] = np.repeat(rng.uniform(-5.0, 5.0, 80), 50)
+    command[30_000:33_000] = np.repeat(rng.uniform(-60.0, 90.0, 30), 100)
+    return command
+
+
+def made(command: Array) -> Recording:
+    plant = starting_model("brevini-hpv41").definition
+    true = plant.typical | {"dead_band": 12.0, "full_flow": 60.0}
+    flow = simulate(plant, true, Drive(command[None, :], 0.0, INTERVAL_S))[0]
+    flow += 0.2 * np.random.default_rng(2).standard_normal(len(flow))
+    return recording("long", INTERVAL_S * np.arange(len(flow)), {"command [%]": command, "flow [l/min]": flow})
+
+
+def bound(start: Model, one: Recording) -> tuple[list[Experiment], tuple[str, ...]]:
+    return experiments_of(start, [one], lambda _: "command", lambda part: experiment(part, start.definition))
+
+
+def test_stretches_are_taken_where_the_command_tells() -> None:
+    found = telling_stretches(long_command(), 5000, 1000)
+    taken = {first for s in found for first in range(s.first, s.first + s.count, 1000)}
+    assert len(taken) == 5 and {30_000, 31_000, 32_000} <= taken
+    assert all(8000 <= first < 12_000 or 30_000 <= first < 33_000 for first in taken)
+
+
+def test_a_command_that_is_short_enough_is_taken_whole() -> None:
+    assert telling_stretches(long_command()[8000:8900], 1000, 100) == [Stretch(0, 900)]
+
+
+def test_a_long_recording_is_identified_from_a_part_of_it_and_that_is_said(few: None) -> None:
+    start, whole = starting_model("brevini-hpv41"), made(long_command())
+    experiments, said = bound(start, whole)
+    assert "40000 samples are more than a fit needs" in said[0]
+    assert sum(len(e.output) for e in experiments) <= 6000
+    for e in experiments:
+        assert e.ignored is not None and e.ignored[0] and not e.ignored[-1]
+    steps: list[float] = []
+    found = fit_plant(start, experiments, progress=lambda done, _text: steps.append(done)).model.parameters
+    assert steps == sorted(steps) and steps[-1] == 1.0
+    for name, true in (("dead_band", 12.0), ("full_flow", 60.0)):
+        std = found[name].std
+        assert std is not None and abs(found[name].value - true) < 4.0 * std < 0.1 * true
+
+
+def test_a_recording_that_is_no_longer_than_that_is_used_as_it_is(few: None) -> None:
+    start, short = starting_model("brevini-hpv41"), made(long_command()[29_000:34_000])
+    (e,), said = bound(start, short)
+    assert (e.name, len(e.output), said) == ("long", 5000, ())
