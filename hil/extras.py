@@ -10,7 +10,7 @@ EXTRAS: Mapping[str, str] = {
     **dict.fromkeys(("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl"), "formats"),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
     **dict.fromkeys(("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf"), "passport"),
-    **dict.fromkeys(("starlette", "uvicorn", "python_multipart"), "console"),
+    **dict.fromkeys(("starlette", "uvicorn", "python_multipart", "argon2", "itsdangerous"), "console"),
     "nidaqmx": "ni",
     "control": "control",
     "psycopg": "postgresql",

@@ -2,25 +2,38 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import typer
 
 from hil.cli.runs import ARCHIVE
 
+group = typer.Typer()
+users = typer.Typer(no_args_is_help=True, help="Accounts of the console.")
+group.add_typer(users, name="user")
 
-def command(
+
+@group.callback(invoke_without_command=True)
+def console(
+    context: typer.Context,
     host: str = typer.Option("127.0.0.1", "--host", help="Where it listens."),
     port: int = typer.Option(8123, "--port", min=0, max=65535, help="Its port; 0 takes one that is free."),
     benches: Path = typer.Option(Path(), "--benches", metavar="DIR", help="Folder of this lab's bench files."),
     archive: str = ARCHIVE,
+    cert: Path | None = typer.Option(None, "--cert", metavar="FILE", help="Certificate, where others reach it."),
+    key: Path | None = typer.Option(None, "--key", metavar="FILE", help="Key of the certificate."),
     open_page: bool = typer.Option(False, "--open", help="Show it in the browser."),
 ) -> None:
     """Serve the operator's console: bench, run, results, diagnosis and devices as pages. Ctrl-C ends it.
 
     It holds nothing that a run needs: a run goes on when the console ends, and its stop button reaches it directly.
+    Beyond this computer (--host) it needs accounts and a certificate.
     """
+    if context.invoked_subcommand:
+        return
     from hil.archive.place import DEFAULT_FOLDER, archive_place
+    from hil.console.access_where import Where
     from hil.console.serve import serve
     from hil.console.site import Site
     from hil.safety.latch import state_path
@@ -34,4 +47,40 @@ def command(
         if open_page:
             typer.launch(address)
 
-    serve(site, host, port, ready)
+    serve(site, Where(host, port, cert, key), ready)
+
+
+@users.command()
+def add(
+    name: str = typer.Argument(..., metavar="NAME", help="Who it is."),
+    role: str = typer.Option("operator", "--role", help="viewer looks, operator drives, engineer also sets limits."),
+) -> None:
+    """A new account, or another role and password for one; the password is asked for, and read from no argument."""
+    from hil.console.access_accounts import Accounts
+
+    Accounts().add(name, role, _password())
+    typer.echo(f"{name}: {role}")
+
+
+@users.command()
+def remove(name: str = typer.Argument(..., metavar="NAME", help="Whose account goes.")) -> None:
+    """Take an account away; who is logged in with it is out at once."""
+    from hil.console.access_accounts import Accounts
+
+    Accounts().remove(name)
+
+
+@users.command(name="list")
+def list_() -> None:
+    """Each account and its role."""
+    from hil.console.access_accounts import Accounts
+
+    for name, account in Accounts().all().items():
+        typer.echo(f"{name}  {account.role}")
+
+
+def _password() -> str:
+    """Typed twice on the terminal, or a line of stdin where that is none."""
+    if not sys.stdin.isatty():
+        return sys.stdin.readline().rstrip("\r\n")
+    return str(typer.prompt("password", hide_input=True, confirmation_prompt=True, err=True))

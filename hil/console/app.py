@@ -12,6 +12,10 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from hil.console.access import Access, audited
+from hil.console.access_accounts import Accounts
+from hil.console.access_audit import Audit
+from hil.console.access_where import Where
 from hil.console.console import Console
 from hil.console.headers import Headers
 from hil.console.page import refusal
@@ -21,9 +25,9 @@ from hil.console.underway import Underway
 from hil.errors import HilError
 
 
-def application(site: Site) -> Starlette:
-    """The console of a site."""
-    console = Console(site, Underway(site.runs))
+def application(site: Site, where: Where, accounts: Accounts, audit: Audit) -> Starlette:
+    """The console of a site, reached there by those who have an account."""
+    console = Console(site, Underway(site.runs), audit=audited(audit))
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
@@ -36,7 +40,10 @@ def application(site: Site) -> Starlette:
             *diagnose.ROUTES, *devices.ROUTES,
             Mount("/static", StaticFiles(packages=[("hil.console", "static")])),
         ],
-        middleware=[Middleware(Headers)],
+        middleware=[
+            Middleware(Headers, listeners=where.listeners),
+            Middleware(Access, where=where, accounts=accounts, audit=audit),
+        ],
         exception_handlers={HilError: _refused},
         lifespan=lifespan,
     )  # fmt: skip

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from hil.errors import StorageError
 from hil.safety.latch import state_path
 
-_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class Console(BaseModel):
@@ -37,7 +37,7 @@ class Console(BaseModel):
     @property
     def is_reached_from_elsewhere(self) -> bool:
         """Whether other computers reach it, over TLS."""
-        return self.host not in _LOOPBACK and bool(self.cert and self.key)
+        return self.host not in LOOPBACK and bool(self.cert and self.key)
 
 
 @contextmanager

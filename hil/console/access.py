@@ -1,0 +1,249 @@
+"""Who may: what stands in front of every page of the console.
+
+A request comes through here first: is it meant for this console (host), does it come from one of its pages (origin),
+not too often and not too much, from whom, and may they. A stop does not pass here: it goes to the run's own listener.
+What a page needs for that (`/controls`, scripts) asks for no role either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import suppress
+from getpass import getuser
+from typing import Any
+from urllib.parse import urlencode
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, RedirectResponse, Response
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from hil.console.access_accounts import ROLES, Accounts, Role
+from hil.console.access_audit import Audit
+from hil.console.access_limits import Limiter, Rate, TooLargeError, limited
+from hil.console.access_seat import Seat, SeatTakenError
+from hil.console.access_session import COOKIE, LASTS_S, Session, Sessions, account_of
+from hil.console.access_where import Where
+from hil.console.page import page
+from hil.errors import HilError
+from hil.language.words import marked
+
+_ASKS_FOR_NOBODY = ("/login", "/logout", "/controls")  # and what lies below /static/
+_NEEDS_NO_SEAT = ("/run/check", "/seat", "/login", "/logout")
+_ENGINEERS = ("/devices/", "/diagnose/accept")  # what others are judged by, and the twins
+_UPLOADS = "/diagnose/"
+_SMALL, _LARGE = 1 << 20, 256 << 20
+_ALL, _ACTS, _LOGINS = Rate(1000.0, 400.0), Rate(60.0, 10.0), Rate(5.0, 0.1)
+_SAFE = ("GET", "HEAD", "OPTIONS")
+
+
+class Access:
+    """The door: middleware for any Starlette or FastAPI application.
+
+    A request that passes has in its scope `hil.account` (the name; empty for nobody), `hil.role` and `hil.session`. On
+    this computer, without accounts, everybody is who has started the console, as an engineer.
+
+    Args:
+        app: what stands behind it.
+        where: it is reached.
+        accounts: who may come in.
+        audit: where it is written down who came in, and who took the seat.
+        seat: who operates.
+    """
+
+    def __init__(self, app: ASGIApp, where: Where, accounts: Accounts, audit: Audit, seat: Seat | None = None) -> None:
+        self._app, self._where, self._accounts, self._audit = app, where, accounts, audit
+        self.seat = seat or Seat()
+        self._sessions = Sessions()
+        self._all, self._acts, self._logins = Limiter(_ALL), Limiter(_ACTS), Limiter(_LOGINS)
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """An ASGI call."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":  # the console has no websockets
+            await send({"type": "websocket.close", "code": 1008})
+            return
+        path = scope["path"]
+        begun = False
+
+        async def sent(message: Message) -> None:
+            nonlocal begun
+            begun = True
+            await send(message)
+
+        most = _LARGE if path.startswith(_UPLOADS) else _SMALL
+        request = Request(scope, limited(receive, most))
+        try:
+            answer = self._refused(request, most) or await self._let_in(request)
+            if answer is None:
+                await self._app(scope, request.receive, self._with_cookie(scope, sent))
+                return
+        except TooLargeError as error:
+            if begun:
+                raise
+            answer = _no(413, f"the request is too large, or does not end: {error}")
+        await answer(scope, receive, send)
+
+    def _refused(self, request: Request, most: int) -> Response | None:
+        """What is wrong with a request whoever sends it."""
+        caller = request.client.host if request.client else ""
+        host, acts = request.headers.get("host", ""), request.method not in _SAFE
+        if not self._all.admits(caller) or (acts and not self._acts.admits(caller)):
+            return _no(429, "too many requests; wait a moment")
+        if not self._where.is_everywhere and host not in self._where.hosts:
+            return _no(421, f"this console is not {host:.80}; it is {self._where.origins[0]}")
+        if acts and not self._is_ours(request, host):
+            return _no(403, "this did not come from a page of this console")
+        length = request.headers.get("content-length", "0")
+        if length.isdecimal() and int(length[:18]) > most:
+            return _no(413, f"at most {most} bytes are taken")
+        return None
+
+    def _is_ours(self, request: Request, host: str) -> bool:
+        origin = request.headers.get("origin", "")
+        return (
+            origin == f"{self._where.scheme}://{host}" if self._where.is_everywhere else origin in self._where.origins
+        )
+
+    async def _let_in(self, request: Request) -> Response | None:
+        """Who it is, and whether they may; None when they may."""
+        try:
+            session, name, role = self._known(request)
+        except HilError as error:  # nobody comes in while it is not known who may
+            return _no(503, str(error))
+        request.scope.update({"hil.account": name, "hil.role": role, "hil.session": session})
+        self.seat.seen(session.id)
+        path = request.url.path
+        if path == "/login":
+            return await self._login(request) if request.method == "POST" else _login_page(request)
+        if path == "/logout" and request.method == "POST":
+            return self._logout(session)
+        if path == "/seat":
+            return await self._asked_for_seat(request, session, name, role)
+        needed = _needed(request.method, path)
+        if needed is None:
+            return None
+        if role is None:
+            return _ask_to_log_in(request)
+        if ROLES.index(role) < ROLES.index(needed):
+            return _no(403, f"{name} is {role}; this needs {needed}")
+        return self._seated(request, session, name)
+
+    def _known(self, request: Request) -> tuple[Session, str, Role | None]:
+        session = self._sessions.read(request.cookies.get(COOKIE, "")) or self._sessions.begun()
+        if self._where.is_local and not self._accounts.all():
+            return session, _local_name(), "engineer"
+        account = account_of(session, self._accounts) if session.name else None
+        return (session, session.name, account.role) if account else (session, "", None)
+
+    def _seated(self, request: Request, session: Session, name: str) -> Response | None:
+        if request.method in _SAFE or request.url.path in _NEEDS_NO_SEAT:
+            return None
+        try:
+            if self.seat.take(session.id, name):
+                self._audit.write(name, "operates", {"address": _address(request)})
+        except SeatTakenError as taken:
+            return _no(409, str(taken))
+        except HilError as error:
+            return _no(503, str(error))
+        return None
+
+    async def _asked_for_seat(self, request: Request, session: Session, name: str, role: Role | None) -> Response:
+        """Who operates; `take=1` takes the seat over, `take=0` lets go of it."""
+        if request.method == "POST":
+            if role is None or role == "viewer":
+                return _no(403, "operating needs the role operator")
+            wanted = str((await request.form()).get("take", ""))
+            if wanted == "1" and self.seat.take(session.id, name, over=True):
+                self._audit.write(name, "takes over", {"address": _address(request)})
+            elif wanted == "0":
+                self.seat.leave(session.id)
+        answer = JSONResponse({"operator": self.seat.holder, "account": name, "role": role})
+        return self._keep(answer, session)
+
+    async def _login(self, request: Request) -> Response:
+        form = await request.form(max_files=0, max_fields=8)
+        name, password = str(form.get("name", "")), str(form.get("password", ""))
+        if not (self._logins.admits(_address(request)) and self._logins.admits(f"name {name:.64}")):
+            return _login_page(request, marked("Too many tries; wait a minute."), 429)
+        account = await run_in_threadpool(self._accounts.verified, name, password)
+        if account is None:
+            self._audit.write(f"{name:.64}", "was refused", {"address": _address(request)})
+            return _login_page(request, marked("No account with that name and password."), 401)
+        self._audit.write(name, "logs in", {"address": _address(request), "role": account.role})
+        return self._keep(RedirectResponse(_next(request), 303), self._sessions.begun(name, account))
+
+    def _logout(self, session: Session) -> Response:
+        self.seat.leave(session.id)
+        answer = RedirectResponse("/login", 303)
+        answer.delete_cookie(COOKIE)
+        return answer
+
+    def _keep(self, answer: Response, session: Session) -> Response:
+        answer.set_cookie(
+            COOKIE, self._sessions.signed(session), max_age=LASTS_S, httponly=True, samesite="strict",
+            secure=self._where.scheme == "https",
+        )  # fmt: skip
+        return answer
+
+    def _with_cookie(self, scope: Scope, send: Send) -> Send:
+        """A browser that is new here is told its session with its first page."""
+        if COOKIE in Request(scope).cookies and self._sessions.read(Request(scope).cookies[COOKIE]):
+            return send
+
+        async def sent(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                cookie = self._keep(Response(), scope["hil.session"]).headers["set-cookie"]
+                message = {**message, "headers": [*message["headers"], (b"set-cookie", cookie.encode("latin-1"))]}
+            await send(message)
+
+        return sent
+
+
+def audited(audit: Audit) -> Any:
+    """What an application calls for each act: (request, act, details); the name is that of the request."""
+
+    def write(request: Request, act: str, details: Mapping[str, Any]) -> None:
+        audit.write(request.scope.get("hil.account", ""), act, {"address": _address(request), **details})
+
+    return write
+
+
+def _needed(method: str, path: str) -> Role | None:
+    """The role that a request needs; None where it needs none."""
+    if path in _ASKS_FOR_NOBODY or path.startswith("/static/"):
+        return None
+    if method in _SAFE:
+        return "viewer"
+    return "engineer" if path.startswith(_ENGINEERS) else "operator"
+
+
+def _ask_to_log_in(request: Request) -> Response:
+    wants_page = request.method in _SAFE and "application/json" not in request.headers.get("accept", "")
+    return RedirectResponse(f"/login?next={request.url.path}", 303) if wants_page else _no(401, "log in first")
+
+
+def _next(request: Request) -> str:
+    """Where somebody wanted to go: a path of this console, never another place."""
+    path = request.query_params.get("next", "")
+    return path if path.startswith("/") and not path.startswith(("//", "/\\")) and path.isprintable() else "/"
+
+
+def _address(request: Request) -> str:
+    return request.client.host if request.client else ""
+
+
+def _local_name() -> str:
+    with suppress(OSError, KeyError):
+        return getuser()
+    return "local"
+
+
+def _no(status: int, text: str) -> Response:
+    return JSONResponse({"error": text}, status)
+
+
+def _login_page(request: Request, why: str = "", status: int = 200) -> Response:
+    return page(request, "login.html", status, why=why, target=f"/login?{urlencode({'next': _next(request)})}")

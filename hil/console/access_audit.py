@@ -1,0 +1,105 @@
+"""The audit trail: who moved an output, reset a trip or overrode a limit, and when. Lines are only ever added."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import threading
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock
+
+from hil.errors import FileError, StorageError
+from hil.safety.latch import state_path
+
+_TAIL_BYTES = 1 << 16
+_BEGINNING = "0" * 64
+
+
+class Audit:
+    """An append-only file of JSON lines, each on the disk before the act that it tells of is answered.
+
+    Every line holds the SHA-256 of the one before it, so that a line that was changed or taken out is found; whoever
+    can write the file can also write all of it anew.
+
+    Args:
+        path: of the file.
+    """
+
+    def __init__(self, path: Path | None = None) -> None:
+        self.path = path or state_path("console", "audit", ".jsonl")
+        self._lock = threading.Lock()
+
+    def write(self, who: str, act: str, details: Mapping[str, Any]) -> None:
+        """Add a line.
+
+        Raises:
+            StorageError: it is not on the disk; what it tells of must not be done unnoticed.
+        """
+        try:
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            with self._lock, FileLock(self.path.with_suffix(".lock"), timeout=5.0):
+                self._add(who, act, details)
+        except OSError as error:  # also of a lock that somebody keeps
+            raise StorageError(f"{self.path}: the audit trail cannot be written: {error.strerror or error}") from error
+
+    def _add(self, who: str, act: str, details: Mapping[str, Any]) -> None:
+        handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
+        try:
+            last, whole = _last_line(handle)
+            line = {
+                "utc": datetime.now(UTC).isoformat(timespec="milliseconds"), "who": who, "act": act,
+                "details": details, "previous": hashlib.sha256(last).hexdigest() if last else _BEGINNING,
+            }  # fmt: skip
+            text = json.dumps(line, ensure_ascii=False, default=str).encode() + b"\n"
+            _write_all(handle, text if whole else b"\n" + text)  # one that was torn by a power cut stays as it is
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+
+
+def read_audit(path: Path) -> Iterator[dict[str, Any]]:
+    """The lines of an audit trail, oldest first.
+
+    Raises:
+        FileError: a line was changed, or one before it taken out; names its number.
+    """
+    last = b""
+    try:
+        lines = path.read_bytes().split(b"\n")
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
+    for number, line in enumerate(lines, 1):
+        if not line:
+            continue
+        try:
+            told = json.loads(line)
+            follows = told["previous"] == (hashlib.sha256(last).hexdigest() if last else _BEGINNING)
+        except (ValueError, KeyError, TypeError):
+            raise FileError(f"{path}: line {number} is none of an audit trail") from None
+        if not follows:
+            raise FileError(f"{path}: line {number} does not follow the one before it: one was changed or taken out")
+        last = line
+        yield told
+
+
+def _last_line(handle: int) -> tuple[bytes, bool]:
+    """The last line without its end, and whether it has one."""
+    size = os.fstat(handle).st_size
+    if not size:
+        return b"", True
+    read = min(size, _TAIL_BYTES)
+    tail = os.pread(handle, read, size - read)
+    while b"\n" not in tail.rstrip(b"\n") and read < size:
+        read = min(size, 2 * read)
+        tail = os.pread(handle, read, size - read)
+    return tail.rstrip(b"\n").rpartition(b"\n")[2], tail.endswith(b"\n")
+
+
+def _write_all(handle: int, text: bytes) -> None:
+    while text:
+        text = text[os.write(handle, text) :]

@@ -1,0 +1,387 @@
+"""Who may use the console: accounts, sessions, origins, limits, the seat and the audit trail, as a browser asks."""
+
+from __future__ import annotations
+
+import asyncio
+import io
+import json
+import stat
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
+
+import pytest
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from hil.__main__ import main
+from hil.clock import VirtualClock
+from hil.console import access
+from hil.console.access import Access, audited
+from hil.console.access_accounts import Account, Accounts
+from hil.console.access_audit import Audit, read_audit
+from hil.console.access_limits import Limiter, Rate
+from hil.console.access_seat import LAPSES_S, Seat, SeatTakenError
+from hil.console.access_session import Sessions, account_of
+from hil.console.access_where import Where, check_where
+from hil.errors import FileError, SettingError, StorageError, UnknownNameError
+
+ORIGIN, PASSWORD = "http://127.0.0.1:8123", "twelve chars"
+
+
+@pytest.fixture(autouse=True)
+def cheap(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    """Hashes that cost nothing, and a state folder of its own."""
+    from argon2 import PasswordHasher
+
+    hasher = PasswordHasher(time_cost=1, memory_cost=8, parallelism=1)
+    monkeypatch.setattr("hil.console.access_accounts._hasher", lambda: hasher)
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    from hil.console.access_accounts import _nobody
+
+    _nobody.cache_clear()
+    yield
+    _nobody.cache_clear()
+
+
+@dataclass
+class Browser:
+    """Asks the application as a browser does; keeps its cookie."""
+
+    app: Any
+    cookie: str = ""
+    address: str = "192.0.2.7"
+    headers: dict[str, str] = field(default_factory=dict)
+
+    def ask(
+        self, path: str, fields: Mapping[str, str] | None = None, *, origin: str | None = ORIGIN, body: bytes = b"",
+        host: str = "127.0.0.1:8123", **headers: str,
+    ) -> tuple[int, str, dict[str, str]]:  # fmt: skip
+        """Status, text and headers of the answer; a POST where there are fields or a body."""
+        sent = urlencode(fields).encode() if fields is not None else body
+        method = "POST" if fields is not None or body else "GET"
+        told = {"host": host, "content-type": "application/x-www-form-urlencoded", **self.headers, **headers}
+        if origin is not None and method == "POST":
+            told["origin"] = origin
+        if self.cookie:
+            told["cookie"] = self.cookie
+        where, _, query = path.partition("?")
+        scope = {
+            "type": "http", "method": method, "path": where, "raw_path": where.encode(), "query_string": query.encode(),
+            "headers": [(name.lower().replace("_", "-").encode(), value.encode()) for name, value in told.items()],
+            "client": (self.address, 1), "server": ("127.0.0.1", 8123), "scheme": "http", "root_path": "",
+        }  # fmt: skip
+        messages: list[dict[str, Any]] = []
+        pieces = [sent[at : at + 60_000] for at in range(0, len(sent), 60_000)] or [b""]
+
+        async def receive() -> dict[str, Any]:
+            if not pieces:
+                return {"type": "http.disconnect"}
+            return {"type": "http.request", "body": pieces.pop(0), "more_body": bool(pieces)}
+
+        async def send(message: dict[str, Any]) -> None:
+            messages.append(message)
+
+        asyncio.run(self.app(scope, receive, send))
+        got = {name.decode(): value.decode() for name, value in messages[0]["headers"]}
+        if "set-cookie" in got:
+            self.cookie = got["set-cookie"].partition(";")[0]
+        text = b"".join(message.get("body", b"") for message in messages[1:]).decode()
+        return messages[0]["status"], text, got
+
+    def logged_in(self, name: str, password: str = PASSWORD) -> Browser:
+        assert self.ask("/login", {"name": name, "password": password})[0] == 303
+        return self
+
+
+async def _who(request: Request) -> Response:
+    fields = dict(await request.form()) if request.method == "POST" else {}
+    if request.method == "POST":
+        request.app.state.audit(request, "run", {"bench": "b"})
+    return JSONResponse({"account": request.scope["hil.account"], "role": request.scope["hil.role"], **fields})
+
+
+@pytest.fixture
+def accounts() -> Accounts:
+    made = Accounts()
+    for name, role in (("vera", "viewer"), ("otto", "operator"), ("olga", "operator"), ("emil", "engineer")):
+        made.add(name, role, PASSWORD)
+    return made
+
+
+def console(
+    accounts: Accounts, where: Where | None = None, audit: Audit | None = None, seat: Seat | None = None
+) -> Starlette:
+    """A small application behind the door; its login page is a word."""
+    audit = audit or Audit()
+    told = where or Where("127.0.0.1", 8123)
+    paths = ("/bench", "/run/start", "/run/check", "/devices/start", "/diagnose/upload", "/controls", "/static/stop.js")
+    app = Starlette(
+        routes=[Route(path, _who, methods=["GET", "POST"]) for path in paths],
+        middleware=[Middleware(Access, where=told, accounts=accounts, audit=audit, seat=seat)],
+    )
+    app.state.audit = audited(audit)
+    return app
+
+
+@pytest.fixture(autouse=True)
+def plain_login(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(access, "page", lambda _request, name, status, **told: JSONResponse(told, status))
+
+
+def test_on_this_computer_without_accounts_whoever_started_it_is_an_engineer(tmp_path: Path) -> None:
+    status, text, told = Browser(console(Accounts(tmp_path / "none"))).ask("/devices/start", {"a": "1"})
+    assert status == 200 and json.loads(text)["role"] == "engineer" and json.loads(text)["account"]
+    assert "HttpOnly" in told["set-cookie"] and "SameSite=strict" in told["set-cookie"]
+
+
+@pytest.mark.parametrize(
+    ("name", "allowed"),
+    [("vera", ["/bench"]), ("otto", ["/bench", "/run/start"]), ("emil", ["/bench", "/run/start", "/devices/start"])],
+)
+def test_role_says_what_an_account_may(name: str, allowed: list[str], accounts: Accounts) -> None:
+    browser = Browser(console(accounts)).logged_in(name)
+    asked = {"/bench": None, "/run/start": {"a": "1"}, "/devices/start": {"a": "1"}}
+    answers = {path: browser.ask(path, fields)[0] for path, fields in asked.items()}
+    assert answers == {path: 200 if path in allowed else 403 for path in asked}
+
+
+def test_nobody_sees_anything_but_what_a_stop_needs(accounts: Accounts) -> None:
+    browser = Browser(console(accounts))
+    assert browser.ask("/bench")[0] == 303 and browser.ask("/bench")[2]["location"] == "/login?next=/bench"
+    assert browser.ask("/bench", accept="application/json")[0] == 401
+    assert browser.ask("/run/start", {"a": "1"})[0] == 401
+    assert [browser.ask(path)[0] for path in ("/controls", "/static/stop.js", "/login")] == [200, 200, 200]
+
+
+def test_account_that_is_removed_or_has_another_password_is_out_at_once(accounts: Accounts) -> None:
+    browser, other = (Browser(console(accounts)).logged_in(name) for name in ("otto", "emil"))
+    assert browser.ask("/bench")[0] == other.ask("/bench")[0] == 200
+    accounts.remove("otto")
+    accounts.add("emil", "engineer", "another password")
+    assert browser.ask("/bench")[0] == other.ask("/bench")[0] == 303
+    with pytest.raises(UnknownNameError):
+        accounts.remove("otto")
+
+
+def test_cookie_that_was_changed_is_nobodys(accounts: Accounts) -> None:
+    app = console(accounts)
+    cookie = Browser(app).logged_in("otto").cookie
+    name, _, value = cookie.partition("=")
+    for at in range(0, len(value), 7):
+        changed = value[:at] + ("A" if value[at] != "A" else "B") + value[at + 1 :]
+        assert Browser(app, f"{name}={changed}").ask("/bench")[0] == 303
+    assert Browser(app, cookie).ask("/bench")[0] == 200
+
+
+def test_session_ends_with_its_time(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+    app = console(accounts)
+    browser = Browser(app).logged_in("otto")
+    monkeypatch.setattr("hil.console.access_session.LASTS_S", -1)
+    assert browser.ask("/bench")[0] == 303
+
+
+@pytest.mark.parametrize(
+    "origin", ["http://evil.example", "http://127.0.0.1:8124", "null", "https://127.0.0.1:8123", None]
+)
+def test_act_from_another_page_is_refused(origin: str | None, accounts: Accounts) -> None:
+    browser = Browser(console(accounts)).logged_in("emil")
+    assert browser.ask("/run/start", {"a": "1"}, origin=origin)[0] == 403
+    assert browser.ask("/run/start", {"a": "1"}, origin="http://localhost:8123")[0] == 200
+
+
+def test_another_name_for_this_computer_is_refused(accounts: Accounts) -> None:
+    assert Browser(console(accounts)).ask("/controls", host="evil.example:8123")[0] == 421
+
+
+def test_console_at_every_address_takes_acts_of_the_page_that_it_served(accounts: Accounts) -> None:
+    there = Where("0.0.0.0", 8123, Path("c"), Path("k"))
+    browser = Browser(console(accounts, there))
+    answers = [
+        browser.ask("/login", {"name": "otto", "password": PASSWORD}, origin=origin, host="bench7:8123")[0]
+        for origin in ("https://evil.example", "http://bench7:8123", "https://bench7:8123")
+    ]
+    assert answers == [403, 403, 303]
+
+
+def test_password_is_tried_only_so_often(accounts: Accounts) -> None:
+    browser = Browser(console(accounts))
+    tried = [browser.ask("/login", {"name": "otto", "password": f"wrong {i}"})[0] for i in range(8)]
+    assert tried == [401] * 5 + [429] * 3
+    other = Browser(browser.app, address="198.51.100.1")  # from elsewhere, the same name: as often in all
+    assert other.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 429
+    assert other.ask("/login", {"name": "emil", "password": PASSWORD})[0] == 303
+
+
+def test_too_many_acts_are_refused(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(access, "_ACTS", Rate(3.0, 0.0))
+    browser = Browser(console(accounts))
+    assert [browser.ask("/run/start", {"a": "1"})[0] for _ in range(5)] == [401] * 3 + [429] * 2
+
+
+def test_limiter_gives_tokens_back_and_forgets_the_oldest(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("hil.console.access_limits.time.monotonic", lambda: now[0])
+    limiter = Limiter(Rate(1.0, 2.0))
+    assert [limiter.admits("a"), limiter.admits("a")] == [True, False]
+    now[0] = 0.6
+    assert limiter.admits("a")
+    for number in range(5000):
+        limiter.admits(f"caller {number}")
+    assert len(limiter._left) == 4096
+
+
+def test_body_that_is_too_large_is_refused(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+    browser = Browser(console(accounts)).logged_in("emil")
+    large = b"a=" + b"x" * (1 << 20)
+    assert browser.ask("/run/start", body=large)[0] == 413
+    assert browser.ask("/run/start", body=large, content_length=str(len(large)))[0] == 413
+    assert browser.ask("/run/start", body=b"a=1", content_length="9" * 400)[0] == 413
+    two = b"a=" + b"x" * 700_000 + b"&b=" + b"x" * 700_000
+    assert browser.ask("/diagnose/upload", body=two)[0] == 200
+    monkeypatch.setattr(access, "_LARGE", 1000)
+    assert browser.ask("/diagnose/upload", body=large)[0] == 413
+
+
+def test_login_leads_back_to_a_page_of_this_console_and_nowhere_else(accounts: Accounts) -> None:
+    for wanted, goes in (("/live/run%207?x=1", "/live/run 7"), ("//evil.example", "/"), ("https://evil.example", "/"),
+                         ("/\\evil.example", "/"), ("/a%0d%0aSet-Cookie:x", "/")):  # fmt: skip
+        browser = Browser(console(accounts), address=wanted)
+        told = browser.ask(f"/login?next={wanted}", {"name": "otto", "password": PASSWORD})[2]
+        assert told["location"].partition("?")[0].replace("%20", " ") == goes
+
+
+def test_one_operates_and_the_others_look(accounts: Accounts) -> None:
+    clock = VirtualClock(100.0)
+    app = console(accounts, seat=Seat(clock))
+    first, second = Browser(app).logged_in("otto"), Browser(app).logged_in("olga")
+    assert first.ask("/run/start", {"a": "1"})[0] == 200
+    status, text, _ = second.ask("/run/start", {"a": "1"})
+    assert status == 409 and "otto operates this console since" in text
+    assert second.ask("/bench")[0] == second.ask("/run/check", {"a": "1"})[0] == 200
+    assert json.loads(second.ask("/seat")[1])["operator"] == "otto"
+    assert json.loads(second.ask("/seat", {"take": "1"})[1])["operator"] == "olga"
+    assert first.ask("/run/start", {"a": "1"})[0] == 409
+    second.ask("/seat", {"take": "0"})
+    assert first.ask("/run/start", {"a": "1"})[0] == 200
+    assert Browser(app).logged_in("vera").ask("/seat", {"take": "1"})[0] == 403
+
+
+def test_seat_lapses_when_its_pages_are_gone() -> None:
+    clock = VirtualClock(100.0)
+    seat = Seat(clock)
+    assert seat.take("a", "otto") and not seat.take("a", "otto")
+    clock.sleep_until(100.0 + 0.9 * LAPSES_S)
+    seat.seen("a")
+    clock.sleep_until(100.0 + 1.8 * LAPSES_S)
+    with pytest.raises(SeatTakenError):
+        seat.take("b", "olga")
+    clock.sleep_until(100.0 + 2.0 * LAPSES_S)
+    assert seat.take("b", "olga") and seat.holder == "olga"
+
+
+def test_audit_names_who_did_what_and_when(accounts: Accounts) -> None:
+    audit = Audit()
+    app = console(accounts, audit=audit)
+    Browser(app).logged_in("otto").ask("/run/start", {"a": "1"})
+    Browser(app).ask("/login", {"name": "otto", "password": "wrong"})
+    lines = list(read_audit(audit.path))
+    assert [(line["who"], line["act"]) for line in lines] == [
+        ("otto", "logs in"), ("otto", "operates"), ("otto", "run"), ("otto", "was refused"),
+    ]  # fmt: skip
+    assert lines[2]["details"] == {"address": "192.0.2.7", "bench": "b"} and lines[2]["utc"].endswith("+00:00")
+    assert stat.S_IMODE(audit.path.stat().st_mode) == 0o600 and PASSWORD not in audit.path.read_text()
+
+
+def test_audit_shows_a_line_that_was_changed_or_taken_out(tmp_path: Path) -> None:
+    audit = Audit(tmp_path / "audit.jsonl")
+    for number in range(4):
+        audit.write("otto", "run", {"number": number, "text": "x" * 70_000})
+    whole = audit.path.read_bytes().splitlines(keepends=True)
+    assert len(list(read_audit(audit.path))) == 4
+    for changed in (whole[:1] + whole[2:], [whole[0].replace(b"otto", b"olga"), *whole[1:]], [b"x\n", *whole]):
+        audit.path.write_bytes(b"".join(changed))
+        with pytest.raises(FileError, match=r"line [12] "):
+            list(read_audit(audit.path))
+
+
+def test_act_is_refused_when_it_cannot_be_written_down(accounts: Accounts, tmp_path: Path) -> None:
+    audit = Audit(tmp_path / "file" / "audit.jsonl")
+    app = console(accounts, audit=audit)
+    browser = Browser(app).logged_in("otto")
+    audit.path.unlink()
+    audit.path.mkdir()
+    assert browser.ask("/run/start", {"a": "1"})[0] == 503
+    with pytest.raises(StorageError):
+        audit.write("otto", "run", {})
+
+
+def test_accounts_are_kept_for_their_owner_alone(accounts: Accounts) -> None:
+    path = accounts._path
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert PASSWORD not in path.read_text() and "$argon2id$" in path.read_text()
+    path.chmod(0o640)
+    with pytest.raises(FileError, match="chmod 600"):
+        accounts.all()
+    assert Browser(console(accounts)).ask("/bench")[0] == 503
+
+
+@pytest.mark.parametrize(
+    ("name", "role", "password", "says"),
+    [("", "viewer", PASSWORD, "NAME"), ("a\nb", "viewer", PASSWORD, "NAME"), ("a", "root", PASSWORD, "--role root"),
+     ("a", "viewer", "short", "5 characters"), ("a", "viewer", "x" * 1025, "1025 characters")],
+)  # fmt: skip
+def test_account_that_is_not_allowed_names_what_is(name: str, role: str, password: str, says: str) -> None:
+    with pytest.raises(SettingError, match=says):
+        Accounts().add(name, role, password)
+
+
+def test_password_of_an_account(accounts: Accounts) -> None:
+    found = accounts.verified("otto", PASSWORD)
+    assert found is not None and found.role == "operator"
+    assert accounts.verified("otto", "wrong") is accounts.verified("nobody", PASSWORD) is None
+    sessions = Sessions()
+    session = sessions.read(sessions.signed(sessions.begun("otto", found)))
+    assert session is not None and account_of(session, accounts) == found
+    assert account_of(session, Accounts(Path("/nowhere"))) is None
+    assert isinstance(found, Account)
+
+
+def test_console_beyond_this_computer_needs_accounts_and_a_certificate(accounts: Accounts, tmp_path: Path) -> None:
+    cert = tmp_path / "cert.pem"
+    cert.touch()
+    none = Accounts(tmp_path / "none")
+    for where, who, says in (
+        (Where("0.0.0.0", 1, cert, cert), none, "has no accounts"), (Where("bench7", 1), accounts, "--cert FILE --key"),
+        (Where("127.0.0.1", 1, cert), accounts, "belong together"),
+        (Where("::", 1, cert, tmp_path / "no.pem"), accounts, "no such file"),
+    ):  # fmt: skip
+        with pytest.raises(SettingError, match=says):
+            check_where(where, who)
+    check_where(Where("0.0.0.0", 1, cert, cert), accounts)
+    check_where(Where("localhost", 1), none)
+
+
+def test_user_add_asks_for_the_password_and_console_refuses_others(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def status(*arguments: str, typed: str = "") -> int:
+        monkeypatch.setattr(sys, "argv", ["hil", "console", *arguments])
+        monkeypatch.setattr(sys, "stdin", io.StringIO(typed))
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return int(ended.value.code or 0)
+
+    assert status("--host", "0.0.0.0") == 2 and "has no accounts" in capsys.readouterr().err
+    assert status("user", "add", "otto", "--role", "operator", typed=f"{PASSWORD}\n") == 0
+    assert Accounts().verified("otto", PASSWORD) is not None
+    assert status("user", "add", "olga", PASSWORD) == 2, "no password as an argument"
+    assert status("user", "list") == 0 and "otto  operator" in capsys.readouterr().out
+    assert status("--host", "0.0.0.0") == 2 and "--cert FILE --key FILE" in capsys.readouterr().err
+    assert status("user", "remove", "otto") == 0 and not Accounts().all()
