@@ -12,6 +12,7 @@ from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from hil.console.console import Console
+from hil.console.script_words import SAID_BY_SCRIPTS
 from hil.errors import HilError, UnknownNameError
 from hil.language.words import ENGLISH, _, languages, marked, plural, speaking, spoken
 from hil.report.number import limits_text, number, unit_text, with_uncertainty
@@ -21,18 +22,6 @@ COOKIE = "hil_language"
 PAGES = (
     ("bench", marked("Bench")), ("run", marked("Run")), ("results", marked("Results")),
     ("diagnose", marked("Diagnose")), ("devices", marked("Devices")),
-)  # fmt: skip
-
-SAID_BY_SCRIPTS = (
-    marked("No connection to the console. What this page shows is old."),
-    marked("running"), marked("lost"), marked("ended"), marked("Stop"), marked("kept"), marked("broken"),
-    marked("not known"), marked("no measurement"), marked("nobody reads it now"),
-    marked("The process of this run is gone. Look at the valve, then at its outputs."),
-    marked("time"), marked("frequency"), marked("Reset"), marked("tripped"), marked("answers"), marked("Refused"),
-    marked("rehearsed"), marked("Rehearsing …"), marked("within all limits"), marked("Starting …"), marked("hold"),
-    marked("go on"), marked("holding"), marked("A hold was asked for; it begins between two parts."),
-    marked("Really reset the trip of {name}?"), marked("stale"), marked("missing"), marked("bias"),
-    marked("last recorded"), marked("done"), marked("refused"), marked("starting"), marked("evaluating"),
 )  # fmt: skip
 
 

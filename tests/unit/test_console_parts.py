@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,12 +14,14 @@ import pytest
 
 from hil.archive.place import archive_place
 from hil.bench.read import read_bench
+from hil.console import page
 from hil.console.board import RunReader, interlocks_of, lines_of
 from hil.console.bode import bode_point
 from hil.console.envelope import Envelope
 from hil.console.follow import Follower
 from hil.console.form import faults_of, fields_of, given_of, setting_named_in
 from hil.console.process import start
+from hil.console.script_words import SAID_BY_SCRIPTS
 from hil.console.site import Site
 from hil.console.underway import Underway, run_of
 from hil.errors import FileError, UnknownNameError
@@ -191,3 +194,11 @@ def test_start_gives_arguments_one_by_one_and_tells_the_last_words(tmp_path: Pat
     assert made.process.wait(60) == 2
     assert "touch harmed" in made.last_line
     assert not list(tmp_path.glob("harmed"))
+
+
+def test_everything_that_scripts_say_is_in_the_catalogues() -> None:
+    said = set()
+    for script in (Path(page.__file__).parent / "static").glob("*.js"):
+        said |= set(re.findall(r'\bsay\("([^"]+)"', script.read_text(encoding="utf-8")))
+    assert len(said) > 20
+    assert said <= set(SAID_BY_SCRIPTS)
