@@ -24,12 +24,13 @@ class Line:
     Args:
         address: a port, `usb:` with the number or place of its adapter, or a serial server.
         baud: of a real line.
-        end: of requests and answers.
+        end: of requests, and of answers where nothing else is said.
         timeout_s: an answer that takes longer counts as none.
         longest_reply_s: no answer comes later than that.
         driver: whose line it is, for the log of its frames.
         echo: what is sent comes back first.
         pause_s: so long nothing is asked after an answer.
+        answer_end: of answers, where it is another one.
 
     Raises:
         DeviceLostError: the port cannot be opened.
@@ -37,9 +38,10 @@ class Line:
 
     def __init__(
         self, address: str, baud: int, end: str, timeout_s: float, longest_reply_s: float, *, driver: str,
-        echo: bool = False, pause_s: float = 0.0,
+        echo: bool = False, pause_s: float = 0.0, answer_end: str = "",
     ) -> None:  # fmt: skip
         self._address, self._baud, self._end = address, baud, end.encode("ascii")
+        self._answer_end = (answer_end or end).encode("ascii")
         self._timeout_s, self._longest_reply_s = timeout_s, longest_reply_s
         self._echo, self._pause_s = echo, pause_s
         self._log = wire_log(driver, address)
@@ -131,7 +133,7 @@ class Line:
 
     def _received(self, received: bytes, until_s: float) -> bytes:
         """What comes up to the end of the answer, without noise around it."""
-        end = self._end[-1:]  # an answer may end with it alone
+        end = self._answer_end[-1:]  # an answer may end with it alone
         while end not in received.lstrip(_NOISE):
             left_s = until_s - time.monotonic()
             if left_s <= 0.0 or len(received) > _LONGEST:

@@ -12,49 +12,39 @@ import math
 import re
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from pathlib import Path
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
-from hil.errors import LinkError
+from hil.description.ascii_module import ModuleDescription
+from hil.description.named import Described, description_faults, description_of
+from hil.errors import HilError, LinkError
 
 _CHECK_S = 0.5  # how often outputs are read back
 _VALUE = re.compile(r"[+-]\d\d\.\d{3}")  # as the manual has it for ±10 V: one byte less is no answer
 _BEYOND = {"+9999": math.inf, "-0000": -math.inf, "-9999": -math.inf, "+9999.9": math.inf, "-9999.9": -math.inf}
-_VOLTS = "32"  # code of an output type: −10 … +10 V; 30 and 31 are currents
-_INPUTS_VOLTS = "08"  # code of an input type: −10 … +10 V
-_INPUT_TYPES = {"07": "4 … 20 mA", "09": "±5 V", "0A": "±1 V", "0B": "±500 mV", "0C": "±150 mV", "0D": "±20 mA"}
+_INPUT_TYPES = {
+    "08": "±10 V",
+    "07": "4 … 20 mA",
+    "09": "±5 V",
+    "0A": "±1 V",
+    "0B": "±500 mV",
+    "0C": "±150 mV",
+    "0D": "±20 mA",
+}
 _FORMATS = {0: "engineering units", 1: "% of full scale", 2: "hexadecimal", 3: "ohms"}
 
 
-@dataclass(frozen=True, slots=True)
-class Model:
-    """A kind of module: how many channels, their range, and the name that it gives itself."""
-
-    name: str
-    prefix: Literal["ao", "ai"]
-    count: int
-    low: float = -10.0
-    high: float = 10.0
-
-
-MODELS: Mapping[str, Model] = {
-    "adam-4017": Model("4017", "ai", 8),
-    "adam-4024": Model("4024", "ao", 4),
-}
-
-
-class Settings(BaseModel):
+class Settings(Described):
     """What `[devices.NAME]` may say.
 
     Attributes:
-        model: which module.
+        model, description: which module, see `hil.description.named`.
         address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
         module: its address on the line, 0 … 255.
         baud: of the line.
@@ -67,7 +57,6 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    model: Literal["adam-4017", "adam-4024"]
     address: str
     module: int = Field(default=1, ge=0, le=255)
     baud: PositiveInt = 9600
@@ -78,25 +67,26 @@ class Settings(BaseModel):
     pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
 
 
-def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
+    wrong = list(description_faults(settings, "ascii_module"))
+    yield from wrong
     if settings.longest_reply_s < settings.timeout_s:
         yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
-    if settings.watchdog_s is None:
+    if settings.watchdog_s is None or wrong:
         return
-    if MODELS[settings.model].prefix == "ai":
+    if _told(settings).channels.direction == "in":
         yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"
     elif not 0.1 <= settings.watchdog_s <= 999.9:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the module counts 0.1 … 999.9 s"
 
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
-    """Those of the model."""
-    model = MODELS[settings.model]
-    direction: Literal["out", "in"] = "out" if model.prefix == "ao" else "in"
-    return {
-        f"{model.prefix}{i}": Terminal(direction, "voltage", "V", model.low, model.high) for i in range(model.count)
-    }
+    """Those of the description; none while it has faults."""
+    try:
+        return _told(settings).ports
+    except HilError:
+        return {}
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
@@ -111,7 +101,8 @@ def open_link(settings: Settings, wiring: Wiring) -> AsciiModuleLink:
 
 def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
     """The module alone as a DAQ."""
-    return PolledDaq({settings.model: open_link(settings, wiring)}, {settings.model: wiring})
+    name = Path(settings.model).stem or "module"
+    return PolledDaq({name: open_link(settings, wiring)}, {name: wiring})
 
 
 @edge
@@ -126,7 +117,8 @@ class AsciiModuleLink:
     """
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        self._model = MODELS[settings.model]
+        self._model = _told(settings)
+        self._number = self._model.numbers
         self._watchdog = DeviceWatchdog(settings.watchdog_s, "module")
         self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
         self._line = Line(
@@ -134,7 +126,7 @@ class AsciiModuleLink:
             driver="ascii_module", echo=settings.echo, pause_s=settings.pause_s,
         )  # fmt: skip
         self._at = f"{settings.module:02X}"
-        self.identity = f"{self._model.name} at {self._at}"
+        self.identity = f"{self._model.module_name} at {self._at}"
         self._inputs = [channel.terminal for channel in wiring.inputs.values()]
         self._outputs = [channel.terminal for channel in wiring.outputs.values()]
         self._driven: dict[str, float] = {}
@@ -153,7 +145,7 @@ class AsciiModuleLink:
 
     def drive(self, values: Mapping[str, float]) -> None:
         """Set the outputs one after the other; the module acknowledges each."""
-        requests = {name: f"#%C{name[2:]}{value:+07.3f}" for name, value in values.items()}
+        requests = {name: f"#%C{self._number[name]}{value:+07.3f}" for name, value in values.items()}
         if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
             for request in requests.values():
                 self._line.tell(request.replace("%", self._at))
@@ -171,10 +163,10 @@ class AsciiModuleLink:
         readings: dict[str, float] = {}
         if self._inputs:
             text = self._ask("#%", ">")
-            numbers = [self._number(part, text) for part in re.findall("[+-][^+-]*|^[^+-]+", text)]
-            if len(numbers) != self._model.count:
-                raise self._line.failed(f"{len(numbers)} readings of {self._model.count}: '{text}'")
-            readings = {name: numbers[int(name[2:])] for name in self._inputs}
+            numbers = [self._reading(part, text) for part in re.findall("[+-][^+-]*|^[^+-]+", text)]
+            if len(numbers) != len(self._number):
+                raise self._line.failed(f"{len(numbers)} readings of {len(self._number)}: '{text}'")
+            readings = {name: numbers[self._number[name]] for name in self._inputs}
         if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
             self.check_outputs()
         return readings
@@ -203,15 +195,17 @@ class AsciiModuleLink:
             name = self._ask("$%M", "!%")
         except LinkError:  # what an earlier program left on the line may have come in between
             name = self._ask("$%M", "!%")
-        if name != self._model.name:
-            raise LinkError(f"module {self._at} is a '{name}', not a {self._model.name}")
-
+        if name != self._model.module_name:
+            raise LinkError(f"module {self._at} is a '{name}', not a {self._model.module_name}")
         if self._inputs:
             self._check_settings()
         for output in self._outputs:
-            if (kind := self._ask(f"$%8C{output[2:]}", f"!%C{output[2:]}")[-2:]) != _VOLTS:
+            number, wanted = self._number[output], self._model.type_code
+            if (kind := self._ask(f"$%8C{number}", f"!%C{number}")[-2:]) != wanted:
+                low, high = self._model.channels.range
                 raise LinkError(
-                    f"{output} is of output type {kind}, not {_VOLTS} (−10 … +10 V): set it with $AA7CnR{_VOLTS}"
+                    f"{output} is of output type {kind}, not {wanted} ({low:g} … {high:+g} V): set it with "
+                    f"$AA7CnR{wanted}"
                 )
 
     def _check_settings(self) -> None:
@@ -220,14 +214,16 @@ class AsciiModuleLink:
         if not re.fullmatch("[0-9A-F]{6}", text):
             raise self._line.failed(f"'{text}' is not the settings of a module (type, baud rate, format)")
         kind, form = text[:2], int(text[4:], 16)
-        if kind != _INPUTS_VOLTS or form & 0b11:
-            raise LinkError(
-                f"module {self._at} is set to input type {kind}{_in_words(_INPUT_TYPES.get(kind))} and format "
-                f"{_FORMATS[form & 0b11]}; this driver reads type {_INPUTS_VOLTS} (±10 V) in {_FORMATS[0]}: set it "
-                f"with %{self._at}{self._at}{_INPUTS_VOLTS}{text[2:4]}{form & ~0b11:02X}"
-            )
+        wanted = self._model.type_code
+        if kind == wanted and not form & 0b11:
+            return
+        is_set, reads = (f"type {code}{_in_words(_INPUT_TYPES.get(code))}" for code in (kind, wanted))
+        raise LinkError(
+            f"module {self._at} is set to input {is_set} and format {_FORMATS[form & 0b11]}; this driver reads {reads} "
+            f"in {_FORMATS[0]}: set it with %{self._at}{self._at}{wanted}{text[2:4]}{form & ~0b11:02X}"
+        )
 
-    def _number(self, part: str, text: str) -> float:
+    def _reading(self, part: str, text: str) -> float:
         """A reading in the one form that the module has, or what it says beyond its range."""
         if part in _BEYOND:
             return _BEYOND[part]
@@ -236,7 +232,7 @@ class AsciiModuleLink:
         return float(part)
 
     def _read_back(self, name: str) -> float:
-        text = self._ask(f"$%6C{name[2:]}", "!%")
+        text = self._ask(f"$%6C{self._number[name]}", "!%")
         if not _VALUE.fullmatch(text):
             raise self._line.failed(f"'{text}' is no read-back of the form +00.000")
         return float(text)
@@ -264,3 +260,7 @@ class AsciiModuleLink:
 
 def _in_words(text: str | None) -> str:
     return f" ({text})" if text else ""
+
+
+def _told(settings: Settings) -> ModuleDescription:
+    return description_of(settings, "ascii_module")

@@ -1,8 +1,7 @@
 """SCPI instruments on a serial line or socket: sources and meters; every command is acknowledged by the error queue.
 
-Common commands and the error queue are those of IEEE 488.2 and SCPI. **The two models are our choice**, of no maker:
-headers as instruments of their kind commonly have them; which channels they have, how these are numbered and what
-ranges they have is ours. For a real instrument, put what its manual says in their place.
+Common commands and the error queue are those of IEEE 488.2 and SCPI; what an instrument is told and asked says its
+description.
 """
 
 from __future__ import annotations
@@ -11,81 +10,32 @@ import math
 import re
 import time
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line
+from drivers._templates import Numbers, filled, matched
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
-from hil.errors import LinkError
+from hil.description.named import Described, description_faults, description_of
+from hil.description.text import ENDS, TextTerminal
+from hil.errors import HilError, LinkError
 
 _CHECK_S = 0.5  # how often outputs are asked where they stand
 _RESOLUTION = 1e-3  # of what is set, in its unit; coarser instruments say `step`
-_NO_NUMBER, _BEYOND = 9.91e37, 9.9e37  # not a number, and infinity, as SCPI writes them
-_WORDS = {"NAN": math.nan, "OL": math.inf, "OVLD": math.inf, "OVERLOAD": math.inf, "INF": math.inf}
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")  # NR1, NR2 and NR3
 _UNIT = re.compile(r'(?:"(?:[^"]|"")*"|[^;"])+')  # up to a semicolon that no text has in it
 _ERROR = re.compile(r'\s*([+-]?\d+)\s*,\s*"(.*)"\s*')
 PROBES = "scpi"
 
 
-@dataclass(frozen=True, slots=True)
-class Output:
-    """A terminal that is set: how, and how it is asked where it stands."""
-
-    terminal: Terminal
-    tell: str
-    ask: str
-
-
-@dataclass(frozen=True, slots=True)
-class Input:
-    """A terminal that is read."""
-
-    terminal: Terminal
-    ask: str
-
-
-@dataclass(frozen=True, slots=True)
-class Model:
-    """A kind of instrument."""
-
-    outputs: Mapping[str, Output]
-    inputs: Mapping[str, Input]
-
-
-MODELS: Mapping[str, Model] = {
-    # A scanner main frame with a module of two outputs, ±12 V, and a multiplexer of twenty inputs, ±10 V.
-    "scanner": Model(
-        {
-            f"dac{n}": Output(
-                Terminal("out", "voltage", "V", -12.0, 12.0),
-                f"SOUR:VOLT {{value:.5f}},(@20{n})", f"SOUR:VOLT? (@20{n})",
-            )
-            for n in (4, 5)
-        },
-        {f"in{n}": Input(Terminal("in", "voltage", "V", -10.0, 10.0), f"MEAS:VOLT:DC? (@{100 + n})")
-         for n in range(1, 21)},
-    ),
-    # A direct-current source for a coil: set current, measured current and voltage.
-    "dc-source": Model(
-        {"current": Output(Terminal("out", "current", "A", 0.0, 3.0), "SOUR:CURR {value:.5f}", "SOUR:CURR?")},
-        {
-            "coil current": Input(Terminal("in", "current", "A", 0.0, 3.2), "MEAS:CURR?"),
-            "coil voltage": Input(Terminal("in", "voltage", "V", 0.0, 36.0), "MEAS:VOLT?"),
-        },
-    ),
-}  # fmt: skip
-
-
-class Settings(BaseModel):
+class Settings(Described):
     """What `[devices.NAME]` may say.
 
     Attributes:
-        model: which instrument.
+        model, description: which instrument, see `hil.description.named`.
         address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
         baud: of a serial port.
         timeout_s: an answer that takes longer counts as none.
@@ -98,7 +48,6 @@ class Settings(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    model: Literal["scanner", "dc-source"]
     address: str
     baud: PositiveInt = 115200
     timeout_s: PositiveFloat = 0.5
@@ -109,8 +58,9 @@ class Settings(BaseModel):
     pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
 
 
-def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
     """What is wrong beyond the types."""
+    yield from description_faults(settings, "scpi")
     if settings.longest_reply_s < settings.timeout_s:
         yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
 
@@ -123,16 +73,22 @@ def probe() -> Any:
 
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
-    """Those of the model."""
-    model = MODELS[settings.model]
-    return {name: output.terminal for name, output in model.outputs.items()} | {
-        name: place.terminal for name, place in model.inputs.items()
-    }
+    """Those of the description; none while it has faults."""
+    try:
+        return description_of(settings, "scpi").ports
+    except HilError:
+        return {}
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
     """Packages that must be installed."""
     return ("serial",)
+
+
+def not_read_back(settings: Settings) -> set[str]:
+    """Outputs that cannot be asked where they stand."""
+    whole = description_of(settings, "scpi").whole
+    return {name for name, told in whole.items() if told.direction == "out" and not told.ask}
 
 
 def open_link(settings: Settings, wiring: Wiring) -> ScpiLink:
@@ -142,7 +98,8 @@ def open_link(settings: Settings, wiring: Wiring) -> ScpiLink:
 
 def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
     """The instrument alone as a DAQ."""
-    return PolledDaq({settings.model: open_link(settings, wiring)}, {settings.model: wiring})
+    name = Path(settings.model).stem or "instrument"
+    return PolledDaq({name: open_link(settings, wiring)}, {name: wiring})
 
 
 @edge
@@ -162,14 +119,15 @@ class ScpiLink:
     keep_alive_s: float | None = None
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        model = MODELS[settings.model]
-        self._step = settings.step
+        told = description_of(settings, "scpi")
+        self._step, self._setup = settings.step, told.text.setup
+        self._written = Numbers(told.text.decimal, told.text.no_measurement)
         self._line = Line(
-            settings.address, settings.baud, _ENDS[settings.end], settings.timeout_s, settings.longest_reply_s,
-            driver="scpi", echo=settings.echo, pause_s=settings.pause_s,
+            settings.address, settings.baud, ENDS[settings.end], settings.timeout_s, settings.longest_reply_s,
+            driver="scpi", echo=settings.echo or told.text.echo, pause_s=max(settings.pause_s, told.text.pause_s),
         )  # fmt: skip
-        self._outputs = {c.terminal: model.outputs[c.terminal] for c in wiring.outputs.values()}
-        self._inputs = {c.terminal: model.inputs[c.terminal] for c in wiring.inputs.values()}
+        self._outputs = {c.terminal: told.whole[c.terminal] for c in wiring.outputs.values()}
+        self._inputs = {c.terminal: told.whole[c.terminal] for c in wiring.inputs.values()}
         self._driven: dict[str, float] = {}
         self._checked_s = time.monotonic()
         try:
@@ -178,20 +136,24 @@ class ScpiLink:
                 raise LinkError(
                     f"'{self.identity}' is not the identity of a SCPI instrument (maker,model,serial,version)"
                 )
+            if matched(told.text.identity, self.identity, self._written) is None:
+                raise LinkError(f"it says that it is '{self.identity}', not '{told.text.identity}'")
+            if self._outputs and self._setup:
+                self._asked(list(self._setup))
         except BaseException:
             self.close()
             raise
 
     def standing(self) -> dict[str, float]:
         """Where the outputs stand, as the instrument tells."""
-        values = self._numbers([output.ask for output in self._outputs.values()])
-        if not all(map(math.isfinite, values)):
-            raise self._line.failed(f"no number in where outputs stand: {values}")
-        return dict(zip(self._outputs, values, strict=True))
+        stands = self._numbers({name: output for name, output in self._outputs.items() if output.ask})
+        if not all(map(math.isfinite, stands.values())):
+            raise self._line.failed(f"no number in where outputs stand: {list(stands.values())}")
+        return stands
 
     def drive(self, values: Mapping[str, float]) -> None:
         """Set the outputs in one message, and see that the instrument has taken it."""
-        told = [self._outputs[terminal].tell.format(value=value) for terminal, value in values.items()]
+        told = [self._line_of(self._outputs[terminal], value) for terminal, value in values.items()]
         if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
             self._line.tell(";:".join(told))
         self._asked(told)
@@ -204,8 +166,7 @@ class ScpiLink:
         """
         if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
             self._outputs_stand()
-        values = self._numbers([place.ask for place in self._inputs.values()])
-        return dict(zip(self._inputs, values, strict=True))
+        return self._numbers(self._inputs)
 
     def close(self) -> None:
         """Close the line."""
@@ -221,14 +182,26 @@ class ScpiLink:
                     f"somebody else uses it, or it sets in steps: then say step (now {self._step:g})"
                 )
 
-    def _numbers(self, queries: list[str]) -> list[float]:
+    def _line_of(self, output: TextTerminal, value: float) -> str:
+        return filled(output.tell, self._written, value=(value - output.offset) / output.slope)
+
+    def _numbers(self, places: Mapping[str, TextTerminal]) -> dict[str, float]:
+        """The values of terminals, asked in one message; those that share a question ask it once."""
+        queries = list(dict.fromkeys(place.ask for place in places.values()))
         texts = self._asked(queries)
         if len(texts) != len(queries):
             raise self._line.failed(f"{len(texts)} answers to {len(queries)} questions: {';'.join(texts)}")
-        values = [_number(text.strip()) for text in texts]
-        if None in values:
+        said = dict(zip(queries, texts, strict=True))
+        numbers = {name: self._number_in(said[place.ask], place) for name, place in places.items()}
+        if None in numbers.values():
             raise self._line.failed(f"no number in the answer {';'.join(texts)}")
-        return [value for value in values if value is not None]
+        return {name: places[name].slope * number + places[name].offset
+                for name, number in numbers.items() if number is not None}  # fmt: skip
+
+    def _number_in(self, text: str, place: TextTerminal) -> float | None:
+        fields = [text] if place.field is None else text.split(",")
+        at = place.field or 0
+        return matched(place.answer, fields[at], self._written) if at < len(fields) else None
 
     def _asked(self, messages: list[str]) -> list[str]:
         """The answers to messages that are sent together; an error of the instrument is raised."""
@@ -241,19 +214,3 @@ class ScpiLink:
             self._line.tell("*CLS")
             raise LinkError(f"the instrument refused {';'.join(messages)}: {found[1]} {found[2]}")
         return texts
-
-
-_ENDS = {"LF": "\n", "CRLF": "\r\n", "CR": "\r"}
-
-
-def _number(text: str) -> float | None:
-    """A number as SCPI writes it, NaN or infinite where it says so; None when it is none."""
-    word = text.lstrip("+-").upper()
-    if word in _WORDS:
-        return -_WORDS[word] if text.startswith("-") else _WORDS[word]
-    if not _NUMBER.fullmatch(text):
-        return None
-    value = float(text)
-    if abs(value) >= _NO_NUMBER:
-        return math.nan
-    return math.copysign(math.inf, value) if abs(value) >= _BEYOND else value

@@ -7,6 +7,8 @@ from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
+from hil.description.ascii_module import ModuleDescription
+from hil.description.named import Described, description_of
 from sim_devices._field import Side
 from sim_devices._lines_of_text import TextDevice, serve_text
 from sim_devices._quirks import Quirks
@@ -27,11 +29,14 @@ class Module(TextDevice):
 
     end = b"\r"
 
-    def __init__(self, side: Side, name: str, outputs: int, inputs: int, at: int) -> None:
+    def __init__(self, side: Side, told: ModuleDescription, at: int) -> None:
         super().__init__(side)
-        self._name, self._outputs, self._inputs, self._at = name, outputs, inputs, f"{at:02X}"
+        names = list(told.numbers)
+        is_in = told.channels.direction == "in"
+        self._outputs, self._inputs = ([], names) if is_in else (names, [])
+        self._module, self._at, (self._low, self._high) = told, f"{at:02X}", told.channels.range
         self._watchdog_s = 0.0
-        self._last = [side.standing(f"ao{i}") for i in range(outputs)]
+        self._last = [side.standing(name) for name in self._outputs]
 
     def answer_to(self, request: str) -> str | None:
         """The answer, None for none."""
@@ -45,7 +50,7 @@ class Module(TextDevice):
     def restart(self) -> None:
         """Outputs zero, watchdog off."""
         self._watchdog_s = 0.0
-        self._last = [0.0] * self._outputs
+        self._last = [0.0] * len(self._outputs)
         self._zero()
 
     def tick(self) -> None:
@@ -55,9 +60,9 @@ class Module(TextDevice):
 
     def _answered(self, lead: str, body: str) -> str | None:
         if lead == "$" and body == "M":
-            return f"!{self._at}{self._name}"
-        if lead == "$" and body == "2":  # input type ±10 V, 9600 baud, engineering units
-            return f"!{self._at}{'08' if self._inputs else '00'}0600"
+            return f"!{self._at}{self._module.module_name}"
+        if lead == "$" and body == "2":  # input type, 9600 baud, engineering units
+            return f"!{self._at}{self._module.type_code if self._inputs else '00'}0600"
         if lead == "$" and (found := re.fullmatch(r"X(\d{4})", body)):
             self._watchdog_s = 0.1 * int(found[1])
             return f"!{self._at}"
@@ -66,34 +71,38 @@ class Module(TextDevice):
         if lead == "#" and (found := re.fullmatch(rf"C(\d)({_VALUE})", body)):
             return self._set(found[1], float(found[2]))
         if lead == "#" and not body and self._inputs:
-            return ">" + "".join(f"{self._read(i):+07.3f}" for i in range(self._inputs))
+            return ">" + "".join(f"{self._read(i):+07.3f}" for i in range(len(self._inputs)))
         return None
 
     def _set(self, channel: str, volts: float) -> str:
-        if int(channel) >= self._outputs or abs(volts) > 10.0:
+        if int(channel) >= len(self._outputs) or not self._low <= volts <= self._high:
             return f"?{self._at}"
         self._last[int(channel)] = volts
-        self.side.drive({f"ao{channel}": volts})
+        self.side.drive({self._outputs[int(channel)]: volts})
         return f"!{self._at}"
 
     def _told(self, what: str, channel: int) -> str:
-        """The last value of an output, or its type: 32 is ±10 V."""
-        if channel >= self._outputs:
+        """The last value of an output, or its type."""
+        if channel >= len(self._outputs):
             return f"?{self._at}"
-        return f"!{self._at}{self._last[channel]:+07.3f}" if what == "6" else f"!{self._at}C{channel}32"
+        return (
+            f"!{self._at}{self._last[channel]:+07.3f}"
+            if what == "6"
+            else f"!{self._at}C{channel}{self._module.type_code}"
+        )
 
     def _read(self, i: int) -> float:
-        return max(-10.0, min(10.0, self.side.number(f"ai{i}")))
+        return max(self._low, min(self._high, self.side.number(self._inputs[i])))
 
     def _zero(self) -> None:
-        if any(self.side.standing(f"ao{i}") != 0.0 for i in range(self._outputs)):
-            self.side.drive({f"ao{i}": 0.0 for i in range(self._outputs)})
+        if any(self.side.standing(name) != 0.0 for name in self._outputs):
+            self.side.drive(dict.fromkeys(self._outputs, 0.0))
 
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the module where the driver will look for it."""
-    name, outputs, inputs = {"adam-4017": ("4017", 0, 8), "adam-4024": ("4024", 4, 0)}[settings["model"]]
-    make = partial(Module, name=name, outputs=outputs, inputs=inputs, at=int(settings.get("module", 1)))
+    named = Described(model=settings.get("model", ""), description=settings.get("description"))
+    make = partial(Module, told=description_of(named, "ascii_module"), at=int(settings.get("module", 1)))
     return serve_text(make, settings, side, behave)
 
 

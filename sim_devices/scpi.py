@@ -8,6 +8,9 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from hil.description import named as description
+from hil.description.text import TextDescription
+from sim_devices._described_text import DescribedText
 from sim_devices._field import Side
 from sim_devices._lines_of_text import TextDevice, serve_text
 from sim_devices._quirks import Quirks
@@ -185,9 +188,43 @@ class DcSource(Instrument):
         self.side.drive({"current": _number(parameters, 0.0, 3.0)})
 
 
+class Described(Instrument):
+    """What a description says beside the common commands; headers in the form that stands there, long or short."""
+
+    def __init__(self, side: Side, told: TextDescription) -> None:
+        super().__init__(side)
+        self._text = DescribedText(side, told, {})
+        self._told = told
+
+    def answer_to(self, request: str) -> str | None:
+        """Message units one by one: those of the description, else the common commands."""
+        answers = [self._one(unit.strip().lstrip(":")) for unit in request.strip().split(";")]
+        return ";".join(answer for answer in answers if answer is not None) or None
+
+    def reset(self) -> None:
+        """Outputs as near zero as they come."""
+        self._text.restart()
+
+    def _one(self, unit: str) -> str | None:
+        if unit == "*IDN?":
+            given = self._told.text.identity
+            return "valve-hil,described,0,1.0" if given == "{any}" else given.replace("{any}", "x")
+        try:
+            found = self._text.known(unit)
+        except ValueError:
+            self._queue(-222)
+            return None
+        return super().answer_to(unit) if found is None else found or None
+
+
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the instrument where the driver will look for it."""
-    return serve_text({"scanner": Scanner, "dc-source": DcSource}[settings["model"]], settings, side, behave)
+    known = {"scanner": Scanner, "dc-source": DcSource}.get(settings.get("model", ""))
+    if known is not None:
+        return serve_text(known, settings, side, behave)
+    named = description.Described(model=settings.get("model", ""), description=settings.get("description"))
+    told = description.description_of(named, "scpi")
+    return serve_text(lambda terminals: Described(terminals, told), settings, side, behave)
 
 
 def _bare(done: Callable[[], str | None]) -> Callable[[str], str | None]:

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, Literal, overload
 
 from pydantic import BaseModel
 
 from hil.bench.fault import BenchError
 from hil.bench.lines import Place
+from hil.description.ascii_module import ModuleDescription
 from hil.description.find import description_file
+from hil.description.modbus import ModbusDescription
 from hil.description.read import Description, checked, of_protocol, read_description
+from hil.description.text import TextDescription
 from hil.errors import HilError, SettingError
 
 
@@ -26,12 +29,28 @@ class Described(BaseModel):
     description: dict[str, Any] | None = None
 
 
+@overload
+def description_of(settings: Described, protocol: Literal["modbus"]) -> ModbusDescription: ...
+
+
+@overload
+def description_of(settings: Described, protocol: Literal["ascii_module"]) -> ModuleDescription: ...
+
+
+@overload
+def description_of(settings: Described, protocol: Literal["text", "scpi"]) -> TextDescription: ...
+
+
 def description_of(settings: Described, protocol: str) -> Description:
     """The description that settings name.
 
     Raises:
         HilError: there is none, it has faults, or is of another protocol.
     """
+    return _described(settings, protocol)
+
+
+def _described(settings: Described, protocol: str) -> Description:
     if settings.description is None:
         if not settings.model:
             raise SettingError("model is missing: an installed description, or a file such as acme-7.toml")
@@ -51,7 +70,7 @@ def description_faults(settings: Described, protocol: str) -> Iterator[tuple[Pla
         yield from ((("description", *fault.place), fault.text) for fault in faults)
         return
     try:
-        description_of(settings, protocol)
+        _described(settings, protocol)
     except BenchError as error:
         yield from ((("model",), fault) for fault in error.faults)
     except HilError as error:

@@ -47,6 +47,25 @@ CASES: dict[str, tuple[str, str, list[tuple[str, str]]]] = {
         [*E1241, FAST],
     ),
     "scpi": ("scpi", "hpv41-modbus-tcp", SCANNER),
+    "text": (
+        "text",
+        "hpv41-modbus-tcp",
+        [
+            (
+                'driver = "modbus"\nmodel = "wago-750"\naddress = "127.0.0.1:15502"\nwatchdog_s = 1.0',
+                f'driver = "text"\nmodel = "tti-ql355"\naddress = "/tmp/supply"\n{QUICK}',
+            ),
+            ('"ao0"', '"voltage"'),
+            ('"ai0"', '"measured voltage"'),
+            ("low = -100.0", "low = 0.0"),
+            (
+                '[channels."spool position"]\ndevice = "io"\nterminal = "ai1"',
+                '[channels."spool position"]\ndevice = "other"\nterminal = "ai1"',
+            ),
+            ('device = "io"\nterminal = "ai2"', 'device = "other"\nterminal = "ai2"'),
+            ("[channels.flow]", f"{METER.replace('meter', 'other')}[channels.flow]"),
+        ],
+    ),
     "ascii outputs": ("ascii_module", "hpv41-serial", [("socket://127.0.0.1:14001", "/tmp/module"), FAST]),
     "ascii inputs": ("ascii_module", "hpv41-mixed", [('model = "adam-4017"', f'model = "adam-4017"\n{QUICK}')]),
     "canopen": ("canopen_valve", "hpv41-canopen", []),

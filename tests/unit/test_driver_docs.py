@@ -16,7 +16,9 @@ from hil.bench.twin import subject
 from hil.catalog import entries, find
 from hil.daq.channel import InputChannel, Wiring
 from hil.daq.conformance import CHECKS, examine
+from hil.description import ascii_module as module_words
 from hil.description import modbus as modbus_words
+from hil.description import text as text_words
 from hil.description.find import descriptions
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import kit
@@ -39,7 +41,8 @@ def test_every_setting_and_model_is_in_the_reference(name: str) -> None:
 def test_every_key_of_a_description_is_in_its_reference() -> None:
     page = (DOCS / "reference" / "descriptions.md").read_text(encoding="utf-8")
     words = set(re.findall(r"\w+", page))
-    shown = [kind for kind in vars(modbus_words).values() if isinstance(kind, type) and issubclass(kind, BaseModel)]
+    kinds = [kind for module in (modbus_words, text_words, module_words) for kind in vars(module).values()]
+    shown = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
     assert len(shown) > 8
     assert {key for kind in shown for key in kind.model_fields} <= words
     assert {name for name in descriptions() if name not in PAGE} == set()

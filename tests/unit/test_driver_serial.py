@@ -19,6 +19,8 @@ from serial import rfc2217
 from drivers import ascii_module, scpi
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.description.ascii_module import ModuleDescription
+from hil.description.named import Described, description_of
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import ascii_module as module_twin
 from sim_devices import scpi as scpi_twin
@@ -41,6 +43,10 @@ SCANNER = Wiring(
     {"read back": InputChannel("read back", "in3", "voltage", "V", -10.0, 10.0)},
 )
 QUICK = {"timeout_s": 0.1, "longest_reply_s": 0.3}
+
+
+def module_of(name: str) -> ModuleDescription:
+    return description_of(Described(model=name), "ascii_module")
 
 
 def by_hand(wiring: Wiring) -> Side:
@@ -80,7 +86,7 @@ def scanner(**settings: Any) -> Any:
 
 def test_lines_of_the_module_as_its_manual_prints_them() -> None:
     side = by_hand(MODULE)
-    told = module_twin.Module(side, "4024", 4, 0, 0x0A)
+    told = module_twin.Module(side, module_of("adam-4024"), 0x0A)
     conversation = [
         ("$0AM", "!0A4024"), ("$0A2", "!0A000600"),
         ("#0AC0+07.456", "!0A"), ("$0A6C0", "!0A+07.456"), ("$0AX0100", "!0A"),
@@ -93,7 +99,7 @@ def test_lines_of_the_module_as_its_manual_prints_them() -> None:
 
 
 def test_readings_of_all_eight_inputs_in_one_line() -> None:
-    answer = module_twin.Module(by_hand(INPUTS), "4017", 0, 8, 1).answer_to("#01")
+    answer = module_twin.Module(by_hand(INPUTS), module_of("adam-4017"), 1).answer_to("#01")
     assert answer == ">" + 8 * "+00.000"
 
 
@@ -284,7 +290,10 @@ WORDS = st.sampled_from(
     ["SOUR:VOLT", "MEAS:VOLT:DC?", "(@204)", "*IDN?", ";", ":", " 1e999,(@204)", "$01", "#01C0", "\n"]
 )
 HOSTILE = st.lists(st.binary(max_size=30) | WORDS.map(str.encode), max_size=8).map(b"".join)
-TARGETS = [scpi_twin.Scanner(by_hand(SCANNER)), module_twin.Module(by_hand(MODULE), "4024", 4, 0, 1)]
+TARGETS = [
+    scpi_twin.Scanner(by_hand(SCANNER)),
+    module_twin.Module(by_hand(MODULE), module_of("adam-4024"), 1),
+]
 
 
 @given(HOSTILE, st.sampled_from(TARGETS))

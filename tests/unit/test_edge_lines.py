@@ -143,7 +143,7 @@ def test_what_a_module_says_beyond_its_range_is_no_number(said: str, read: float
     [
         ("070600", r"type 07 \(4 … 20 mA\) and format engineering units"),
         ("0B0600", r"type 0B \(±500 mV\)"),
-        ("080601", "type 08 and format % of full scale; .* set it with %0101080600"),
+        ("080601", r"type 08 \(±10 V\) and format % of full scale; .* set it with %0101080600"),
         ("080602", "format hexadecimal"),
     ],
 )

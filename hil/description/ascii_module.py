@@ -1,0 +1,51 @@
+"""An ASCII module in the ADAM-4000 style, in words: which it is, and its channels."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Literal
+
+from pydantic import Field
+
+from hil.bench.lines import Place
+from hil.daq.channel import Terminal
+from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
+
+
+class ModuleDescription(Strict):
+    """A module with outputs or inputs, all alike.
+
+    Attributes:
+        summary: what it is, in one line.
+        source: the manual and its edition.
+        module_name: the name that it gives itself when it is asked ($AAM).
+        type_code: the code of the input or output type that its channels must be set to, such as "08".
+        terminals: one row, numbered as the module numbers its channels.
+    """
+
+    protocol: Literal["ascii_module"]
+    summary: str
+    source: str = ""
+    module_name: str
+    type_code: str = Field(pattern="[0-9A-F]{2}")
+    terminals: dict[str, DescribedTerminal] = Field(min_length=1, max_length=1)
+
+    @property
+    def channels(self) -> DescribedTerminal:
+        """What its channels are."""
+        return next(iter(self.terminals.values()))
+
+    @property
+    def numbers(self) -> dict[str, int]:
+        """The module's number of each channel, by terminal."""
+        return {one: told.first + i for name, told in self.terminals.items() for one, i in each(name, told)}
+
+    @property
+    def ports(self) -> dict[str, Terminal]:
+        """What a bench can connect to."""
+        return dict.fromkeys(self.numbers, self.channels.terminal)
+
+
+def module_faults(told: ModuleDescription) -> Iterator[tuple[Place, str]]:
+    """Every fault with its place in the file."""
+    yield from name_faults(told.terminals)
