@@ -82,6 +82,6 @@ def _devices(console: Console, name: str) -> list[dict[str, Any]]:
 
 ROUTES = [
     Route("/devices", show),
-    Route("/devices", begin, methods=["POST"]),
+    Route("/devices/serve", begin, methods=["POST"]),
     Route("/devices/{bench}/end", end, methods=["POST"]),
 ]

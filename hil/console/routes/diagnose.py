@@ -147,9 +147,9 @@ def _typed(value: Any) -> str:
 
 
 ROUTES = [
-    Route("/diagnose", show, methods=["GET"]),
-    Route("/diagnose", begin, methods=["POST"]),
+    Route("/diagnose", show),
+    Route("/diagnose/start", begin, methods=["POST"]),
+    Route("/diagnose/accept/{diagnosis}", accept, methods=["POST"]),
     Route("/diagnose/{diagnosis}", one),
     Route("/diagnose/{diagnosis}/report", report),
-    Route("/diagnose/{diagnosis}/accept", accept, methods=["POST"]),
 ]

@@ -32,12 +32,36 @@ function make(tag, className, ...inside) {
   return made;
 }
 
-async function post(path, fields) {
-  const answer = await fetch(path, {method: "POST", body: new URLSearchParams(fields), headers: {Accept: "application/json"}});
-  const content = await answer.json().catch(() => ({error: answer.status + " " + answer.statusText}));
-  if (!answer.ok) throw new Error(content.error || answer.statusText);
-  return content;
+// Sends a form. Another may operate: then the seat is taken over if its user says so, and the form is sent again.
+async function send(path, body) {
+  for (let again = true; ; again = false) {
+    const answer = await fetch(path, {method: "POST", body, headers: {Accept: "application/json"}});
+    if (answer.ok) return answer;
+    const why = (await answer.json().catch(() => ({}))).error || answer.status + " " + answer.statusText;
+    if (answer.status !== 409 || !again || !confirm(why + "\n\n" + say("Take over as the operator?"))) throw new Error(why);
+    await fetch("/seat", {method: "POST", body: new URLSearchParams({take: "1"})});
+  }
 }
+
+async function post(path, fields) { return (await send(path, new URLSearchParams(fields))).json(); }
+
+// Plain forms are sent here, so that what is refused is told on the page that stands.
+addEventListener("submit", async event => {
+  const form = event.target, by = event.submitter, method = by?.formMethod || form.method;
+  if (event.defaultPrevented || method !== "post" || "plain" in form.dataset) return;
+  event.preventDefault();
+  const told = document.getElementById("refused"), fields = new FormData(form);
+  told.hidden = true;
+  if (by) by.disabled = true;
+  try {
+    const body = form.enctype === "multipart/form-data" ? fields : new URLSearchParams(fields);
+    location.href = (await send(by?.hasAttribute("formaction") ? by.formAction : form.action, body)).url;
+  } catch (error) {
+    told.textContent = say("Refused") + ": " + error.message;
+    told.hidden = false;
+    told.scrollIntoView({block: "center"});
+  } finally { if (by) by.disabled = false; }
+});
 
 async function ask(path) {
   const answer = await fetch(path, {headers: {Accept: "application/json"}, signal: AbortSignal.timeout(2 * SILENT_MS)});
