@@ -50,14 +50,15 @@ class Characteristic:
 class Swept:
     """The sweeps of a run as figures are read from them: the estimate, the steady ends, speeds, channels.
 
-    `drifted` is what the visits of one end differ by beyond noise, `rounding` what the converter leaves in a mean of
-    a level, as a standard uncertainty.
+    `drifted` is what the visits of one end differ by beyond noise, `creep_per_s` that over the time between them,
+    `rounding` what the converter leaves in a mean of a level, as a standard uncertainty.
     """
 
     estimate: SweepEstimate
     low: Standing
     high: Standing
     drifted: float
+    creep_per_s: float
     rounding: float
     speeds: tuple[float, ...]
     command: Channel
@@ -77,7 +78,10 @@ def swept(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> Swept:
     estimate = sweep_estimate(recording.name, sweeps, ends, float(parts[0]["settling_s"]))
     speeds = tuple(sweep.speed_per_s for sweep in sweeps)
     rounding = mean_rounding_std(0.0, rounding_step(response.values))  # a standing level may never change its code
-    return Swept(estimate, ends[0], ends[1], _drift(waits, rounding), rounding, speeds, command, response)
+    drifted = _drift(waits, rounding)
+    first, last = parts[0], parts[-1]
+    lasted_s = (last["first"] + last["count"] - first["first"]) * recording.interval_s
+    return Swept(estimate, ends[0], ends[1], drifted, drifted / lasted_s, rounding, speeds, command, response)
 
 
 def characteristic(

@@ -15,11 +15,13 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Recording
+from hil.record.recording import Channel, Recording
 from hil.rig import Rig
+from hil.signals.colour import colour_factor
+from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import STEPS, defined
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
-from procedures._extreme import extreme
+from procedures._extreme import CERTAIN, extreme
 from procedures._recorded import roles_of
 from procedures._scale import check_above, check_at_least
 
@@ -83,6 +85,12 @@ def evaluate(recording: Recording) -> Findings:
     command, response = roles_of(recording)
     by_current: dict[float, list[MeasuredStep | None]] = {}
     curves, notes = [], []
+    drift = _drift(found, command.name, response)
+    if drift:
+        notes.append(
+            f"The pressure before the steps changes by {drift:.2g} {response.unit} from step to step: reading or valve "
+            "drifts. As much is granted to every steady pressure."
+        )
     for part, samples in found:
         step = first_step(samples, command.name, response.name)
         by_current.setdefault(float(part["current"]), []).append(step)
@@ -96,7 +104,10 @@ def evaluate(recording: Recording) -> Findings:
                 f"{current:g} A: {len(steps) - len(usable)} of {len(steps)} steps move the pressure too little."
             )
         if usable:
-            measured += _figures(f"{current:g} A", usable, instrument_std(response))
+            place = f"{current:g} A"
+            measured += _figures(place, usable, instrument_std(response), drift)
+            if not all(math.isfinite(step.std.dead_time_s) for step in usable):
+                notes.append(f"{place}: noise alone reaches 2 % of the change; the dead time cannot be told.")
     return Findings(tuple(measured), {"steps": curves} if curves else {}, tuple(notes))
 
 
@@ -113,13 +124,32 @@ def first_step(samples: Recording, command: str, response: str) -> MeasuredStep 
     return step if abs(step.figures.final - step.figures.start) >= _LEAST_CHANGE else None
 
 
-def _figures(place: str, steps: list[MeasuredStep], pressure_std: float) -> list[Measured]:
+def _drift(found: list[tuple[Mapping[str, Any], Recording]], command: str, response: Channel) -> float:
+    """What the pressures before the steps differ by, where that is more than noise and rounding make; else 0."""
+    levels, stds, grid = [], [], rounding_step(response.values)
+    for _, samples in found:
+        rise = np.flatnonzero(np.diff(samples.values(command)) > 0.0)
+        values = samples.values(response.name)[: int(rise[0]) + 1] if rise.size else np.empty(0)
+        rest = values[len(values) // 2 :]
+        if len(rest) > 1:
+            levels.append(float(np.mean(rest)))
+            noise = float(np.std(rest))
+            stds.append(math.hypot(noise * math.sqrt(colour_factor(rest) / len(rest)), mean_rounding_std(0.0, grid)))
+    if len(levels) < 2:
+        return 0.0
+    apart = float(np.ptp(levels))
+    return apart if apart > CERTAIN * math.sqrt(2.0) * max(stds) else 0.0
+
+
+def _figures(place: str, steps: list[MeasuredStep], pressure_std: float, drift: float) -> list[Measured]:
     made = []
     for measurement, name, scale, floor in (
         (FINAL, "final", 1.0, pressure_std), (RISE, "rise_s", 1e3, 0.0), (DEAD_TIME, "dead_time_s", 1e3, 0.0),
         (SETTLING, "settling_s", 1e3, 0.0), (OVERSHOOT, "overshoot", 100.0, 0.0),
     ):  # fmt: skip
         value, std = _mean([(getattr(step.figures, name), getattr(step.std, name)) for step in steps])
+        if measurement is FINAL:
+            std = math.hypot(std, drift / math.sqrt(3.0))
         what = measurement.at(place)
         if not (math.isfinite(value) and math.isfinite(std)):
             made.append(what.of(None))

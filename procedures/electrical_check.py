@@ -16,9 +16,10 @@ import numpy as np
 from hil.errors import SettingError
 from hil.identification.coil import COPPER_PER_K, Coil, CoilReadings, copper_factor, fit_coil
 from hil.record.measurement import Findings, Measured, Measurement
-from hil.record.recording import Recording
+from hil.record.recording import Channel, Recording
 from hil.rig import Rig
 from hil.signals.ramps import ramp
+from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._efc import (
     COIL_CURRENT,
     COIL_TEMPERATURE,
@@ -43,6 +44,8 @@ MEASUREMENTS = (
 )
 SPECIFIED_OHM = {"12": (2.1, 0.4), "24": (7.2, 0.4)}
 KIND = "coil"
+
+_PARTS = 40  # of the test: one of them stands still
 
 _REFERENCE_C = (72.0 - 32.0) / 1.8
 _STATED_TEMPERATURE_STD_K = 2.0
@@ -136,7 +139,7 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
             samples.values(voltage.name, "V"),
         )
     )  # fmt: skip
-    temperature_c, temperature_std, source = _temperature(samples, part, conditions)
+    temperature_c, scatter_k, temperature_std, source = _temperature(samples, part, conditions)
     factor = copper_factor(temperature_c, _REFERENCE_C)
     ohm, tolerance = SPECIFIED_OHM[str(part["voltage"])]
     resistance = replace(RESISTANCE, low=ohm - tolerance, high=ohm + tolerance)
@@ -149,17 +152,26 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
         least = coil.voltage_v / (abs(coil.current_a) + 2.0 * max(instrument_std(current), 1e-6)) / factor
         measured = (resistance.of(least, 0.0, relation=">"), INDUCTANCE.of(None))
     else:
-        std = math.hypot(coil.resistance_std_ohm, scale * coil.resistance_ohm, COPPER_PER_K * temperature_std * ohm)
-        henry_std = math.hypot(coil.inductance_std_h, scale * coil.inductance_h)
+        rounding = math.hypot(_rounding_std(current) / coil.current_a, _rounding_std(voltage) / coil.voltage_v)
+        std = math.hypot(coil.resistance_std_ohm, rounding * coil.resistance_ohm, COPPER_PER_K * scatter_k * ohm)
+        known = math.hypot(scale * coil.resistance_ohm, COPPER_PER_K * temperature_std * ohm)
         measured = (
-            resistance.of(coil.resistance_ohm / factor, std / factor),
-            INDUCTANCE.of(1e3 * coil.inductance_h, 1e3 * henry_std),
+            resistance.of(coil.resistance_ohm / factor, std / factor, calibration=known / factor),
+            INDUCTANCE.of(
+                1e3 * coil.inductance_h,
+                1e3 * math.hypot(coil.inductance_std_h, rounding * coil.inductance_h),
+                calibration=1e3 * scale * coil.inductance_h,
+            ),
         )
     return Findings(
         (
             *measured,
-            MEASUREMENTS[2].of(temperature_c, temperature_std),
-            MEASUREMENTS[3].of(coil.voltage_v, instrument_std(voltage)),
+            MEASUREMENTS[2].of(temperature_c, scatter_k, calibration=temperature_std),
+            MEASUREMENTS[3].of(
+                coil.voltage_v,
+                math.hypot(coil.voltage_std_v, _rounding_std(voltage)),
+                calibration=instrument_std(voltage),
+            ),
         ),
         notes=(*_notes(coil, coil.resistance_ohm / factor, str(part["voltage"])), source),
     )
@@ -167,19 +179,29 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
 
 def _temperature(
     samples: Recording, part: Mapping[str, Any], conditions: Mapping[str, Any]
-) -> tuple[float, float, str]:
-    """Temperature of the copper in °C, its standard uncertainty, and where it is from."""
+) -> tuple[float, float, float, str]:
+    """Temperature of the copper in °C, how it scatters, how well it is known, and where it is from."""
     if part.get("coil_temperature") is not None:
         given = float(part["coil_temperature"])
-        return given, _STATED_TEMPERATURE_STD_K, f"Coil temperature as set: {given:g} °C."
+        return given, 0.0, _STATED_TEMPERATURE_STD_K, f"Coil temperature as set: {given:g} °C."
     if COIL_TEMPERATURE in samples.channels:
         values = samples.values(COIL_TEMPERATURE, "degC")
         std = math.hypot(instrument_std(samples.channel(COIL_TEMPERATURE)), 0.5)
-        return float(values.mean()), std, "Coil temperature measured at its housing; ± 0.5 K are granted to the copper."
+        scatter = math.hypot(
+            float(values.std()) / math.sqrt(len(values)), _rounding_std(samples.channel(COIL_TEMPERATURE))
+        )
+        said = "Coil temperature measured at its housing; ± 0.5 K are granted to the copper."
+        return float(values.mean()), scatter, std, said
     if conditions.get("fluid_temperature_c") is not None:
         given = float(conditions["fluid_temperature_c"])
-        return given, _STATED_TEMPERATURE_STD_K, f"Coil temperature taken to be the fluid's, {given:g} °C."
-    return _REFERENCE_C, 10.0, "Coil temperature not known; 72 °F ± 18 °F assumed. State it with coil_temperature."
+        return given, 0.0, _STATED_TEMPERATURE_STD_K, f"Coil temperature taken to be the fluid's, {given:g} °C."
+    return _REFERENCE_C, 0.0, 10.0, "Coil temperature not known; 72 °F ± 18 °F assumed. State it with coil_temperature."
+
+
+def _rounding_std(of: Channel) -> float:
+    """What the converter leaves in a mean of a channel that stands, as a standard uncertainty."""
+    quietest = min(float(part.std()) for part in np.array_split(of.values, _PARTS))
+    return mean_rounding_std(quietest, rounding_step(of.values))
 
 
 def _notes(coil: Coil, ohm: float, voltage: str) -> list[str]:

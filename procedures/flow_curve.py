@@ -7,6 +7,7 @@ request as well.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -98,7 +99,11 @@ def evaluate(recording: Recording) -> Findings:
     parts = parts_of(recording, "sweep")
     _, response = roles_of(recording)
     zero, zero_std = steady(recording, parts_of(recording, "neutral")[0], response)
-    curve = characteristic(swept(recording, parts[:2]), parts[0], zero, _BY_NAME)
+    sweeps = swept(recording, parts[:2])
+    curve = characteristic(sweeps, parts[0], zero, _BY_NAME)
+    neutral = parts_of(recording, "neutral")[0]
+    crept = sweeps.creep_per_s * (neutral["first"] + neutral["count"]) * recording.interval_s
+    zero_std = math.hypot(zero_std, crept / math.sqrt(3.0))
     leakage = _BY_NAME["leakage"].at(unit=response.unit).of(zero, zero_std, calibration=calibration_std(response))
     return Findings(
         measured=(*curve.measured, leakage),

@@ -21,7 +21,7 @@ from hil.signals.sine_fit import SineFit
 from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
 from procedures._definitions import SINES, defined
-from procedures._extreme import extreme
+from procedures._extreme import CERTAIN, extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_at_least, scale_of
@@ -82,14 +82,20 @@ def evaluate(recording: Recording) -> Findings:
     command, response = roles_of(recording)
     measured: list[Measured] = []
     curves = []
+    creep_per_s = 0.0
     for segment in declared_segments(recording):
         rows = segment.samples
         time_s = recording.time_s[rows]
         given, answer = (
-            sine_fit_beyond(recording.stamps(c.name)[rows], c.values[rows], segment.frequency_hz, harmonics=HARMONICS)
-            for c in (command, response)
-        )
-        measured += _measured(recording, given, answer)
+            sine_fit_beyond(
+                recording.stamps(c.name)[rows], c.values[rows], segment.frequency_hz,
+                harmonics=HARMONICS, drift_order=order,
+            )
+            for c, order in ((command, 0), (response, 1))
+        )  # fmt: skip
+        middle_s = float(time_s[0] + time_s[-1]) / 2.0 - float(recording.time_s[0])
+        creep_per_s = max(creep_per_s, _creep_per_s(answer, float(time_s[-1] - time_s[0])))
+        measured += _measured(recording, given, answer, creep_per_s * middle_s)
         shown = shown_samples(time_s, segment.frequency_hz)
         picked = slice(0, shown, thinning(shown))
         curves.append({
@@ -100,7 +106,8 @@ def evaluate(recording: Recording) -> Findings:
             "measured": response.values[rows][picked], "fitted": synthesised(answer, time_s[picked]),
             "harmonics_percent": 100.0 * np.abs(answer.phasors[1:]) / answer.amplitude,
         })  # fmt: skip
-    return Findings(tuple(measured), {"large_sines": curves}, (), departures(recording))
+    notes = (_crept(creep_per_s, response.unit),) if creep_per_s else ()
+    return Findings(tuple(measured), {"large_sines": curves}, notes, departures(recording))
 
 
 def _level(scale: Scale, amplitude: float | None, bias: float | None) -> tuple[float, float]:
@@ -116,15 +123,31 @@ def _level(scale: Scale, amplitude: float | None, bias: float | None) -> tuple[f
     return middle, size
 
 
-def _measured(recording: Recording, given: SineFit, answer: SineFit) -> list[Measured]:
+def _creep_per_s(fit: SineFit, duration_s: float) -> float:
+    """Size of a straight drift beyond noise, in the response's unit per second; 0 for none."""
+    change, std = float(fit.drift[0]), math.sqrt(float(fit.covariance[-1, -1]))
+    return 2.0 * abs(change) / duration_s if abs(change) > CERTAIN * std else 0.0
+
+
+def _crept(creep_per_s: float, unit: str) -> str:
+    return (
+        f"The response drifts by up to {creep_per_s:.2g} {unit}/s beneath the sines. That is taken out of amplitude "
+        "and phase; how far it has moved the mean since the recording began cannot be told, and is granted to it."
+    )
+
+
+def _measured(recording: Recording, given: SineFit, answer: SineFit, crept: float) -> list[Measured]:
+    """`crept`: by how much a drift may have moved the mean."""
     _, response = roles_of(recording)
     place = f"{given.frequency_hz:g} Hz"
     turned = answer.phasor / given.phasor
     phase_std_deg = math.degrees(math.hypot(given.phase_std_rad, answer.phase_std_rad))
     harmonic_std = math.sqrt(float(np.trace(answer.phasor_covariance())) / 2.0) / answer.amplitude
     level_std = calibration_std(response)
+    # a sine that goes to the ends of a range stands there: rounding is that of a level
     rounding = mean_rounding_std(answer.residual_std, rounding_step(response.values))
-    amplitude_std, offset_std = (math.hypot(std, rounding) for std in (answer.amplitude_std, answer.offset_std))
+    amplitude_std = math.hypot(answer.amplitude_std, rounding)
+    offset_std = math.hypot(answer.offset_std, rounding, crept / math.sqrt(3.0))
     thd_std = math.hypot(harmonic_std, rounding / answer.amplitude)
     share = calibration_share(response)
     return [

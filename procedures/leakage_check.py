@@ -9,8 +9,10 @@ from __future__ import annotations
 import math
 
 from hil.record.measurement import Findings, Measurement
-from hil.record.recording import Recording
+from hil.record.recording import Channel, Recording
 from hil.rig import Rig
+from hil.signals.colour import colour_factor
+from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._efc import (
     SUPPLY_PRESSURE,
     THROUGH_FLOW,
@@ -81,8 +83,9 @@ def evaluate(recording: Recording) -> Findings:
     supply = channel(samples, SUPPLY_PRESSURE, "psi", "the leakage check")
     means = [float(samples.values(name, unit).mean())
              for name, unit in ((flow.name, "ml/min"), (supply.name, "psi"), (response.name, "psi"))]  # fmt: skip
-    stds = [math.hypot(instrument_std(c), float(c.values.std()) / math.sqrt(len(samples)))
-            for c in (flow, supply, samples.channel(response.name))]  # fmt: skip
+    channels = (flow, supply, samples.channel(response.name))
+    stds = [_mean_std(c) for c in channels]
+    known = [instrument_std(c) for c in channels]
     across = means[1] - means[2]
     notes, deviations = [], []
     ends = [e.get("details", {}) for e in recording.meta.get("events", ())
@@ -90,7 +93,7 @@ def evaluate(recording: Recording) -> Findings:
     at_end = any(end.get("channel") == flow.name for end in ends)
     full = at_end and means[0] >= _FULL * float(recording.values(flow.name, "ml/min").max())
     if full:
-        leakage = LEAKAGE.of(means[0] * _FULL, stds[0], relation=">")
+        leakage = LEAKAGE.of(means[0] * _FULL, stds[0], relation=">", calibration=known[0])
         notes.append("The flow meter is at the end of its range: the valve is open at this current.")
     elif abs(across / _RATED_PSI - 1.0) > _FARTHEST:
         leakage = LEAKAGE.of(None)
@@ -99,12 +102,25 @@ def evaluate(recording: Recording) -> Findings:
         )
     else:
         factor = _RATED_PSI / across
-        std = math.hypot(stds[0], means[0] * math.hypot(stds[1], stds[2]) / across)
-        leakage = LEAKAGE.of(means[0] * factor, std * factor)
+        std, calibration = (
+            factor * math.hypot(part[0], means[0] * math.hypot(part[1], part[2]) / across) for part in (stds, known)
+        )
+        leakage = LEAKAGE.of(means[0] * factor, std, calibration=calibration)
     for name, value, rated in (("before", means[1], _RATED_PSI), ("behind", means[2], 0.0)):
         if abs(value - rated) > _TOLERANCE_PSI:
             deviations.append(f"{value:.4g} psi {name} the valve; {rated:g} ± {_TOLERANCE_PSI:g} psi is specified.")
     return Findings(
-        (leakage, MEASUREMENTS[1].of(means[1], stds[1]), MEASUREMENTS[2].of(means[2], stds[2])),
+        (
+            leakage,
+            MEASUREMENTS[1].of(means[1], stds[1], calibration=known[1]),
+            MEASUREMENTS[2].of(means[2], stds[2], calibration=known[2]),
+        ),
         notes=tuple(notes), deviations=tuple(deviations),
     )  # fmt: skip
+
+
+def _mean_std(channel: Channel) -> float:
+    """Standard uncertainty of a channel's mean by noise, and by rounding where noise is less than a code."""
+    values = channel.values
+    noise = float(values.std()) * math.sqrt(colour_factor(values) / len(values))
+    return math.hypot(noise, mean_rounding_std(float(values.std()), rounding_step(values)))

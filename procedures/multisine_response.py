@@ -7,7 +7,6 @@ were not driven is distortion, even or odd. It takes about a fifth of the bench 
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
@@ -141,12 +140,12 @@ def _levels(one: Evaluated, bla: BestLinearApproximation) -> tuple[Measured, ...
         return 100.0 * float(np.median(level / amplitude))
 
     noise = share(bla.noise_std)
-    seen = max(len(bla.response) * (bla.periods - 1), 1)
+    noise_std = about(np.array([share(again) for again in bla.redrawn_noise]), noise)
     distortion = [
         extreme(what.at(label), share(level), about(np.array([share(again) for again in redrawn]), share(level)))
         for what, level, redrawn in ((ODD, bla.odd_std, bla.redrawn_odd), (EVEN, bla.even_std, bla.redrawn_even))
     ]
-    return (NOISE.at(label).size(noise, noise / math.sqrt(seen)), *distortion)
+    return (NOISE.at(label).size(noise, noise_std), *distortion)
 
 
 def _curve(one: Evaluated, bla: BestLinearApproximation) -> dict[str, Any]:

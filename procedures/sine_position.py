@@ -11,12 +11,13 @@ import math
 import numpy as np
 
 from hil.errors import InputError, SettingError
-from hil.identification.sine_segments import declared_segments
+from hil.identification.sine_segments import Segment, declared_segments
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.harmonic_order import sine_fit_beyond
-from hil.signals.sine_fit import SineFit, sine_fit
+from hil.signals.rounding import rounding_step
+from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
 from hil.signals.stepped_sine import check_frequencies, sine
 from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
@@ -113,14 +114,16 @@ def evaluate(recording: Recording) -> Findings:
     share = math.hypot(calibration_share(response), calibration_share(command))
     measured: list[Measured] = []
     curves, notes, gains = [], [], []
+    grid = rounding_step(response.values)
     for segment in declared_segments(recording):
-        rows = segment.samples
+        rows = segment.samples if closed else _under_way(segment, recording.interval_s)
         time_s = recording.time_s[rows]
         given = sine_fit(time_s, command.values[rows], segment.frequency_hz, harmonics=1)
         answer = sine_fit_beyond(
             recording.stamps(response.name)[rows], response.values[rows], segment.frequency_hz, harmonics=HARMONICS,
-            drift_order=0 if closed else 1,
+            drift_order=1,
         )  # fmt: skip
+        answer = with_rounding(answer, grid)
         place = f"{segment.bias:+.4g} ± {segment.amplitude:.4g} {command.unit}"
         measured += _measured(recording, place, given, answer)
         gain = _gain(given, answer, closed)
@@ -204,6 +207,12 @@ def _wave(
 def _opening(size: float, middle: float) -> float:
     """With which an open cylinder is brought to its end: the largest of the sine."""
     return size + abs(middle)
+
+
+def _under_way(segment: Segment, interval_s: float) -> slice:
+    """Samples of an open loop without the first period, in which the cylinder gets going."""
+    period = round(1.0 / (segment.frequency_hz * interval_s))
+    return slice(segment.first + (period if segment.count >= 2 * period - 1 else 0), segment.first + segment.count)
 
 
 def _measured(recording: Recording, place: str, given: SineFit, answer: SineFit) -> list[Measured]:

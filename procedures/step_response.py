@@ -123,6 +123,8 @@ def evaluate(recording: Recording) -> Findings:
             continue
         _, response = roles_of(recording)
         measured += _measured(label, found, response)
+        if not np.isfinite(found.std.dead_time_s):
+            notes.append(f"{label}: noise alone reaches 2 % of the change; the dead time cannot be told.")
         if found.tone_hz is not None:
             notes.append(f"{label}: a tone of {found.tone_hz:.3g} Hz goes on before and after it and was taken out.")
         if abs(found.moving) > _STILL * abs(found.figures.final - found.figures.start):

@@ -20,7 +20,7 @@ from hil.signals.colour import colour_factor
 from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
 from procedures._definitions import CYLINDERS, defined
-from procedures._recorded import departures, parts_of, roles_of
+from procedures._recorded import calibration_share, departures, parts_of, roles_of
 from procedures._scale import Scale, check_above, check_at_least, scale_of
 
 SPEED = Measurement("speed", "", "steady speed after a step, extending positive")
@@ -99,7 +99,10 @@ def evaluate(recording: Recording) -> Findings:
                 f"{part['label']}: the speed is not steady where it is read; the uncertainty holds its change."
             )
     means = {label: _mean(values) for label, values in found.items()}
-    measured: list[Measured] = [SPEED.at(label, speed_unit).of(*mean) for label, mean in means.items()]
+    share = calibration_share(roles_of(recording)[1])
+    measured: list[Measured] = [
+        SPEED.at(label, speed_unit).of(*mean, calibration=share * abs(mean[0])) for label, mean in means.items()
+    ]
     for place, extending, retracting in _pairs(parts):
         ratio, std = _ratio(means[retracting], means[extending])
         measured.append(RATIO.at(place).of(ratio, std))

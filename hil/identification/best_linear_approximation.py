@@ -28,6 +28,7 @@ Verdict = Literal["noise", "even nonlinearity", "odd nonlinearity"]
 # Silent lines averaged for the distortion level at an excited one: a quarter of them at most, so that the
 # average follows the level over the band, and no more than a smooth level needs.
 _NEIGHBOURS, _SHARE = 5, 4
+_POOLED = 9  # lines over which noise is averaged
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,7 +39,7 @@ class BestLinearApproximation:
         response: at the excited lines, covariance from noise and odd distortion together.
         noise_std: of the mean over periods, in the output's unit, at the excited lines, shape (n,).
         odd_std, even_std: level of odd and even distortion there, rms, in the output's unit, shape (n,).
-        redrawn_odd, redrawn_even: the same levels with the noise drawn again, shape (draws, n).
+        redrawn_noise, redrawn_odd, redrawn_even: the same levels with the noise drawn again, shape (draws, n).
         verdicts: which of the three is largest, per line.
         periods: how many were averaged.
     """
@@ -47,6 +48,7 @@ class BestLinearApproximation:
     noise_std: Array
     odd_std: Array
     even_std: Array
+    redrawn_noise: Array
     redrawn_odd: Array
     redrawn_even: Array
     verdicts: tuple[Verdict, ...]
@@ -92,7 +94,7 @@ def best_linear_approximation(
         samples = round(1.0 / (float(part["base_hz"]) * recording.interval_s))
         rows = slice(int(part["first"]), int(part["first"]) + int(part["count"]))
         given, answer = (_periods(recording.name, c.values[rows], samples, settle_periods) for c in (u, y))
-        found = approximate(recording.name, given, answer, part, (u.unit, y.unit))
+        found = approximate(recording.name, given, _level(answer), part, (u.unit, y.unit))
         delay_s = float(np.mean((recording.stamps(y.name) - recording.time_s)[rows]))
         made.append(_read_later(found, delay_s) if delay_s else found)
     return tuple(made)
@@ -105,7 +107,9 @@ def approximate(
     excited = np.asarray(part["excited"], dtype=np.int64)
     odd, even = (np.asarray(part[key], dtype=np.int64) for key in ("odd_detection", "even_detection"))
     given, answer = _spectrum(inputs), _spectrum(outputs)
-    response, noise = _ratio(given[:, excited], answer[:, excited])
+    response, seen = _ratio(given[:, excited], answer[:, excited])
+    pooled = _pooled(seen)
+    noise = np.maximum(seen, pooled)  # a line of its own stands out of its neighbours, a chance does not hide
     (odd_level, odd_again), (even_level, even_again) = (
         _distortion(given, answer, silent, excited, response) for silent in (odd, even)
     )  # fmt: skip
@@ -115,15 +119,21 @@ def approximate(
     lines_hz = np.asarray(excited * float(part["base_hz"]), dtype=np.float64)
     made = FrequencyResponse(
         name, lines_hz, response, variance[:, None, None] * np.eye(2), *units,
-        float(np.max(np.abs(inputs - inputs.mean()))), float(inputs.mean()), size, amplitudes,
+        float(part.get("amplitude", np.max(np.abs(inputs - inputs.mean())))),
+        float(part.get("bias", inputs.mean())), size, amplitudes,
         np.full(len(excited), float(outputs.mean())),
         np.full(len(excited), float(np.std(outputs - outputs.mean(axis=0)))),
         np.zeros((len(excited), 0), dtype=np.complex128),
     )  # fmt: skip
-    levels = np.sqrt(np.stack((noise, even_level, odd_level)))
+    levels = np.sqrt(np.stack((pooled, even_level, odd_level)))
     names: tuple[Verdict, Verdict, Verdict] = ("noise", "even nonlinearity", "odd nonlinearity")
     verdicts = tuple(names[int(k)] for k in np.argmax(levels, axis=0))
-    return BestLinearApproximation(made, levels[0], levels[2], levels[1], odd_again, even_again, verdicts, len(inputs))
+    freed = 2 * (len(inputs) - 1)
+    drawn = np.random.default_rng(0).chisquare(freed, (DRAWS, len(excited))) / freed * pooled
+    again = np.sqrt(np.array([_pooled(one) for one in drawn]))
+    return BestLinearApproximation(
+        made, levels[0], levels[2], levels[1], again, odd_again, even_again, verdicts, len(inputs)
+    )
 
 
 def _read_later(found: BestLinearApproximation, delay_s: float) -> BestLinearApproximation:
@@ -155,6 +165,23 @@ def _ratio(given: Complex, answer: Complex) -> tuple[Complex, Array]:
 def _noise(rest: Complex) -> Array:
     """Variance of the mean over periods, both parts together."""
     made: Array = np.var(rest, axis=0, ddof=1) / len(rest)
+    return made
+
+
+def _pooled(noise: Array) -> Array:
+    """Of each line and its neighbours: noise is smooth over frequency, and few periods tell little of one line."""
+    around = np.ones(min(_POOLED, len(noise)))
+    made: Array = np.convolve(noise, around, "same") / np.convolve(np.ones(len(noise)), around, "same")
+    return made
+
+
+def _level(periods: Array) -> Array:
+    """Periods without the straight drift over them."""
+    count, samples = periods.shape
+    late = np.arange(count) - (count - 1) / 2.0
+    per_period = float(late @ periods.mean(axis=1)) / float(late @ late)
+    drift = per_period * (np.arange(count * samples) / samples - count / 2.0)
+    made: Array = periods - drift.reshape(count, samples)
     return made
 
 

@@ -28,7 +28,7 @@ class Coil:
     Attributes:
         resistance_ohm, resistance_std_ohm: at the temperature of the test; infinite without a current.
         inductance_h, inductance_std_h: NaN without a current.
-        voltage_v, current_a: means while the current stood.
+        voltage_v, current_a: means while the current stood. `voltage_std_v`: how the voltage's mean scatters.
         asked_a: the current that was asked for.
     """
 
@@ -39,6 +39,7 @@ class Coil:
     voltage_v: float
     current_a: float
     asked_a: float
+    voltage_std_v: float = 0.0
 
     @property
     def is_open(self) -> bool:
@@ -83,11 +84,14 @@ def fit_coil(readings: CoilReadings) -> Coil:
     asked, voltage, current = top
     if abs(current) < 0.2 * abs(asked):
         return Coil(math.inf, 0.0, math.nan, math.inf, voltage, current, asked)
+    tops = [level[1] for level in levels if abs(level[0]) > 0.5 * abs(asked)]
     (ohm, henry), spread = found[:, :2].mean(axis=0), found[:, :2].std(axis=0, ddof=1) / math.sqrt(len(found))
+    spread[0] *= math.sqrt(2.0)  # neighbouring changes share a rest
     grain = float(found[:, 2].mean()) / math.sqrt(len(found))
     return Coil(
-        float(ohm), float(spread[0]), float(henry), math.hypot(float(spread[1]), grain), voltage, current, asked
-    )
+        float(ohm), float(spread[0]), float(henry), math.hypot(float(spread[1]), grain), voltage, current, asked,
+        float(np.std(tops, ddof=1)) if len(tops) > 1 else 0.0,
+    )  # fmt: skip
 
 
 def _rests(readings: CoilReadings) -> list[tuple[int, int]]:

@@ -12,7 +12,8 @@ from hil.errors import InputError
 from hil.identification.frequency_response import FrequencyResponse, from_fits
 from hil.record.recording import Array, Recording
 from hil.signals.frequency_fit import frequency_fit
-from hil.signals.sine_fit import SineFit, sine_fit
+from hil.signals.rounding import rounding_step
+from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
 from hil.signals.steady import steadiness
 
 _SAME_PERIOD = 0.015  # relative difference up to which two periods belong to one frequency
@@ -55,7 +56,7 @@ def frequency_responses(recording: Recording, input_name: str, output_name: str)
             f"{recording.name}: no sine in channel '{u.heading}': neither written down in its parts nor two equal "
             "periods to be seen"
         )
-    made = []
+    made, grid = [], rounding_step(y.values)
     for group in _by_level(segments):
         kept = group if declared else [_settled(recording.time_s, y.values, segment) for segment in group]
         harmonics = min(_harmonics(recording.time_s, segment) for segment in kept)
@@ -63,10 +64,13 @@ def frequency_responses(recording: Recording, input_name: str, output_name: str)
         for segment in kept:
             part = segment.samples
             given, answer = (
-                sine_fit(recording.stamps(c.name)[part], c.values[part], segment.frequency_hz, harmonics=harmonics)
-                for c in (u, y)
-            )
-            fits.append((given, answer))
+                sine_fit(
+                    recording.stamps(c.name)[part], c.values[part], segment.frequency_hz,
+                    harmonics=harmonics, drift_order=order,
+                )
+                for c, order in ((u, 0), (y, 1))
+            )  # fmt: skip
+            fits.append((given, with_rounding(answer, grid)))
         made.append(from_fits(recording.name, fits, (u.unit, y.unit), group[0].amplitude, group[0].bias))
     return tuple(made)
 

@@ -8,13 +8,14 @@ was found, rounded as the converter rounds, smoothed and read in the same way.
 from __future__ import annotations
 
 import math
-from dataclasses import astuple, dataclass, replace
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass, fields, replace
 
 import numpy as np
 
 from hil.errors import InputError
 from hil.identification.redrawn import DRAWS, about
-from hil.identification.step_response import StepFigures, step_figures
+from hil.identification.step_response import StepFigures, moves_once, step_figures
 from hil.record.recording import Array, Recording
 from hil.signals.rounding import before_rounding, rounded_again, rounding_step
 from hil.signals.smooth_curve import Smoother, coloured, whitener_of
@@ -25,6 +26,8 @@ REST_SHARE = 0.25  # of the time before it: its end gives the value at the start
 _LEAST_JUMP = 0.01  # of the command's span
 _COEFFICIENTS = 80
 _SHARP = 0.005  # of the time after the step, up to which time counts as it is
+_SURE = 0.95  # of redrawn responses that must move once and for all
+_SHARP_SAMPLES, _CLEAR = 5, 2.0  # of the sharper reading; standard deviations from which it tells more than noise
 _MOVING = 2.0  # standard uncertainties of the final value by which the response still moves at its end
 
 
@@ -113,15 +116,17 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     figures = step_figures(step.time_s, curve, start=start, final=float(np.mean(curve[step.tail])), band=band)
 
     rng = np.random.default_rng(0)
-    shift = rng.random((DRAWS, 1)) if step.grid else np.zeros((DRAWS, 1))
+    # where the codes lie beneath one level says nothing of where they lie beneath the other
+    shifts = rng.random((2, DRAWS, 1)) if step.grid else np.zeros((2, DRAWS, 1))
 
-    def drawn(level: Array, count: int) -> Array:
+    def drawn(level: Array, count: int, shift: Array) -> Array:
         noise = coloured(before_rounding(innovation, step.grid) * rng.normal(size=(DRAWS, count + 200)), whitener)
         return rounded_again(level + noise[:, 200:], step.grid, shift)
 
-    again = start + smoother.at(smoother.curves(drawn(curve, len(curve)) - start))
+    noisy = drawn(curve, len(curve), shifts[0])
+    again = start + smoother.at(smoother.curves(noisy - start))
     moved_levels = step.level_std * rng.normal(size=(2, DRAWS))
-    starts = np.mean(drawn(np.full(len(step.rest), start), len(step.rest)), axis=1) + moved_levels[0]
+    starts = np.mean(drawn(np.full(len(step.rest), start), len(step.rest), shifts[1]), axis=1) + moved_levels[0]
     finals = np.mean(again[:, step.tail], axis=1) + moved_levels[1]
     read = [
         _read(step, one, first, last, band)
@@ -129,6 +134,14 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     ]
     columns = np.array([astuple(one) for one in read if one is not None], dtype=np.float64)
     std = _spread(columns, figures, missing=len(read) - len(columns))
+    sharp = [_sharp_figures(step, values, first, last, band) for values, first, last in zip(
+        [step.response, *noisy], [start, *starts.tolist()], [figures.final, *finals.tolist()], strict=True
+    )]  # fmt: skip
+    std = _with_hidden(std, figures, [figures, *read], sharp)
+    figures, std = _sharper(figures, std, sharp, float(np.median(np.diff(step.time_s))))
+    once = moves_once(curve, start, figures.final)
+    if not once or np.mean([moves_once(*one) for one in zip(again, starts, finals, strict=True)]) < _SURE:
+        std = replace(std, dead_time_s=math.inf)
     changes = columns[:, 1] - columns[:, 0]
     change_std = about(changes, figures.final - figures.start)
     moved = float(curve[-1] - curve[step.tail][0])
@@ -145,6 +158,52 @@ def _read(step: _Step, curve: Array, start: float, final: float, band: float) ->
         return step_figures(step.time_s, curve, start=start, final=final, band=band)
     except InputError:
         return None
+
+
+def _sharp_figures(step: _Step, values: Array, start: float, final: float, band: float) -> StepFigures | None:
+    """Figures of a parabola through every few samples: sharper than the estimate, and noisier."""
+    from scipy.signal import savgol_filter
+
+    if len(values) < _SHARP_SAMPLES:
+        return None
+    return _read(step, savgol_filter(values, _SHARP_SAMPLES, 2), start, final, band)
+
+
+def _with_hidden(
+    std: StepFigures, figures: StepFigures, smooth: Sequence[StepFigures | None], sharp: Sequence[StepFigures | None]
+) -> StepFigures:
+    """The uncertainties with what the estimate has smoothed away of a corner.
+
+    A sharper reading of the samples departs from the estimate by noise, and by no more than noise makes of redrawn
+    samples; what it departs by beyond that is granted.
+    """
+    with np.errstate(invalid="ignore"):  # a time that is past the record in both
+        apart = np.array([
+            np.full(len(astuple(figures)), math.nan) if a is None or b is None else np.subtract(astuple(b), astuple(a))
+            for a, b in zip(smooth, sharp, strict=True)
+        ])  # fmt: skip
+    known = np.isfinite(apart[1:]).all(axis=0) & np.isfinite(apart[0])
+    hidden = np.zeros(apart.shape[1])
+    beyond = np.abs(apart[0, known] - apart[1:, known].mean(axis=0))
+    hidden[known] = np.where(beyond > _CLEAR * apart[1:, known].std(axis=0), beyond, 0.0)
+    return StepFigures(*np.hypot(astuple(std), hidden).tolist())
+
+
+def _sharper(
+    figures: StepFigures, std: StepFigures, sharp: Sequence[StepFigures | None], interval_s: float
+) -> tuple[StepFigures, StepFigures]:
+    """Times by the sharper reading where noise leaves it sure to within what sampling hides."""
+    if sharp[0] is None or None in sharp:
+        return figures, std
+    redrawn = np.array([astuple(one) for one in sharp[1:] if one is not None])
+    names = [field.name for field in fields(StepFigures)]
+    for i, name in enumerate(names):
+        value = getattr(figures, name)
+        found = about(redrawn[:, i], value) if name.endswith("_s") and math.isfinite(value) else math.inf
+        if found < interval_s / math.sqrt(12.0):
+            figures = replace(figures, **{name: getattr(sharp[0], name)})
+            std = replace(std, **{name: found})
+    return figures, std
 
 
 def _spread(columns: Array, figures: StepFigures, missing: int) -> StepFigures:

@@ -65,7 +65,7 @@ def step_figures(
     share = (response - first) / change
     ten, ninety = _reaches(time_s, share, 0.1), _reaches(time_s, share, 0.9)
     return StepFigures(
-        first, last, _reaches(time_s, share, MOVED), ninety - ten, ninety,
+        first, last, _leaves(time_s, share), ninety - ten, ninety,
         _stays(time_s, share, band), _reaches(time_s, share, 1.0 - band),
         max(float(share.max()) - 1.0, 0.0), band,
     )  # fmt: skip
@@ -120,6 +120,28 @@ def _reaches(time_s: Array, share: Array, level: float) -> float:
         return float(time_s[0])
     part = (level - share[i - 1]) / (share[i] - share[i - 1])
     return float(time_s[i - 1] + part * (time_s[i] - time_s[i - 1]))
+
+
+def moves_once(response: Array, start: float, final: float) -> bool:
+    """Whether the response makes the first 2 % of its change once and for all.
+
+    Where noise takes it there before, what it does first tells nothing of a dead time.
+    """
+    share = (response - start) / (final - start)
+    half = int(np.argmax(share >= 0.5))
+    over = share[:half] >= MOVED
+    return bool(over.size) and not over[0] and int(np.sum(over[1:] != over[:-1])) <= 1
+
+
+def _leaves(time_s: Array, share: Array) -> float:
+    """Time from which on it has moved, seen back from half its change."""
+    half = int(np.argmax(share >= 0.5))
+    below = np.flatnonzero(share[:half] < MOVED)
+    if not below.size:
+        return float(time_s[0])
+    i = int(below[-1])
+    part = (MOVED - share[i]) / (share[i + 1] - share[i])
+    return float(time_s[i] + part * (time_s[i + 1] - time_s[i]))
 
 
 def _stays(time_s: Array, share: Array, band: float) -> float:

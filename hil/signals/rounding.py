@@ -40,8 +40,23 @@ def rounded_again(values: Array, step: float, shift: Array) -> Array:
 
 
 def before_rounding(std: float, step: float) -> float:
-    """Noise that was there before the converter added its own."""
+    """Noise that was there before the converter added its own; 0 where two codes are all that it reaches."""
+    if std < step / 2.0:
+        return 0.0
     return float(np.sqrt(max(std**2 - step**2 / 12.0, 0.0)))
+
+
+def sine_rounding_std(noise_std: float, step: float, amplitude: float) -> float:
+    """Standard uncertainty that rounding leaves in the amplitude of a sine or of one of its harmonics.
+
+    The rounding of a sine is a sum of Bessel functions of its amplitude in steps, whose squares fall as one over it.
+    """
+    if step == 0.0:
+        return 0.0
+    k = np.arange(1.0, 20.0)
+    faded = np.exp(-2.0 * (np.pi * k * before_rounding(noise_std, step) / step) ** 2)
+    steps = max(amplitude / step, 0.5)
+    return float(step * np.sqrt(np.sum(4.0 * (faded / (np.pi * k)) ** 2 / (np.pi**2 * k * steps))))
 
 
 def mean_rounding_std(noise_std: float, step: float) -> float:

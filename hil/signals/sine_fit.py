@@ -8,13 +8,14 @@ or creeping response does not bend the fundamental (IEEE Std 1057, three-paramet
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import SettingError
 from hil.signals.colour import colour_factors
+from hil.signals.rounding import sine_rounding_std
 from hil.signals.sine_basis import sine_basis
 from hil.signals.sine_solution import Solved, solve
 
@@ -120,6 +121,16 @@ def sine_fit(time_s: Array, values: Array, frequency_hz: float, *, harmonics: in
     slow = _powers(time_s, drift_order)
     solved = solve(basis, values, slow, frequency_hz)
     return finish(solved, values, slow, _cycles(time_s, frequency_hz), frequency_hz)
+
+
+def with_rounding(fit: SineFit, step: float) -> SineFit:
+    """The fit of rounded samples, with what rounding by the steps of a converter may have made of it."""
+    if step == 0.0:
+        return fit
+    added = np.zeros(len(fit.covariance))
+    one = sine_rounding_std(fit.residual_std, step, fit.amplitude) ** 2
+    added[0], added[1 : 1 + 2 * len(fit.phasors)] = one / 4.0, one / 2.0
+    return replace(fit, covariance=fit.covariance + np.diag(added))
 
 
 def finish(

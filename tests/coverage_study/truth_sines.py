@@ -63,10 +63,7 @@ def of_multisine(clean: Recording, bench: str, situation: Situation) -> Truths:
         given, answer = spectra
         excited = np.asarray(part["excited"])
         response, size = answer[excited] / given[excited], np.abs(answer[excited])
-        bias, peak = float(np.mean(_rows(clean, part, "command")[1])), None
-        values = _rows(clean, part, "command")[1]
-        peak = float(np.max(np.abs(values - values.mean())))
-        label = _label(clean, bias, peak)
+        label = _label(clean, part["bias"], part["amplitude"])
         frequency_hz = excited * part["base_hz"]
         found |= _crossings(frequency_hz, response / _chain(clean, bench, frequency_hz), label)
         found[f"noise, {label}"] = 100.0 * float(np.median(_noise(clean, bench, situation, periods * samples) / size))
@@ -89,6 +86,9 @@ def of_sine_position(clean: Recording, bench: str, _situation: Situation) -> Tru
     found: Truths = {}
     gains = []
     for part in _parts(clean, "sine"):
+        if bench == OPEN:  # the first period brings the cylinder to its speed
+            period = round(1.0 / (part["frequency_hz"] * clean.interval_s))
+            part = part | {"first": part["first"] + period, "count": part["count"] - period}
         place = _label(clean, part["bias"], part["amplitude"])
         given, _ = harmonics(*_rows(clean, part, "command"), part["frequency_hz"])
         found |= _sine(clean, part, place, drift=bench == OPEN)

@@ -75,7 +75,9 @@ def efc(situation: Situation) -> Static:
         made: Array = 3.0 + 207.0 / (1.0 + np.exp(-(command - 1.58) / 0.1))
         return made
 
-    lag_ms = 2.0 + 16.0 + 1e3 * 2.0 * 0.5 / 48.0 + 4.0 + _HALF_HOLD_MS
+    # the current loop of 500 rad/s reads the mean of the period before: a ramp runs ahead of it by the rest of 2 ms
+    drive_ms = 1e3 / 500.0 - 1e3 / 1000.0
+    lag_ms = drive_ms + 2.0 + 16.0 + 1e3 * 2.0 * 0.5 / 48.0 + 4.0 + _HALF_HOLD_MS
     coulomb = found.get("friction", {}).get("coulomb", 0.0)
     return Static(curve, 0.0, 2.2, lag_ms, coulomb, play=found.get("backlash", {}).get("half_width", 0.0))
 
