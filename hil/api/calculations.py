@@ -34,6 +34,7 @@ def identify(
     weights: str = "",
     reading: Reading | None = None,
     part: str = "",
+    page: str | Path = "",
     notes: Notes = unsaid,
     progress: Progress = quiet,
 ) -> Identified:
@@ -52,6 +53,7 @@ def identify(
         weights: of its lines, "relative" (of their size), "uniform" (all alike) or "covariance".
         reading: how paths are read.
         part: of a run that measured several frequency responses, this one.
+        page: file for a page with the model beside what it was fitted to; none where not given.
         notes: told what was assumed of the recordings.
         progress: told how far it is, where that takes long.
 
@@ -67,7 +69,10 @@ def identify(
     for note in notes_on(read):
         notes(note)
     orders = orders_of(poles, zeros, dead_time, weights)
-    return identified(str(plant), read, free, inputs, output, orders, notes, progress)
+    found = identified(str(plant), read, free, inputs, output, orders, notes, progress)
+    if page:
+        found.write_page(Path(page))
+    return found
 
 
 def compare(
@@ -77,6 +82,7 @@ def compare(
     inputs: Sequence[str] = (),
     output: str = "",
     reading: Reading | None = None,
+    page: str | Path = "",
     notes: Notes = unsaid,
 ) -> list[Comparison | TableComparison]:
     """How well a model fits each recording or frequency response, and where it fails (`hil compare`).
@@ -87,11 +93,12 @@ def compare(
         inputs: names of the input channels, where they are not the model's own.
         output: name of the output channel, likewise.
         reading: how paths are read.
+        page: file for a page with the model beside the measurements; none where not given.
         notes: told what was assumed of the recordings.
     """
     from hil.session.comparison import compared_with
 
-    return compared_with(_model(model), recordings, inputs, output, reading, notes)
+    return compared_with(_model(model), recordings, inputs, output, reading, notes, Path(page) if page else None)
 
 
 def simulate(

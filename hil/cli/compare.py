@@ -21,7 +21,7 @@ def command(
     ),
     model: Path | None = typer.Option(None, "--model", help="Model file."),
     page: Path | None = typer.Option(
-        None, "--page", metavar="FILE.html", help="Of two runs: a page with their curves."
+        None, "--page", metavar="FILE.html", help="A page that draws the model beside the recordings, or two runs."
     ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
@@ -41,17 +41,18 @@ def command(
     if model is None:
         _compare_runs(recordings, as_json, page)
         return
-    if page is not None:
-        raise typer.BadParameter("a page is made of two runs, without --model", param_hint="--page")
     from hil import api
+    from hil.cli.places import check_file
     from hil.cli.reading import reading_of, teller
     from hil.record.plain import to_json
 
+    if page is not None:
+        check_file(page, (model, *recordings))
     assumed: list[str] = []
     reading = reading_of(time, interval, unit, rename, columns, gaps)
     found = api.compare(
         model, recordings, inputs=input_name, output=output_name, reading=reading,
-        notes=teller(aside=as_json, kept=assumed),
+        page=page or "", notes=teller(aside=as_json, kept=assumed),
     )  # fmt: skip
     if as_json:
         typer.echo(to_json({"schema": "hil.compare/1", "model": str(model), "recordings": [c.as_dict() for c in found],

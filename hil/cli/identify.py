@@ -6,6 +6,7 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.language import Language
 from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
 
 
@@ -29,6 +30,9 @@ def command(
         "", "--weights", metavar="relative|uniform", help="Of lines without uncertainty: of their size, or all alike."
     ),
     part: str = typer.Option("", "--part", metavar="NAME", help="Of a run with several frequency responses, this one."),
+    page: Path | None = typer.Option(
+        None, "--page", metavar="FILE.html", help="A page that draws the model beside what it was fitted to."
+    ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.identified/1."),
     time: Time = "",
     interval: Interval = 0.0,
@@ -36,6 +40,7 @@ def command(
     rename: Rename = [],  # noqa: B006
     columns: Columns = "",
     gaps: Gaps = False,
+    language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Fit a plant's parameters to all recordings together and write a model file."""
     from hil import api
@@ -46,12 +51,14 @@ def command(
 
     check_distinct(recordings)
     check_file(out, recordings)
+    if page is not None:
+        check_file(page, (out, *recordings))
     assumed: list[str] = []
     with shown() as progress:
         found = api.identify(
             recordings, plant, free=[name for names in free for name in names.split(",") if name], inputs=input_name,
             output=output_name, poles=poles, zeros=zeros, dead_time=dead_time, weights=weights, part=part,
-            reading=reading_of(time, interval, unit, rename, columns, gaps),
+            reading=reading_of(time, interval, unit, rename, columns, gaps), page=page or "",
             notes=teller(aside=as_json, kept=assumed), progress=progress,
         )  # fmt: skip
     api.save_model(found.model, out)

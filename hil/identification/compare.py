@@ -58,7 +58,8 @@ class Comparison:
     notes: tuple[str, ...]
 
     @property
-    def _fit_text(self) -> str:
+    def headline(self) -> str:
+        """The fit in words."""
         if self.fit is None or self.ceiling is None:
             return "no fit: the output stands still"
         return f"fit {self.fit:.2f} % (the noise allows {self.ceiling:.2f} %)"
@@ -75,7 +76,7 @@ class Comparison:
         notes = "".join(f"\n  note: {note}" for note in self.notes)
         return (
             f"{self.name}\n"
-            f"  {self._fit_text}, "
+            f"  {self.headline}, "
             f"rms error {self.rms_error:.4g} {self.unit}, noise {self.noise_std:.3g} {self.unit}\n"
             f"  mean error {self.mean_error:+.3g} {self.unit}{late}\n"
             f"  largest errors at {worst}\n"

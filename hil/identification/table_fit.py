@@ -169,6 +169,11 @@ class TableComparison:
     worst_hz: tuple[float, ...]
     misfit: float | None
 
+    @property
+    def headline(self) -> str:
+        """The fit in words."""
+        return f"fit {self.fit:.2f} %, rms error {self.gain_error_db:.3g} dB and {self.phase_error_deg:.3g}°"
+
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
         return {
@@ -180,10 +185,7 @@ class TableComparison:
         """As lines for a terminal."""
         worst = ", ".join(f"{hz:.4g} Hz" for hz in self.worst_hz)
         noise = "" if self.misfit is None else f"\n  {self.misfit:.3g} times the stated uncertainty (rms)"
-        return (
-            f"{self.name}\n  fit {self.fit:.2f} %, rms error {self.gain_error_db:.3g} dB and "
-            f"{self.phase_error_deg:.3g}°{noise}\n  largest errors at {worst}"
-        )
+        return f"{self.name}\n  {self.headline}{noise}\n  largest errors at {worst}"
 
 
 def compare_table(model: Model, table: ResponseTable) -> TableComparison:

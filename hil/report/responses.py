@@ -60,7 +60,11 @@ def _bodes(curves: Sequence[Curve]) -> list[Picture]:
     """Amplitude ratio and phase, the amplitudes about one bias together."""
     groups = _by_bias(curves)
     pairs = [groups[i : i + _SIDE_BY_SIDE] for i in range(0, len(groups), _SIDE_BY_SIDE)]
-    return [_bode(f"bode-{k}", pair) for k, pair in enumerate(pairs)]
+    caption = _(
+        "Bode diagram. Points: measured, bars: ±U (k = 2). Lines: fitted transfer function with its 95 % band. "
+        "0 dB is the gain at the reference frequency. Dotted: −3 dB and −90°."
+    )
+    return [bode(f"bode-{k}", pair, caption) for k, pair in enumerate(pairs)]
 
 
 def _by_bias(curves: Sequence[Curve]) -> list[list[Curve]]:
@@ -70,7 +74,10 @@ def _by_bias(curves: Sequence[Curve]) -> list[list[Curve]]:
     return list(groups.values())
 
 
-def _bode(name: str, groups: Sequence[Sequence[Curve]]) -> Picture:
+def bode(
+    name: str, groups: Sequence[Sequence[Curve]], caption: str, levels: tuple[float, ...] = (-3.0, -90.0)
+) -> Picture:
+    """Amplitude ratio and phase of groups of responses beside each other; dotted lines at levels of either."""
     distorted = any(array(c, "thd_percent") is not None for group in groups for c in group)
     ratios = (2.0, 1.6, 0.8) if distorted else (2.0, 1.6)
 
@@ -82,16 +89,12 @@ def _bode(name: str, groups: Sequence[Sequence[Curve]]) -> Picture:
                 _response(rows[1][column], curve, "phase_deg", "phase_std_deg", k)
                 if distorted:
                     _thd(rows[2][column], curve, k)
-            _frame(list(rows[:, column]), group)
+            _frame(list(rows[:, column]), group, levels)
         rows[0][0].set_ylabel(_("amplitude ratio [dB]"))
         rows[1][0].set_ylabel(_("phase [°]"))
         if distorted:
             rows[2][0].set_ylabel(_("THD [%]"))
 
-    caption = _(
-        "Bode diagram. Points: measured, bars: ±U (k = 2). Lines: fitted transfer function with its 95 % band. "
-        "0 dB is the gain at the reference frequency. Dotted: −3 dB and −90°."
-    )
     if distorted:
         caption += " " + _("Below: harmonics 2 to 5 over the fundamental; dotted: {percent} %.").format(
             percent=number(_DISTORTED_PERCENT)
@@ -126,10 +129,10 @@ def _thd(axes: Axes, curve: Curve, k: int) -> None:
     axes.set_ylim(bottom=0.0)
 
 
-def _frame(column: Sequence[Axes], group: Sequence[Curve]) -> None:
+def _frame(column: Sequence[Axes], group: Sequence[Curve], levels: Sequence[float]) -> None:
     from matplotlib.ticker import MaxNLocator
 
-    for axes, level in zip(column, (-3.0, -90.0), strict=False):
+    for axes, level in zip(column, levels, strict=False):
         axes.axhline(level, color=SOFT, lw=0.8, ls=":")
     f = np.concatenate([needed(curve, "frequency_hz") for curve in group])
     for axes in column:

@@ -38,17 +38,22 @@ def compared_with(
     output: str = "",
     reading: Reading | None = None,
     notes: Callable[[str], None] = lambda _note: None,
+    page: Path | None = None,
 ) -> list[Comparison | TableComparison]:
-    """How well a model fits each of what is read; `notes` is told what was assumed when it was."""
+    """How well a model fits each of what is read; `notes` is told what was assumed when it was.
+
+    `page`: where the model is drawn beside the measurements.
+    """
     read = [read_source(one, reading or AS_IT_IS) for one in sources]
     for note in notes_on(read):
         notes(note)
-    return [
-        compare_table(model, one)
-        if isinstance(one, ResponseTable)
-        else compare(model, for_model(model, one, inputs, output))
-        for one in read
-    ]
+    measured = [one if isinstance(one, ResponseTable) else for_model(model, one, inputs, output) for one in read]
+    found = [compare_table(model, one) if isinstance(one, ResponseTable) else compare(model, one) for one in measured]
+    if page is not None:
+        from hil.report.fit_page import write_fit_page
+
+        write_fit_page(model, measured, {one.name: one.headline for one in found}, notes_on(read), page)
+    return found
 
 
 def compare_runs(first: Path, second: Path) -> RunComparison:

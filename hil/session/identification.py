@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 from typing import Any
 
 from hil.errors import FileError, SettingError
@@ -33,6 +34,7 @@ class Identified:
         model: the plant as found.
         text: a table of its parameters, fits and notes, for a terminal.
         experiments: the recordings as the plant saw them; none from frequency responses.
+        tables: the frequency responses, where it was fitted to those.
         fits: in %, by recording.
         notes: what the reader should know of the fit.
     """
@@ -40,8 +42,16 @@ class Identified:
     model: Model
     text: str
     experiments: tuple[Experiment, ...] = ()
+    tables: tuple[ResponseTable, ...] = ()
     fits: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+
+    def write_page(self, path: Path) -> None:
+        """A page with the model beside all that it was fitted to. Raises `StorageError`."""
+        from hil.report.fit_page import write_fit_page
+
+        said = {name: f"fit {fit:.2f} %" for name, fit in self.fits.items()}
+        write_fit_page(self.model, (*self.experiments, *self.tables), said, self.notes, path)
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values, schema `hil.identified/1`."""
@@ -104,7 +114,9 @@ def identified(
     if tables:
         fitted = fit_tables(tables, input_name[0] if input_name else "", output_name, orders)
         name = " + ".join(table.name for table in tables)
-        return Identified(fitted.model, fitted.summary(), (), {name: fitted.fit.fit_percent}, fitted.notes)
+        return Identified(
+            fitted.model, fitted.summary(), (), tuple(tables), {name: fitted.fit.fit_percent}, fitted.notes
+        )
     if not orders.are_open:
         raise SettingError(
             "poles, zeros and dead time are asked for where a frequency response is fitted; from samples in time they "
@@ -121,7 +133,7 @@ def identified(
         notes(note)
     is_long = sum(len(one.output) for one in experiments) >= _LONG
     found = fit_plant(start, experiments, free, progress if is_long else lambda _done, _text: None)
-    return Identified(found.model, found.summary(), tuple(experiments), dict(found.fits), found.notes)
+    return Identified(found.model, found.summary(), tuple(experiments), (), dict(found.fits), found.notes)
 
 
 def bound(recording: Recording, plant: Plant, input_name: Sequence[str] = (), output_name: str = "") -> Experiment:
