@@ -11,10 +11,11 @@ import math
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
 from hil.identification.redrawn import DRAWS
-from hil.identification.sine_segments import Segment, declared_segments, frequency_responses
+from hil.identification.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
@@ -112,10 +113,16 @@ def evaluate(recording: Recording) -> Findings:
     top = max(found, key=lambda one: float(one.response.frequency_hz[-1])).response
     notes, deviations = chain_notes(recording, top.frequency_hz)
     segments = declared_segments(recording)
+    hum_hz = hum_beneath(recording, response.name, segments)
+    hummed = {one.label: _hummed(one.response, segments, recording.interval_s, hum_hz) for one in found}
     return Findings(
-        measured=tuple(measured for one in found for measured in (*one.measured(), _distortion(one.response))),
+        measured=tuple(m for one in found for m in (*one.measured(), _distortion(one.response, hummed[one.label]))),
         curves={"responses": [_curve(recording, one, segments) for one in found]},
-        notes=(*notes, *(note for one in found for note in (*one.notes, *_distorted(one)))),
+        notes=(
+            *notes,
+            *(note for one in found for note in (*one.notes, *_distorted(one))),
+            *(_hum_note(one, hummed[one.label], hum_hz) for one in found if hummed[one.label].any()),
+        ),
         deviations=(*deviations, *reference_deviations(found), *_unsteady(parts), *departures(recording)),
     )
 
@@ -179,9 +186,31 @@ def _thd(response: FrequencyResponse) -> tuple[Array, Array]:
     return np.where(COVERAGE_FACTOR * np.sqrt(one) < 1.0, np.sqrt(beyond), np.nan), std
 
 
-def _distortion(response: FrequencyResponse) -> Measured:
+def _hummed(
+    response: FrequencyResponse, segments: list[Segment], interval_s: float, hum_hz: float | None
+) -> NDArray[np.bool_]:
+    """Lines of which a harmonic lies on a tone that goes on beneath every sine, shape (n,)."""
+    if hum_hz is None:
+        return np.zeros(len(response), dtype=np.bool_)
+    orders = np.arange(1, response.harmonics.shape[1] + 2)
+    near = np.min(np.abs(np.outer(response.frequency_hz, orders) - hum_hz), axis=1)
+    resolved = {one.frequency_hz: 1.0 / (one.count * interval_s) for one in segments}
+    made: NDArray[np.bool_] = near < np.array([resolved.get(f, 0.0) for f in response.frequency_hz.tolist()])
+    return made
+
+
+def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -> str:
+    lines = ", ".join(f"{f:g}" for f in one.response.frequency_hz[hummed].tolist())
+    return (
+        f"{one.label}: a tone of {hum_hz:.3g} Hz goes on beneath every sine. What it adds to harmonics of {lines} Hz "
+        "cannot be told from distortion: these lines are left out of it, and it is at least as large as stated."
+    )
+
+
+def _distortion(response: FrequencyResponse, hummed: NDArray[np.bool_]) -> Measured:
     """The largest over the lines; what noise adds to the largest of many is taken off."""
-    thd = _thd(response)[0]
+    thd, line_std = _thd(response)
+    thd = np.where(hummed, np.nan, thd)
     what = THD.at(label_of(response))
     if np.isnan(thd).all():
         return what.of(None)
@@ -195,7 +224,10 @@ def _distortion(response: FrequencyResponse) -> Measured:
     power = np.linalg.norm(drawn, axis=2) ** 2 - clean.shape[1] * 2.0 * scale**2
     redrawn = np.sqrt(np.max(np.maximum(power, 0.0), axis=1))
     added = max(float(np.mean(redrawn)) - largest, 0.0)
-    return extreme(what, 100.0 * max(largest - added, 0.0), 100.0 * math.hypot(float(np.std(redrawn)), added))
+    # where lines are nearly as large, the largest scatters less than each, but which it is changes from run to run
+    spread = max(float(np.std(redrawn)), float(line_std[np.nanargmax(thd)]))
+    value, std = 100.0 * max(largest - added, 0.0), 100.0 * math.hypot(spread, added)
+    return what.of(value, std, relation=">") if hummed.any() else extreme(what, value, std)
 
 
 def _distorted(one: Evaluated) -> tuple[str, ...]:

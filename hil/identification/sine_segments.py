@@ -15,12 +15,14 @@ from hil.signals.frequency_fit import frequency_fit
 from hil.signals.rounding import rounding_step
 from hil.signals.sine_fit import SineFit, sine_fit, with_rounding
 from hil.signals.steady import steadiness
+from hil.signals.tone import standing_tone
 
 _SAME_PERIOD = 0.015  # relative difference up to which two periods belong to one frequency
 _SAME_LEVEL = 0.05  # of the amplitude: levels closer than that are one test
 _STRAIGHT_FLAT = 0.02  # share of a period's samples that may stand still before it counts as no sine
 _HARMONICS = 5
 _LEAST_SAMPLES = 16
+_LISTENED = 3  # of the longest sines: a hum may lie on a harmonic of one
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +75,27 @@ def frequency_responses(recording: Recording, input_name: str, output_name: str)
             fits.append((given, with_rounding(answer, grid)))
         made.append(from_fits(recording.name, fits, (u.unit, y.unit), group[0].amplitude, group[0].bias))
     return tuple(made)
+
+
+def hum_beneath(recording: Recording, output_name: str, segments: Sequence[Segment]) -> float | None:
+    """Frequency of a tone that goes on beneath the sines, beside their harmonics in two of the longest; or None.
+
+    Harmonics of a sine lie elsewhere beneath a sine of another frequency, a hum does not.
+    """
+    stamps_s, output = recording.stamps(output_name), recording.values(output_name)
+    found: list[tuple[float, float]] = []
+    for segment in sorted(segments, key=lambda one: one.count)[-_LISTENED:]:
+        time_s, values = stamps_s[segment.samples], output[segment.samples]
+        harmonics = _harmonics(recording.time_s, segment)
+        fit = sine_fit(time_s, values, segment.frequency_hz, harmonics=harmonics, drift_order=1)
+        tone = standing_tone([(time_s, fit.left(time_s, values))])
+        if tone is None:
+            continue
+        resolved_hz = 1.0 / float(time_s[-1] - time_s[0])
+        if any(abs(hz - tone.frequency_hz) < resolved_hz and of != segment.frequency_hz for hz, of in found):
+            return tone.frequency_hz
+        found.append((tone.frequency_hz, segment.frequency_hz))
+    return None
 
 
 def declared_segments(recording: Recording) -> list[Segment]:
