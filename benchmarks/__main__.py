@@ -23,6 +23,7 @@ NAMES = (
     "links",
     "pacing",
     "recording",
+    "archive",
     "recursive_least_squares",
     "virtual_time",
     "frequency_response",

@@ -8,7 +8,7 @@ this valve; the sines and their evaluation are those of `frequency_response`.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -117,7 +117,35 @@ def evaluate(recording: Recording) -> Findings:
         f"{one['high_a']:.4g} A."
         for one in told
     )
-    return replace(found, notes=(*notes, *found.notes))
+    named = _named(found, told)
+    return replace(named, notes=(*notes, *named.notes))
+
+
+def _named(found: Findings, told: Sequence[Mapping[str, Any]]) -> Findings:
+    """The same with the levels' names instead of the currents that this unit needed: names that stay."""
+    names = {}
+    for curve in found.curves["responses"]:
+        level = min(told, key=lambda one: abs((one["low_a"] + one["high_a"]) / 2.0 - curve["bias"]), default=None)
+        if level is not None:
+            names[str(curve["label"])] = level_name(level["level"])
+
+    def said(text: str) -> str:
+        for label, name in names.items():
+            text = text.replace(label, name)
+        return text
+
+    return Findings(
+        tuple(replace(m, name=said(m.name)) for m in found.measured),
+        {"responses": [{**curve, "label": said(str(curve["label"]))} for curve in found.curves["responses"]]},
+        tuple(map(said, found.notes)),
+        tuple(map(said, found.deviations)),
+    )
+
+
+def level_name(level: str) -> str:
+    """`high, 133…147 psi`: the same for every unit."""
+    low, high = LEVELS_PSI[level]
+    return f"{level}, {low:g}…{high:g} psi"
 
 
 def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[float, float]:

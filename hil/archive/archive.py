@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import Select, delete, select
-from sqlalchemy.orm import Session, selectinload
+from sqlalchemy.orm import Session
 
 from hil.archive.database import opened
 from hil.archive.entry import Entry, entry_of, run_folders
@@ -50,10 +50,25 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
         ArchiveError: the index cannot be read.
     """
     with opened(place) as engine, Session(engine) as session:
-        asked = _asked(search).order_by(RunRow.started_utc, RunRow.id)
-        if values:
-            asked = asked.options(selectinload(RunRow.values))
-        return [_entry(row, values) for row in session.scalars(asked)]
+        wanted = _asked(search)
+        of_runs = _values_of(session, wanted) if values else {}
+        asked = wanted.with_only_columns(RunRow.id, RunRow.folder, *(getattr(RunRow, name) for name in _TOLD))
+        found = session.execute(asked.order_by(RunRow.started_utc, RunRow.id))
+        return [
+            Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(_TOLD, told, strict=True)))
+            for key, folder, *told in found
+        ]
+
+
+def _values_of(session: Session, wanted: Select[Any]) -> dict[int, list[Value]]:
+    """Measured values of the runs that are wanted, by the run's number."""
+    runs = wanted.with_only_columns(RunRow.id).scalar_subquery()
+    columns = [getattr(ValueRow, name) for name in _OF_VALUE]
+    asked = select(ValueRow.run_id, *columns).where(ValueRow.run_id.in_(runs)).order_by(ValueRow.id)
+    found: dict[int, list[Value]] = {}
+    for run, *told in session.execute(asked):
+        found.setdefault(run, []).append(Value(**dict(zip(_OF_VALUE, told, strict=True))))
+    return found
 
 
 def rebuild(place: Place, folders: Sequence[Path]) -> tuple[int, list[str]]:
@@ -142,13 +157,6 @@ def _row(entry: Entry) -> RunRow:
     told = {name: getattr(entry, name) for name in _TOLD}
     values = [ValueRow(**{name: getattr(value, name) for name in _OF_VALUE}) for value in entry.values]
     return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, **told)
-
-
-def _entry(row: RunRow, with_values: bool) -> Entry:
-    values = (
-        [Value(**{name: getattr(value, name) for name in _OF_VALUE}) for value in row.values] if with_values else []
-    )
-    return Entry(folder=Path(row.folder), values=tuple(values), **{name: getattr(row, name) for name in _TOLD})
 
 
 _TOLD = ("serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from importlib.resources import files
 from typing import Any
 
@@ -59,9 +60,7 @@ def _prepare_sqlite(connection: Any, _record: Any) -> None:
 
 
 def _migrate(engine: Engine, place: Place) -> None:
-    config = Config()
-    config.set_main_option("script_location", str(files("hil.archive") / "migrations"))
-    newest = ScriptDirectory.from_config(config).get_current_head()
+    config, newest = _versions()
     with engine.begin() as connection:
         if MigrationContext.configure(connection).get_current_revision() == newest:
             return
@@ -73,6 +72,14 @@ def _migrate(engine: Engine, place: Place) -> None:
                 f"archive {place}: its index was made by a newer version of this program; use that one, or "
                 "`hil archive rebuild` after moving the index away"
             ) from error
+
+
+@cache
+def _versions() -> tuple[Config, str | None]:
+    """How the tables are brought up to date, and to which version."""
+    config = Config()
+    config.set_main_option("script_location", str(files("hil.archive") / "migrations"))
+    return config, ScriptDirectory.from_config(config).get_current_head()
 
 
 def _refused(place: Place, error: Exception) -> ArchiveError:

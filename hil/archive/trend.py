@@ -11,6 +11,7 @@ import numpy as np
 
 from hil.archive.entry import Entry
 from hil.findings.results import Value
+from hil.record.measurement import names_of
 
 FALSE_ALARM_RATE = 0.01
 _FEWEST = 3  # points below which a line through them tells nothing
@@ -57,10 +58,10 @@ class Drift:
 
 
 def points_of(runs: Sequence[Entry], measurement: str) -> list[Point]:
-    """The values of one quantity, by its full name or at the only place where it was measured."""
+    """The values of one quantity, by its name and place, or its name alone for every place."""
     found = []
     for run in runs:
-        named = [value for value in run.values if measurement in (value.name, value.name.partition(", ")[0])]
+        named = [value for value in run.values if measurement in names_of(value.name)]
         found += [Point(run.folder.name, run.started_utc, value) for value in named if value.value is not None]
     return found
 

@@ -49,11 +49,13 @@ def _json(found: Sequence[Entry]) -> str:
 
 
 def _table(found: Sequence[Entry]) -> str:
+    from hil.report.local_time import local_text
+
     if not found:
         return "no runs"
     rows = [("started", "serial", "procedure", "verdict", "operator", "run")]
     for run in found:
-        started = run.started_utc.astimezone().strftime("%Y-%m-%d %H:%M:%S %z")
+        started = local_text(run.started_utc)
         ended = run.verdict or ("" if run.outcome == "completed" else run.outcome)
         rows.append((started, run.serial, run.procedure, ended, run.operator, str(run.folder)))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]

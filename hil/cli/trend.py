@@ -70,6 +70,7 @@ def _table(series: dict[str, list[Point]], drifts: dict[str, Drift]) -> str:
 
 
 def _lines(points: Sequence[Point]) -> list[str]:
+    from hil.report.local_time import local_text
     from hil.report.number import limits_text, with_uncertainty
 
     lines = []
@@ -77,7 +78,7 @@ def _lines(points: Sequence[Point]) -> list[str]:
         value = point.value
         expanded = None if value.std is None else 2.0 * value.std
         sign = "" if value.relation == "=" else f"{value.relation} "
-        started = point.started_utc.astimezone().strftime("%Y-%m-%d %H:%M %z")
+        started = local_text(point.started_utc, "minutes")
         told = f"{sign}{with_uncertainty(value.value, expanded, value.unit)}"
         lines.append(
             f"{started}  {told}  {limits_text(value.low, value.high)}  {value.verdict or ''}  {point.run}".rstrip()

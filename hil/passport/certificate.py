@@ -10,6 +10,7 @@ from hil.language.words import _, spoken
 from hil.passport.template_words import template_words
 from hil.passport.unit import Unit, UnitRun
 from hil.record.measurement import COVERAGE_FACTOR, Measured
+from hil.report.local_time import local_text
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus
 from hil.report.provenance import stated_or_measured
@@ -53,7 +54,7 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
 
 
 def _facts(unit: Unit, names: bool) -> list[tuple[str, str]]:
-    first, last = unit.dates
+    first, last = (local_text(run.started, "minutes") for run in (unit.runs[0], unit.runs[-1]))
     metas = [run.recording.meta for run in unit.runs]
     operators = ", ".join(dict.fromkeys(str(meta.get("operator") or _("not stated")) for meta in metas))
     notes = {str(k): str(v) for meta in metas for k, v in (meta.get("notes") or {}).items()}

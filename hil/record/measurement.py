@@ -98,6 +98,11 @@ class Measured:
         """The name under which it was declared, without the place."""
         return self.name.partition(", ")[0]
 
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Under which it may be asked for: the whole name, then without the last parts of its place."""
+        return names_of(self.name)
+
     def judged(self, limit: Limit) -> Measured:
         """The same, judged by another limit."""
         verdict = judge(self.value, self.std, limit.low, limit.high, self.relation)
@@ -107,6 +112,12 @@ class Measured:
         """As JSON values."""
         found: dict[str, Any] = plain(self)
         return found
+
+
+def names_of(name: str) -> tuple[str, ...]:
+    """`gain, high, 133…147 psi`, `gain, high`, `gain`: the names under which a measured value is known."""
+    parts = name.split(", ")
+    return tuple(", ".join(parts[:count]) for count in range(len(parts), 0, -1))
 
 
 @dataclass(frozen=True, slots=True)
@@ -148,10 +159,10 @@ class Findings:
     def judged(self, limits: Mapping[str, Limit]) -> Findings:
         """The same, judged by limits for some quantities in place of the declared ones.
 
-        A limit named as a quantity holds at every place, one named `quantity, place` there only. What was not
-        measured at all cannot be told.
+        A limit named as a quantity holds at every place, one named `quantity, place` there only; of a place of several
+        parts (`high, 133…147 psi`) the first may do. What was not measured at all cannot be told.
         """
-        named = [next((name for name in (m.name, m.quantity) if name in limits), None) for m in self.measured]
+        named = [next((name for name in m.names if name in limits), None) for m in self.measured]
         judged = [m if name is None else m.judged(limits[name]) for m, name in zip(self.measured, named, strict=True)]
         missing = [Measured(name, None, "").judged(limit) for name, limit in limits.items() if name not in named]
         return replace(self, measured=(*judged, *missing))

@@ -13,6 +13,7 @@ from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.report.curves import sections
 from hil.report.facts import facts_of
+from hil.report.local_time import local_text
 from hil.report.name import capital, quantity_words
 from hil.report.number import number, with_minus
 from hil.report.page import write_page
@@ -71,6 +72,6 @@ def _summary(recording: Recording) -> list[tuple[str, str]]:
 
 def _date(text: Any) -> str:
     try:
-        return f"{datetime.fromisoformat(str(text)):%Y-%m-%d %H:%M:%S} UTC"
+        return local_text(datetime.fromisoformat(str(text)))
     except ValueError:
         return ""

@@ -17,6 +17,7 @@ from tests.coverage_study.situations import OPEN, Situation
 from tests.coverage_study.truth_static import Truths
 
 _HARMONICS = 5
+_SAME_A = 1e-4  # two writings of one current
 
 
 def harmonics(time_s: Array, values: Array, frequency_hz: float, drift: bool = False) -> tuple[Any, float]:
@@ -112,6 +113,12 @@ def _rows(clean: Recording, part: dict[str, Any], role: str) -> tuple[Array, Arr
 
 
 def _label(clean: Recording, bias: float, amplitude: float) -> str:
+    for event in clean.meta.get("events", ()):
+        if event["event"] == "level":
+            told = event["details"]
+            if abs((told["low_a"] + told["high_a"]) / 2.0 - bias) < _SAME_A:
+                low, high = told["psi"]
+                return f"{told['level']}, {low:g}…{high:g} psi"
     return f"{bias:+.4g} ± {amplitude:.4g} {clean.channel(clean.meta['roles']['command']).unit}"
 
 

@@ -248,3 +248,25 @@ def test_commands_list_follow_and_rebuild(monkeypatch, capsys, tmp_path):
     status, said = _said(monkeypatch, capsys, "runs", "--since", "yesterday", "--archive", lab)
     assert status == 2
     assert "2026-11-25" in said.err
+
+
+def test_a_value_is_asked_for_by_name_without_the_numbers_of_its_place():
+    from hil.record.measurement import Findings, Limit, Measurement, names_of
+
+    assert names_of("gain, high, 133…147 psi") == ("gain, high, 133…147 psi", "gain, high", "gain")
+    gain = Measurement("gain", "psi per A", "gain")
+    found = Findings((gain.at("high, 133…147 psi").of(4.0, 0.1), gain.at("low, 19…21 psi").of(4.0, 0.1)))
+    assert [m.verdict for m in found.judged({"gain, high": Limit(low=5.0)}).measured] == ["fail", None]
+
+
+def test_times_are_shown_where_the_reader_is(monkeypatch):
+    import time
+    from datetime import UTC, datetime
+
+    from hil.report.local_time import local_text
+
+    with monkeypatch.context() as patch:
+        patch.setenv("TZ", "Asia/Kolkata")
+        time.tzset()
+        assert local_text(datetime(2026, 11, 24, 22, 0, tzinfo=UTC)) == "2026-11-25 03:30:00 +05:30"
+    time.tzset()

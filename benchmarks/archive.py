@@ -1,0 +1,97 @@
+"""How long a search of a lab's archive takes: 100 000 runs of 2 000 units, on SQLite and on PostgreSQL.
+
+    python benchmarks/archive.py [RUNS]
+
+Every search opens the archive anew, as a command does, and hands over whole entries. The bar is 200 ms. PostgreSQL is a
+real server of its own on loopback; without one installed its rows are left out, and the table says so.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import nullcontext
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+from sqlalchemy import insert
+from table import Row, milliseconds, show
+
+from hil.archive.archive import Search, find_runs
+from hil.archive.database import opened
+from hil.archive.place import Place, archive_place
+from hil.archive.tables import RunRow, ValueRow
+
+sys.path.insert(0, str(Path(__file__).parent.parent))
+from tests.postgres import served, server_programs
+
+RUNS = 100_000
+UNITS, OPERATORS = 2_000, 12
+PROCEDURES = ("flow_curve", "step_response", "frequency_response", "efc_acceptance", "multisine_response")
+VALUES = ("rise", "overshoot", "bandwidth_3db", "gain", "hysteresis", "linearity", "dead_band_positive", "settling")
+BATCH = 10_000
+REPEATS = 9
+NOW = datetime(2026, 11, 25, 12, tzinfo=UTC)
+
+
+def fill(place: Place, runs: int) -> None:
+    """Runs spread over five years, as a lab would have them: some units often, most a few times."""
+    rng = np.random.default_rng(1)
+    verdicts = rng.choice([None, "pass", "fail", "cannot tell"], runs, p=[0.3, 0.6, 0.07, 0.03])
+    units = np.floor(UNITS * rng.beta(1.0, 2.0, runs)).astype(int)
+    ages_s = np.sort(rng.uniform(0.0, 5.0 * 365.0 * 86400.0, runs))[::-1]
+    with opened(place) as engine:
+        for first in range(0, runs, BATCH):
+            ids = range(first, min(first + BATCH, runs))
+            with engine.begin() as connection:
+                connection.execute(insert(RunRow), [
+                    {"id": i + 1, "folder": f"/lab/runs/{i:06d}", "name": f"{i:06d}", "serial": f"SN-{units[i]:05d}",
+                     "operator": f"op{i % OPERATORS}", "procedure": PROCEDURES[i % len(PROCEDURES)], "bench": "bench 3",
+                     "started_utc": NOW - timedelta(seconds=float(ages_s[i])), "outcome": "completed",
+                     "verdict": verdicts[i]} for i in ids
+                ])  # fmt: skip
+                connection.execute(insert(ValueRow), [
+                    {"run_id": i + 1, "name": name, "value": float(k + rng.normal()), "std": 0.1,
+                     "calibration_std": 0.05, "unit": "ms", "low": None, "high": 9.0, "relation": "=",
+                     "verdict": "pass"} for i in ids for k, name in enumerate(VALUES)
+                ])  # fmt: skip
+
+
+SEARCHES = {
+    "one unit": (Search(serial="SN-00100"), False),
+    "one unit with its values, as a trend asks": (Search(serial="SN-00100"), True),
+    "failed in the last month": (Search(verdict="fail", since=NOW - timedelta(days=30)), False),
+    "one procedure in the last month": (Search(procedure="flow_curve", since=NOW - timedelta(days=30)), False),
+    "everything of the last week": (Search(since=NOW - timedelta(days=7)), False),
+    "every failed run of five years": (Search(verdict="fail"), False),
+}
+
+
+def rows(place: Place) -> Iterator[Row]:
+    for name, (search, values) in SEARCHES.items():
+        found = len(find_runs(place, search, values=values))
+        ms = milliseconds(lambda s=search, v=values: find_runs(place, s, values=v), REPEATS, time.perf_counter)
+        yield Row(name, ms, f"{found} runs; bar 200 ms")
+
+
+def main() -> None:
+    runs = int(sys.argv[1]) if len(sys.argv) > 1 else RUNS
+    with tempfile.TemporaryDirectory(prefix="hil-archive-") as folder:
+        place = archive_place(folder)
+        fill(place, runs)
+        show(f"search of an archive of {runs} runs, SQLite", rows(place))
+    programs = server_programs()
+    with served(programs) if programs else nullcontext("") as url:
+        if not url:
+            print("\nPostgreSQL is not installed: its rows are left out")
+            return
+        place = archive_place(url)
+        fill(place, runs)
+        show(f"search of an archive of {runs} runs, PostgreSQL", rows(place))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,11 @@
+"""Times are kept in UTC and shown where the reader is, with the offset."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+
+def local_text(moment: datetime, timespec: str = "seconds") -> str:
+    """`2026-11-25 14:35:46 +01:00`."""
+    text = moment.astimezone().isoformat(sep=" ", timespec=timespec)
+    return f"{text[:-6]} {text[-6:]}"
