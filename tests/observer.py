@@ -54,8 +54,14 @@ class Line:
                     near.close()
                     continue
                 self._open.append(far)
+                if self._ended:
+                    near.close()
+                    far.close()
+                    return
+                for end in (near, far):
+                    with suppress(OSError):  # one that has gone already is noticed by who carries
+                        end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 for one, other in ((near, far), (far, near)):
-                    one.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                     threading.Thread(target=self._carry, args=(one, other), daemon=True).start()
 
     def _carry(self, one: socket.socket, other: socket.socket) -> None:
