@@ -6,7 +6,7 @@ import importlib.util
 from collections.abc import Mapping
 
 EXTRAS: Mapping[str, str] = {
-    **dict.fromkeys(("pymodbus", "serial", "can", "canopen"), "links"),
+    **dict.fromkeys(("pymodbus", "serial", "can", "canopen", "cantools"), "links"),
     **dict.fromkeys(("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl"), "formats"),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
     **dict.fromkeys(("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf"), "passport"),

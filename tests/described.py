@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hil.bench.read import read_bench
+from hil.bench.twin import subject
+from hil.daq.conformance import CHECKS, examine, verdict_of
+
 BENCH = """\
 name = "described"
 sample_rate_hz = 20
@@ -139,3 +143,13 @@ def written(folder: Path, name: str, text: str) -> Path:
     path = folder / name
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def passes(path: Path, driver: str) -> set[str]:
+    """The checks that the first device of a bench with this driver passes on its twin; it breaks none."""
+    with subject(read_bench(path), path.parent, driver) as examined:
+        results = list(examine(examined))
+        broken = [result.check for result in results if result.verdict == "broken"]
+        again = {check: verdict_of(CHECKS[check], examined) for check in broken}  # a busy computer is late now and then
+    assert {check: text for check, (verdict, text) in again.items() if verdict == "broken"} == {}
+    return {result.check for result in results if result.verdict == "passed"} | set(again)

@@ -10,6 +10,7 @@ from pydantic import BaseModel
 from hil.bench.fault import BenchError
 from hil.bench.lines import Place
 from hil.description.ascii_module import ModuleDescription
+from hil.description.can import CanDescription
 from hil.description.find import description_file
 from hil.description.modbus import ModbusDescription
 from hil.description.read import Description, checked, of_protocol, read_description
@@ -31,6 +32,10 @@ class Described(BaseModel):
 
 @overload
 def description_of(settings: Described, protocol: Literal["modbus"]) -> ModbusDescription: ...
+
+
+@overload
+def description_of(settings: Described, protocol: Literal["can"]) -> CanDescription: ...
 
 
 @overload

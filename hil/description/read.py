@@ -10,19 +10,22 @@ from typing import Any
 
 from pydantic import BaseModel
 
+from hil.bench.device import files_at_home
 from hil.bench.draft import sound_part
 from hil.bench.fault import BenchError, Fault
 from hil.bench.lines import Place, line_at, lines_of
 from hil.description.ascii_module import ModuleDescription, module_faults
+from hil.description.can import CanDescription, can_faults
 from hil.description.modbus import ModbusDescription
 from hil.description.modbus_check import modbus_faults
 from hil.description.text import TextDescription, text_faults
 from hil.errors import FileError, SettingError
 
-Description = ModbusDescription | ModuleDescription | TextDescription
+Description = CanDescription | ModbusDescription | ModuleDescription | TextDescription
 """A device in words, by protocol."""
 _PROTOCOLS: Mapping[str, tuple[type[BaseModel], Callable[[Any], Iterator[tuple[Place, str]]]]] = {
     "modbus": (ModbusDescription, modbus_faults),
+    "can": (CanDescription, can_faults),
     "ascii_module": (ModuleDescription, module_faults),
     "text": (TextDescription, text_faults),
     "scpi": (TextDescription, text_faults),
@@ -49,7 +52,7 @@ def _read(path: Path, _changed: int) -> Description:
         content = tomllib.loads(text)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise FileError(f"{path}: not a description: {error}") from None
-    description, faults = checked(content)
+    description, faults = checked(files_at_home(content, path.parent))
     if description is None or faults:
         lines = lines_of(text)
         in_order = sorted(faults, key=lambda fault: line_at(lines, fault.place) or 0)

@@ -69,6 +69,11 @@ CASES: dict[str, tuple[str, str, list[tuple[str, str]]]] = {
     "ascii outputs": ("ascii_module", "hpv41-serial", [("socket://127.0.0.1:14001", "/tmp/module"), FAST]),
     "ascii inputs": ("ascii_module", "hpv41-mixed", [('model = "adam-4017"', f'model = "adam-4017"\n{QUICK}')]),
     "canopen": ("canopen_valve", "hpv41-canopen", []),
+    "can": (
+        "can",
+        "hpv41-j1939",
+        [('driver = "j1939_valve"', 'driver = "can"\nmodel = "isobus-valve"\ntimeout_s = 0.2'), ("valve = 1\n", "")],
+    ),
     "j1939": ("j1939_valve", "hpv41-j1939", []),
     "pwm amplifier": ("pwm_amplifier", "cummins-efc-modbus", [FAST]),
 }

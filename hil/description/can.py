@@ -1,0 +1,214 @@
+"""A device on CAN or J1939 in words: which signals of a DBC file are its terminals, what keeps its messages alive."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, FiniteFloat, PositiveFloat
+
+from hil.bench.lines import Place
+from hil.daq.channel import Terminal
+from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
+from hil.errors import FileError
+from hil.extras import is_installed
+
+Sum = Literal["xor", "sum", "crc8"]
+"""Over all other bytes: exclusive or, sum, CRC-8 of SAE J1850."""
+
+
+class Signal(Strict):
+    """A signal of a message, by their names in the DBC file."""
+
+    message: str
+    signal: str
+
+
+class CanTerminal(DescribedTerminal):
+    """A terminal: value = slope · (what the DBC makes of the bits) + offset.
+
+    Attributes:
+        message, signal: by their names in the DBC file.
+        read_back: the signal that says where an output stands.
+    """
+
+    message: str
+    signal: str
+    read_back: Signal | None = None
+    slope: FiniteFloat = 1.0
+    offset: FiniteFloat = 0.0
+
+
+class Checksum(Strict):
+    """A signal of one byte that must fit the others."""
+
+    signal: str
+    kind: Sum
+
+
+class Message(Strict):
+    """What holds for a message, beside its signals.
+
+    Attributes:
+        every_s: so often it is sent; a sent one falls silent with the program.
+        timeout_s: a received one that is older counts as none.
+        counter: signal that counts up with each message.
+        checksum: see `Checksum`.
+        values: signals that are sent as they stand here: a mode, the selector of a multiplexed message.
+        sign: by what a terminal's sign is told apart: the signal and its value for zero, above and below; the
+            terminal's signal then has the magnitude.
+    """
+
+    every_s: PositiveFloat | None = None
+    timeout_s: PositiveFloat = 0.5
+    counter: str = ""
+    checksum: Checksum | None = None
+    values: dict[str, float] = Field(default_factory=dict)
+    sign: Sign | None = None
+
+
+class Sign(Strict):
+    """A direction beside a magnitude."""
+
+    signal: str
+    zero: int
+    above: int
+    below: int
+
+
+class J1939(Strict):
+    """Messages are told apart by their parameter group, whoever sends them.
+
+    Attributes:
+        device: the address whose messages are believed.
+        source: ours.
+        claim: whether our address is claimed (SAE J1939-81) before anything is sent.
+    """
+
+    device: int = Field(ge=0, le=253)
+    source: int = Field(0x26, ge=0, le=253)
+    claim: bool = True
+
+
+class CanWatchdog(Strict):
+    """The device makes its outputs safe when no command comes for `time_s`; they go to `expires_to`."""
+
+    time_s: PositiveFloat
+    expires_to: FiniteFloat
+
+
+class CanDescription(Strict):
+    """A device on CAN.
+
+    Attributes:
+        summary: what it is, in one line.
+        source: the file's origin.
+        dbc: the DBC file, beside this one.
+        j1939: where the bus is one of SAE J1939; numbers above its last valid one are then no measurement.
+    """
+
+    protocol: Literal["can"]
+    summary: str
+    source: str = ""
+    dbc: str
+    j1939: J1939 | None = None
+    messages: dict[str, Message] = Field(default_factory=dict)
+    terminals: dict[str, CanTerminal] = Field(min_length=1)
+    watchdog: CanWatchdog | None = None
+
+    @property
+    def ports(self) -> dict[str, Terminal]:
+        """What a bench can connect to."""
+        return {one: told.terminal for name, told in self.terminals.items() for one, _ in each(name, told)}
+
+    def about(self, message: str) -> Message:
+        """What holds for a message."""
+        return self.messages.get(message) or Message.model_validate({})
+
+    @property
+    def database(self) -> Any:
+        """The messages of the DBC file, as cantools reads them.
+
+        Raises:
+            FileError: it cannot be read.
+        """
+        return database(self.dbc)
+
+
+def database(path: str) -> Any:
+    """A DBC file as cantools reads it.
+
+    Raises:
+        FileError: it cannot be read, or is none.
+    """
+    try:
+        return _database(path, Path(path).stat().st_mtime_ns)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}; it is looked for beside the description") from None
+
+
+@lru_cache(maxsize=32)
+def _database(path: str, _changed: int) -> Any:
+    import cantools
+
+    try:
+        return cantools.database.load_file(path, strict=False)
+    except Exception as error:  # the library raises what its parsers do
+        raise FileError(f"{path}: not a DBC file: {' '.join(str(error).split())}") from None
+
+
+def can_faults(told: CanDescription) -> Iterator[tuple[Place, str]]:
+    """Every fault with its place in the file; the text says what is allowed."""
+    yield from name_faults(told.terminals)
+    if not is_installed("cantools"):
+        return
+    try:
+        found = told.database
+    except FileError as error:
+        yield ("dbc",), str(error)
+        return
+    known = {message.name: {signal.name: signal for signal in message.signals} for message in found.messages}
+    for name, terminal in told.terminals.items():
+        place: Place = ("terminals", name)
+        yield from _signal(place, terminal.message, terminal.signal, known)
+        if terminal.count > 1:
+            yield (*place, "count"), "signals have names: describe each terminal"
+        if terminal.direction == "in" and terminal.read_back is not None:
+            yield (*place, "read_back"), "belongs to an output; take this away"
+        if terminal.read_back is not None:
+            back = terminal.read_back
+            yield from _signal((*place, "read_back"), back.message, back.signal, known)
+    for name, message in told.messages.items():
+        if name not in known:
+            yield ("messages", name), f"no message '{name}'; there are: {_some(known)}"
+            continue
+        names = [message.counter] if message.counter else []
+        names += [message.checksum.signal] if message.checksum else []
+        names += [*message.values, *([message.sign.signal] if message.sign else [])]
+        for signal in names:
+            if signal not in known[name]:
+                yield ("messages", name), f"no signal '{signal}' in it; there are: {_some(known[name])}"
+        if message.checksum and message.checksum.signal in known[name]:
+            signal_ = known[name][message.checksum.signal]
+            if signal_.length != 8 or signal_.start % 8 not in (0, 7):
+                yield ("messages", name, "checksum", "signal"), "is not a whole byte"
+    sends = [t for t in told.terminals.values() if t.direction == "out"]
+    if told.watchdog is not None and not sends:
+        yield ("watchdog",), "there is no output that it could be for; take this away"
+
+
+def _signal(place: Place, message: str, signal: str, known: dict[str, dict[str, Any]]) -> Iterator[tuple[Place, str]]:
+    if message not in known:
+        yield (*place, "message"), f"no message '{message}'; there are: {_some(known)}"
+    elif signal not in known[message]:
+        yield (*place, "signal"), f"no signal '{signal}' in {message}; there are: {_some(known[message])}"
+
+
+def _some(names: Any) -> str:
+    listed = list(names)
+    return ", ".join(listed[:12]) + (", …" if len(listed) > 12 else "")
+
+
+Message.model_rebuild()

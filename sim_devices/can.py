@@ -1,0 +1,175 @@
+"""Devices on CAN and J1939 by a DBC file, with a plant behind their signals; the twin of the driver."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from hil.description.can import CanDescription, CanTerminal
+from hil.description.named import Described, description_of
+from sim_devices._can_bus import CanServer, Frame
+from sim_devices._dbc_bits import put, taken
+from sim_devices._field import Side
+from sim_devices._quirks import Quirks
+from sim_devices._twin import Twin, TwinSettings, quirks, world
+
+__all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "world"]
+
+_EVERY_S = 0.05  # between messages of which the description does not say it
+
+
+class DescribedNode:
+    """Obeys the commands of the description whose checksum fits, tells its signals again and again.
+
+    When no command comes for the watchdog's time, outputs go where the description says.
+    """
+
+    answers_by_itself = True
+
+    def __init__(self, side: Side, told: CanDescription) -> None:
+        self._side, self._told = side, told
+        self._messages = {message.name: message for message in told.database.messages}
+        self._outputs = {name: t for name, t in told.terminals.items() if t.direction == "out"}
+        self._tells = sorted(
+            {t.message for t in told.terminals.values() if t.direction == "in"}
+            | {t.read_back.message for t in self._outputs.values() if t.read_back}
+        )
+        self._commanded = {t.message for t in self._outputs.values()}
+        self._counts = dict.fromkeys(self._tells, 0)
+        self._said_s = dict.fromkeys(self._tells, side.clock.now_s)
+        self._heard_s = side.clock.now_s
+
+    def on_frame(self, identifier: int, data: bytes) -> Iterator[Frame]:
+        """A command is obeyed; where it stands is said at once."""
+        for name in self._commanded:
+            message = self._messages[name]
+            if self._is_for(message, identifier) and len(data) >= message.length and self._fits(name, data):
+                self._obey(name, data)
+                yield from (self._frame(name_) for name_ in self._read_backs())
+
+    def tick(self) -> Iterator[Frame]:
+        """Every message in its time; outputs where they go when no command came."""
+        now_s, watchdog = self._side.clock.now_s, self._told.watchdog
+        if watchdog is not None and now_s - self._heard_s > watchdog.time_s:
+            for name in self._outputs:
+                if self._side.standing(name) != watchdog.expires_to:
+                    self._side.drive({name: watchdog.expires_to})
+        for name in self._tells:
+            if now_s - self._said_s[name] >= (self._told.about(name).every_s or _EVERY_S):
+                self._said_s[name] = now_s
+                yield self._frame(name)
+
+    def restart(self) -> None:
+        """Outputs where they go without a command."""
+        level = self._told.watchdog.expires_to if self._told.watchdog else 0.0
+        self._side.drive(dict.fromkeys(self._outputs, level))
+        self._counts = dict.fromkeys(self._tells, 0)
+
+    def _obey(self, name: str, data: bytes) -> None:
+        self._heard_s = self._side.clock.now_s
+        for terminal, told in self._outputs.items():
+            if told.message == name and self._is_chosen(told, data):
+                self._side.drive({terminal: self._value(told, data)})
+
+    def _is_chosen(self, told: CanTerminal, data: bytes) -> bool:
+        """Whether a multiplexed signal is in this message."""
+        message = self._messages[told.message]
+        signal = message.get_signal_by_name(told.signal)
+        if not signal.multiplexer_ids:
+            return True
+        return taken(message.get_signal_by_name(signal.multiplexer_signal), data) in signal.multiplexer_ids
+
+    def _value(self, told: CanTerminal, data: bytes) -> float:
+        message = self._messages[told.message]
+        signal, sign = message.get_signal_by_name(told.signal), self._told.about(told.message).sign
+        value = taken(signal, data) * signal.scale + signal.offset
+        if sign is not None:
+            value *= {sign.above: 1, sign.below: -1}.get(int(taken(message.get_signal_by_name(sign.signal), data)), 0)
+        return float(value * told.slope + told.offset)
+
+    def _read_backs(self) -> list[str]:
+        return sorted({t.read_back.message for t in self._outputs.values() if t.read_back})
+
+    def _frame(self, name: str) -> Frame:
+        """A message with all that the description has in it; other bits as in a message of which nothing is known."""
+        message, about = self._messages[name], self._told.about(name)
+        data = bytearray(([0xFF] if self._told.j1939 else [0x00]) * message.length)
+        readings = self._side.read()
+        for signal, count in about.values.items():
+            put(message.get_signal_by_name(signal), data, count)
+        for terminal, told in self._told.terminals.items():
+            if told.direction == "in" and told.message == name:
+                self._put(data, told, told.signal, readings.get(terminal, 0.0))
+            if told.read_back is not None and told.read_back.message == name:
+                self._put(data, told, told.read_back.signal, self._side.standing(terminal), name)
+        if about.counter:
+            signal = message.get_signal_by_name(about.counter)
+            put(signal, data, self._counts[name] % (1 << signal.length))
+            self._counts[name] += 1
+        if about.checksum is not None:
+            at = message.get_signal_by_name(about.checksum.signal).start // 8
+            data[at] = _sum(about.checksum.kind, bytes(data[:at] + data[at + 1 :]))
+        return self._identifier(message), bytes(data)
+
+    def _put(self, data: bytearray, told: CanTerminal, name: str, value: float, in_message: str = "") -> None:
+        message = self._messages[in_message or told.message]
+        signal, sign = message.get_signal_by_name(name), self._told.about(message.name).sign
+        if math.isnan(value):
+            put(signal, data, (1 << signal.length) - 1)
+            return
+        number = (value - told.offset) / told.slope
+        if sign is not None:
+            put(message.get_signal_by_name(sign.signal), data,
+                sign.zero if number == 0 else sign.above if number > 0 else sign.below)  # fmt: skip
+            number = abs(number)
+        count = (number - signal.offset) / signal.scale
+        high = (0xFB << signal.length - 8) - 1 if self._told.j1939 and signal.length >= 8 else math.inf
+        put(signal, data, min(count, high))
+
+    def _fits(self, name: str, data: bytes) -> bool:
+        about = self._told.about(name)
+        if about.checksum is None:
+            return True
+        at = self._messages[name].get_signal_by_name(about.checksum.signal).start // 8
+        return bool(data[at] == _sum(about.checksum.kind, data[:at] + data[at + 1 :]))
+
+    def _is_for(self, message: Any, identifier: int) -> bool:
+        if self._told.j1939 is None:
+            return bool(message.frame_id == identifier)
+        return _group(message.frame_id) == _group(identifier) and identifier > 0x7FF
+
+    def _identifier(self, message: Any) -> int:
+        if self._told.j1939 is None:
+            return int(message.frame_id)
+        return int(message.frame_id & ~0xFF | self._told.j1939.device)
+
+
+def _group(identifier: int) -> int:
+    form = identifier >> 16 & 0xFF
+    return identifier >> 16 & 0x3FF if form < 0xF0 else identifier >> 8 & 0x3FFFF
+
+
+_TABLE = [0] * 256
+for _first in range(256):
+    _rest = _first
+    for _ in range(8):
+        _rest = ((_rest * 2) ^ (0x11D if _rest >= 0x80 else 0)) & 0xFF
+    _TABLE[_first] = _rest
+
+
+def _sum(kind: str, data: bytes) -> int:
+    total = 0xFF if kind == "crc8" else 0
+    for byte in data:
+        total = {"xor": total ^ byte, "sum": total + byte & 0xFF, "crc8": _TABLE[total ^ byte]}[kind]
+    return total ^ 0xFF if kind == "crc8" else total
+
+
+def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:
+    """Serve the device on the bus where the driver will look for it."""
+    named = Described(model=settings.get("model", ""), description=settings.get("description"))
+    return CanServer(DescribedNode(side, description_of(named, "can")), side, behave, str(settings["address"]))
+
+
+_twin = Twin("can", serve, example="virtual:hil", free="virtual:hil")
+Settings, faults, terminals, open_daq = TwinSettings, _twin.faults, _twin.terminals, _twin.open_daq
