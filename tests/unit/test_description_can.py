@@ -266,7 +266,8 @@ CHANNELS = output("command", "set", role="command") + input_("volts", "measured"
 def test_the_amplifier_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     written(tmp_path, "amplifier.dbc", DBC)
     written(tmp_path, "amplifier.toml", AMPLIFIER)
-    told = f'driver = "can"\nmodel = "amplifier.toml"\naddress = "virtual:{tmp_path.name}"\ntimeout_s = 0.15\nlongest_reply_s = 0.3'
+    told = f'driver = "can"\nmodel = "amplifier.toml"\naddress = "virtual:{tmp_path.name}"\n'
+    told += "timeout_s = 0.15\nlongest_reply_s = 0.3"
     path = written(tmp_path, "bench.toml", bench(told, CHANNELS, "volts"))
     passed = passes(path, "can")
     assert "has_the_watchdog_that_it_promises" in passed
