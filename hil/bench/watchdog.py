@@ -25,7 +25,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 from hil.bench.heartbeat import (
@@ -33,7 +33,6 @@ from hil.bench.heartbeat import (
     AT_REST,
     ERROR,
     FAREWELL,
-    GIVE_UP_S,
     LINE,
     READY,
     REPORT_FILE,
@@ -43,20 +42,16 @@ from hil.bench.heartbeat import (
 from hil.bench.lease import leased
 from hil.bench.pinned import pinned
 from hil.bench.read import BenchFile, read_bench
+from hil.bench.rescue import Rescue, tried_once
 from hil.bench.stop.control import withdraw
 from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
-from hil.daq.calibration import Calibration
-from hil.daq.contract import Daq
 from hil.errors import HardwareError, HilError, InUseError, reason
 from hil.safety.latch import state_path
 from hil.safety.operator import Asked
-from hil.safety.outputs import Output, Outputs, outputs_in
+from hil.safety.outputs import outputs_in
 
 CONFIRMS_S = 0.2  # after a stop the program has so long to read its outputs back safe
-_LATE_S = 1.0  # what the dead program had sent may still be on its way, and come after what is sent now
-_AGAIN_S = 0.05
-_HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
 
@@ -75,7 +70,7 @@ def main(path: str, pid: str, run: str, folder: str) -> int:
 def _watch(path: Path, pid: int, run: Path) -> int:
     try:
         file = pinned(read_bench(path))
-        left = _tried_once(file)
+        left = tried_once(file)
         if left:
             raise HardwareError("; ".join(left))
     except HilError as error:
@@ -85,9 +80,9 @@ def _watch(path: Path, pid: int, run: Path) -> int:
     desk = Desk(units_of(file), "watchdog", ears.wish)
     with _listening(desk) as told:
         _say(READY + json.dumps(told).encode() + b"\n")
-        why = _watched(ears, file.bench.protection.watchdog_s, pid, desk)
-        if why:
-            _act(file, pid, run, why, desk)
+        end = _watched(ears, file.bench.protection.watchdog_s, pid, desk)
+        if end is not None:
+            _act(file, pid, run, end, desk)
             withdraw(run)
     return 0
 
@@ -175,58 +170,61 @@ class _Program:
             self._desk.tell(outputs_in(told["outputs"]), "run")
 
 
-def _watched(ears: _Ears, limit_s: float, pid: int, desk: Desk) -> str:
-    """Listen until there is something to do; empty when the program said farewell."""
+@dataclass(frozen=True, slots=True)
+class _End:
+    """Why there is something to do, and whether the program was killed from here."""
+
+    why: str
+    killed: bool = False
+
+
+def _watched(ears: _Ears, limit_s: float, pid: int, desk: Desk) -> _End | None:
+    """Listen until there is something to do; None when the program said farewell."""
     program = _Program(desk)
     silent_at_s = confirms_by_s = math.inf
     while True:
         until_s = min(silent_at_s, confirms_by_s)
         heard = ears.next(None if until_s == math.inf else max(0.0, until_s - time.monotonic()))
         if heard is None:
-            _kill(pid, ears)
+            with suppress(ProcessLookupError):  # it cannot wake up and drive on
+                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
             if confirms_by_s <= silent_at_s:
-                return f"was told to stop, did not confirm safe outputs within {CONFIRMS_S:g} s, and was killed"
-            return f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed"
+                return _End(f"was told to stop, did not confirm within {CONFIRMS_S:g} s, and was killed", True)
+            return _End(f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed", True)
         if isinstance(heard, str):
             _say(WISHES[heard])
             if heard == "stop":
                 confirms_by_s = min(confirms_by_s, time.monotonic() + CONFIRMS_S)
             continue
         if not heard:
-            return "ended without making its outputs safe"
+            return _End("ended without making its outputs safe")
         _say(ANSWER * program.said(heard))
         if program.has_left:
-            return ""
+            return None
         silent_at_s = time.monotonic() + limit_s if program.driven else math.inf
         if desk.told.is_final:
             confirms_by_s = math.inf
 
 
-def _kill(pid: int, ears: _Ears) -> None:
-    """End the program, so that it cannot wake up and drive on, and wait until it has let go."""
-    with suppress(ProcessLookupError):
-        os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
-    deadline_s = time.monotonic() + _RELEASE_S
-    while ears.next(max(0.0, deadline_s - time.monotonic())):
-        pass
-
-
-def _act(file: BenchFile, pid: int, run: Path, why: str, desk: Desk) -> None:
-    begun_s = time.monotonic()
+def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
+    why = end.why
     desk.forget()
+    rescue = Rescue(file, desk)
+    if end.killed:  # its lease goes with it, which takes a moment: until then the bench is nobody else's
+        rescue.at_once()
     try:
         with _lease_of_the_dead(file, pid):
-            left, unasked, safe_s = _made_safe_with_patience(file, begun_s, desk)
+            rescue.with_patience()
     except InUseError as taken:  # whoever took it has made its outputs safe on opening it
         _report(file, run, {"why": why, "left_alone": str(taken)}, f"process {pid} {why}; {taken}")
         return
-    took_s = round((time.monotonic() if left else safe_s) - begun_s, 3)
-    if left:
-        text = f"process {pid} {why}; NOT SAFE: {'; '.join(left)}"
-        _report(file, run, {"why": why, "not_safe": left, "tried_s": took_s}, text)
-    elif unasked:
-        text = f"process {pid} {why}; outputs told to be safe in {took_s:g} s; {'; '.join(unasked)}"
-        _report(file, run, {"why": why, "told_after_s": took_s, "unconfirmed": unasked}, text)
+    took_s = round(rescue.took_s, 3)
+    if rescue.left:
+        text = f"process {pid} {why}; NOT SAFE: {'; '.join(rescue.left)}"
+        _report(file, run, {"why": why, "not_safe": rescue.left, "tried_s": took_s}, text)
+    elif rescue.unasked:
+        text = f"process {pid} {why}; outputs told to be safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
+        _report(file, run, {"why": why, "told_after_s": took_s, "unconfirmed": rescue.unasked}, text)
     else:
         text = f"process {pid} {why}; outputs made safe in {took_s:g} s"
         _report(file, run, {"why": why, "safe_after_s": took_s}, text)
@@ -251,143 +249,6 @@ def _lease_of_the_dead(file: BenchFile, pid: int) -> Iterator[None]:
                 break
             time.sleep(0.01)
         yield
-
-
-@dataclass(slots=True)
-class _Device:
-    """A device on the way to its safe values: why it is not there, or that it is and what could not be asked.
-
-    `moved`: it was found away from them when it was opened. `safe_s`: when it came to them, on the monotonic clock.
-    `outputs`: what it said of each, in the units of the bench.
-    """
-
-    name: str
-    failure: str = ""
-    unasked: str = ""
-    done: bool = False
-    moved: bool = False
-    safe_s: float = 0.0
-    outputs: dict[str, Output] = field(default_factory=dict)
-
-
-def _tried_once(file: BenchFile) -> list[str]:
-    """Make every device safe; why some could not be."""
-    devices = [_Device(name) for name in file.devices]
-    for device in devices:
-        _make_safe(file, device)
-    return [device.failure for device in devices if device.failure]
-
-
-def _made_safe_with_patience(file: BenchFile, begun_s: float, desk: Desk) -> tuple[list[str], list[str], float]:
-    """Make every device safe, each as soon as it can be reached, and keep it so until nothing late can come any more.
-
-    Returns why some could not be, what could not be asked, and when the last one came to its safe values.
-
-    Devices at different addresses are tried side by side, so that none waits for the time-outs of another.
-    """
-    lines: dict[str, list[_Device]] = {}
-    for name, device in file.devices.items():
-        lines.setdefault(str(getattr(device.settings, "address", name)), []).append(_Device(name, "was not tried"))
-    threads = [threading.Thread(target=_with_patience, args=(file, line, begun_s, desk), daemon=True)
-               for line in lines.values()]  # fmt: skip
-    for thread in threads:
-        thread.start()
-    for thread in threads:
-        thread.join(max(0.0, begun_s + GIVE_UP_S + _HANGS_S - time.monotonic()))
-    devices = [device for line in lines.values() for device in line]
-    return (
-        [device.failure for device in devices if not device.done],
-        [device.unasked for device in devices if device.unasked],
-        max([begun_s, *(device.safe_s for device in devices)]),
-    )
-
-
-def _with_patience(file: BenchFile, line: list[_Device], begun_s: float, desk: Desk) -> None:
-    while not all(device.done for device in line) and time.monotonic() - begun_s <= GIVE_UP_S:
-        for device in line:
-            if not device.done:
-                _tried(file, device)
-                desk.tell(device.outputs, "watchdog")
-        if not all(device.done for device in line):
-            time.sleep(_AGAIN_S)
-    last_s = time.monotonic()
-    while time.monotonic() - last_s < _LATE_S and time.monotonic() - begun_s <= GIVE_UP_S:
-        time.sleep(_AGAIN_S)
-        for device in line:
-            if _looked_again(file, device):  # a late command of the dead program came after all
-                last_s = time.monotonic()
-                desk.tell(device.outputs, "watchdog")
-
-
-def _looked_again(file: BenchFile, device: _Device) -> bool:
-    """Whether a device that was safe had moved; one that is gone since has been safe, and stays told so."""
-    again = _Device(device.name)
-    _tried(file, again)
-    if again.moved:
-        device.failure, device.unasked, device.done = again.failure, again.unasked, again.done
-        device.safe_s, device.outputs = again.safe_s, again.outputs
-    return again.moved
-
-
-def _tried(file: BenchFile, device: _Device) -> None:
-    """One try, as long as a driver may take that returns."""
-    attempt = _Device(device.name)
-    thread = threading.Thread(target=_make_safe, args=(file, attempt), daemon=True)
-    thread.start()
-    thread.join(_HANGS_S)
-    if thread.is_alive():
-        device.failure = f"{device.name}: its driver does not return"
-    else:
-        device.failure, device.unasked, device.moved = attempt.failure, attempt.unasked, attempt.moved
-        device.outputs = attempt.outputs
-        if attempt.done and (attempt.moved or not device.done):
-            device.safe_s = time.monotonic()
-        device.done = attempt.done
-
-
-def _make_safe(file: BenchFile, device: _Device) -> None:
-    """Open a device with its outputs alone, so that no sensor can keep it from being made safe, and read them back.
-
-    Whatever a driver throws concerns this device alone.
-    """
-    outputs = {channel: entry for channel, entry in file.bench.channels.items() if entry.is_output}
-    known = Outputs()
-    try:
-        if any(entry.device == device.name for entry in outputs.values()):
-            daq = file.devices[device.name].open(outputs)
-            device.moved = any(daq.levels.get(name) != channel.safe for name, channel in daq.outputs.items())
-            _ask_to_be_safe(daq, known)
-    except BaseException as error:
-        device.failure = f"{device.name}: {reason(error).removeprefix(f'{device.name}: ')}"
-        return
-    finally:
-        device.outputs = _in_bench_units(file, known)
-    if not known.settled:
-        device.failure = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}"
-        return
-    unasked = [name for name, output in known.known.items() if not output.can]
-    device.failure, device.done = "", True
-    device.unasked = f"{device.name}: {', '.join(unasked)} cannot be read back" if unasked else ""
-
-
-def _ask_to_be_safe(daq: Daq, known: Outputs) -> None:
-    known.opened(daq.outputs)
-    try:
-        known.make_safe(daq)
-    finally:
-        with suppress(Exception):  # what is known of the outputs stands, however it lets go
-            daq.close()
-
-
-def _in_bench_units(file: BenchFile, known: Outputs) -> dict[str, Output]:
-    """What a device said at its terminals, as the bench file calibrates them."""
-    lines = {name: entry.line for name, entry in file.bench.channels.items()}
-    return {name: _in_units_of(lines[name], output) if name in lines else output
-            for name, output in known.known.items()}  # fmt: skip
-
-
-def _in_units_of(line: Calibration, output: Output) -> Output:
-    return replace(output, unit=line.unit, at=None if output.at is None else line.value_at(output.at))
 
 
 def _report(file: BenchFile, run: Path, told: dict[str, object], text: str) -> None:

@@ -32,6 +32,7 @@ _JUDGING_S = 0.05  # so long the next sample waits for what is thought of a bloc
 _OF_LATE = 3  # samples that say how long one takes now
 _UNDISTURBED = 0.25  # quantile of them that is the link's own time: a busy host makes readings slower, never faster
 _BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
+_SHORTEST_S = 1e-5  # no sample takes less
 _IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
 _SHARE_OF_BLOCK = 0.5  # a sample that takes longer makes a violation wait for longer than a block
 _WHATEVER = (Exception, SystemExit)  # that a library may throw; Ctrl-C is not its own
@@ -159,12 +160,20 @@ class PolledDaq:
         links: by name of the device; the DAQ closes them.
         wirings: what is connected to each.
         clock: by which samples are due and stamped; the host's monotonic one when not given.
+        measured: whether it is measured first how long a sample takes. Who only makes outputs safe has no time for it.
 
     Raises:
         HardwareError: a device does not answer, or too slowly for its own watchdog. All links are closed then.
     """
 
-    def __init__(self, links: Mapping[str, Link], wirings: Mapping[str, Wiring], clock: Clock | None = None) -> None:
+    def __init__(
+        self,
+        links: Mapping[str, Link],
+        wirings: Mapping[str, Wiring],
+        clock: Clock | None = None,
+        *,
+        measured: bool = True,
+    ) -> None:
         self._clock = RealClock() if clock is None else clock
         self._members = [_Member(name, link, wirings[name], self._clock) for name, link in links.items()]
         self.outputs: Mapping[str, OutputChannel] = _merged(member.wiring.outputs for member in self._members)
@@ -177,7 +186,7 @@ class PolledDaq:
         self._zero_s = self._used_s = self._clock.now_s
         try:
             self.levels: Mapping[str, float] = _merged(member.standing() for member in self._members)
-            self._cycle_s = self._measured()
+            self._cycle_s = self._measured() if measured else _SHORTEST_S
             self._samples_s = deque([self._cycle_s], maxlen=_OF_LATE)
             self._refuse_too_slow_for_watchdogs()
         except BaseException:
@@ -284,7 +293,7 @@ class PolledDaq:
         for member, takes_s in zip(self._members, reading_s, strict=True):  # until they are measured
             member.read_after_s.append(asked_s + 0.5 * takes_s - member.reading_age_s)
             asked_s += takes_s
-        return max(driving_s + sum(reading_s), 1e-5)
+        return max(driving_s + sum(reading_s), _SHORTEST_S)
 
     def _refuse_too_slow_for_watchdogs(self) -> None:
         for member in self._members:

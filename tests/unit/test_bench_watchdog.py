@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import sys
 import threading
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -14,7 +13,7 @@ from types import SimpleNamespace
 import pytest
 from wire import Wire
 
-from hil.bench import watchdog
+from hil.bench import rescue, watchdog
 from hil.bench.heartbeat import Heart
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.stop.desk import Desk
@@ -68,18 +67,25 @@ def bench_of(folder: Path, devices: Mapping[str, Valve]) -> BenchFile:
     )  # fmt: skip
 
 
+def rescued(file: BenchFile) -> tuple[list[str], list[str], float]:
+    """What is left, what could not be asked, and how long it took."""
+    made = rescue.Rescue(file, DESK)
+    made.with_patience()
+    return made.left, made.unasked, made.took_s
+
+
 @pytest.fixture(autouse=True)
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """It gives up after a moment."""
-    monkeypatch.setattr(watchdog, "GIVE_UP_S", 0.2)
-    monkeypatch.setattr(watchdog, "_LATE_S", 0.05)
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 0.2)
+    monkeypatch.setattr(rescue, "_LATE_S", 0.05)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
 
 
 @pytest.mark.parametrize("error", BROKEN)
 def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, error: BaseException) -> None:
     devices = {"sick": Valve(error, answers=False), "healthy": Valve(None)}
-    left, unasked, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic(), DESK)
+    left, unasked, _ = rescued(bench_of(tmp_path, devices))
     assert devices["healthy"].levels["a"] == 0.0 and devices["healthy"].closed
     assert len(left) == 1 and left[0].startswith("sick: nobody knows") and not unasked
     assert devices["sick"].closed > 1  # tried again, and let go of each time
@@ -95,10 +101,10 @@ def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: 
                 threading.Event().wait(30.0)
             super().make_safe()
 
-    monkeypatch.setattr(watchdog, "GIVE_UP_S", 5.0)
-    monkeypatch.setattr(watchdog, "_HANGS_S", 0.2)
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 5.0)
+    monkeypatch.setattr(rescue, "_HANGS_S", 0.2)
     devices = {"hanging": Hanging(None)}
-    left, unasked, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic(), DESK)
+    left, unasked, _ = rescued(bench_of(tmp_path, devices))
     assert not left and not unasked
     assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries >= 2
 
@@ -117,17 +123,17 @@ def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
             if self.asked <= 2:
                 self.levels = {**self.levels, "a": 5.0}
 
-    monkeypatch.setattr(watchdog, "GIVE_UP_S", 10.0)
-    monkeypatch.setattr(watchdog, "_LATE_S", 0.3)
-    valve, begun_s = Late(None), time.monotonic()
-    left, _, safe_s = watchdog._made_safe_with_patience(bench_of(tmp_path, {"late": valve}), begun_s, DESK)
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 10.0)
+    monkeypatch.setattr(rescue, "_LATE_S", 0.3)
+    valve = Late(None)
+    left, _, took_s = rescued(bench_of(tmp_path, {"late": valve}))
     assert not left and valve.levels["a"] == 0.0
-    assert safe_s - begun_s > 0.05, "the time at which it came to stay there is told, not the first one"
+    assert took_s > 0.05, "the time at which it came to stay there is told, not the first one"
 
 
 def test_told_is_not_safe_until_it_is_read_back(tmp_path: Path) -> None:
     devices = {"mute": Valve(None, answers=False)}
-    left, _, _ = watchdog._made_safe_with_patience(bench_of(tmp_path, devices), time.monotonic(), DESK)
+    left, _, _ = rescued(bench_of(tmp_path, devices))
     remedy = "was told to be safe, and could not be read back (no answer): use the emergency stop"
     assert left == [f"mute: 'a' {remedy}; 'b' {remedy}"]
 
@@ -136,7 +142,9 @@ def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
-    watchdog._act(bench_of(tmp_path, {"healthy": Valve(None)}), os.getpid(), tmp_path / "gone", "ended", DESK)
+    watchdog._act(
+        bench_of(tmp_path, {"healthy": Valve(None)}), os.getpid(), tmp_path / "gone", watchdog._End("ended"), DESK
+    )
     (told,) = (tmp_path / "state" / "watchdog").glob("*.json")
     assert "safe_after_s" in told.read_text() and "outputs made safe in" in capfd.readouterr().err
 

@@ -111,7 +111,7 @@ def test_a_bench_that_begins_anew_with_each_run_needs_none() -> None:
 def test_the_watchdog_leaves_a_bench_alone_that_another_program_has_taken_over(
     file: BenchFile, holder: subprocess.Popen[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    watchdog._act(file, os.getpid(), tmp_path, "ended", Desk({}, "watchdog", lambda _wish: None))
+    watchdog._act(file, os.getpid(), tmp_path, watchdog._End("ended"), Desk({}, "watchdog", lambda _wish: None))
     told = json.loads((tmp_path / "watchdog.json").read_text(encoding="utf-8"))
     assert told["why"] == "ended" and f"in use by process {holder.pid}" in told["left_alone"]
     assert f"hil watchdog: process {os.getpid()} ended; bench" in capsys.readouterr().err

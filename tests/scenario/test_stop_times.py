@@ -1,0 +1,28 @@
+"""A hundred stops of each kind, and how long each took until an observer read the safe value at the device."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tests.stop_times import How, distribution, stops
+
+STOPS = 100
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("how", "viewers", "p99_s"),
+    [("work", 20, 0.1), ("killed", 20, 0.1), ("hung", 20, 0.3)],
+    ids=["with 20 viewers", "with the web server killed", "with the run hung"],
+)
+def test_stop_is_read_back_at_the_device_in_time(
+    how: How, viewers: int, p99_s: float, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = stops(STOPS, how, viewers)
+    with capsys.disabled():
+        print(f"\nstop, {how}, {viewers} viewers: {distribution(found)}")
+    assert {one.answer["state"] for one in found} == {"confirmed"}
+    assert {one.answer["by"] for one in found} == {"watchdog" if how == "hung" else "run"}
+    assert max(one.answered_s for one in found) < 1.0
+    assert float(np.percentile([one.safe_s for one in found], 99)) <= p99_s
