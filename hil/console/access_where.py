@@ -53,7 +53,7 @@ class Where:
     def listeners(self) -> str:
         """Where its pages reach the listeners of runs, in the words of a Content-Security-Policy."""
         if self.is_local:
-            return "http://127.0.0.1:* http://localhost:* http://[::1]:*"
+            return "http://127.0.0.1:* http://localhost:*"
         return "https:" if self.is_everywhere else f"https://{self.host}:*"
 
     @property

@@ -79,5 +79,6 @@ class Console:
         return driving[-1] if driving else None
 
     def close(self) -> None:
-        """Let go of what reads; runs and devices go on."""
+        """Let go of what reads, and of who looks on; runs and devices go on."""
+        self.following.close()
         self.watching.close()

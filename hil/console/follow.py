@@ -137,6 +137,11 @@ class Following:
         """By run."""
         return {name: len(queues) for name, queues in self._queues.items()}
 
+    def close(self) -> None:
+        """Tell everybody that no more comes."""
+        for name in list(self._queues):
+            self._send(name, None)
+
     async def pictures(self, folder: Path, pid: int | None = None) -> AsyncIterator[bytes]:
         """Server-sent events of a run: a snapshot, then what is new twenty times a second, until it is over.
 

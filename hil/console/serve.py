@@ -6,11 +6,14 @@ import os
 import socket
 from collections.abc import Callable
 from dataclasses import replace
+from types import FrameType
+from typing import Any
 
 from hil.console.access_accounts import Accounts
 from hil.console.access_audit import Audit
 from hil.console.access_where import Where, check_where, opened
 from hil.console.app import application
+from hil.console.console import Console
 from hil.console.site import Site
 from hil.errors import SettingError
 
@@ -34,14 +37,27 @@ def serve(site: Site, where: Where, ready: Callable[[str], None]) -> None:
     check_where(where, accounts)
     listening = _listening(where.host, where.port)
     where = replace(where, port=int(listening.getsockname()[1]))
+    app = application(site, where, accounts, Audit())
     config = uvicorn.Config(
-        application(site, where, accounts, Audit()), ssl_certfile=where.cert, ssl_keyfile=where.key,
+        app, ssl_certfile=where.cert, ssl_keyfile=where.key,
         log_level="warning", access_log=False, ws="none", server_header=False,
         timeout_graceful_shutdown=_SHUTDOWN_S, h11_max_incomplete_event_size=16_384,
     )  # fmt: skip
     with opened(where, accounts):
         ready(where.address)
-        uvicorn.Server(config).run([listening])
+        _server(config, app.state.console).run([listening])
+
+
+def _server(config: Any, console: Console) -> Any:
+    """A server that ends its streams at a signal: they would go on for as long as their runs."""
+    import uvicorn
+
+    class Server(uvicorn.Server):
+        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+            console.close()
+            super().handle_exit(sig, frame)
+
+    return Server(config)
 
 
 def _listening(host: str, port: int) -> socket.socket:

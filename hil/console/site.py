@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import time
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from pathlib import Path
 
 from hil.archive.place import Place
@@ -13,6 +15,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.errors import FileError, UnknownNameError
 from hil.record.header import HEADER_FILE
 
+_ANEW_S = 5.0
 _NAME = re.compile(r"^[^\x00-\x1f/\\]{1,200}$")
 
 
@@ -35,7 +38,7 @@ class Site:
     def bench_files(self) -> Mapping[str, Path]:
         """Every bench by name: those of the lab's folder first, then the installed ones."""
         own = {path.stem: path for path in sorted(self.benches.glob("*.toml")) if _is_bench(path)}
-        return {**own, **{name: path for name, path in benches().items() if name not in own}}
+        return {**own, **{name: path for name, path in _installed().items() if name not in own}}
 
     def bench_path(self, name: str) -> Path:
         """Where the bench file of that name lies.
@@ -55,7 +58,8 @@ class Site:
             UnknownNameError: there is none.
             FileError, BenchError: its file has faults.
         """
-        return read_bench(self.bench_path(name))
+        path = self.bench_path(name)
+        return _read(path, path.stat().st_mtime_ns, int(time.monotonic() / _ANEW_S))
 
     def run(self, name: str) -> Path:
         """The folder of a run, by its name in the folder of runs.
@@ -72,6 +76,31 @@ class Site:
 
 def _is_bench(path: Path) -> bool:
     try:
-        return path.is_file() and "[channels" in path.read_text(encoding="utf-8")
+        return path.is_file() and _says(path, path.stat().st_mtime_ns, "[channels")
+    except OSError:
+        return False
+
+
+def names_driver(path: Path) -> bool:
+    """Whether a bench file, or what it is based on, may have a device with a driver."""
+    return _says(path, path.stat().st_mtime_ns, "driver")
+
+
+@lru_cache(maxsize=256)
+def _says(path: Path, _changed_ns: int, what: str) -> bool:
+    try:
+        text = path.read_text(encoding="utf-8")
+        return what in text or "based_on" in text
     except (OSError, UnicodeDecodeError):
         return False
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, _changed_ns: int, _age: int) -> BenchFile:
+    """A bench file: read anew when it has changed, and now and then, since what it is based on may have."""
+    return read_bench(path)
+
+
+@cache
+def _installed() -> Mapping[str, Path]:
+    return benches()

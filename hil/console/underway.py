@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import os
+import threading
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -18,6 +20,8 @@ from hil.record.samples import JOURNAL_FILE
 State = Literal["running", "lost", "ended"]
 
 CONTROL_FILE = "control.json"
+_FRESH_S = 0.1  # what was seen so lately is told again
+_ENDED_S = 3.0  # so long a run that has ended is still told
 _SILENT_S = 15.0  # a run whose process nobody knows and that has written nothing for so long has been lost
 
 
@@ -116,9 +120,19 @@ class Underway:
     _seen_ns: int = field(default=-1, init=False)
     _known: set[str] = field(default_factory=set, init=False)
     _open: dict[str, Path] = field(default_factory=dict, init=False)
+    _ended_s: dict[str, float] = field(default_factory=dict, init=False)
+    _told: list[Run] = field(default_factory=list, init=False)
+    _looked_s: float = field(default=-math.inf, init=False)
+    _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
 
     def look(self) -> list[Run]:
-        """Runs under way, the newest last: each is told once more when it has ended or was lost, then no longer."""
+        """Runs under way, the newest last; those that have just ended or were lost are told for a moment longer."""
+        with self._lock:
+            if time.monotonic() - self._looked_s >= _FRESH_S:  # many pages ask
+                self._told, self._looked_s = self._look(), time.monotonic()
+            return self._told
+
+    def _look(self) -> list[Run]:
         self._find_new()
         found = []
         for name, folder in list(self._open.items()):
@@ -128,10 +142,18 @@ class Underway:
                 if not folder.exists():
                     del self._open[name]
                 continue
-            if run.state != "running" and not run.control:
+            if self._is_over(name, run):
                 del self._open[name]
+                continue
             found.append(run)
         return sorted(found, key=lambda run: run.folder.stat().st_ctime_ns if run.folder.exists() else 0)
+
+    def _is_over(self, name: str, run: Run) -> bool:
+        """Whether a run is not to be told again: nobody listens for it, and it has not just ended."""
+        if run.state == "running" or run.control:
+            self._ended_s.pop(name, None)
+            return False
+        return time.monotonic() - self._ended_s.setdefault(name, time.monotonic()) > _ENDED_S
 
     def _find_new(self) -> None:
         try:

@@ -15,6 +15,7 @@ import pytest
 from hil.archive.place import archive_place
 from hil.bench.read import read_bench
 from hil.console import page
+from hil.console import underway as underway_module
 from hil.console.board import RunReader, interlocks_of, lines_of
 from hil.console.bode import bode_point
 from hil.console.envelope import Envelope
@@ -28,6 +29,12 @@ from hil.errors import FileError, UnknownNameError
 from hil.record.folder import RunWriter
 from hil.record.header import new_header
 from hil.session.procedure import load_procedure
+
+
+@pytest.fixture(autouse=True)
+def looks_each_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(underway_module, "_FRESH_S", 0.0)
+
 
 BENCH = Path("sim_devices/benches/brevini-hpv41.toml").resolve()
 
@@ -128,7 +135,7 @@ def test_underway_tells_a_run_whose_process_is_gone_as_lost(site: Site) -> None:
     assert run_of(site.runs / "a").state == "ended"
 
 
-def test_underway_leaves_closed_runs_alone_and_finds_new_ones(site: Site) -> None:
+def test_underway_leaves_closed_runs_alone_and_finds_new_ones(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     written(site.runs / "old").close()
     underway = Underway(site.runs)
     assert underway.look() == []
@@ -136,6 +143,7 @@ def test_underway_leaves_closed_runs_alone_and_finds_new_ones(site: Site) -> Non
     assert [(run.folder.name, run.state) for run in underway.look()] == [("new", "running")]
     writer.close("stopped")
     assert [(run.state, run.outcome) for run in underway.look()] == [("ended", "stopped")]
+    monkeypatch.setattr(underway_module, "_ENDED_S", 0.0)
     assert underway.look() == []
 
 

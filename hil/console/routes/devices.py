@@ -14,18 +14,24 @@ from hil.catalog import find
 from hil.console import served
 from hil.console.console import Console
 from hil.console.page import page
+from hil.console.site import names_driver
 from hil.errors import HilError
 
 
 def show(request: Request) -> Response:
     """What is served, and the form of a bench."""
     console = Console.of(request)
-    benches = [name for name in console.site.bench_files() if _is_served(console, name)]
+    benches = [name for name, path in console.site.bench_files().items() if names_driver(path)]
     name = request.query_params.get("bench") or next(iter(benches), "")
     devices = _devices(console, name) if name else []
     return page(
         request, "devices.html", benches=benches, name=name, devices=devices, served=served.served(console.site.state)
     )
+
+
+def state(request: Request) -> Response:
+    """The rows of what is served."""
+    return page(request, "served.html", served=served.served(Console.of(request).site.state))
 
 
 async def begin(request: Request) -> Response:
@@ -51,14 +57,6 @@ async def end(request: Request) -> Response:
     return RedirectResponse(f"/devices?bench={bench}", 303)
 
 
-def _is_served(console: Console, name: str) -> bool:
-    """Whether the bench has devices with a driver, whose twins can be served."""
-    try:
-        return any(device.driver for device in console.site.bench(name).bench.devices.values())
-    except HilError:
-        return False
-
-
 def _devices(console: Console, name: str) -> list[dict[str, Any]]:
     found = []
     for device, entry in console.site.bench(name).bench.devices.items():
@@ -82,6 +80,7 @@ def _devices(console: Console, name: str) -> list[dict[str, Any]]:
 
 ROUTES = [
     Route("/devices", show),
+    Route("/devices/served", state),
     Route("/devices/serve", begin, methods=["POST"]),
     Route("/devices/{bench}/end", end, methods=["POST"]),
 ]

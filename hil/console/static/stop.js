@@ -187,11 +187,12 @@ window.hilStop = (() => {
     parts.button.type = "button";
     parts.keys = make("p", "keys");
     parts.list = make("ul");
-    parts.list.setAttribute("role", "status");
-    parts.list.setAttribute("aria-live", "assertive");
+    const heard = make("div", "", parts.list);
+    heard.setAttribute("role", "status");
+    heard.setAttribute("aria-live", "assertive");
     parts.mute = make("button", "mute", say("Sound off"));
     parts.mute.type = "button";
-    place.replaceChildren(parts.button, make("div", "told", parts.list, parts.mute, parts.keys));
+    place.replaceChildren(parts.button, make("div", "told", heard, parts.mute, parts.keys));
     parts.button.addEventListener("click", press);
     parts.mute.addEventListener("click", mute);
     parts.keys.addEventListener("click", () => { window.focus(); parts.button.focus({preventScroll: true}); look(); });

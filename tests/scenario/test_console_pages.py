@@ -1,0 +1,249 @@
+"""The console's pages as an operator uses them, in a real browser, on a bench in real time."""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, Page, expect
+
+import hil
+from hil.bench.read import read_bench
+from tests.chromium import chromium, faults_of, serious
+from tests.consoles import Lab, console, real_time_bench, until
+from tests.links import free_port
+
+pytestmark = pytest.mark.xdist_group("console")
+PAGES = ("/bench?bench=real", "/run?bench=real", "/results", "/results/{run}", "/results/trend?serial=SN-1",
+         "/live/{run}", "/diagnose", "/devices")  # fmt: skip
+_PATIENCE_MS = 30_000
+SHORT = {"frequencies": "4,5", "amplitudes": "10", "biases": "50", "measure_s": "300 ms"}
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Browser]:
+    with chromium() as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory: pytest.TempPathFactory, browser: Browser) -> Iterator[Lab]:
+    folder = tmp_path_factory.mktemp("lab")
+    real_time_bench(folder)
+    for name in ("one", "two"):
+        made = hil.run("step_response", "brevini-hpv41", folder / "runs" / name, serial="SN-1", operator="MK",
+                       limits=["rise=..0.9 s"])  # fmt: skip
+        assert made.findings.verdict == "pass"
+    from hil.archive.archive import enter
+    from hil.archive.place import archive_place
+
+    enter(archive_place(str(folder / "runs")), [folder / "runs" / "one", folder / "runs" / "two"])
+    with console(folder) as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def operator(browser: Browser, lab: Lab) -> Iterator[BrowserContext]:
+    """One browser of one operator: two would ask each other for the seat."""
+    expect.set_options(timeout=_PATIENCE_MS)
+    context = browser.new_context(viewport={"width": 1280, "height": 800}, base_url=lab.address, locale="en-GB")
+    context.set_default_timeout(_PATIENCE_MS)
+    yield context
+    context.close()
+
+
+@pytest.fixture
+def page(operator: BrowserContext) -> Iterator[Page]:
+    made = operator.new_page()
+    faults = faults_of(made)
+    yield made
+    operator.set_offline(False)
+    made.close()
+    assert [fault for fault in faults if "Failed to load resource" not in fault] == []
+
+
+def started(page: Page, serial: str = "SN-7", **settings: str) -> str:
+    """Start a frequency response by the form; the name of its run."""
+    page.goto("/run?bench=real&procedure=frequency_response")
+    page.keyboard.type(f"{serial}\n")
+    for name, text in settings.items():
+        page.fill(f"#set-{name}", text)
+    page.click("#start")
+    page.wait_for_url("**/live/**")
+    return page.url.rsplit("/", 1)[1]
+
+
+def test_bench_tells_every_channel_and_reads_when_asked(page: Page, lab: Lab) -> None:
+    page.goto("/bench?bench=real")
+    channels = read_bench(lab.folder / "real.toml").bench.channels
+    rows = page.locator("#lines tr")
+    expect(rows).to_have_count(len(channels))
+    assert {text.strip() for text in page.locator("#lines td.num").all_inner_texts()} == {"–"}
+    page.get_by_role("button", name="Read the inputs").click()
+    pressure = page.get_by_role("row", name=re.compile("supply pressure.*"))
+    expect(pressure.locator(".tag").first).to_have_text("ok")
+    assert float(pressure.locator("td.num").first.inner_text()) == pytest.approx(100.0, abs=3.0)
+    page.get_by_role("button", name="Read no longer").click()
+    expect(pressure.first).to_contain_text("nobody reads it now")
+
+
+def test_a_run_is_rehearsed_started_followed_and_stopped(page: Page, lab: Lab) -> None:
+    page.goto("/run?bench=real&procedure=frequency_response")
+    page.keyboard.type("SN-7\nMK")
+    assert page.input_value("#serial") == "SN-7"
+    assert page.input_value("#operator") == "MK"
+    for name, text in {**SHORT, "measure_s": "soon"}.items():
+        page.fill(f"#set-{name}", text)
+    wrong = page.locator('[data-setting="measure_s"]')
+    expect(wrong.locator(".why")).to_contain_text("in s")
+    page.click("#start")
+    expect(wrong).to_have_class(re.compile("wrong"))
+    assert "/run" in page.url
+    page.fill("#set-measure_s", SHORT["measure_s"])
+    page.click("#rehearse")
+    expect(page.locator("#planned-text")).to_contain_text("within all limits")
+    assert page.locator("#planned canvas").get_attribute("aria-label") == "command [%], -100 … 100"
+    page.click("#start")
+    page.wait_for_url("**/live/**")
+    name = page.url.rsplit("/", 1)[1]
+    expect(page.locator("#state")).to_have_text("running")
+    flow = page.locator(".lane", has_text="flow").first.locator("b")
+    expect(flow).to_have_text(re.compile(r"^\d{2}"))
+    expect(page.locator("#bode-panel")).to_be_visible()
+    expect(page.locator("#left")).to_have_text(re.compile("left|done|longer"))
+    page.keyboard.press("F12")
+    expect(page.locator("#stop")).to_contain_text("stop confirmed, outputs read back safe")
+    expect(page.locator("#verdict-word")).to_have_text("Did not end as planned")
+    expect(page.locator("#rows")).to_contain_text("last recorded")
+    assert hil.read(lab.runs / name).channels["command"].values[-1] == pytest.approx(0.0, abs=60.0)
+
+
+def test_bench_shows_the_run_that_drives_it_and_a_killed_one_is_lost(page: Page, lab: Lab) -> None:
+    name = started(page, "SN-8")
+    expect(page.locator("#state")).to_have_text("running")
+    page.goto("/bench?bench=real")
+    expect(page.locator("#reader")).to_have_text(name)
+    expect(page.get_by_role("row", name=re.compile("^command daq"))).to_contain_text("driven")
+    page.goto(f"/live/{name}")
+    expect(page.locator("#state")).to_have_text("running")
+    os.kill(int(str(lab.control(name)["pid"])), signal.SIGKILL)
+    expect(page.locator("#verdict-word")).to_have_text("Lost")
+    expect(page.locator("#underway")).to_contain_text("lost")
+    expect(page.locator("#lanes")).to_have_class(re.compile("old"))
+
+
+def test_a_page_without_its_server_says_that_it_is_old(page: Page) -> None:
+    page.goto("/bench?bench=real")
+    page.context.set_offline(True)
+    expect(page.locator("#offline")).to_be_visible(timeout=5_000)
+    expect(page.locator("#lines tr.stale")).to_have_count(page.locator("#lines tr").count())
+    page.context.set_offline(False)
+    expect(page.locator("#offline")).to_be_hidden(timeout=5_000)
+    page.evaluate("window.scrollTo(0, 0)")
+
+
+def test_results_are_found_compared_and_followed(page: Page) -> None:
+    page.goto("/results")
+    page.fill("#serial", "SN-1")
+    page.get_by_role("button", name="Search").click()
+    rows = page.locator("#chosen tbody tr")
+    expect(rows).to_have_count(2)
+    assert "pass" in rows.first.inner_text()
+    for box in page.locator("#chosen input[name=run]").all():
+        box.check()
+    page.get_by_role("button", name="Compare two").click()
+    expect(page.frame_locator("iframe").locator("body")).to_contain_text("No value differs beyond its uncertainty.")
+    page.goto("/results/one")
+    word = page.locator(".verdict .word")
+    expect(word).to_have_text("Pass")
+    box = word.bounding_box()
+    assert box is not None
+    assert box["height"] > 60.0
+    expect(page.frame_locator("iframe").locator("h1")).to_contain_text("Step response")
+    page.goto("/results/trend?serial=SN-1")
+    expect(page.locator("#trend")).to_be_visible()
+    expect(page.locator("main")).to_contain_text("No drift can be told")
+
+
+def test_hostile_uploads_and_names_reach_no_file(page: Page, lab: Lab) -> None:
+    page.goto("/diagnose")
+    page.set_input_files("#file", [{"name": "../../evil.exe", "mimeType": "text/csv", "buffer": b"MZ"}])
+    page.get_by_role("button", name="Diagnose").click()
+    expect(page.locator("#refused")).to_contain_text("no recording by its name")
+    page.set_input_files("#file", [{"name": "../../../evil $(id).csv", "mimeType": "text/csv", "buffer": b"a,b\n"}])
+    page.get_by_role("button", name="Diagnose").click()
+    page.wait_for_url("**/jobs/**")
+    expect(page.locator("#state")).to_have_text("refused")
+    kept = list(lab.folder.rglob("*evil*"))
+    assert [path.name for path in kept] == ["0-evil-id-.csv"]
+    assert kept[0].is_relative_to(lab.folder / "state" / "console" / "uploads")
+    secret = lab.folder / "secret.json"
+    secret.write_text("{}", encoding="utf-8")
+    for path in ("/results/..%2Freal.toml", "/live/..%2f..%2fetc",
+                 "/passports/..%2F..%2Fsecret.json",
+                 "/static/..%2fapp.py", "/static/%2e%2e/app.py", "/results/compared/..%2Fx.html"):  # fmt: skip
+        assert page.request.get(path).status in (400, 404), path
+    answer = page.request.post("/run/start", form={"procedure": "frequency_response", "bench": "../real"},
+                               headers={"Origin": lab.address})  # fmt: skip
+    assert answer.status in (400, 404)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_have_no_serious_finding_of_axe_and_fit_a_telephone(page: Page, scheme: str) -> None:
+    page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
+    found = {}
+    for path in PAGES if scheme == "light" else PAGES[:3]:
+        page.goto(path.format(run="one"))
+        page.wait_for_timeout(150)
+        found[path] = serious(page)
+        if scheme == "light":
+            page.set_viewport_size({"width": 400, "height": 800})
+            wide = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+            found[path] += [f"{wide} px wider than a telephone"] if wide > 0 else []
+            page.set_viewport_size({"width": 1280, "height": 800})
+    assert {path: faults for path, faults in found.items() if faults} == {}
+
+
+def test_pages_speak_german_and_remember_it(page: Page) -> None:
+    page.goto("/bench?bench=real")
+    page.get_by_role("link", name="DE", exact=True).click()
+    expect(page.locator("nav")).to_contain_text("Prüfstand")
+    expect(page.locator("#lines .tag").first).to_have_text("von keinem Lauf angesteuert")
+    page.goto("/run?bench=real")
+    assert page.locator("html").get_attribute("lang") == "de"
+    expect(page.locator("#start")).to_have_text("Start")
+    expect(page.locator("#rehearse")).to_have_text("Proben")
+    page.goto("/run?bench=real&lang=en")
+    expect(page.locator("#rehearse")).to_have_text("Rehearse")
+
+
+def test_devices_are_served_with_quirks_and_ended(page: Page, lab: Lab) -> None:
+    port = free_port()
+    installed = Path(__file__).parents[2] / "sim_devices" / "benches" / "hpv41-modbus-tcp.toml"
+    text = installed.read_text(encoding="utf-8").replace("15502", str(port))
+    (lab.folder / "served.toml").write_text(text, encoding="utf-8")
+    page.goto("/devices?bench=served")
+    page.fill('input[name$=".late_s"]', "0.01")
+    page.get_by_role("button", name="Serve").click()
+    row = page.locator("#served tr", has_text="served").first
+    expect(row).to_contain_text(f"127.0.0.1:{port}")
+    expect(row).to_contain_text("late_s=0.01")
+    row.get_by_role("button", name="End").click()
+    expect(page.locator("#served .tag")).to_have_text("ended")
+
+
+@pytest.mark.slow
+def test_a_killed_run_is_shown_as_lost_within_a_second(page: Page, lab: Lab) -> None:
+    for serial in ("SN-20", "SN-21", "SN-22"):
+        name = started(page, serial)
+        expect(page.locator("#state")).to_have_text("running")
+        word = page.locator("#verdict-word")
+        begun_s = time.monotonic()
+        os.kill(int(str(lab.control(name)["pid"])), signal.SIGKILL)
+        until(lambda: word.text_content() == "Lost", 5.0, 0.01)  # noqa: B023
+        assert time.monotonic() - begun_s < 1.0
