@@ -11,9 +11,8 @@ from pathlib import Path
 from hil.errors import FileError
 from hil.findings.results import RESULTS_FILE, Value, read_results
 from hil.record.header import HEADER_FILE, read_end, read_header
-from hil.record.measurement import Verdict
+from hil.record.measurement import FINDINGS_FILE, Verdict
 
-FINDINGS_FILE = "findings.json"
 _UNFINISHED = "not closed"
 
 

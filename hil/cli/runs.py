@@ -25,13 +25,13 @@ def command(
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
 ) -> None:
     """List the runs of the archive, the oldest first."""
-    from hil.archive.archive import find_runs
-    from hil.archive.place import archive_place
-    from hil.cli.searches import search_of, up_to_date
+    from hil import api
+    from hil.cli.searches import date_of, not_entered, verdict_of
 
-    place = archive_place(archive)
-    up_to_date(place)
-    found = find_runs(place, search_of(serial, procedure, since, verdict))
+    found = api.find_runs(
+        serial=serial, procedure=procedure, since=date_of(since), verdict=verdict_of(verdict), archive=archive,
+        values=False, notes=not_entered,
+    )  # fmt: skip
     typer.echo(_json(found) if as_json else _table(found))
 
 

@@ -25,15 +25,14 @@ def command(
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
 ) -> None:
     """Show how a value of a unit went over time, with its limits, and whether it drifts."""
-    from hil.archive.archive import find_runs
-    from hil.archive.place import archive_place
+    from hil import api
     from hil.archive.trend import drift_of, points_of
-    from hil.cli.searches import search_of, up_to_date
+    from hil.cli.searches import date_of, not_entered
     from hil.errors import UnknownNameError
 
-    place = archive_place(archive)
-    up_to_date(place)
-    runs = find_runs(place, search_of(serial, procedure, since, ""), values=True)
+    runs = api.find_runs(
+        serial=serial, procedure=procedure, since=date_of(since), archive=archive, notes=not_entered
+    )  # fmt: skip
     points = points_of(runs, measurement)
     if not points:
         raise UnknownNameError(f"value of serial {serial}", measurement, {v.name for run in runs for v in run.values})

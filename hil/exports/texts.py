@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from hil.errors import SettingError
 from hil.exports.function import PLANT, function_of
 from hil.findings.results import FittedFunction
-from hil.findings.tables import csv_text
+from hil.findings.tables import FUNCTION_HEADS, coefficient_rows, csv_text
 from hil.physics.model import Model
 from hil.physics.transfer_function import TransferFunction
 from hil.record.plain import plain
@@ -113,22 +113,7 @@ def _json(functions: Sequence[FittedFunction]) -> str:
 
 
 def _functions_csv(functions: Sequence[FittedFunction]) -> str:
-    rows = [(one.name, *row) for one in functions for row in coefficient_rows(one)]
-    return csv_text(("name", "coefficient", "value", "std", "unit of the gain"), rows)
-
-
-def coefficient_rows(one: FittedFunction) -> Iterable[Row]:
-    """Every coefficient with its standard uncertainty, the dead time last."""
-    stds = {name: _root(one.covariance[i][i]) for i, name in enumerate(one.coefficients)}
-    powers = range(len(one.numerator) - 1, -1, -1)
-    yield from ((f"b{p}", value, stds.get(f"b{p}"), one.unit) for p, value in zip(powers, one.numerator, strict=True))
-    powers = range(len(one.denominator) - 1, -1, -1)
-    yield from ((f"a{p}", value, stds.get(f"a{p}"), one.unit) for p, value in zip(powers, one.denominator, strict=True))
-    yield "dead_time_s", one.dead_time_s, stds.get("dead_time_s"), one.unit
-
-
-def _root(variance: float | None) -> float | None:
-    return None if variance is None else max(variance, 0.0) ** 0.5
+    return csv_text(FUNCTION_HEADS, coefficient_rows(functions))
 
 
 def _pm(std: float | None) -> str:

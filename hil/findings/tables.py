@@ -11,12 +11,13 @@ from typing import TYPE_CHECKING
 
 from hil.errors import InputError, StorageError
 from hil.extras import lacking
-from hil.findings.results import Curve, Results
+from hil.findings.results import Curve, FittedFunction, Results
 
 if TYPE_CHECKING:
     from openpyxl.worksheet.worksheet import Worksheet
 
 VALUE_HEADS = ("name", "relation", "value", "std", "unit", "low", "high", "verdict", "meaning")
+FUNCTION_HEADS = ("name", "coefficient", "value", "std", "unit of the gain")
 _SHEET_NAME = 31  # characters that a spreadsheet allows
 
 Cell = str | float | None
@@ -71,7 +72,7 @@ def write_xlsx(results: Results, path: Path) -> None:
     book.remove(book.worksheets[0])
     _fill(book.create_sheet("values"), VALUE_HEADS, _value_rows(results))
     if results.transfer_functions:
-        _fill(book.create_sheet("transfer functions"), _FUNCTION_HEADS, _function_rows(results))
+        _fill(book.create_sheet("transfer functions"), FUNCTION_HEADS, coefficient_rows(results.transfer_functions))
     for name, curve in _by_file_name(results.curves).items():
         _fill(book.create_sheet(_sheet_name(name, book.sheetnames)), _heads(curve), curve.rows)
     try:
@@ -80,16 +81,19 @@ def write_xlsx(results: Results, path: Path) -> None:
         raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-_FUNCTION_HEADS = ("name", "coefficient", "value", "std", "unit of the gain")
+def coefficient_rows(functions: Iterable[FittedFunction]) -> Iterator[Row]:
+    """Every coefficient of transfer functions with its standard uncertainty, the dead time last of each."""
+    for one in functions:
+        stds = {name: _root(one.covariance[i][i]) for i, name in enumerate(one.coefficients)}
+        for letter, coefficients in (("b", one.numerator), ("a", one.denominator)):
+            for power, value in zip(range(len(coefficients) - 1, -1, -1), coefficients, strict=True):
+                name = f"{letter}{power}"
+                yield one.name, name, value, stds.get(name), one.unit
+        yield one.name, "dead_time_s", one.dead_time_s, stds.get("dead_time_s"), one.unit
 
 
-def _function_rows(results: Results) -> Iterator[Row]:
-    for fitted in results.transfer_functions:
-        values = fitted.coefficient_values
-        for i, name in enumerate(fitted.coefficients):
-            variance = fitted.covariance[i][i]
-            std = None if variance is None else max(variance, 0.0) ** 0.5
-            yield fitted.name, name, values[i], std, fitted.unit
+def _root(variance: float | None) -> float | None:
+    return None if variance is None else max(variance, 0.0) ** 0.5
 
 
 def _value_rows(results: Results) -> Iterator[Row]:

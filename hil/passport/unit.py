@@ -11,7 +11,7 @@ from hil.errors import FileError, SettingError
 from hil.findings.collect import findings_of
 from hil.findings.results import Results
 from hil.record.folder import read
-from hil.record.measurement import Findings, Verdict, judge
+from hil.record.measurement import Findings, Verdict, ended_as_planned, judge, unproven
 from hil.record.recording import Recording
 from hil.session.results import results_of_run
 
@@ -92,7 +92,7 @@ def _run(folder: Path) -> UnitRun:
     recording = read(folder)
     results = results_of_run(folder)
     _check_own(folder, recording, results)
-    _check_judged(folder, results)
+    _check_judged(folder, results, ended_as_planned(recording.meta))
     return UnitRun(folder, recording, results)
 
 
@@ -115,10 +115,11 @@ def _check_own(folder: Path, recording: Recording, results: Results) -> None:
         )
 
 
-def _check_judged(folder: Path, results: Results) -> None:
-    """Verdicts that were kept must be those that the values and limits beside them give."""
+def _check_judged(folder: Path, results: Results, planned: bool) -> None:
+    """Verdicts that were kept must be those that the values, limits and the end of the run give."""
     for value in results.values:
-        if judge(value.value, value.std, value.low, value.high, value.relation) != value.verdict:
+        given = judge(value.value, value.std, value.low, value.high, value.relation)
+        if (given if planned else unproven(given)) != value.verdict:
             raise FileError(
                 f"{folder}: results.json calls {value.name} '{value.verdict}', which its value and limits do not say; "
                 f"`hil report {folder}` evaluates it again"

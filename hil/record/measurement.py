@@ -128,6 +128,9 @@ class Limit:
     high: float | None = None
 
 
+FINDINGS_FILE = "findings.json"
+
+
 @dataclass(frozen=True, slots=True)
 class Findings:
     """What the evaluation of a run returns.
@@ -173,6 +176,10 @@ class Findings:
         missing = [m for m in declared if m.name not in found and not (m.low is None and m.high is None)]
         return replace(self, measured=(*self.measured, *(m.of(None) for m in missing)))
 
+    def of_unfinished(self) -> Findings:
+        """The same, of a run that did not end as planned: nothing in it has passed."""
+        return replace(self, measured=tuple(replace(m, verdict=unproven(m.verdict)) for m in self.measured))
+
     def as_dict(self) -> dict[str, Any]:
         """Everything but the curves, as JSON values."""
         return {
@@ -181,6 +188,22 @@ class Findings:
             "notes": list(self.notes),
             "deviations": list(self.deviations),
         }
+
+
+def unproven(verdict: Verdict | None) -> Verdict | None:
+    """What a verdict comes to when the test was not gone through: what was missed stays missed."""
+    return "cannot tell" if verdict == "pass" else verdict
+
+
+def ending_of(meta: Mapping[str, Any]) -> str:
+    """How a run, by its `meta`, ended otherwise than planned; empty for one that was completed, or was never a run."""
+    outcome = str(meta.get("outcome", "it was never closed" if meta.get("procedure") else "completed"))
+    return "" if outcome in ("completed", "written") else outcome
+
+
+def ended_as_planned(meta: Mapping[str, Any]) -> bool:
+    """Whether a run was completed and nothing of it is missing."""
+    return not ending_of(meta) and not meta.get("incomplete")
 
 
 def is_accepted(verdict: Verdict | None) -> bool:

@@ -8,7 +8,7 @@ from itertools import groupby
 from typing import Any
 
 from hil.language.words import _, marked
-from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured
+from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, judge
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
 
@@ -34,9 +34,8 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
     details = [verdict_sentence(m) for m in findings.open_or_missed]
     if missing := meta.get("incomplete"):
         details.append(_("The recording is incomplete: {missing}.").format(missing=missing))
-    outcome = str(meta.get("outcome", "completed"))
-    if outcome not in ("completed", "written"):
-        details.append(_("The run did not end as planned: {outcome}.").format(outcome=_(outcome)))
+    if ending := ending_of(meta):
+        details.append(_("The run did not end as planned: {outcome}.").format(outcome=_(ending)))
     return {"tone": tone, "word": _(word), "sentence": _(sentence), "details": details}
 
 
@@ -71,6 +70,8 @@ def _how_far(m: Measured) -> str:
         return ""
     inside = min(m.value - limit if side == "low" else limit - m.value
                  for side, limit in (("low", m.low), ("high", m.high)) if limit is not None)  # fmt: skip
+    if m.verdict == "cannot tell" and judge(m.value, m.std, m.low, m.high, m.relation) == "pass":
+        return _("it is met, but the run did not end as planned")
     by = f"{number(abs(inside), 2)} {unit_text(m.unit)}".rstrip()
     where = (_("met by {by}") if inside > 0.0 else _("missed by {by}") if inside < 0.0 else _("met exactly")).format(
         by=by

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.errors import StorageError
-from hil.record.measurement import Findings, is_accepted
+from hil.record.measurement import FINDINGS_FILE, Findings, is_accepted
 
-FINDINGS_FILE, REPORT_FILE = "findings.json", "report.html"
+REPORT_FILE = "report.html"
 
 
 @dataclass(frozen=True, slots=True)

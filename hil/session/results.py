@@ -12,7 +12,7 @@ from hil.findings.collect import results_of
 from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
 from hil.record.conditions import condition_departures
 from hil.record.folder import read
-from hil.record.measurement import Findings, Limit
+from hil.record.measurement import Findings, Limit, ended_as_planned
 from hil.record.recording import Recording
 from hil.report.run_page import write_run_report
 from hil.session.limit import TypedLimit, checked_limits, limits_of
@@ -72,7 +72,8 @@ def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, L
     found = replace(
         found, deviations=(*found.deviations, *recording.meta.get("deviations", ()), *condition_departures(recording))
     )
-    return found.with_missing(procedure.measurements).judged(limits)
+    judged = found.with_missing(procedure.measurements).judged(limits)
+    return judged if ended_as_planned(recording.meta) else judged.of_unfinished()
 
 
 def write_outcome(recording: Recording, findings: Findings, folder: Path) -> Outcome:

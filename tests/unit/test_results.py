@@ -3,6 +3,7 @@
 import csv
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from hil.findings.collect import results_of
 from hil.findings.curves import curves_of
 from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
 from hil.findings.tables import write_csv, write_xlsx
-from hil.record.folder import write
+from hil.record.folder import read, write
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
 
@@ -155,3 +156,20 @@ def test_report_of_a_run_that_was_broken_off_says_so(monkeypatch, capsys, tmp_pa
     assert status == 0, said.err
     assert "Nothing could be evaluated of this run" in said.out
     assert "did not end as planned: stopped by Ctrl-C" in (tmp_path / "run" / "report.html").read_text(encoding="utf-8")
+
+
+def test_what_a_stopped_run_measured_has_not_passed(monkeypatch, capsys, tmp_path):
+    run, stopped = tmp_path / "run", tmp_path / "stopped"
+    step = ("run", "step_response", "--set", "levels=0,80", "--bench", "brevini-hpv41", "--limit", "change=10..")
+    assert _said(monkeypatch, capsys, *step, "--out", run)[0] == 0
+    whole = read(run)
+    write(replace(whole, meta={**whole.meta, "outcome": "Terminated: by SIGTERM"}), stopped)
+    status, said = _said(monkeypatch, capsys, "report", stopped, "--limit", "change=10..", "--limit", "rise=..1e-9")
+    kept = read_results(stopped / RESULTS_FILE)
+    assert status == 1
+    assert kept.verdict == "fail"  # what was missed is missed
+    assert {value.verdict for value in kept.values if value.name.startswith("change")} == {"cannot tell"}
+    assert "it is met, but the run did not end as planned" in said.out
+    assert "pass" not in said.out
+    assert _said(monkeypatch, capsys, "report", stopped, "--limit", "change=10..")[0] == 1
+    assert read_results(stopped / RESULTS_FILE).verdict == "cannot tell"
