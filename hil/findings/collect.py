@@ -13,6 +13,8 @@ from hil.record.measurement import Findings, Measured
 from hil.record.plain import plain
 from hil.record.recording import Recording
 
+PURE = "1"  # unit of a pure number where data are handed on; where it is shown it has none
+
 
 def results_of(recording: Recording, findings: Findings) -> Results:
     """Everything that the evaluation of a run found, as data."""
@@ -35,15 +37,16 @@ def results_of(recording: Recording, findings: Findings) -> Results:
 def findings_of(results: Results) -> Findings:
     """The measured values, notes and deviations as an evaluation gave them; curves stay where they are."""
     given = {field.name for field in fields(Measured)}
-    measured = (Measured(**{key: value for key, value in one if key in given}) for one in results.values)
+    told = ({key: value for key, value in one if key in given} for one in results.values)
+    measured = (Measured(**{**one, "unit": "" if one["unit"] == PURE else one["unit"]}) for one in told)
     return Findings(tuple(measured), {}, results.notes, results.deviations)
 
 
 def _value(found: Measured) -> Value:
     return Value(
-        name=found.name, value=_number(found.value), std=_number(found.std), unit=found.unit, low=_number(found.low),
-        high=_number(found.high), verdict=found.verdict, relation=found.relation, meaning=found.meaning,
-        calibration_std=found.calibration_std,
+        name=found.name, value=_number(found.value), std=_number(found.std), unit=found.unit or PURE,
+        low=_number(found.low), high=_number(found.high), verdict=found.verdict, relation=found.relation,
+        meaning=found.meaning, calibration_std=found.calibration_std,
     )  # fmt: skip
 
 

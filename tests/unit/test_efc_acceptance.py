@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from efc_bench import failed, friction, outcome, value, valve
+from handed_on import check_handed_on
 
 from hil.record.read import read_recording
 
@@ -26,6 +27,7 @@ def test_a_good_valve_passes_the_whole_sequence(tmp_path: Path) -> None:
     assert value(found, "hysteresis") == pytest.approx(2.0, abs=0.6)
     assert json.loads((tmp_path / "run" / "findings.json").read_text(encoding="utf-8"))["verdict"] == "pass"
     run = read_recording(tmp_path / "run")
+    check_handed_on(made, tmp_path)
     assert run.values("current")[-1] == 0.0
     assert run.values("current").max() <= 2.0 and run.values("pressure").max() < 280.0
 
