@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check wheel bench acceptance-risk papers proof coverage coverage-identify docs catalogues clean help
+.PHONY: demo test test-slow check wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -47,8 +47,13 @@ bench: $(VENV)/.bench-installed  ## every benchmark beside its peers, one table 
 acceptance-risk: $(STAMP)  ## what the EFC's acceptance test risks (WHOLE=200, JUDGED=1000 drawn valves)
 	$(BIN)/python benchmarks/acceptance_risk.py --whole $(or $(WHOLE),200) --judged $(or $(JUDGED),1000)
 
-papers: $(STAMP)  ## the papers' numbers beside those of the commands, in docs/explanation
+papers: $(STAMP)  ## the papers' numbers beside those of the commands: pages, picture and notebooks in docs
 	$(BIN)/python docs/papers.py
+	$(BIN)/python docs/dither.py
+	$(BIN)/python docs/notebooks.py
+
+notebooks: $(STAMP)  ## whether the notebooks still print what is kept in them
+	$(BIN)/pytest -m slow tests/unit/test_notebooks.py
 
 proof: $(STAMP)  ## the concealment proof (CASES=20); with RECORDINGS=DIR also the real recordings
 	$(BIN)/python -m tests.proof --cases $(or $(CASES),20) --out $(or $(OUT),proof)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from hil.diagnosis.answer import Answer
 from hil.diagnosis.check import check
@@ -39,6 +40,22 @@ class Diagnosed:
         told = self.diagnosis
         rows = [(f.name, f"{100 * f.probability:.0f} %", f.sentence) for f in told.effects]
         return table_html(("effect", "probability", "in words"), rows, f"{told.verdict}: {told.headline}")
+
+    def plot(self) -> Any:
+        """A matplotlib figure: what each recording and the two models differ by, the nominal and the corrected one."""
+        from matplotlib.figure import Figure
+
+        shown = self.diagnosis.strips
+        figure = Figure(figsize=(8.0, 1.2 + 2.0 * len(shown)), layout="constrained")
+        axes = figure.subplots(len(shown), 1, squeeze=False)[:, 0]
+        for axis, strip in zip(axes, shown, strict=True):
+            axis.plot(strip.time_s, strip.off(strip.nominal), linewidth=1.0, label="recording − nominal model")
+            axis.plot(strip.time_s, strip.off(strip.corrected), linewidth=1.0, label="recording − corrected model")
+            axis.set_title(strip.name, fontsize="small", loc="left")
+            axis.set_ylabel(self.corrected.output)
+            axis.set_xlabel("time [s]")
+        axes[0].legend(fontsize="small")
+        return figure
 
 
 def diagnose(

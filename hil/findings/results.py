@@ -72,6 +72,15 @@ class Curve(_Strict):
         heads = [f"{column.name} [{column.unit}]" for column in self.columns]
         return needed("pandas", "to_pandas").DataFrame(list(self.rows), columns=heads)
 
+    def to_xarray(self) -> Any:
+        """An xarray Dataset over the first column, units as attributes. Raises `InputError` without xarray."""
+        from hil.record.show import needed
+
+        first, *others = self.columns
+        variables = {c.name: (first.name, list(self.column(c.name)), {"units": c.unit}) for c in others}
+        over = {first.name: (first.name, list(self.column(first.name)), {"units": first.unit})}
+        return needed("xarray", "to_xarray").Dataset(variables, over, {"name": self.name})
+
     def plot(self) -> Any:
         """A matplotlib figure: every column over the first, an axis for each unit."""
         from hil.findings.show import curve_figure

@@ -110,6 +110,17 @@ class Model:
             rows += [_row(f"{effect.name}.{name}", value) for name, value in effect.parameters.items()]
         return table_html(("parameter", "value", "unit"), rows, f"{self.plant}: {self.input} → {self.output}")
 
+    def to_pandas(self) -> Any:
+        """Every parameter with its standard uncertainty and unit as a pandas DataFrame, indexed by name."""
+        from hil.record.show import needed
+
+        named = dict(self.parameters)
+        for effect in self.effects:
+            named |= {f"{effect.name}.{name}": value for name, value in effect.parameters.items()}
+        rows = {name: (v.value, v.std, v.unit) for name, v in named.items()}
+        frame = needed("pandas", "to_pandas").DataFrame
+        return frame.from_dict(rows, orient="index", columns=["value", "std", "unit"])
+
     def as_dict(self) -> dict[str, Any]:
         """What its file holds, as JSON values."""
         return {"format": FORMAT, "version": VERSION, **plain(asdict(self))}

@@ -63,6 +63,29 @@ class ResponseTable:
     def __len__(self) -> int:
         return len(self.frequency_hz)
 
+    def _repr_html_(self) -> str:
+        from hil.record.show_responses import response_html
+
+        return response_html(self)
+
+    def plot(self, *others: ResponseTable) -> Any:
+        """A matplotlib figure: gain and phase, those of others beside them."""
+        from hil.record.show_responses import response_figure
+
+        return response_figure((self, *others))
+
+    def to_pandas(self) -> Any:
+        """A pandas DataFrame: gain, phase and their uncertainty, indexed by `frequency [Hz]`."""
+        from hil.record.show_responses import response_frame
+
+        return response_frame(self)
+
+    def to_xarray(self) -> Any:
+        """An xarray Dataset over `frequency`, units as attributes. Raises `InputError` without xarray."""
+        from hil.record.show_responses import response_dataset
+
+        return response_dataset(self)
+
 
 def looks_like_responses(tables: Sequence[Table]) -> bool:
     """Whether the tables hold no samples in time but lines of a frequency response."""

@@ -73,6 +73,29 @@ def test_recording_hands_over_to_pandas_and_xarray(response):
     assert dataset["flow"].attrs["units"] == "l/min"
 
 
+def test_a_frequency_response_shows_itself_and_is_handed_over():
+    pytest.importorskip("xarray")
+    table, other = hil.read("hpv41-plus-5"), hil.read("hpv41-minus-5")
+    figure = table.plot(other)
+    assert [line.get_label() for line in figure.axes[0].lines] == ["hpv41-plus-5.csv", "hpv41-minus-5.csv"]
+    frame, dataset = table.to_pandas(), table.to_xarray()
+    np.testing.assert_allclose(frame["gain [1]"], np.abs(table.response))
+    np.testing.assert_allclose(dataset["phase"], frame["phase [deg]"])
+    assert dataset["phase"].attrs["units"] == "deg"
+    assert table._repr_html_().count("<tr>") == len(table) + 1
+
+
+def test_curves_and_models_are_handed_over(response):
+    pytest.importorskip("xarray")
+    curve = hil.results(response.folder).curves[0]
+    dataset = curve.to_xarray()
+    column = curve.columns[1]
+    assert dataset[column.name].attrs["units"] == column.unit
+    np.testing.assert_array_equal(dataset[column.name].values.astype(float), np.array(curve.column(column.name), float))
+    model = hil.typical_model("brevini-hpv41")
+    assert model.to_pandas().loc["full_flow", "value"] == model.values["full_flow"]
+
+
 def test_html_of_a_recording_escapes_what_a_file_says():
     channels = {"<b>": Channel("<b>", "V", np.arange(3.0), "<script>")}
     html = Recording("<i>", np.arange(3.0), channels)._repr_html_()

@@ -134,3 +134,5 @@ def test_diagnose(said, through, short, tmp_path):
     again = hil.diagnose(model, [short])
     assert {**told, "seconds": 0} == {**json.loads(json.dumps(again.diagnosis.as_dict())), "seconds": 0}
     assert json.loads((tmp_path / "d" / "diagnosis.json").read_text("utf-8"))["schema"] == told["schema"]
+    (axis,) = again.plot().axes
+    assert len(axis.lines[0].get_xdata()) == len(hil.read(short))

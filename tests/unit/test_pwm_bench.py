@@ -53,16 +53,22 @@ def test_a_coil_with_a_fault_carries_no_current(tmp_path, fault):
     assert not hil.results(tmp_path / "run").transfer_functions
 
 
-def hysteresis_ma(tmp_path, **pwm):
+def loop(tmp_path, **pwm):
+    """Hysteresis in mA, lag in ms."""
+    results = swept(tmp_path, **pwm)
+    return results["hysteresis"].value, results["lag"].value
+
+
+def swept(tmp_path, **pwm):
     path = tmp_path / "bench.toml"
     path.write_text(BENCH.format(fault="", **{"carrier": 1000.0, "dither_hz": 50.0, "amplitude": 0.0} | pwm))
     run = tmp_path / f"run-{len(list(tmp_path.iterdir()))}"
     hil.run("pressure_current", path, run, cycle_s=20.0)
-    return next(value.value for value in hil.results(run).values if value.name == "hysteresis")
+    return hil.results(run)
 
 
-def test_dither_narrows_the_loop_that_friction_makes(tmp_path):
-    plain = hysteresis_ma(tmp_path)
-    shaken = hysteresis_ma(tmp_path, amplitude=0.1)
+def test_dither_narrows_the_loop_that_friction_makes_and_gives_it_a_lag(tmp_path):
+    (plain, late), (shaken, creeping) = loop(tmp_path), loop(tmp_path, amplitude=0.1)
     assert plain == pytest.approx(72.0, abs=4.0)
     assert shaken < 0.75 * plain
+    assert late < 30.0 < 60.0 < creeping
