@@ -65,7 +65,7 @@ def identify(
     from hil.session.identification import identified, read_for
     from hil.session.sources import notes_on
 
-    read = read_for(str(plant), recordings, reading or AS_IT_IS, part)
+    read = read_for(str(plant), recordings, reading or AS_IT_IS, part, inputs, output)
     for note in notes_on(read):
         notes(note)
     orders = orders_of(poles, zeros, dead_time, weights)

@@ -56,7 +56,7 @@ def assemble(
     refuse_mislabelled(name, [column for one in timed for column in one.signals])
     taken, assumed = _without_blanks(name, timed, place, reading.gaps)
     base = max(taken, key=lambda one: len(one.time_s))
-    for one in taken:
+    for one in {id(one.time_s): one for one in reversed(taken)}.values():
         _check_stamps(name, one, place)
     time_s, said = _common(name, base, taken)
     assumed += said
@@ -288,8 +288,10 @@ def _is_even(time_s: Array) -> bool:
 
 def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, list[str]]:
     """The stamps of the base within the time that all channels cover: one sampled on change holds on to the end."""
-    starts = {float(one.time_s[0]) for one in taken}
     bases = {id(one.time_s): one.time_s for one in taken}.values()
+    if len(bases) == 1:
+        return base.time_s, []
+    starts = {float(one.time_s[0]) for one in taken}
     stops = [float(own_s[-1]) + (_interval_s(own_s) if _is_even(own_s) else np.inf) for own_s in bases]
     time_s, slack = base.time_s, _SAME_STAMP * _interval_s(base.time_s)
     stop = min(stops)
@@ -309,7 +311,7 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
 
 def _on(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples | None]:
     """The values at these times, and the samples as they were taken where that was at other times."""
-    if len(time_s) == len(one.time_s) and np.array_equal(one.time_s, base.time_s):
+    if len(time_s) == len(one.time_s) and (one.time_s is base.time_s or np.array_equal(one.time_s, base.time_s)):
         return one.values, None
     slack = _SAME_STAMP * _interval_s(base.time_s)
     at = np.clip(np.searchsorted(one.time_s, time_s - slack), 0, len(one.time_s) - 1)

@@ -84,7 +84,8 @@ class Column:
             return (self.values - self.values[:1]) / second, start
         unit = headings.spelt_time_unit(unit or stated or headings.time_unit(name))
         assumed = "" if unit else f"no unit is stated for '{name}'; taken as seconds"
-        return convert(self.values.astype(np.float64), unit or "s", "s"), assumed
+        values = np.asarray(self.values, dtype=np.float64)
+        return values if unit in ("", "s") else convert(values, unit, "s"), assumed
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -253,9 +253,9 @@ def check(recording: Recording, *, place: Callable[[int], str] = _sample, measur
     _check_finite(recording.name, "time", recording.time_s, place)
     for channel in recording.channels.values() if measured else ():
         _check_finite(recording.name, channel.heading, channel.values, place)
-    late = np.flatnonzero(np.diff(recording.time_s) <= 0)
-    if late.size:
-        i = int(late[0]) + 1
+    rises = recording.time_s[1:] > recording.time_s[:-1]
+    if not rises.all():
+        i = int(np.argmin(rises)) + 1
         raise FileError(
             f"{recording.name}: {place(i)}: time {recording.time_s[i]:.12g} s does not come after "
             f"{recording.time_s[i - 1]:.12g} s; time must increase{_repeated(recording.time_s)}"
@@ -287,8 +287,9 @@ def _check_lengths(recording: Recording) -> None:
 
 
 def _check_finite(name: str, heading: str, values: Array, place: Callable[[int], str]) -> None:
-    bad = np.flatnonzero(~np.isfinite(values))
-    if bad.size:
+    finite = np.isfinite(values)
+    if not finite.all():
+        bad = np.flatnonzero(~finite)
         raise FileError(
             f"{name}: {place(int(bad[0]))}, channel '{heading}': {values[bad[0]]} is not a number "
             f"({bad.size} such sample{'s' if bad.size > 1 else ''}); mend or cut them out first"

@@ -16,7 +16,9 @@ from hil.identification.table_fit import TableComparison, compare_table
 from hil.physics.model import Model
 from hil.record.header import read_header
 from hil.record.reading import AS_IT_IS, Reading
+from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
+from hil.session.responses import holds_responses, responses_of_run, speaks_of
 from hil.session.results import results_of_run
 from hil.session.sources import Source, notes_on, read_source
 
@@ -44,7 +46,7 @@ def compared_with(
 
     `page`: where the model is drawn beside the measurements.
     """
-    read = [read_source(one, reading or AS_IT_IS) for one in sources]
+    read = [table for one in sources for table in _read_for(model, one, inputs, output, reading or AS_IT_IS)]
     for note in notes_on(read):
         notes(note)
     measured = [one if isinstance(one, ResponseTable) else for_model(model, one, inputs, output) for one in read]
@@ -54,6 +56,17 @@ def compared_with(
 
         write_fit_page(model, measured, {one.name: one.headline for one in found}, notes_on(read), page)
     return found
+
+
+def _read_for(
+    model: Model, source: Source, inputs: Sequence[str], output: str, reading: Reading
+) -> list[Recording | ResponseTable]:
+    """What a model is held against: one of lines, against the lines of a run that measured some; else samples."""
+    if isinstance(source, str | Path) and "band_hz" in model.origin:
+        path = Path(source)
+        if holds_responses(path) and speaks_of(path, inputs, output):
+            return list(responses_of_run(path).values())
+    return [read_source(source, reading)]
 
 
 def compare_runs(first: Path, second: Path) -> RunComparison:

@@ -19,6 +19,7 @@ from hil.record.plain import plain
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
+from hil.session.responses import holds_responses, speaks_of
 from hil.session.sources import Source, read_source
 
 SCHEMA = "hil.identified/1"
@@ -67,17 +68,26 @@ class Identified:
 
 
 def read_for(
-    plant: str, sources: Sequence[Source], reading: Reading, part: str = ""
+    plant: str,
+    sources: Sequence[Source],
+    reading: Reading,
+    part: str = "",
+    input_name: Sequence[str] = (),
+    output_name: str = "",
 ) -> list[Recording] | list[ResponseTable]:
     """What there is to identify a plant from: all samples in time, or all frequency responses.
 
-    Of a run that measured frequency responses a transfer function is fitted to those.
+    Of a run that measured frequency responses a transfer function is fitted to those, unless other channels are named
+    than its command and its response.
 
     Raises:
         FileError: the one and the other together, or a frequency response for a plant that is not linear.
     """
-    linear = plant == _LINEAR
-    read = [read_source(one, reading, responses=linear, part=part if linear else "") for one in sources]
+    read = [
+        read_source(one, reading, responses=lines, part=part if lines else "")
+        for one in sources
+        for lines in [plant == _LINEAR and _speaks_of_lines(one, input_name, output_name)]
+    ]
     tables = [one for one in read if isinstance(one, ResponseTable)]
     recordings = [one for one in read if isinstance(one, Recording)]
     if tables and recordings:
@@ -91,6 +101,13 @@ def read_for(
             "samples in time"
         )
     return tables or recordings
+
+
+def _speaks_of_lines(source: Source, input_name: Sequence[str], output_name: str) -> bool:
+    """Whether the frequency responses of a run, where it is one that has some, are of the channels that are named."""
+    if not isinstance(source, str | Path) or not holds_responses(Path(source)):
+        return True
+    return speaks_of(Path(source), input_name, output_name)
 
 
 def identified(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -57,12 +57,7 @@ def response_of_run(path: Path, part: str) -> ResponseTable:
     Raises:
         FileError: there is none of that name, or none was named where there are several; says which there are.
     """
-    recording: Recording = read(path)
-    procedure = load_procedure(str(recording.meta["procedure"]))
-    found = response_tables(measured_findings(procedure.evaluate, recording), str(path))
-    roles = recording.meta.get("roles", {})
-    said = {"roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
-    found = {label: replace(table, meta=said) for label, table in found.items()}
+    found = responses_of_run(path)
     if part in found:
         return found[part]
     if part or len(found) != 1:
@@ -72,6 +67,23 @@ def response_of_run(path: Path, part: str) -> ResponseTable:
             "amplitude about one bias: name it with --part"
         )
     return next(iter(found.values()))
+
+
+def responses_of_run(path: Path) -> dict[str, ResponseTable]:
+    """Every frequency response of a run, as its procedure measured it, by its label."""
+    recording: Recording = read(path)
+    procedure = load_procedure(str(recording.meta["procedure"]))
+    found = response_tables(measured_findings(procedure.evaluate, recording), str(path))
+    roles = recording.meta.get("roles", {})
+    said = {"roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
+    return {label: replace(table, meta=said) for label, table in found.items()}
+
+
+def speaks_of(path: Path, inputs: Sequence[str], output: str) -> bool:
+    """Whether these names, where given, are those of a run's command and response."""
+    roles = read(path).meta.get("roles", {})
+    named = {"response": output, "command": inputs[0] if inputs else ""}
+    return all(name in ("", roles.get(role)) for role, name in named.items())
 
 
 def _is_response(entry: Any) -> bool:

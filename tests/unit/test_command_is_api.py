@@ -8,6 +8,9 @@ import pytest
 import hil
 from hil import api
 from hil.cli import app
+from hil.record.reading import AS_IT_IS
+from hil.record.recording import Recording
+from hil.session.identification import read_for
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +81,24 @@ def test_identify_a_response_of_a_run(said, through, run, tmp_path):
     assert told["assumed"] == [f"{run}, +50 ± 20 %: the frequency response as its procedure measured it"]
     assert hil.load_model(tmp_path / "m.json").values == pytest.approx(again.model.values)
     assert "<table>" in again._repr_html_()
+
+
+def test_a_response_of_a_run_is_compared_with_what_was_fitted_to_it(run, tmp_path):
+    """Gain at rest beside the gain that the procedure measured at its lowest line, and the lines themselves."""
+    found = hil.identify(
+        [run], "transfer-function", poles=2, zeros=0, dead_time=False, inputs=["command"], output="flow"
+    )
+    (told,) = hil.compare(found.model, [run])
+    assert told.name.endswith("+50 ± 20 %") and told.as_dict()["kind"] == "frequency response"
+    assert told.fit == pytest.approx(found.fits[told.name])
+    measured = next(v for v in hil.results(run).values if v.name.startswith("gain, "))
+    at_lowest = abs(hil.read(run, responses=True).response[0])
+    assert at_lowest == pytest.approx(measured.value, rel=0.01)
+
+
+def test_other_channels_of_a_run_are_not_fitted_to_the_response_of_its_flow(run):
+    read = read_for("transfer-function", [run], AS_IT_IS, "", ["command"], "spool position")
+    assert isinstance(read[0], Recording)
 
 
 def test_compare_and_simulate(said, through, short, tmp_path):
