@@ -14,6 +14,7 @@ import canopen
 from can import Listener, Message
 
 from drivers._can import gone
+from hil.errors import HardwareError, LinkError
 
 _AGAIN_S = 0.05  # a bus that cannot be read is not asked more often
 
@@ -56,6 +57,26 @@ class CanopenNetwork(canopen.Network):
         """Raise `DeviceLostError` when the bus cannot be read."""
         if self.failure is not None:
             raise gone(self._address, self.failure) from self.failure
+
+    def transfer(self, node: Any, kind: str, index: int, sub: int, *data: bytes) -> bytes:
+        """An SDO `upload` or `download` of a node.
+
+        Raises:
+            LinkError: it is refused, or no valid answer comes; of object 1000, by which a node is looked for, the
+                library's `SdoCommunicationError`.
+        """
+        try:
+            answer: bytes = getattr(node.sdo, kind)(index, sub, *data)
+        except canopen.SdoAbortedError as error:
+            raise LinkError(f"object {index:04X}.{sub}: {kind} refused, abort code {error.code:#010x}") from None
+        except HardwareError:
+            raise
+        except Exception as error:  # whatever the library makes of what came
+            self.check_readable()
+            if index == 0x1000 and isinstance(error, canopen.SdoCommunicationError):
+                raise
+            raise LinkError(f"object {index:04X}.{sub}: {error or type(error).__name__}") from error
+        return answer
 
     def failed(self, error: Exception) -> None:
         """Reading raised an error."""

@@ -18,7 +18,9 @@ from drivers._can import bus_fault, open_bus
 from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
-from hil.errors import DeviceLostError, HardwareError, LinkError
+from hil.description.canopen import dictionary, variable
+from hil.errors import DeviceLostError, FileError, LinkError
+from hil.extras import is_installed
 
 PROFILE = 408
 FULL = 16384  # ±100 %
@@ -39,6 +41,8 @@ class Settings(BaseModel):
 
     Attributes:
         address: of the bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:host:port`, `virtual:name`.
+        eds: the maker's EDS or DCF, beside the bench file; what it lacks is then told by `hil check`, and another valve
+            than its own is refused.
         node: of the valve.
         bitrate: of the bus.
         timeout_s: an answer that takes longer counts as none.
@@ -53,6 +57,7 @@ class Settings(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
     address: str
+    eds: str = ""
     node: int = Field(default=1, ge=1, le=126)
     bitrate: PositiveInt = 250_000
     timeout_s: PositiveFloat = 0.1
@@ -73,6 +78,36 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
         yield ("longest_reply_s",), f"must be shorter than watchdog_s = {settings.watchdog_s:g}, or the valve faults"
     if settings.watchdog_s > 65.535:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the valve counts up to 65.535 s"
+    if settings.eds and is_installed("canopen"):
+        yield from _file_faults(settings)
+
+
+_NEEDED = {
+    (0x1016, 1): "watch over our heartbeat", (0x1A00, 1): "mapping of TPDO 1", (0x6040, 0): "control word",
+    (0x6041, 0): "status word", (0x6300, 1): "set point", (0x6301, 1): "actual value",
+}  # fmt: skip
+_OF_FUNCTIONS = {"ramp_s": (0x6331, 1), "dither_amplitude": (0x6361, 1), "dither_hz": (0x6362, 1),
+                 "dead_band_a": (0x6343, 1), "dead_band_b": (0x6344, 1)}  # fmt: skip
+
+
+def _file_faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
+    """What the maker's file says against this valve and these settings."""
+    try:
+        objects = dictionary(settings.eds)
+    except FileError as error:
+        yield ("eds",), str(error)
+        return
+    kind = variable(objects, (0x1000, 0))
+    if kind is not None and kind.default and kind.default & 0xFFFF != PROFILE:
+        yield ("eds",), f"{settings.eds}: a device of profile {kind.default & 0xFFFF}, not of {PROFILE} (valves)"
+    for place, what in _NEEDED.items():
+        if variable(objects, place) is None:
+            yield ("eds",), f"{settings.eds}: has no object {place[0]:04X}.{place[1]} ({what})"
+    for key, place in _OF_FUNCTIONS.items():
+        if getattr(settings, key) is not None and variable(objects, place) is None:
+            yield (key,), f"the valve has no object {place[0]:04X}.{place[1]}, says {settings.eds}; take this away"
+    if objects.node_id and objects.node_id != settings.node:
+        yield ("node",), f"{settings.node}, but {settings.eds} is that of node {objects.node_id}"
 
 
 def probe() -> Any:
@@ -202,6 +237,11 @@ class CanopenValveLink:
             raise DeviceLostError(f"node {self._settings.node} on {self._settings.address} does not answer") from None
         if profile != PROFILE:
             raise LinkError(f"node {self._settings.node} is of device profile {profile}, not {PROFILE}")
+        for sub, what in ((1, "vendor"), (2, "product")) if self._settings.eds else ():
+            of_file = variable(dictionary(self._settings.eds), (0x1018, sub))
+            wanted = of_file.default if of_file is not None else None
+            if wanted and (said := self._unsigned(0x1018, sub)) != wanted:
+                raise LinkError(f"node {self._settings.node} is of {what} {said:#x}, its file is of {wanted:#x}")
 
     def _told_identity(self) -> str:
         told = []
@@ -327,20 +367,7 @@ class CanopenValveLink:
         self._sdo("download", index, sub, struct.pack(form, value))
 
     def _sdo(self, kind: str, index: int, sub: int, *data: bytes) -> bytes:
-        import canopen
-
-        try:
-            answer: bytes = getattr(self._node.sdo, kind)(index, sub, *data)
-        except canopen.SdoAbortedError as error:
-            raise LinkError(f"object {index:04X}.{sub}: {kind} refused, abort code {error.code:#010x}") from None
-        except HardwareError:
-            raise
-        except Exception as error:  # whatever the library makes of what came
-            self._network.check_readable()
-            if index == 0x1000 and isinstance(error, canopen.SdoCommunicationError):
-                raise
-            raise LinkError(f"object {index:04X}.{sub}: {error or type(error).__name__}") from error
-        return answer
+        return self._network.transfer(self._node, kind, index, sub, *data)
 
     def _send(self, identifier: int, data: bytes) -> None:
         self._network.send_message(identifier, data)

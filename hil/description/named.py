@@ -11,6 +11,7 @@ from hil.bench.fault import BenchError
 from hil.bench.lines import Place
 from hil.description.ascii_module import ModuleDescription
 from hil.description.can import CanDescription
+from hil.description.canopen import CanopenDescription
 from hil.description.find import description_file
 from hil.description.modbus import ModbusDescription
 from hil.description.read import Description, checked, of_protocol, read_description
@@ -32,6 +33,10 @@ class Described(BaseModel):
 
 @overload
 def description_of(settings: Described, protocol: Literal["modbus"]) -> ModbusDescription: ...
+
+
+@overload
+def description_of(settings: Described, protocol: Literal["canopen"]) -> CanopenDescription: ...
 
 
 @overload

@@ -16,16 +16,18 @@ from hil.bench.fault import BenchError, Fault
 from hil.bench.lines import Place, line_at, lines_of
 from hil.description.ascii_module import ModuleDescription, module_faults
 from hil.description.can import CanDescription, can_faults
+from hil.description.canopen import CanopenDescription, canopen_faults
 from hil.description.modbus import ModbusDescription
 from hil.description.modbus_check import modbus_faults
 from hil.description.text import TextDescription, text_faults
 from hil.errors import FileError, SettingError
 
-Description = CanDescription | ModbusDescription | ModuleDescription | TextDescription
+Description = CanDescription | CanopenDescription | ModbusDescription | ModuleDescription | TextDescription
 """A device in words, by protocol."""
 _PROTOCOLS: Mapping[str, tuple[type[BaseModel], Callable[[Any], Iterator[tuple[Place, str]]]]] = {
     "modbus": (ModbusDescription, modbus_faults),
     "can": (CanDescription, can_faults),
+    "canopen": (CanopenDescription, canopen_faults),
     "ascii_module": (ModuleDescription, module_faults),
     "text": (TextDescription, text_faults),
     "scpi": (TextDescription, text_faults),

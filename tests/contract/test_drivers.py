@@ -74,6 +74,17 @@ CASES: dict[str, tuple[str, str, list[tuple[str, str]]]] = {
         "hpv41-j1939",
         [('driver = "j1939_valve"', 'driver = "can"\nmodel = "isobus-valve"\ntimeout_s = 0.2'), ("valve = 1\n", "")],
     ),
+    "canopen by its file": (
+        "canopen",
+        "hpv41-canopen",
+        [
+            ('driver = "canopen_valve"', 'driver = "canopen"\nmodel = "io-401"'),
+            ('unit = "%"\nsafe = 0.0', 'unit = "%"\ncalibration = { slope = 10.0 }\nsafe = 0.0'),
+            ('unit = "%"\nsource = "spool', 'unit = "%"\ncalibration = { slope = 12.5 }\nsource = "spool'),
+            ('"set point"', '"ao1"'),
+            ('"actual value"', '"ai1"'),
+        ],
+    ),
     "j1939": ("j1939_valve", "hpv41-j1939", []),
     "pwm amplifier": ("pwm_amplifier", "cummins-efc-modbus", [FAST]),
 }

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -250,3 +252,34 @@ def test_hub_passes_frames_on_and_survives_nonsense() -> None:
         member.shutdown()
     hub.close()
     assert not any(thread.is_alive() for thread in hub._threads)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "place", "text"),
+    [
+        ("", "", (), ""),
+        ("0x00000198", "0x00000191", "eds", "a device of profile 401, not of 408"),
+        ("[6301sub1]", "[6302sub1]", "eds", r"has no object 6301.1 \(actual value\)"),
+        ("", "ramp_s", "ramp_s", "the valve has no object 6331.1, says .*; take this away"),
+    ],
+)
+def test_what_the_maker_s_file_lacks_is_told(old: str, new: str, place: str, text: str, tmp_path: Path) -> None:
+    sections = ["1000", "1016sub1", "1A00sub1", "6040", "6041", "6300sub1", "6301sub1"]
+    records = [
+        "[1016]\nParameterName=x\nObjectType=9\nSubNumber=1\n",
+        "[1A00]\nParameterName=x\nObjectType=9\nSubNumber=1\n",
+    ]
+    records += [f"[{i}]\nParameterName=x\nObjectType=9\nSubNumber=1\n" for i in ("6300", "6301")]
+    body = "".join(
+        f"[{s}]\nParameterName={s}\nObjectType=7\nDataType=7\nAccessType=rw\nDefaultValue=0\n" for s in sections
+    )
+    text_of = (
+        "[DeviceInfo]\nVendorName=x\n" + "".join(records) + body.replace("DefaultValue=0", "DefaultValue=0x00000198", 1)
+    )
+    path = tmp_path / "valve.eds"
+    path.write_text(text_of.replace(old, new) if old else text_of, encoding="utf-8")
+    more = {"ramp_s": 0.1} if new == "ramp_s" else {}
+    settings = canopen_valve.Settings.model_validate({"address": "virtual:x", "eds": str(path), **more})
+    found = list(canopen_valve.faults(settings))
+    assert [where for where, _ in found] == ([(place,)] if place else [])
+    assert all(re.search(text, said) for _, said in found)

@@ -18,6 +18,7 @@ from hil.daq.channel import InputChannel, Wiring
 from hil.daq.conformance import CHECKS, examine
 from hil.description import ascii_module as module_words
 from hil.description import can as can_words
+from hil.description import canopen as canopen_words
 from hil.description import modbus as modbus_words
 from hil.description import text as text_words
 from hil.description.find import descriptions
@@ -42,7 +43,11 @@ def test_every_setting_and_model_is_in_the_reference(name: str) -> None:
 def test_every_key_of_a_description_is_in_its_reference() -> None:
     page = (DOCS / "reference" / "descriptions.md").read_text(encoding="utf-8")
     words = set(re.findall(r"\w+", page))
-    kinds = [kind for module in (modbus_words, text_words, module_words, can_words) for kind in vars(module).values()]
+    kinds = [
+        kind
+        for module in (modbus_words, text_words, module_words, can_words, canopen_words)
+        for kind in vars(module).values()
+    ]
     shown = [kind for kind in kinds if isinstance(kind, type) and issubclass(kind, BaseModel)]
     assert len(shown) > 8
     assert {key for kind in shown for key in kind.model_fields} <= words

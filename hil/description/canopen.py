@@ -1,0 +1,172 @@
+"""A CANopen node in words: which objects of its EDS or DCF are terminals."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+from pydantic import Field, FiniteFloat, field_validator
+
+from hil.bench.lines import Place
+from hil.daq.channel import Terminal
+from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
+from hil.errors import FileError
+from hil.extras import is_installed
+
+FORMS = {0x02: "b", 0x03: "h", 0x04: "i", 0x05: "B", 0x06: "H", 0x07: "I", 0x08: "f"}
+"""Data types of four bytes at most, as `struct` writes them."""
+_OBJECT = re.compile(r"(?:0x)?([0-9A-Fa-f]{4})(?:\.([0-9]{1,3}))?")
+
+
+def place_of(text: str) -> tuple[int, int]:
+    """Index and sub-index of `6130.1` or `0x6130`."""
+    found = _OBJECT.fullmatch(text)
+    if found is None:
+        raise ValueError(f"'{text}' is no object: an index of four hexadecimal digits and a sub-index, such as 6130.1")
+    return int(found[1], 16), int(found[2] or 0)
+
+
+class ObjectValue(Strict):
+    """What is written to an object at opening."""
+
+    object: str
+    value: int | float
+
+    @field_validator("object")
+    @classmethod
+    def _is_object(cls, given: str) -> str:
+        place_of(given)
+        return given
+
+
+class CanopenTerminal(DescribedTerminal):
+    """A terminal in an object: value = slope · (what the object says) + offset; floats and whole numbers.
+
+    Attributes:
+        object: index and sub-index, `6130.1`; the index alone is sub-index 0.
+    """
+
+    object: str
+    slope: FiniteFloat = 1.0
+    offset: FiniteFloat = 0.0
+
+    @field_validator("object")
+    @classmethod
+    def _is_object(cls, given: str) -> str:
+        place_of(given)
+        return given
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return place_of(self.object)
+
+
+class NodeWatchdog(Strict):
+    """Outputs go to `expires_to` when the node misses our heartbeat (object 1016)."""
+
+    expires_to: FiniteFloat
+
+
+class CanopenDescription(Strict):
+    """A node on CANopen.
+
+    Attributes:
+        summary: what it is, in one line.
+        source: where its file comes from.
+        eds: the maker's EDS or DCF, beside this file.
+        setup: objects that are written at opening with outputs, in this order.
+    """
+
+    protocol: Literal["canopen"]
+    summary: str
+    source: str = ""
+    eds: str
+    setup: tuple[ObjectValue, ...] = ()
+    terminals: dict[str, CanopenTerminal] = Field(min_length=1)
+    watchdog: NodeWatchdog | None = None
+
+    @property
+    def ports(self) -> dict[str, Terminal]:
+        """What a bench can connect to."""
+        return {one: told.terminal for name, told in self.terminals.items() for one, _ in each(name, told)}
+
+    @property
+    def dictionary(self) -> Any:
+        """The object dictionary of the file, as the canopen library reads it. Raises `FileError`."""
+        return dictionary(self.eds)
+
+
+def dictionary(path: str) -> Any:
+    """The object dictionary of an EDS or DCF.
+
+    Raises:
+        FileError: it cannot be read, or is none.
+    """
+    try:
+        return _dictionary(path, Path(path).stat().st_mtime_ns)
+    except OSError as error:
+        raise FileError(
+            f"{path}: cannot be read: {error.strerror}; it is looked for beside the file that names it"
+        ) from None
+
+
+@lru_cache(maxsize=32)
+def _dictionary(path: str, _changed: int) -> Any:
+    import canopen
+
+    try:
+        found = canopen.import_od(path, 0)  # identifiers without the node, which is added where they are used
+        found.node_id = canopen.import_od(path).node_id
+    except Exception as error:  # the library raises what its parser does
+        raise FileError(f"{path}: not an EDS or DCF: {' '.join(str(error).split())}") from None
+    if not len(found):
+        raise FileError(f"{path}: not an EDS or DCF: no object in it")
+    return found
+
+
+def variable(objects: Any, place: tuple[int, int]) -> Any:
+    """An object of a dictionary, None where there is none."""
+    index, sub = place
+    if index not in objects:
+        return None
+    found = objects[index]
+    if not hasattr(found, "subindices"):
+        return found if sub == 0 else None
+    return found.get(sub)
+
+
+def canopen_faults(told: CanopenDescription) -> Iterator[tuple[Place, str]]:
+    """Every fault with its place in the file; the text says what is allowed."""
+    yield from name_faults(told.terminals)
+    if not is_installed("canopen"):
+        return
+    try:
+        objects = told.dictionary
+    except FileError as error:
+        yield ("eds",), str(error)
+        return
+    for name, terminal in told.terminals.items():
+        found = variable(objects, terminal.place)
+        yield from ((("terminals", name, "object"), text) for text in _object(found, terminal))
+        if terminal.count > 1:
+            yield ("terminals", name, "count"), "objects have numbers: describe each terminal"
+    for i, value in enumerate(told.setup):
+        if (found := variable(objects, place_of(value.object))) is None or not found.writable:
+            yield ("setup", i, "object"), f"{value.object}: no object of {Path(told.eds).name} that can be written"
+    if told.watchdog is not None and variable(objects, (0x1016, 1)) is None:
+        yield ("watchdog",), "the file has no object 1016.1: the node watches no heartbeat; take this away"
+
+
+def _object(found: Any, terminal: CanopenTerminal) -> Iterator[str]:
+    if found is None:
+        yield f"{terminal.object} is not in the file"
+    elif found.data_type not in FORMS:
+        yield f"{terminal.object} is of data type {found.data_type:#04x}; numbers of 8 to 32 bits and REAL32 are read"
+    elif terminal.direction == "out" and not found.writable:
+        yield f"{terminal.object} can only be read"
+    elif terminal.direction == "in" and not found.readable:
+        yield f"{terminal.object} can only be written"

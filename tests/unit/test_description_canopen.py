@@ -1,0 +1,239 @@
+"""CANopen nodes by their EDS: raw frames of python-can as the other side, mapping by file and by SDO, what is wrong."""
+
+from __future__ import annotations
+
+import struct
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import can
+import pytest
+
+from drivers import canopen as driver
+from drivers._pdo_mapping import pdos_for
+from hil.bench.fault import BenchError
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.description.canopen import dictionary
+from hil.description.find import descriptions
+from hil.description.read import read_description
+from hil.errors import DeviceLostError, FileError, HardwareError, LinkError, SettingError
+from sim_devices._eds import objects_of
+from tests.described import bench, input_, output, passes, written
+
+HERE = descriptions()["io-401"].parent
+IO = (HERE / "io-401.toml").read_text(encoding="utf-8")
+WIRING = Wiring(
+    {"u": OutputChannel("u", "ao1", "voltage", "V", -10.0, 10.0)},
+    {name: InputChannel(name, name, "voltage", "V", -10.0, 10.0) for name in ("ai1", "ai2")},
+)
+
+
+class ByHand:
+    """A node on a bus, frame by frame: an SDO server over a dict of bytes, and PDOs by its mapping objects."""
+
+    def __init__(self, bus: str, objects: dict[tuple[int, int], bytes], node: int = 5) -> None:
+        self.bus, self.objects, self.node = can.Bus(interface="virtual", channel=bus), objects, node
+        self.nmt: list[int] = []
+        self.fixed: set[int] = set()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        while not self._ended.is_set():
+            message = self.bus.recv(0.02)
+            if message is None or message.is_extended_id:
+                continue
+            data = bytes(message.data)
+            if message.arbitration_id == 0x600 + self.node:
+                self._send(0x580 + self.node, self._sdo(data))
+            elif message.arbitration_id == 0:
+                self.nmt.append(data[0])
+            elif message.arbitration_id == 0x080:
+                for index in [i for i, sub in self.objects if 0x1800 <= i < 0x1A00 and sub == 1]:
+                    self._send(self._int(index, 1) & 0x7FF, self._pdo(index + 0x200))
+            else:
+                for index in [i for i, sub in self.objects if 0x1400 <= i < 0x1600 and sub == 1]:
+                    if self._int(index, 1) == message.arbitration_id:
+                        self._take(index + 0x200, data)
+
+    def _int(self, index: int, sub: int) -> int:
+        return int.from_bytes(self.objects[index, sub], "little")
+
+    def _entries(self, mapping: int) -> list[tuple[int, int]]:
+        entries = [self._int(mapping, i + 1) for i in range(self._int(mapping, 0))]
+        return [(entry >> 16, entry >> 8 & 0xFF) for entry in entries]
+
+    def _pdo(self, mapping: int) -> bytes:
+        return b"".join(self.objects[place] for place in self._entries(mapping))
+
+    def _take(self, mapping: int, data: bytes) -> None:
+        for place in self._entries(mapping):
+            size = len(self.objects[place])
+            self.objects[place], data = data[:size], data[size:]
+
+    def _sdo(self, data: bytes) -> bytes:
+        index, sub = struct.unpack("<HB", data[1:4])
+        if (index, sub) not in self.objects:
+            return struct.pack("<BHBI", 0x80, index, sub, 0x06020000)
+        if data[0] == 0x40:
+            held = self.objects[index, sub]
+            return struct.pack("<BHB", 0x43 | (4 - len(held)) << 2, index, sub) + held.ljust(4, b"\0")
+        if index not in self.fixed:
+            self.objects[index, sub] = data[4 : 4 + len(self.objects[index, sub])]
+        return struct.pack("<BHBI", 0x60, index, sub, 0)
+
+    def _send(self, identifier: int, data: bytes) -> None:
+        self.bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=False))
+
+    def close(self) -> None:
+        self._ended.set()
+        self._thread.join()
+        self.bus.shutdown()
+
+
+def module() -> dict[tuple[int, int], bytes]:
+    """The module of the profile, as its manual would list it; node 5."""
+    u8, u32, i16 = (lambda v: struct.pack("<B", v)), (lambda v: struct.pack("<I", v)), (lambda v: struct.pack("<h", v))
+    objects = {(0x1000, 0): u32(0x000C0191), (0x1018, 1): u32(0), (0x1016, 1): u32(0), (0x1017, 0): b"\0\0"}
+    for comm, identifier, index in ((0x1401, 0x305, 0x6411), (0x1801, 0x285, 0x6401)):
+        objects |= {(comm, 1): u32(identifier), (comm, 2): u8(255), (comm + 0x200, 0): u8(4)}
+        objects |= {(comm + 0x200, k): u32(index << 16 | k << 8 | 16) for k in range(1, 5)}
+        objects |= {(index, k): i16(0) for k in range(1, 5)}
+    return objects | {(0x6443, k): u8(0) for k in range(1, 5)}
+
+
+@contextmanager
+def by_hand(folder: Path, objects: dict[tuple[int, int], bytes], fixed: set[int] | None = None,
+            model: str = "io-401", wiring: Wiring = WIRING, **more: Any) -> Iterator[tuple[Any, ByHand]]:  # fmt: skip
+    node = ByHand(folder.name, objects)
+    node.fixed = fixed or set()
+    told = {"model": model, "address": f"virtual:{folder.name}", "node": 5, **more}
+    try:
+        link = driver.open_link(driver.Settings.model_validate(told), wiring)
+        try:
+            yield link, node
+        finally:
+            link.close()
+    finally:
+        node.close()
+
+
+def read_on(link: Any) -> None:
+    for _ in range(50):
+        link.read()
+
+
+def test_a_mapping_that_would_drive_other_outputs_is_told_anew_and_read_back(tmp_path: Path) -> None:
+    """The file maps four outputs into one PDO; the bench has but one of them."""
+    with by_hand(tmp_path, module(), watchdog_s=1.0) as (link, node):
+        assert node._entries(0x1601) == [(0x6411, 1)]  # ours alone
+        assert node._entries(0x1A01) == [(0x6401, 1), (0x6401, 2), (0x6401, 3), (0x6401, 4)]  # as the file says
+        assert node.objects[0x1801, 2] == b"\x01"
+        assert node.objects[0x1016, 1] == struct.pack("<I", 127 << 16 | 1000)
+        assert node.objects[0x6443, 1] == b"\x01"
+        node.objects[0x6411, 2] = b"\x34\x12"
+        time.sleep(0.05)
+        assert node.nmt == [0x80, 0x01]
+        link.drive({"ao1": -5.0})
+        node.objects[0x6401, 1], node.objects[0x6401, 2] = struct.pack("<h", 16384), struct.pack("<h", -32767)
+        assert link.read() == pytest.approx({"ai1": 5.00015, "ai2": -10.0}, abs=1e-4)
+        assert node.objects[0x6411, 1] == struct.pack("<h", -16384) and node.objects[0x6411, 2] == b"\x34\x12"
+        assert link.standing() == pytest.approx({"ao1": -5.0002}, abs=1e-4)
+        node.objects[0x6411, 1] = b"\0\0"
+        link._checked_s = 0.0  # as after half a second
+        with pytest.raises(LinkError, match=r"ao1 stands at 0 V, not at -5 as it was driven"):
+            link.read()
+        node._send(0x085, struct.pack("<HB5x", 0x8130, 0x11))
+        with pytest.raises(LinkError, match=r"emergency 0x8130, error register 0x11 \(it missed our heartbeat\)"):
+            read_on(link)
+
+
+def test_a_mapping_that_cannot_be_changed_is_told(tmp_path: Path) -> None:
+    with (
+        pytest.raises(
+            LinkError, match=r"object 1601 reads 0x64110110, .* back, not what it was told: its mapping is fixed"
+        ),
+        by_hand(tmp_path, module(), {0x1601}),
+    ):
+        raise AssertionError("it was opened")
+
+
+def test_another_device_than_the_file_says_and_nobody(tmp_path: Path) -> None:
+    objects = module() | {(0x1000, 0): struct.pack("<I", 0x00020194)}
+    with (
+        pytest.raises(LinkError, match="of device type 0x00020194, its file 0x000c0191"),
+        by_hand(tmp_path, objects),
+    ):
+        raise AssertionError("it was opened")
+    settings = driver.Settings(model="io-401", address=f"virtual:{tmp_path.name}", node=6)
+    with pytest.raises(DeviceLostError, match=r"node 6 on .* does not answer"):
+        driver.open_link(settings, WIRING)
+
+
+def test_a_node_that_is_only_read_is_asked_by_sdo_and_left_as_it_is(tmp_path: Path) -> None:
+    objects = {(0x1000, 0): struct.pack("<I", 0x00020194), (0x1018, 1): b"\0" * 4,
+               (0x6130, 1): struct.pack("<f", 123.5)}  # fmt: skip
+    wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 250.0)})
+    with by_hand(tmp_path, objects, model="transmitter-404", wiring=wiring) as (link, node):
+        assert link.read() == {"pressure": 123.5}
+        assert node.nmt == []
+        del node.objects[0x6130, 1]
+        with pytest.raises(HardwareError, match=r"object 6130\.1: upload refused"):
+            link.read()
+
+
+@pytest.mark.parametrize(
+    "name", [name for name, path in descriptions().items() if 'protocol = "canopen"' in path.read_text()]
+)
+def test_the_twin_reads_a_file_as_the_library_does(name: str) -> None:
+    path = str(descriptions()[name].with_suffix(".eds"))
+    objects, known = objects_of(path, 5), dictionary(path)
+    for (index, sub), (_, value, writable) in objects.items():
+        found = known[index] if not hasattr(known[index], "subindices") else known[index][sub]
+        assert found.writable == writable
+        said = found.default or 0
+        assert value == said + (5 if found.relative else 0)
+    assert {(found.index, found.subindex) for entry in known.values() for found in
+            (entry.values() if hasattr(entry, "subindices") else [entry])} == set(objects)  # fmt: skip
+
+
+def test_identifiers_go_with_the_node() -> None:
+    objects = dictionary(str(HERE / "encoder-406.eds"))
+    (first, second) = pdos_for(objects, 9, [(0x6004, 0)], "sent")
+    assert (first.identifier, second.identifier, first.as_file) == (0x189, 0x289, True)
+    with pytest.raises(SettingError, match="the node has 0 PDOs for 1 objects"):
+        pdos_for(objects, 9, [(0x6004, 0)], "received")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "line", "told"),
+    [
+        ('eds = "io-401.eds"', 'eds = "no.eds"', 6, "cannot be read"),
+        ('object = "6411.1"', 'object = "6412.1"', 18, "6412.1 is not in the file"),
+        ('object = "6411.1"', 'object = "6401.1"', 18, "6401.1 can only be read"),
+        ('object = "6411.1"', 'object = "ao"', 18, "'ao' is no object: an index of four hexadecimal digits"),
+        ('object = "6443.1"', 'object = "6401.1"', 7, "no object of io-401.eds that can be written"),
+    ],
+)
+def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told: str, tmp_path: Path) -> None:
+    assert old in IO
+    written(tmp_path, "io-401.eds", (HERE / "io-401.eds").read_text(encoding="utf-8"))
+    path = written(tmp_path, "io.toml", IO.replace(old, new, 1))
+    with pytest.raises(BenchError) as error:
+        read_description(path)
+    assert any(f"{path}:{line}: " in fault and told in fault for fault in error.value.faults), error.value.faults
+    with pytest.raises(FileError, match="not an EDS or DCF"):
+        dictionary(str(written(tmp_path, "no.eds", "nothing")))
+
+
+@pytest.mark.slow
+def test_the_module_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
+    told = f'driver = "canopen"\nmodel = "io-401"\nnode = 5\nwatchdog_s = 0.4\naddress = "virtual:{tmp_path.name}"'
+    channels = output("command", "ao1", role="command") + input_("volts", "ai1", role="response")
+    passed = passes(written(tmp_path, "bench.toml", bench(told, channels, "volts")), "canopen")
+    assert "has_the_watchdog_that_it_promises" in passed
