@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues clean help
+.PHONY: demo test test-slow check wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues tutorial clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -68,6 +68,9 @@ coverage: $(STAMP)  ## how often what procedures print holds the truth (SEEDS=30
 
 coverage-identify: $(STAMP)  ## how often intervals of identified parameters hold the truth (SEEDS=100): the same page
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_identify --seeds $(or $(SEEDS),100) --page docs/explanation/coverage.md
+
+tutorial: $(STAMP)  ## every command of the tutorials from an empty folder, as a reader would type it
+	$(BIN)/python -m tests.tutorial
 
 catalogues: $(STAMP)  ## gather the texts of pages for translation, and compile what is translated
 	$(BIN)/python docs/catalogues.py
