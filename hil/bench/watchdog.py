@@ -105,9 +105,13 @@ class _Ears:
     """What the program says and what an operator wishes, one after the other, to be waited for with a limit.
 
     The program is read in a thread of its own.
+
+    Args:
+        descriptor: of the pipe on which the program speaks.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, descriptor: int = 0) -> None:
+        self._descriptor = descriptor
         self._heard: queue.SimpleQueue[bytes | Asked] = queue.SimpleQueue()
         threading.Thread(target=self._listen, daemon=True).start()
 
@@ -123,7 +127,7 @@ class _Ears:
             return None
 
     def _listen(self) -> None:
-        while said := os.read(0, 4096):
+        while said := os.read(self._descriptor, 4096):
             self._heard.put(said)
         self._heard.put(b"")
 

@@ -1,0 +1,217 @@
+"""What the watchdog process makes of a stop: it tells the program, waits a moment, and takes over."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from hil.bench import rescue, watchdog
+from hil.bench.stop.control import Control, Tokens, control_of, published
+from hil.bench.stop.desk import Desk
+from hil.safety.outputs import Output, Outputs, State, outputs_in
+from tests.stops import SAFE
+from tests.unit.test_bench_watchdog import Valve, bench_of
+
+LIMIT_S, BUSY_S = 0.6, 0.5
+
+
+@dataclass
+class Watched:
+    """A watchdog that watches over a program that does nothing, and what it said to it."""
+
+    program: subprocess.Popen[bytes]
+    ears: watchdog._Ears
+    pipe: int
+    desk: Desk
+    said: list[bytes] = field(default_factory=list)
+    ended: list[tuple[watchdog._End | None, float]] = field(default_factory=list)
+
+    def says(self, what: bytes) -> None:
+        os.write(self.pipe, what)
+
+    def tells(self, output: Output) -> None:
+        known = Outputs()
+        known._known = {"valve": output}
+        self.says(json.dumps({"outputs": known.record()}).encode() + b"\n")
+
+    def begin(self) -> threading.Thread:
+        def watch() -> None:
+            end = watchdog._watched(self.ears, LIMIT_S, self.program.pid, self.desk)
+            self.ended.append((end, time.monotonic()))
+
+        thread = threading.Thread(target=watch, daemon=True)
+        thread.start()
+        return thread
+
+    @property
+    def was_killed(self) -> bool:
+        try:
+            return self.program.wait(0.2) == -9
+        except subprocess.TimeoutExpired:
+            return False
+
+
+@pytest.fixture
+def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
+    with begun(monkeypatch) as made:
+        yield made
+
+
+@contextmanager
+def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
+    reading, writing = os.pipe()
+    ears = watchdog._Ears(reading)
+    with subprocess.Popen(["sleep", "30"]) as program:
+        made = Watched(program, ears, writing, Desk({"valve": "V"}, "watchdog", ears.wish))
+        monkeypatch.setattr(watchdog, "_say", made.said.append)
+        try:
+            yield made
+        finally:
+            program.kill()
+            os.close(writing)
+
+
+def wait_until_told(watched: Watched) -> None:
+    deadline_s = time.monotonic() + 3.0
+    while b"!" not in watched.said:
+        assert time.monotonic() < deadline_s
+        time.sleep(0.002)
+
+
+def test_program_that_does_not_confirm_is_killed_after_a_moment(watched: Watched) -> None:
+    thread, begun_s = watched.begin(), time.monotonic()
+    waiting = watched.desk.stop()
+    watched.says(b"dd")  # it lives, and drives on
+    thread.join(3.0)
+    end, at_s = watched.ended[0]
+    assert end is not None and end.killed and "did not confirm within 0.2 s" in end.why
+    assert 0.19 < at_s - begun_s < 0.2 + BUSY_S
+    assert watched.said.count(b"!") == 1 and watched.was_killed and not waiting.done()
+
+
+def test_program_that_confirms_goes_its_own_way(watched: Watched) -> None:
+    thread = watched.begin()
+    waiting = watched.desk.stop()
+    wait_until_told(watched)
+    watched.tells(SAFE["valve"])
+    assert waiting.result(0.2).is_confirmed
+    watched.says(b"s")
+    time.sleep(0.3)
+    assert thread.is_alive()
+    watched.says(b"q")
+    thread.join(3.0)
+    assert watched.ended[0][0] is None and not watched.was_killed
+
+
+@pytest.mark.parametrize("output", [Output(State.DRIVEN, "V", 5.0), Output(State.UNCONFIRMED, "V", why="no answer")])
+def test_program_that_says_it_is_not_safe_is_killed(output: Output, watched: Watched) -> None:
+    thread = watched.begin()
+    waiting = watched.desk.stop()
+    watched.tells(output)
+    thread.join(3.0)
+    assert watched.was_killed and not waiting.done()
+
+
+def test_device_that_cannot_be_asked_is_no_reason_to_kill(watched: Watched) -> None:
+    thread = watched.begin()
+    waiting = watched.desk.stop()
+    watched.tells(Output(State.UNCONFIRMED, "V", can=False))
+    assert not waiting.result(0.2).is_confirmed
+    watched.says(b"sq")
+    thread.join(3.0)
+    assert watched.ended[0][0] is None and not watched.was_killed
+
+
+def test_wishes_do_not_keep_a_silent_program_alive(watched: Watched) -> None:
+    thread, begun_s = watched.begin(), time.monotonic()
+    watched.says(b"d")
+    for _ in range(20):
+        watched.desk.ask_to_hold(True)
+        time.sleep(0.05)
+    thread.join(3.0)
+    end, at_s = watched.ended[0]
+    assert end is not None and "gave no sign of life" in end.why
+    assert at_s - begun_s < LIMIT_S + BUSY_S and watched.was_killed
+
+
+def test_after_eight_hours_of_signs_of_life_a_stop_is_heard_at_once(watched: Watched) -> None:
+    thread = watched.begin()
+    for _ in range(75):  # a sign each 0.1 s
+        watched.says(b"d" * 4000)
+    waiting, begun_s = watched.desk.stop(), time.monotonic()
+    wait_until_told(watched)
+    assert time.monotonic() - begun_s < BUSY_S and sum(map(len, watched.said)) >= 75 * 4000
+    watched.tells(SAFE["valve"])
+    assert waiting.result(0.2).is_confirmed
+    watched.says(b"q")
+    thread.join(3.0)
+
+
+def test_program_is_understood_in_whatever_pieces_it_comes() -> None:
+    told = b"dd" + json.dumps({"holding": True}).encode() + b"\nd" + json.dumps({"outputs": {"valve": {
+        "state": "safe", "at": 0.0, "unit": "V", "read_back": True}}}).encode() + b"\nsq"  # fmt: skip
+    for size in (1, 2, 3, 7, 1000):
+        desk = Desk({"valve": "V"}, "watchdog", lambda _wish: None)
+        desk.ask_to_hold(True)
+        program = watchdog._Program(desk)
+        signs = sum(program.said(told[at : at + size]) for at in range(0, len(told), size))
+        assert (signs, program.driven, program.has_left, desk.told.is_confirmed) == (5, True, True, True)
+        assert desk.hold == "holding"
+
+
+@pytest.mark.parametrize("answers", [True, False])
+def test_takeover_confirms_what_it_read_back(answers: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 0.1)
+    monkeypatch.setattr(rescue, "_LATE_S", 0.0)
+    monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
+    desk = Desk({"a": "V", "b": "V"}, "watchdog", lambda _wish: None)
+    made = rescue.Rescue(bench_of(tmp_path, {"valve": Valve(None, answers=answers)}), desk)
+    made.at_once()
+    assert desk.told.is_confirmed == answers and desk.told.by == "watchdog"
+
+
+def test_record_of_outputs_comes_back_as_it_was() -> None:
+    known = Outputs()
+    known._known = {"a": Output(State.DRIVEN, "V", 5.0, why="x"), "b": Output(State.UNCONFIRMED, "%", can=False)}
+    assert outputs_in(json.loads(json.dumps(known.record()))) == known.known
+
+
+def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path: Path) -> None:
+    control = Control("watchdog", "http://127.0.0.1:1", Tokens())
+    assert control_of(control.told()) == control and control_of({"deaf": "x"}) is None
+    path = tmp_path / "control.json"
+    with published(control, tmp_path, lambda: False, lambda *_a, **_k: None):
+        told = json.loads(path.read_text())
+        assert path.stat().st_mode & 0o777 == 0o600
+        assert (told["stop_url"], told["token"]) == ("http://127.0.0.1:1/stop", control.tokens.stop)
+        assert control.tokens.stop not in json.dumps({**told, "token": ""})
+    assert not path.exists()
+    with published(control, tmp_path, lambda: True, lambda *_a, **_k: None):
+        pass
+    assert path.exists(), "outputs are not settled: the watchdog can still be asked"
+
+
+def test_run_that_cannot_write_its_control_file_goes_on_and_says_so(tmp_path: Path) -> None:
+    noted: list[str] = []
+    control = Control("watchdog", "http://127.0.0.1:1", Tokens())
+    with published(control, tmp_path / "gone", lambda: False, lambda event, **_: noted.append(event)):
+        pass
+    assert noted == ["no stop from a console"]
+
+
+def test_watchdog_without_a_port_watches_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    def taken(*_: object) -> None:
+        raise OSError(98, "Address already in use")
+
+    monkeypatch.setattr("hil.bench.stop.listener._opened", taken)
+    with watchdog._listening(Desk({"valve": "V"}, "watchdog", lambda _wish: None)) as told:
+        assert told == {"deaf": "no listener for a stop: [Errno 98] Address already in use"}
