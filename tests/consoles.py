@@ -44,9 +44,9 @@ class Lab:
 def real_time_bench(folder: Path, name: str = "real", channels: int = 0) -> Path:
     """The simulated HPV41 by the wall clock; `channels` more inputs that see the flow."""
     text = INSTALLED.read_text(encoding="utf-8")
-    text = text.replace('simulated = "in_process"', 'simulated = "in_process"\ntime = "real"', 1)
+    text = text.replace('simulated = "in_process"', 'simulated = "in_process"\ntime = "real"\nbuffer_s = 20.0', 1)
     text = text.replace("block_s = 1.0 ", "block_s = 0.1 ", 1)
-    text = text.replace('name = "HPV41 on the simulated bench"', f'name = "HPV41 {name}"', 1)
+    text = text.replace('name = "HPV41 on the simulated bench"', f'name = "HPV41 in real time, {name}"', 1)
     extra = [
         f'[channels."flow {i}"]\ndevice = "daq"\nterminal = "ai{4 + i}"\nunit = "l/min"\n'
         'calibration = { slope = 10.0, uncertainty = 1.0, date = 2026-03-02, source = "simulated" }\n'

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
@@ -116,6 +117,12 @@ def test_a_run_is_rehearsed_started_followed_and_stopped(page: Page, lab: Lab) -
     expect(flow).to_have_text(re.compile(r"^\d{2}"))
     expect(page.locator("#bode-panel")).to_be_visible()
     expect(page.locator("#left")).to_have_text(re.compile("left|done|longer"))
+    hold = page.locator("#hold")
+    hold.click()
+    expect(hold).to_have_text("Go on")
+    expect(page.locator("#hold-said")).to_have_text(re.compile("hold"))
+    hold.click()
+    expect(hold).to_have_text("Hold")
     page.keyboard.press("F12")
     expect(page.locator("#stop")).to_contain_text("stop confirmed, outputs read back safe")
     expect(page.locator("#verdict-word")).to_have_text("Did not end as planned")
@@ -235,6 +242,24 @@ def test_devices_are_served_with_quirks_and_ended(page: Page, lab: Lab) -> None:
     expect(row).to_contain_text("late_s=0.01")
     row.get_by_role("button", name="End").click()
     expect(page.locator("#served .tag")).to_have_text("ended")
+
+
+def test_a_latched_trip_is_named_and_reset(page: Page, lab: Lab) -> None:
+    installed = Path(__file__).parents[2] / "sim_devices" / "benches" / "hpv41-modbus-tcp.toml"
+    text = installed.read_text(encoding="utf-8").replace('name = "HPV41 on Modbus TCP"', 'name = "tripped"')
+    (lab.folder / "tripped.toml").write_text(text, encoding="utf-8")
+    kept = lab.folder / "state" / "trips" / "tripped.json"
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    kept.write_text(json.dumps({"over-pressure": "supply pressure 151 bar at 3.2 s"}), encoding="utf-8")
+    page.goto("/bench?bench=tripped")
+    expect(page.locator("#trips")).to_contain_text("tripped: over-pressure")
+    expect(page.locator("#trips")).to_contain_text("151 bar")
+    page.once("dialog", lambda dialog: dialog.accept())
+    page.get_by_role("button", name="Reset over-pressure").click()
+    expect(page.locator("#trips .trip")).to_have_count(0)
+    assert json.loads(kept.read_text(encoding="utf-8")) == {}
+    audit = next((lab.folder / "state").rglob("*audit*"))
+    assert "over-pressure" in (audit if audit.is_file() else next(audit.iterdir())).read_text(encoding="utf-8")
 
 
 @pytest.mark.slow

@@ -11,13 +11,14 @@ function cell(tag, className, text, small) {
 
 function row(line) {
   const made = make("tr", line.tone), name = cell("th", "", line.name, line.source);
+  const limit = line.limit.replaceAll("-", "\u2212");
   name.scope = "row";
   made.append(
     name, cell("td", "num", told_to(line.value, line.noise)), cell("td", "", line.unit),
     cell("td", "r wide", line.noise === null ? "–" : shown(line.noise, 2)),
-    cell("td", "r nowrap", line.age_s === null ? "–" : decimal(line.age_s.toFixed(1)) + " s"),
-    cell("td", "nowrap", line.limit.replaceAll("-", "\u2212") || "–"),
-    make("td", "", make("span", "tag " + STATES[line.tone], say(line.state))),
+    cell("td", "r nowrap wide", line.age_s === null ? "–" : decimal(line.age_s.toFixed(1)) + " s"),
+    cell("td", "nowrap wide", limit || "–"),
+    make("td", "", make("span", "tag " + STATES[line.tone], say(line.state)), limit ? make("small", "narrow", limit) : null),
   );
   return made;
 }
