@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -144,6 +145,7 @@ def diagnose(
     out: str | Path | None = None,
     bench: str | Path = "",
     bench_budget_s: float = 60.0,
+    budget_s: float = math.inf,
     reading: Reading | None = None,
     notes: Notes = unsaid,
     progress: Progress = quiet,
@@ -158,6 +160,7 @@ def diagnose(
         out: folder for diagnosis.json, corrected.json and report.html; nothing is written when not given.
         bench: run the tests that are still needed on this bench, into `out`, and conclude.
         bench_budget_s: bench time that those tests may take.
+        budget_s: computing time after which no further search is begun; what was left out is a warning.
         reading: how paths are read.
         notes: told what was assumed of the recordings.
         progress: told how far it is.
@@ -174,7 +177,9 @@ def diagnose(
     experiments, said = bound_to(nominal, read, inputs, output)
     for note in (*notes_on(read, experiments), *said):
         notes(note)
-    return diagnosed(nominal, experiments, None if out is None else Path(out), str(bench), bench_budget_s, progress)
+    return diagnosed(
+        nominal, experiments, None if out is None else Path(out), str(bench), bench_budget_s, progress, budget_s
+    )
 
 
 def linearise(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +26,14 @@ def command(
     ),
     bench_budget_s: float = typer.Option(
         60.0, "--bench-budget", metavar="S", min=0.0, help="Bench time that those tests may take, in s."
+    ),
+    budget_s: float = typer.Option(
+        math.inf,
+        "--budget",
+        metavar="S",
+        min=0.0,
+        show_default="none",
+        help="Computing time after which no further search is begun, in s; of each valve of a fleet.",
     ),
     fleet: list[Path] = typer.Option(
         [],
@@ -50,7 +59,7 @@ def command(
     check_folder(out)
     reading = reading_of(time, interval, unit, rename, columns, gaps)
     if fleet:
-        _diagnose_fleet(fleet, model, out, scheduler, reading)
+        _diagnose_fleet(fleet, model, out, scheduler, reading, budget_s)
         return
     if model is None or not recordings:
         raise typer.BadParameter("give --model and recordings, or folders by --fleet")
@@ -67,7 +76,8 @@ def command(
     with shown() as progress:
         found = api.diagnose(
             model, recordings, inputs=input_name, output=output_name, out=out, bench=bench,
-            bench_budget_s=bench_budget_s, reading=reading, notes=teller(aside=as_json), progress=progress,
+            bench_budget_s=bench_budget_s, budget_s=budget_s, reading=reading, notes=teller(aside=as_json),
+            progress=progress,
         )  # fmt: skip
     if as_json:
         typer.echo(to_json(found.diagnosis.as_dict()))
@@ -76,7 +86,9 @@ def command(
     typer.echo(f"report: {out / REPORT_FILE}")
 
 
-def _diagnose_fleet(folders: list[Path], model: Path | None, out: Path, scheduler: str, reading: Reading) -> None:
+def _diagnose_fleet(
+    folders: list[Path], model: Path | None, out: Path, scheduler: str, reading: Reading, budget_s: float
+) -> None:
     from hil.cli.progress import shown
     from hil.cli.reading import teller
     from hil.physics.model import load_model
@@ -89,7 +101,7 @@ def _diagnose_fleet(folders: list[Path], model: Path | None, out: Path, schedule
     for note in notes_on([one for unit in units for one in unit.recordings]):
         teller()(note)
     with shown() as progress:
-        answers = list(diagnose_units(units, scheduler, progress))
+        answers = list(diagnose_units(units, scheduler, progress, budget_s))
     failed = 0
     for unit, answer in answers:
         if isinstance(answer, str):

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 
 from hil.diagnosis.corrected import beyond_noise, corrected, standard_uncertainties
-from hil.diagnosis.coverage import limits
-from hil.diagnosis.decide import OPEN, has_drifted
+from hil.diagnosis.coverage import Limit, limits
+from hil.diagnosis.decide import ALONE_BY, OPEN, has_drifted
 from hil.diagnosis.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -26,23 +28,33 @@ from hil.diagnosis.events.event import Events
 from hil.diagnosis.events.recognise import TOLERANCE_OF_EVENTS
 from hil.diagnosis.evidence import (
     Judged,
-    ceiling,
     cross_validated_fit,
     fit_of_all,
-    held_out_fit,
     judge,
     probabilities,
     training_half,
 )
+from hil.diagnosis.false_alarms import false_alarms
 from hil.diagnosis.happened import Happened
+from hil.diagnosis.kept_back import fit_kept_back, kept_back, predicted
 from hil.diagnosis.locate import StageShare, Where, locate, stages
 from hil.diagnosis.measures import LAW_TOLERANCE, excess, share_left
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
 from hil.diagnosis.search.around import around
 from hil.diagnosis.search.fitted import Fitted, change_without
+from hil.diagnosis.search.polish import roughly
 from hil.diagnosis.search.terms import Term
-from hil.diagnosis.wording import drifted, headline, quantity_text, sentence, told_only_together, unlikely
+from hil.diagnosis.shadow import shadow
+from hil.diagnosis.wording import (
+    drifted,
+    headline,
+    nothing_can_be_said,
+    quantity_text,
+    sentence,
+    told_only_together,
+    unlikely,
+)
 from hil.identification.fit import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
@@ -50,8 +62,6 @@ from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
-# Upper end of the 95 % interval of the last count: 0 of 300 healthy simulated units (docs/explanation/proof.md).
-FALSE_ALARM_RATE = 0.012
 # Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
 _MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
 _JUDGED = 4
@@ -61,14 +71,20 @@ _DOUBTED = 0.2
 # one must close this share of the gap there, though the nominal model may have been identified on it.
 _DESCRIBES, _DESCRIPTIONS_TRIED = 0.05, 4
 _MOST_STEPS_LISTED = 12
+# Below this fit at most, noise is more than half of the variance of what the output does.
+_LEAST_CEILING = 100.0 * (1.0 - math.sqrt(0.5))
 # Of parameters that drifted those are told that show at least this share of what the one does that shows most.
 _SHOWS_MUCH = 0.5
 
 
 class Answer:
-    """Puts together what a diagnosis says; computes what several parts need once."""
+    """Puts together what a diagnosis says; computes what several parts need once.
 
-    def __init__(self, found: Happened, warnings: tuple[str, ...], span: Span | None) -> None:
+    `standing`: in words that the unit is as it was, where its model has a misfit of its own.
+    """
+
+    def __init__(self, found: Happened, warnings: tuple[str, ...], span: Span | None, standing: str = "") -> None:
+        self.standing = standing
         self.found, self.warnings, self.span = found, warnings, span
         self.problem, self.choice, self.events = found.problem, found.choice, found.events
         self.judged = self._judged()
@@ -78,6 +94,7 @@ class Answer:
         beside = not found.replaces_laws and found.choice.verdict != "unexplained"
         self.by_law = not found.events or beside
         self.named = found.choice.chosen if self.verdict != "unexplained" and self.by_law else found.choice.baseline
+        self.kept = kept_back(self.problem)
         self.used, self.held_out = self._used()
 
     @property
@@ -89,41 +106,39 @@ class Answer:
     def _is_doubted(self) -> bool:
         """Whether what was chosen is improbable, as others are as good or data kept back speak against it."""
         names = self.choice.chosen.names
-        return bool(names) and self._probability(names[0]) < min(_DOUBTED, self._none_of_these())
+        likely = max((self._probability(name) for name in names), default=1.0)
+        return likely < min(_DOUBTED, self._none_of_these())
 
     def _used(self) -> tuple[Fitted, Fit]:
-        """What the corrected model holds: what was named, or, where nothing can be named, the one of the closest
-        descriptions that predicts best; with the fits on data kept back.
+        """What the corrected model holds, with the fits on data kept back: never what predicts worse than the nominal
+        model. A name that leads to nothing better is not told.
+        """
+        proposed, nominal = self._proposed(), self.choice.nominal
+        before = fit_kept_back(self.problem, nominal.residuals, self.kept)
+        most = fit_kept_back(self.problem, np.ones(len(nominal.residuals)), self.kept)
+        after = before
+        if proposed is not nominal:
+            after = fit_kept_back(self.problem, predicted(self.problem, proposed, self.kept), self.kept)
+        if after >= before:
+            return proposed, _rounded(before, after, most)
+        if self.verdict not in ("consistent", "unexplained") and not self.events:
+            self.verdict, self.named = "unexplained", self.choice.baseline
+        return nominal, _rounded(before, before, most)
+
+    def _proposed(self) -> Fitted:
+        """What was named, or, where nothing can be named, the one of the closest descriptions that predicts best.
 
         A description that fails on data kept back would only mislead where nobody has looked yet.
         """
         if self.verdict == "unexplained" and self.choice.chosen.terms:
-            f, fits = self._best_described()
-            if fits.corrected - fits.nominal >= _DESCRIBES * (fits.ceiling - fits.nominal):
-                return f, fits
-        used = self.named if self.named.terms or self.has_drifted else self.choice.nominal
-        return used, self._held_out(used)
-
-    def _best_described(self) -> tuple[Fitted, Fit]:
-        """Of the closest descriptions the one that predicts best, with fits over everything, its own always without the
-        samples that it was fitted to.
-        """
-        closest = (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]
-        predicted = [cross_validated_fit(self.problem, f) for f in closest]
-        best = int(np.argmax(predicted))
-        noise = np.ones(len(closest[best].residuals))
-        nominal, most = (fit_of_all(self.problem, r) for r in (self.choice.nominal.residuals, noise))
-        return closest[best], _rounded(nominal, predicted[best], most)
-
-    def _held_out(self, used: Fitted) -> Fit:
-        nominal = self._fit_held_out(self.choice.nominal)
-        best = next((j.fit_held_out for j in self.judged if j.fitted is used), None)
-        corrected = self._fit_held_out(used) if best is None else best
-        return _rounded(nominal, corrected, ceiling(self.problem))
-
-    def _fit_held_out(self, f: Fitted) -> float:
-        """Of an explanation as it is, on the data that are kept back."""
-        return held_out_fit(self.problem, f.residuals, ~training_half(self.problem))
+            closest = (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]
+            told = [cross_validated_fit(self.problem, f) for f in closest]
+            best = int(np.argmax(told))
+            noise = np.ones(len(closest[best].residuals))
+            before, most = (fit_of_all(self.problem, r) for r in (self.choice.nominal.residuals, noise))
+            if told[best] - before >= _DESCRIBES * (most - before):
+                return closest[best]
+        return self.named if self.named.terms or self.has_drifted else self.choice.nominal
 
     def _judged(self) -> list[Judged]:
         """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
@@ -149,12 +164,13 @@ class Answer:
         found = self._findings()
         changed = self._changed()
         left = self._left()
-        unseen = limits(around(problem, self.named), self.choice.terms)
+        shares = self._stage_shares(nominal) if mismatch else ()
+        unseen = limits(around(problem, self.named), self.choice.terms, self._twins())
         rivals = self._not_separable()
         drawn = strips(problem, self.used)
         return Diagnosis(
             verdict=self.verdict,
-            headline=headline(self.verdict, found, changed, left),
+            headline=headline(self.verdict, found, changed, left, self._hidden(unseen)),
             plant=plant.name,
             plant_title=plant.title,
             input=problem.experiments[0].input,
@@ -166,17 +182,28 @@ class Answer:
             next_test=self._next_test(rivals, [limit.effect for limit in unseen if not limit.visible]),
             candidates=self._candidates(),
             held_out=self.held_out,
+            kept_back=self.kept.said,
             recordings=self._fits(drawn),
             mismatch=locate(problem, problem.outputs_of(nominal.residuals)) if mismatch else None,
-            stage_shares=self._stage_shares(nominal) if mismatch else (),
+            stage_shares=shares,
             left=left,
             limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
             warnings=self._all_warnings(changed),
-            false_alarm_rate=FALSE_ALARM_RATE,
+            false_alarms=false_alarms(plant.name),
             seconds=round(seconds, 3),
+            shadow=shadow(self.found, shares, left.stages),
             strips=drawn,
             spectra=spectra(problem, nominal, self.used),
         )
+
+    def _twins(self) -> list[Fitted]:
+        """Other explanations that these data do not exclude: within the tolerance of laws, or near the chosen one."""
+        if self.verdict == "consistent":
+            return []
+        most = max(LAW_TOLERANCE, ALONE_BY * self.choice.left)
+        beyond = excess(self.problem, self.choice.baseline.chi2)
+        others = (*self.choice.candidates, *self.choice.descriptions)
+        return [f for f in others if share_left(self.problem, f.chi2, beyond) <= most]
 
     # -- findings ----------------------------------------------------------------------------------------
 
@@ -280,10 +307,29 @@ class Answer:
         return probabilities(self.judged, self._none_of_these())
 
     def _probability(self, name: str) -> float:
-        chosen = self.choice.chosen
-        total = sum(p for p, j in zip(self._chances(), self.judged, strict=True)
-                    if name in j.fitted.names or (j.fitted is chosen and name in chosen.names))  # fmt: skip
-        return round(min(total, _MOST_SURE), 3)
+        """That an effect is there, whatever else is: over all explanations that have it, and not something unknown in
+        its place.
+        """
+        total = sum(p for p, j in zip(self._chances(), self.judged, strict=True) if name in j.fitted.names)
+        total /= 1.0 - self._none_of_these()
+        return round(min(total * (1.0 - self._something_instead(name)), _MOST_SURE), 3)
+
+    def _something_instead(self, name: str) -> float:
+        """The probability that what one member of the chosen explanation takes is something unknown's: the more of its
+        own part of the misfit stays, the greater. For a single cause that part is the whole.
+        """
+        f = self.choice.chosen
+        others = [k for k, (t, v) in enumerate(zip(f.terms, f.values, strict=True)) if t.effect_name(v) != name]
+        if self.verdict == "unexplained" or not others or len(others) == len(f.terms):
+            return self._none_of_these()
+        return _something_else(self.choice.left / max(self._left_by_others(tuple(others)), 1e-12), LAW_TOLERANCE)
+
+    @cache  # noqa: B019  lives as long as the answer
+    def _left_by_others(self, keep: tuple[int, ...]) -> float:
+        """The share of the misfit that some members of the chosen explanation leave without the others, at most all."""
+        without = roughly(self.problem, self.choice.chosen.only(keep))
+        left = share_left(self.problem, without.chi2, excess(self.problem, self.choice.baseline.chi2))
+        return min(max(left, self.choice.left), 1.0)
 
     def _candidates(self) -> tuple[Candidate, ...]:
         if not self.judged:
@@ -295,6 +341,7 @@ class Answer:
             Candidate(
                 _name(j.fitted), ", ".join(t.stage for t in j.fitted.terms),
                 round(j.fit_held_out, 3), round(0.5 * (nothing - j.chi2_held_out), 1), round(p, 3),
+                j.fitted.unknowns,
             )
             for j, p in zip(self.judged, self._chances(), strict=True)
         ]  # fmt: skip
@@ -305,6 +352,14 @@ class Answer:
             return ()
         told = {name for e in self._told_events() for name in e.told}
         return tuple(names for names in self.choice.rivals if names[0] not in told)
+
+    def _hidden(self, unseen: Sequence[Limit]) -> str:
+        """What is said in the place of an agreement: that the model had that misfit before, or that noise hides all."""
+        if self.standing:
+            return self.standing
+        if self.held_out.ceiling >= _LEAST_CEILING and any(limit.visible for limit in unseen):
+            return ""
+        return nothing_can_be_said(self.held_out.ceiling)
 
     # -- fits --------------------------------------------------------------------------------------------
 
@@ -352,10 +407,10 @@ class Answer:
             if self.used is not f and self.used.terms:
                 holds = f"holds {_labels(self.used)}, which does better on data kept back"
             said.append(
-                f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause; "
-                f"the corrected model {holds}"
+                f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause. "
+                f"The corrected model {holds}"
             )
-        if self.has_drifted and not self.events:
+        if self.has_drifted and not self.events and self.used is self.choice.baseline:
             said.append(self._drifted())
         said += [
             told_only_together(c, others, self.problem.prior.was(c.name, f.parameters))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 
@@ -18,6 +18,8 @@ from hil.diagnosis.search.polish import fit, polish, roughly
 from hil.diagnosis.search.refine import LEAN, refine_all
 from hil.diagnosis.search.screen import Screened, screen
 from hil.diagnosis.search.terms import Term, all_terms
+from hil.identification.estimate import Unknown
+from hil.identification.far_starts import far_places
 
 # The χ² that chance may give back to the best of all terms, with a margin; `python -m tests.proof.alarms` counts what
 # gets through.
@@ -47,6 +49,9 @@ _MAY_TURN_OUT_BEST, _FITTED_TO_THE_END = 2.0, 4
 _FAR_BEHIND = 5.0
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
 _STEP_SHARE, _BEAM, _NARROW_BEAM, _TRIED_NEXT, _MOST_CAUSES = 0.2, 4, 2, 6, 3
+# A nominal model that leaves this share of the output's variance is no place to start from: so many others are
+# looked at, and the best few fitted a few steps for every cause.
+_NO_START, _FAR_PLACES, _FAR_STARTS, _FAR_EVALUATIONS = 0.5, 32, 4, 8
 # A rough fit may still be so much above its least χ².
 _SURELY = 0.95
 
@@ -270,16 +275,44 @@ class Causes:
         """
         found = self._levels([best, *self._grown(place, len(self.terms))])
         usual = place.accepted.parameters | {p.name: p.typical for p in self.m.problem.base}
-        if usual != place.accepted.parameters:
+        if usual != place.accepted.parameters and not self.m.problem.work.leaves_out("the usual unit as a start"):
             there = evaluated(self.m.problem, replace(place.accepted, parameters=usual))
             found += self._levels(self._grown(around(self.m.problem, there), len(self.terms)), _NARROW_BEAM)
+        far = self.m.left_of_output(self.m.baseline) > _NO_START
+        if far and not self.m.problem.work.leaves_out("starts far from the model"):
+            found += self._levels(self._from_far(), _NARROW_BEAM)
         return found
+
+    def _from_far(self) -> list[Fitted]:
+        """The most promising single causes from many places far from the nominal model, which is none to start from."""
+        problem = self.m.problem
+        usual = {p.name: p.typical for p in problem.base}
+        unknowns = [Unknown(p.name, p.unit, usual[p.name], p.low, p.high, p.scale) for p in problem.base]
+        places = [dict(zip(usual, place.tolist(), strict=True)) for place in far_places(unknowns, _FAR_PLACES)]
+        terms = [term for term in self.terms if term.kind == "effect" and not term.by_clock]
+        starts = [start for term in terms for start in self._promising(term, [usual, *places])]
+        rough = spread(partial(fit, problem, evaluations=_FAR_EVALUATIONS, tolerance=1e-3, from_here=True), starts)
+        return spread(partial(polish, problem, from_here=True), self._few(rough, _BEAM))
+
+    def _promising(self, term: Term, places: Sequence[Mapping[str, float]]) -> list[Fitted]:
+        """The best places to start one cause from, at its weakest start and its strongest."""
+        problem = self.m.problem
+        nominal = nothing(problem)
+        tried = [
+            replace(nominal, terms=(term,), values=(start,), parameters=problem.model.values | dict(at))
+            for at in places
+            for start in dict.fromkeys((term.starts[0], term.starts[-1]))
+        ]
+        seen = [f for f in spread(partial(evaluated, problem), tried) if np.isfinite(f.chi2)]
+        return sorted(seen, key=lambda f: f.chi2)[:_FAR_STARTS]
 
     def _levels(self, first: Sequence[Fitted], beam: int = _BEAM) -> list[Fitted]:
         level = self._few(first, beam)
         found = list(level)
         for _ in range(1, _MOST_CAUSES):
             if not level or self.m.is_full(min(found, key=self.m.cost)):
+                break
+            if self.m.problem.work.leaves_out("one more cause"):
                 break
             level = self._few([f for parent in level for f in self._children(parent)], beam)
             found += level

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hil.cores import spread
 from hil.diagnosis.search.around import Around, adapted_residuals
+from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
 from hil.record.recording import Array
 
@@ -34,8 +35,12 @@ class Limit:
     visible: bool
 
 
-def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
-    """Upper limits for effects beside what is accepted; one for each effect, at its most visible place."""
+def limits(place: Around, terms: Sequence[Term], twins: Sequence[Fitted] = ()) -> tuple[Limit, ...]:
+    """Upper limits for effects beside what is accepted; one for each effect, at its most visible place.
+
+    `twins`: explanations that may be so instead: what is accepted gives way to them, and their effects may be as large
+    as they are there.
+    """
     found: dict[str, Limit] = {}
     asked = [term for term in terms if term.kind == "effect"]
     without = adapted_residuals(place, None)
@@ -43,7 +48,18 @@ def limits(place: Around, terms: Sequence[Term]) -> tuple[Limit, ...]:
         known = found.get(term.told)
         if known is None or (limit.visible, -limit.upper) > (known.visible, -known.upper):
             found[term.told] = limit
+    for f in twins:
+        for term, values in zip(f.terms, f.values, strict=True):
+            if term.kind == "effect" and term.told in found:
+                found[term.told] = _as_large_as(found[term.told], term, values)
     return tuple(found[name] for name in sorted(found))
+
+
+def _as_large_as(limit: Limit, term: Term, values: Sequence[float]) -> Limit:
+    """A limit that does not exclude what an explanation says: of a limit itself, or elsewhere, it excludes nothing."""
+    if not np.isfinite(term.null) or term.unknowns[0].name != limit.parameter or term.stage != limit.stage:
+        return replace(limit, upper=float("inf"), visible=False)
+    return replace(limit, upper=max(limit.upper, abs(values[0] - term.null)))
 
 
 def _limit(place: Around, term: Term, without: Array) -> Limit:

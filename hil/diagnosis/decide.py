@@ -23,6 +23,7 @@ from hil.diagnosis.measures import (
     is_strained,
 )
 from hil.diagnosis.problem import Problem
+from hil.diagnosis.refuted import refuted
 from hil.diagnosis.search.fitted import Fitted, change_without, nothing
 from hil.diagnosis.search.polish import finished, from_other_shapes, polish, roughly
 from hil.diagnosis.search.terms import Term, all_terms
@@ -79,14 +80,18 @@ class Choice:
 
 
 def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -> Choice:
-    """Search for the most economical explanation that the data support.
+    """Search for the most economical explanation that the data support, and do not refute.
 
     Args:
         problem: the question.
         laws_only: look for no events.
         most: so many causes at most may be named.
     """
-    return _Judge(problem, laws_only, most).choose()
+    choice = _Judge(problem, laws_only, most).choose()
+    wrong = refuted(problem, choice.chosen)
+    if not wrong:
+        return choice
+    return decide(replace(problem, refuted=problem.refuted | wrong), laws_only=laws_only, most=most)
 
 
 def healthy(choice: Choice) -> Choice:
@@ -122,11 +127,13 @@ class _Judge:
         events, part = self.events(nominal) if open_question and not self.laws_only else (None, None)
         if events is not None and verdict == "partly_explained" and self.says_more(best, events):
             events = None
-        if not self.m.is_full(best) and events is None:
+        if not self.m.is_full(best) and events is None and not self.problem.work.leaves_out("a led-back search"):
             best = self.most_telling([best, *self.followed()], polished)
             verdict = self.verdict(best, polished)
         descriptions: list[Fitted] = []
-        if verdict in OPEN and not self.m.is_adequate(best) and events is None and self.problem.is_short:
+        short = self.problem.is_short and not self.problem.work.leaves_out("several causes one after another")
+        if verdict in OPEN and not self.m.is_adequate(best) and events is None and short:
+            self.problem.work.at(0.4, "looking for several causes one after another")
             descriptions = self.causes.deeper(best, alone.place)
             best, verdict = self.of_several(best, descriptions, polished)
         candidates = (*sorted(polished, key=self.m.cost), *singles)
@@ -142,7 +149,9 @@ class _Judge:
     def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted], alone: Alone) -> Fitted:
         """The most economical explanation of one cause or two, at its lowest, and least strained."""
         best = min(known, key=self.m.cost)
-        if self.most > 1 and not self.m.is_full(best):
+        work = self.problem.work
+        if self.most > 1 and not self.m.is_full(best) and not work.leaves_out("two causes"):
+            work.at(0.25, "looking for two causes")
             best = self.of_two(best, polished, alone)
         if self.m.excess(best) > _ONLY_NOISE:
             best = from_other_shapes(self.problem, best)

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import math
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 from hil.diagnosis.answer import Answer
+from hil.diagnosis.as_before import WHAT_IT_LACKS, as_before, is_asked_what_changed, with_inner_noise
 from hil.diagnosis.check import check
-from hil.diagnosis.decide import OPEN, decide
+from hil.diagnosis.decide import OPEN, decide, healthy
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.diagnosis.events.coarse import coarse_step
 from hil.diagnosis.events.event import Spell
@@ -20,11 +22,10 @@ from hil.diagnosis.next_test import Span
 from hil.diagnosis.problem import pose
 from hil.diagnosis.solver import settled
 from hil.diagnosis.wording import quantity_text
+from hil.diagnosis.work import Progress, Work
 from hil.identification.experiment import Experiment
 from hil.physics.model import Model
 from hil.signals.products import one_blas_thread
-
-Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +64,7 @@ def diagnose(
     experiments: Sequence[Experiment],
     progress: Progress = lambda _done, _text: None,
     span: Span | None = None,
+    budget_s: float = math.inf,
 ) -> Diagnosed:
     """Compare a nominal model with recordings of its unit, name what it lacks, and correct it.
 
@@ -71,22 +73,25 @@ def diagnose(
         experiments: the recordings, bound to its plant.
         progress: told how far it is.
         span: how far a next test may drive the command; as far as the recordings went when not given.
+        budget_s: computing time after which no further search is begun; what was left out is said.
 
     Raises:
         FileError: a recording cannot be what its headings say (see `hil.diagnosis.check`).
     """
     with one_blas_thread():
-        return _diagnose(model, experiments, progress, span)
+        return _diagnose(model, experiments, Work(progress, budget_s), span)
 
 
-def _diagnose(model: Model, experiments: Sequence[Experiment], progress: Progress, span: Span | None) -> Diagnosed:
+def _diagnose(model: Model, experiments: Sequence[Experiment], work: Work, span: Span | None) -> Diagnosed:
     started = time.perf_counter()
-    progress(0.0, "checking the recordings")
+    work.at(0.0, "checking the recordings")
     checked = check(model, experiments)
     kept, stale = without_stale(checked.experiments)
-    problem, solver_warnings = settled(pose(model, kept))
+    problem = replace(pose(model, kept), work=work)
+    what_changed = is_asked_what_changed(problem)
+    problem, solver_warnings = settled(with_inner_noise(problem) if what_changed else problem)
     warnings = [*checked.warnings, *solver_warnings, *_known_hum(model)]
-    progress(0.1, "searching for the cause")
+    work.at(0.1, "searching for the cause")
     choice = decide(problem)
     if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
         set_right = posed_again(problem, without_stale(checked.clocks_set)[0])
@@ -94,16 +99,20 @@ def _diagnose(model: Model, experiments: Sequence[Experiment], progress: Progres
         if second.verdict not in OPEN:
             problem, choice = set_right, second
             warnings += checked.clock_warnings
-    found = happened(problem, choice)
-    progress(0.6, "judging on data kept back")
+    standing = as_before(problem) if what_changed else ""
+    if standing:
+        choice = healthy(choice)
+        warnings.append(WHAT_IT_LACKS)
+    found = Happened((), problem, choice) if standing else happened(problem, choice)
+    work.at(0.6, "judging on data kept back")
     if (step := coarse_step(problem, kept)) is not None:
         found = read_coarsely(found, *step)
     if stale:
         found = _with_stale(found, stale)
-    answer = Answer(found, tuple(warnings), span)
-    progress(0.8, "locating the mismatch")
+    answer = Answer(found, (*warnings, *work.warnings), span, standing)
+    work.at(0.8, "locating the mismatch")
     diagnosis = answer.diagnosis(time.perf_counter() - started)
-    progress(1.0, "done")
+    work.at(1.0, "done")
     return Diagnosed(diagnosis, answer.corrected)
 
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
 
 from hil.diagnosis.coverage import Limit
+from hil.diagnosis.false_alarms import FalseAlarms
 from hil.diagnosis.locate import StageShare, Where
 from hil.record.plain import plain
 from hil.record.recording import Array
@@ -78,6 +79,7 @@ class Candidate:
     fit_held_out: float
     evidence: float
     probability: float
+    unknowns: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,7 +164,9 @@ class Diagnosis:
 
     Attributes:
         chain: (hook, stage) in order of the signal. `stage_shares`: as in `Left.stages`, for the nominal model.
-        false_alarm_rate: at which a unit without any effect is called anything but consistent.
+        kept_back: what `held_out` was judged on.
+        shadow: the verdict by one score beside this one (see `hil.diagnosis.verdict`); it decides nothing.
+        false_alarms: how often a unit without any effect is called anything but consistent, and where that was counted.
     """
 
     verdict: Verdict
@@ -178,14 +182,16 @@ class Diagnosis:
     next_test: NextTest | None
     candidates: tuple[Candidate, ...]
     held_out: Fit
+    kept_back: str
     recordings: Mapping[str, Fit]
     mismatch: Where | None
     stage_shares: tuple[StageShare, ...]
     left: Left
     limits: tuple[Limit, ...]
     warnings: tuple[str, ...]
-    false_alarm_rate: float
+    false_alarms: FalseAlarms
     seconds: float
+    shadow: Mapping[str, Any] = field(default_factory=dict)
     strips: tuple[Strip, ...] = ()
     spectra: tuple[Spectrum, ...] = ()
 
@@ -206,6 +212,7 @@ class Diagnosis:
             "candidates": [plain(c) for c in self.candidates],
             "fit": {
                 "held_out": plain(self.held_out),
+                "kept_back": self.kept_back,
                 "recordings": {name: plain(fit) for name, fit in self.recordings.items()},
             },
             "mismatch": _where(self.mismatch),
@@ -219,8 +226,10 @@ class Diagnosis:
             },
             "limits": [plain(limit) for limit in self.limits],
             "warnings": list(self.warnings),
-            "false_alarm_rate": self.false_alarm_rate,
+            "false_alarm_rate": self.false_alarms.rate,
+            "false_alarm_scope": self.false_alarms.scope,
             "seconds": self.seconds,
+            "shadow": dict(self.shadow),
         }
 
     def as_text(self) -> str:

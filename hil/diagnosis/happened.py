@@ -70,7 +70,9 @@ def happened(problem: Problem, choice: Choice) -> Happened:
 
 def posed_again(problem: Problem, experiments: tuple[Experiment, ...]) -> Problem:
     """The same question of the experiments on another clock, or without events."""
-    return replace(pose(problem.model, experiments), factor=problem.factor)
+    again = pose(problem.model, experiments)
+    again = replace(again, refuted=problem.refuted, work=problem.work)
+    return replace(again, factor=problem.factor, observed_noise=problem.observed_noise)
 
 
 def _beside_each_other(problem: Problem, choice: Choice) -> Happened | None:
@@ -83,7 +85,7 @@ def _beside_each_other(problem: Problem, choice: Choice) -> Happened | None:
     most = LAW_TOLERANCE * excess(problem, choice.baseline.chi2) if choice.events is None else 0.0
     events = _first(problem, choice)
     looks = 0
-    while events is not None:
+    while events is not None and not problem.work.leaves_out("a law beside events"):
         looks += 1
         rest = posed_again(problem, events.rest)
         found = decide(rest, laws_only=True, most=NAMEABLE - 1)

@@ -11,6 +11,7 @@ from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
 from hil.identification.estimate import Unknown
+from hil.identification.evidence import bic_of_known_noise
 
 # A misfit below this share of the noise variance is of no practical size.
 SMALL_EXCESS = 0.03
@@ -74,7 +75,7 @@ class Measures:
         added = [term for term in f.terms if term.kind == "effect"]
         size = self.problem.size
         shapes = sum(len(term.unknowns) for term in added) * _EXACT * self.excess(self.baseline) * size
-        return f.chi2 + f.unknowns * _PRICE * float(np.log(size)) + shapes + len(added) * _NEW_PHYSICS
+        return bic_of_known_noise(f.chi2, size, _PRICE * f.unknowns) + shapes + len(added) * _NEW_PHYSICS
 
     def burden(self, f: Fitted) -> float:
         """Variance that an explanation leaves beyond the noise, and what it costs, as a share of it."""
@@ -100,23 +101,29 @@ class Measures:
         outputs = np.concatenate(self.problem.outputs_of(f.residuals))
         return float(np.mean(outputs**2)) - 1.0
 
+    def left_of_output(self, f: Fitted) -> float:
+        """The share of the outputs' variance that an explanation leaves beyond the noise."""
+        return self.excess(f) * self.problem.size / self.swing
+
     def is_adequate(self, f: Fitted) -> bool:
         """Whether an explanation leaves little of the misfit and, where that is most of the output, little of that."""
-        of_output = self.excess(f) * self.problem.size / self.swing
+        of_output = self.left_of_output(f)
         return self.excess(f) <= SMALL_EXCESS or (self.left(f) <= LAW_TOLERANCE and of_output <= OUTPUT_TOLERANCE**2)
 
 
 def is_present(f: Fitted) -> bool:
-    """Whether every effect is really there: its strength differs from its null beyond doubt."""
+    """Whether every effect is really there: its sizes together differ from their nulls beyond doubt (Wald)."""
     return all(_is_there(f, term) for term in f.terms)
 
 
 def _is_there(f: Fitted, term: Term) -> bool:
     if not term.scales or f.estimate is None:
         return True
-    k = f.estimate_index(term)
-    std = f.estimate.std_holding(k, range(k + 1, k + len(term.unknowns)))  # how large it is, not which shape
-    return not abs(f.estimate.values[k] - term.null) < PRESENT_SIGMAS * std
+    first = f.estimate_index(term)
+    sizes = [first + k for k in term.sizes]
+    shapes = [first + k for k in range(len(term.unknowns)) if k not in term.sizes]
+    away = f.estimate.values[sizes] - [term.nulls[k] for k in term.sizes]
+    return not f.estimate.sigmas_away(sizes, away, held=shapes) < PRESENT_SIGMAS  # how large it is, not which shape
 
 
 def is_itself(f: Fitted, term: Term) -> bool:

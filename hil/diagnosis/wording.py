@@ -68,18 +68,30 @@ def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> 
     return _PLACE.sub(text, effect.sentence)
 
 
-def headline(verdict: Verdict, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left) -> str:
-    """The verdict in one sentence."""
+def nothing_can_be_said(ceiling: float) -> str:
+    """What stands in the place of an agreement that would mean nothing."""
+    return (
+        f"Nothing can be said of this unit: noise allows a fit of {ceiling:.3g} % at most. "
+        "Record it with a larger command, or with less noise."
+    )
+
+
+def headline(
+    verdict: Verdict, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left, hidden: str = ""
+) -> str:
+    """The verdict in one sentence; `hidden`: why an agreement would mean nothing, if it would."""
+    if verdict == "consistent" and hidden:
+        return hidden
     names = _listed([f"{f.title} ({f.stage})" if f.stage else f.title for f in found])
     if verdict == "consistent":
         return "The model agrees with the recordings within their noise."
     if verdict == "parameter_change":
-        return f"No physics is missing; the unit has changed: {_changes(changed)}."
+        return " ".join(["No physics is missing, but the unit has changed.", *(_change(c) for c in changed)])
     if verdict == "explained":
         them = "it" if len(found) == 1 else "them"
-        return f"The model leaves out {names}; with {them} {_how_far(left)}."
+        return f"The model leaves out {names}. With {them} {_how_far(left)}."
     if verdict == "partly_explained":
-        return f"The model leaves out {names}, and something more: {100 * left.share:.3g} % of the misfit stays."
+        return f"The model leaves out {names}. Something more is missing: {100 * left.share:.3g} % of the misfit stays."
     return (
         f"The model and the recordings differ by {left.rms:.2g}{_unit_text(left.unit)} (rms) beyond the noise, "
         "and nothing in the library explains it."
@@ -91,11 +103,11 @@ def _how_far(left: Left) -> str:
         return "the recordings are explained down to what noise allows"
     explained = f"{100.0 * (1.0 - left.share):.4g} % of the misfit is explained"
     unit = _unit_text(left.unit)
-    return f"{explained}, {left.rms:.2g}{unit} (rms) of it stay beside noise of {left.noise_std:.2g}{unit}"
+    return f"{explained}: {left.rms:.2g}{unit} (rms) stay beside noise of {left.noise_std:.2g}{unit}"
 
 
-def _changes(changed: Sequence[ChangedParameter]) -> str:
-    return ", ".join(f"{c.meaning} is {_change_text(c.before, c.after, c.std, c.unit)}" for c in changed)
+def _change(c: ChangedParameter) -> str:
+    return f"{c.meaning[0].upper()}{c.meaning[1:]} is {_change_text(c.before, c.after, c.std, c.unit)}."
 
 
 def unlikely(changed: Sequence[ChangedParameter]) -> tuple[str, ...]:
@@ -111,8 +123,8 @@ def told_only_together(changed: ChangedParameter, others: Sequence[str], was: fl
     """A word on a parameter that has changed and was never told by itself; `was`: what it was if it changed alone."""
     before = f"{was:.4g}{_unit_text(changed.unit)}"
     return (
-        f"the recordings that the model was identified from tell {changed.name} only together with {_listed(others)}: "
-        f"which of them has changed is open; if it is {changed.name} alone, it was {before}"
+        f"the recordings that the model was identified from tell {changed.name} only together with {_listed(others)}. "
+        f"Which of them has changed is open; if it is {changed.name} alone, it was {before}"
     )
 
 
@@ -120,8 +132,8 @@ def drifted(told: Sequence[Parameter], before: Mapping[str, float], after: Mappi
     """What has moved where the model fits only with it, no farther than it may wander."""
     moves = [f"{p.name} is {after[p.name]:.5g}{_unit_text(p.unit)} instead of {before[p.name]:.5g}" for p in told]
     return (
-        f"it agrees only with parameters that have moved, within what was known of them and how units drift "
-        f"({_listed(moves)}); the corrected model has them"
+        "it agrees only with parameters that have moved, within what was known of them and how units drift. "
+        f"The corrected model has them: {_listed(moves)}"
     )
 
 

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.identification.evidence import VERY_STRONG
+from hil.identification.evidence import VERY_STRONG, odds
 from hil.identification.transfer_function import TransferFunctionFit
 from hil.record.recording import Array
 
@@ -36,7 +36,7 @@ def with_other_forms(
     near = [k for k, one in enumerate(criteria) if one <= min(criteria) + VERY_STRONG or fits[k] is chosen]
     near = [k for k in near if _tells(fits[k]) or fits[k] is chosen]
     rivals = [fits[k] for k in near]
-    shares = _shares([criteria[k] for k in near])
+    shares = odds([criteria[k] for k in near])
     by_zero = np.array([_is_by_zero(fit) for fit in rivals])
     if _is_by_zero(chosen):
         late = float(shares[[fit.form.dead_time for fit in rivals]].sum())
@@ -47,13 +47,6 @@ def with_other_forms(
         return replace(_noted(chosen, 1.0 - float(shares[by_zero].sum())), form_std_s=math.inf)
     delayed = np.array([fit.form.dead_time for fit in rivals])
     return replace(chosen, form_std_s=_beyond_scatter(chosen, rivals, np.where(delayed, shares, 0.0)))
-
-
-def _shares(criteria: Sequence[float]) -> Array:
-    """Of the evidence, by the criterion."""
-    weights = np.exp(-0.5 * (np.array(criteria) - min(criteria)))
-    made: Array = weights / weights.sum()
-    return made
 
 
 def _is_by_zero(fit: TransferFunctionFit) -> bool:

@@ -103,11 +103,22 @@ class Estimate:
         """By how much the values would move if the residuals, shape (n,), changed by so much; shape (k,)."""
         return -self.told.inverse @ (self.jacobian.T @ change)
 
-    def std_holding(self, k: int, held: Collection[int]) -> float:
-        """Standard uncertainty of value k if those that are held were known."""
+    def sigmas_away(self, places: Sequence[int], away: Array, held: Collection[int]) -> float:
+        """How many standard uncertainties some values together are away from others, if those that are held were known.
+
+        The root of awayᵀ·C⁻¹·away over those that the data tell, shape (places,); 0 where they tell none.
+        """
         free = [i for i in range(len(self.unknowns)) if i not in held]
-        known, at = self._told_of(free), free.index(k)
-        return float("inf") if known.is_untold[at] else float(np.sqrt(known.whole[at, at]))
+        known = self._told_of(free)
+        at = [free.index(k) for k in places]
+        seen = [i for i, k in enumerate(at) if not known.is_untold[k]]
+        if not seen:
+            return 0.0
+        if not known.variance:
+            return math.inf if np.any(away[seen]) else 0.0
+        kept = [at[i] for i in seen]
+        squared = float(away[seen] @ np.linalg.solve(known.whole[np.ix_(kept, kept)], away[seen]))
+        return math.sqrt(max(squared, 0.0))
 
     def value(self, name: str) -> float:
         """An estimated value by name."""

@@ -13,6 +13,29 @@ VERY_STRONG = 10.0  # difference of BIC from which the evidence against a model 
 _NEGLIGIBLE = 0.01
 
 
+def bic(mean_square: float, count: float, unknowns: int) -> float:
+    """Schwarz's criterion of a fit to noise of unknown variance; smaller is better.
+
+    Args:
+        mean_square: of the residuals.
+        count: independent samples that they are worth.
+        unknowns: how many numbers were fitted.
+    """
+    return count * math.log(max(mean_square, 1e-300)) + unknowns * math.log(count)
+
+
+def bic_of_known_noise(chi2: float, count: float, unknowns: float) -> float:
+    """The same where the noise is known: `chi2` is the sum of squares in units of its variance."""
+    return chi2 + unknowns * math.log(count)
+
+
+def odds(criteria: Sequence[float]) -> Array:
+    """How probable each of several models is, of which one is right, by twice its negative log evidence; shape (n,)."""
+    weights = np.exp(-0.5 * (np.array(criteria) - min(criteria)))
+    shares: Array = weights / weights.sum()
+    return shares
+
+
 def simplest_good(errors: Sequence[Array], complexity: Sequence[tuple[float, ...]]) -> int:
     """Index of the least complex model whose held-out error is as good as the best one's.
 

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
+from hil.identification.far_starts import far_starts
 from hil.identification.first_reading import start_slope, with_free_start
 from hil.identification.fit import fit_percent
 from hil.identification.free import all_values, check_free, moved, moved_effects, unknown_of
@@ -25,6 +26,7 @@ from hil.identification.structure import choose_structure
 from hil.identification.systematic import Systematic, systematic
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
+from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
@@ -35,6 +37,8 @@ _MOST_OVER_FLOOR = 2.0
 _TELLING_CHI2 = 25.0
 # Simulations after which a fit is usually half done, and the share that is done before it.
 _USUAL_SIMULATIONS, _BEFORE_FIT = 60.0, 0.1
+# A fit that explains no more than this share of the outputs' variance has begun in the wrong place.
+_LITTLE = 0.5
 # Units are taken for slower than the start says where so many times more samples are then left out.
 _LATE_SETTLING = 1.1
 
@@ -249,7 +253,20 @@ def _restarted(
         ]
         other = _fit_from(model, experiments, weights, moved, tick)
         best = min(best, other, key=lambda found: found.chi2)
-    return best
+    if _explains(best, experiments, weights) > _LITTLE:
+        return best
+    others = [
+        _fit_from(model, experiments, weights, start, tick)
+        for start in far_starts(_residuals(model, experiments, weights, first.unknowns, tick), first.unknowns)
+    ]
+    return min([best, *others], key=lambda found: found.chi2)
+
+
+def _explains(found: Estimate, experiments: Sequence[Experiment], weights: Sequence[float]) -> float:
+    """The share of the outputs' variance that a fit explains."""
+    swings = (w**2 * float(np.sum((e.told_output - e.told_output.mean()) ** 2)) for e, w in
+              zip(experiments, weights, strict=True))  # fmt: skip
+    return 1.0 - found.chi2 / max(sum(swings), 1e-300)
 
 
 def _unknowns(model: Model, names: Sequence[str], values: dict[str, float]) -> list[Unknown]:
@@ -269,11 +286,16 @@ def unknown(parameter: Parameter, start: float) -> Unknown:
 def _fit_from(
     model: Model, experiments: Sequence[Experiment], weights: Sequence[float], start: Sequence[Unknown], tick: Tick
 ) -> Estimate:
-    plant = model.definition
-    names = [u.name for u in start]
-    base, active = model.values, model.active_effects
+    return estimate(_residuals(model, experiments, weights, start, tick), start, careful=True)
 
-    of_plant = Residuals(plant, experiments, weights, base, active)
+
+def _residuals(
+    model: Model, experiments: Sequence[Experiment], weights: Sequence[float], unknowns: Sequence[Unknown], tick: Tick
+) -> Callable[[Array], Array]:
+    """Weighted residuals over the values of the unknowns."""
+    names = [u.name for u in unknowns]
+    base, active = model.values, model.active_effects
+    of_plant = Residuals(model.definition, experiments, weights, base, active)
 
     def residuals(values: Array) -> Array:
         tick()
@@ -281,7 +303,7 @@ def _fit_from(
         parameters = base | {name: value for name, value in tried.items() if "." not in name}
         return of_plant.at(parameters, moved_effects(model, tried))
 
-    return estimate(residuals, start, careful=True)
+    return residuals
 
 
 def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
@@ -324,6 +346,19 @@ def _untold(found: Estimate) -> list[str]:
     return [f"these recordings tell {', '.join(shared[:-1])} and {shared[-1]} only together"] if shared else []
 
 
+def _inner_rms(
+    plant: Plant, experiments: Sequence[Experiment], parameters: dict[str, float], effects: Sequence[ActiveEffect]
+) -> dict[str, float]:
+    """What the model leaves of each recorded inner signal, in its unit (rms)."""
+    found: dict[str, list[float]] = {}
+    for e in experiments:
+        plainly = {signal.name: 1.0 for signal in plant.observed if signal.name in e.observed}
+        errors = e.observed_errors(plant, e.respond(plant, parameters, effects), plainly)
+        for name, error in zip(plainly, errors, strict=True):
+            found.setdefault(name, []).append(float(np.sqrt(np.mean(error**2))))
+    return {name: max(rms) for name, rms in found.items()}
+
+
 def _result(
     model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], said: tuple[str, ...],
     beside: Systematic,
@@ -339,10 +374,11 @@ def _result(
     }
     effects, active = moved(model, values, stds).effects, moved_effects(model, values)
     plain = {p.name: values[p.name] for p in plant.parameters}
-    fits, errors = {}, []
+    fits, errors, left = {}, [], []
     for e in experiments:
         simulated = e.respond(plant, plain, active)[0]
         fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
+        left.append(float(np.std((e.output - simulated)[e.told])))
         floor = channel_floor(e.told_output)
         slope = start_slope(e, plant, plain, active, floor, plain=simulated)
         error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
@@ -354,6 +390,7 @@ def _result(
         _covariance(found),
         {
             "recordings": [e.name for e in experiments], "fit_percent": fits,
+            "misfit_rms": max(left), "inner_rms": _inner_rms(plant, experiments, plain, active),
             "intervals_s": sample_intervals_s(experiments),
             "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
         },

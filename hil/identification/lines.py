@@ -20,6 +20,8 @@ _NEIGHBOURHOOD = 101
 # A line of the command is this share of its strongest, and stands so far above its own neighbourhood: steps have some
 # of every frequency, and yet no line.
 _COMMANDED, _A_LINE = 1e-4, 10.0
+# A command of so few lines at most drives a unit at them and at so many of their harmonics, told to so many bins.
+_FEW_LINES, _STRONG_LINE, _HARMONICS, _SAME_BIN = 4, 0.01, 5, 1.0
 # Below it so many bins are compared, where its own width of so many ends.
 _BESIDE, _LINE_BINS = 7, 3
 
@@ -56,6 +58,23 @@ def common_line(
     return float(grid[k]) if total[k] > least_ratio * len(experiments) else None
 
 
+def is_commanded(experiments: Sequence[Experiment], frequency_hz: float) -> bool:
+    """Whether a frequency is one that every recording was driven at, or a harmonic of it."""
+    return all(_drives(e, frequency_hz) for e in experiments)
+
+
+def _drives(e: Experiment, frequency_hz: float) -> bool:
+    command = e.on_grid_input()
+    power = np.abs(np.fft.rfft((command - command.mean()) * np.hanning(len(command)))) ** 2
+    strong = np.flatnonzero((power > _STRONG_LINE * power.max()) & (prominence(power) > _A_LINE))
+    peaks = [int(k) for k in strong if power[k] == power[max(k - _LINE_BINS, 0) : k + _LINE_BINS + 1].max()]
+    if not 0 < len(peaks) <= _FEW_LINES:
+        return False
+    at = frequency_hz * len(command) * e.drive.interval_s
+    lines = [between_bins(power, k) for k in peaks]
+    return any(abs(at - harmonic * line) <= _SAME_BIN for line in lines for harmonic in range(1, _HARMONICS + 1))
+
+
 def prominence(power: Array) -> Array:
     """How far each bin of a spectrum stands above its neighbourhood, and above what is just below it in frequency.
 
@@ -66,6 +85,15 @@ def prominence(power: Array) -> Array:
     shifted = np.concatenate([np.full(_LINE_BINS, np.inf), below[:-_LINE_BINS]])
     ratio: Array = power / np.maximum(np.maximum(around, shifted), 1e-300)
     return ratio
+
+
+def between_bins(power: Array, k: int) -> float:
+    """The place of a peak between bins, by a parabola through the logarithms."""
+    if k + 1 >= len(power):
+        return float(k)
+    a, b, c = np.log(power[k - 1 : k + 2] + 1e-300)
+    bend = a - 2.0 * b + c
+    return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)
 
 
 def line_at(time_s: Array, values: Array, frequency_hz: float) -> tuple[Array, float]:

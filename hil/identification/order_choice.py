@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.identification.dead_time import with_other_forms
-from hil.identification.evidence import VERY_STRONG, simplest_good
+from hil.identification.evidence import VERY_STRONG, bic, bic_of_known_noise, simplest_good
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.held_out import held_out
 from hil.identification.linear_evidence import unmeasured
@@ -89,8 +89,8 @@ def _choose(
     unit = float(np.mean(fits[first].residuals ** 2)) * 2.0 or 1.0
     candidates = sorted(
         (
-            Candidate(fit.form, bic, fit.fit_percent, means.get(i, math.nan) / unit)
-            for i, (fit, bic) in enumerate(zip(fits, criteria, strict=True))
+            Candidate(fit.form, criterion, fit.fit_percent, means.get(i, math.nan) / unit)
+            for i, (fit, criterion) in enumerate(zip(fits, criteria, strict=True))
         ),
         key=lambda candidate: candidate.bic,
     )
@@ -106,11 +106,8 @@ def _bic(fits: list[TransferFunctionFit]) -> list[float]:
     sums = [float(fit.residuals @ fit.residuals) for fit in fits]
     if fits[0].weights == "covariance":
         spread = max(1.0, min(fit.misfit for fit in fits))
-        return [s / spread + fit.form.unknowns * math.log(count) for s, fit in zip(sums, fits, strict=True)]
-    return [
-        count * math.log(max(s, 1e-300) / count) + fit.form.unknowns * math.log(count)
-        for s, fit in zip(sums, fits, strict=True)
-    ]
+        return [bic_of_known_noise(s / spread, count, fit.form.unknowns) for s, fit in zip(sums, fits, strict=True)]
+    return [bic(s / count, count, fit.form.unknowns) for s, fit in zip(sums, fits, strict=True)]
 
 
 def _noted(fit: TransferFunctionFit) -> TransferFunctionFit:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.identification.estimate import Estimate, Unknown, estimate, side_by_side
-from hil.identification.evidence import VERY_STRONG, simplest_good
+from hil.identification.evidence import VERY_STRONG, bic, simplest_good
 from hil.identification.experiment import Experiment
 from hil.identification.first_reading import start_slope, with_free_start
 from hil.physics.plant import Parameter, Plant, Structure
@@ -103,8 +103,7 @@ def independent(residuals: Array) -> float:
 
 
 def _bic(found: Estimate, count: float) -> float:
-    mean_square = max(found.chi2 / len(found.residuals), 1e-12)
-    return count * float(np.log(mean_square)) + len(found.values) * float(np.log(count))
+    return bic(max(found.chi2 / len(found.residuals), 1e-12), count, len(found.values))
 
 
 def _judged(search: _Search, tried: list[Tried]) -> StructureChoice:

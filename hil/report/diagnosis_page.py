@@ -210,14 +210,22 @@ def _setting(value: Any) -> str:
     return ",".join(f"{v:g}" for v in value) if isinstance(value, tuple | list) else str(value)
 
 
+def _false_alarms(d: Diagnosis) -> str:
+    known = d.false_alarms
+    if known.rate is None:
+        return known.scope
+    return _("at most {percent} % of healthy units: {counted}").format(
+        percent=number(100 * known.rate, 2), counted=known.scope
+    )
+
+
 def _about(d: Diagnosis) -> list[tuple[str, str]]:
     rows: Mapping[str, str] = {
         _("Plant"): d.plant,
         _("Input → output"): f"{d.input} → {d.output}",
         _("Recordings"): ", ".join(d.recordings),
-        _("False alarms"): _("at most {percent} % of healthy units, by a count on simulated ones").format(
-            percent=number(100 * d.false_alarm_rate, 2)
-        ),
+        _("Kept back"): d.kept_back,
+        _("False alarms"): _false_alarms(d),
         _("Computed in"): f"{number(d.seconds, 3)} s",
     }
     return [(label, value) for label, value in rows.items() if value]

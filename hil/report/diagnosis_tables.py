@@ -115,7 +115,8 @@ def candidate_rows(
     marked = set(whole[:1]) or named
     return [
         {
-            "name": c.name, "stage": c.stage, "fit": decimals(c.fit_held_out), "evidence": grouped(c.evidence),
+            "name": c.name, "stage": c.stage, "unknowns": c.unknowns or "",
+            "fit": decimals(c.fit_held_out), "evidence": grouped(c.evidence),
             "behind": grouped(most - c.evidence) if c.evidence < most else _("best"),
             "share": max(0.0, min(1.0, c.evidence / most)) if most > 0.0 else 0.0,
             "probability": _probability(c.probability), "named": c.name in marked,

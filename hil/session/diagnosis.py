@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -47,6 +48,7 @@ def diagnosed(
     bench: str = "",
     budget_s: float = 0.0,
     progress: Progress = lambda _done, _text: None,
+    computing_s: float = math.inf,
 ) -> Diagnosed:
     """Diagnose, on a bench where one is named, and write down what came out where a folder is.
 
@@ -56,9 +58,9 @@ def diagnosed(
     if bench and out is None:
         raise SettingError("tests on a bench leave run folders: name a folder for them, `out`")
     if bench and out is not None:
-        found = conclude(model, experiments, read_bench(find_bench(bench)), budget_s, out, progress)
+        found = conclude(model, experiments, read_bench(find_bench(bench)), budget_s, out, progress, computing_s)
     else:
-        found = diagnose(model, experiments, progress)
+        found = diagnose(model, experiments, progress, budget_s=computing_s)
     if out is not None:
         write_diagnosis(found, out)
     return found
@@ -71,6 +73,7 @@ def conclude(
     budget_s: float,
     out: Path,
     progress: Progress = lambda _done, _text: None,
+    computing_s: float = math.inf,
 ) -> Diagnosed:
     """Diagnose, run the next test on the bench, diagnose again, until nothing is left to tell or the time is spent.
 
@@ -83,6 +86,7 @@ def conclude(
         budget_s: bench time that all tests together may take, the ways there and back included.
         out: run folders `test-1`, `test-2`, … are made in it.
         progress: told how far it is.
+        computing_s: computing time of each diagnosis after which no further search is begun.
 
     Raises:
         HardwareError: the bench failed; outputs are safe, recordings made so far are kept.
@@ -92,7 +96,7 @@ def conclude(
     beside_s = _WAYS * bench.bench.valve.settling_s  # of a test: there, back, and settling
     done: list[tuple[str, Mapping[str, Any]]] = []
     while True:
-        found = diagnose(model, known, progress, span)
+        found = diagnose(model, known, progress, span, computing_s)
         asked = found.diagnosis.next_test
         if asked is None or asked.bench_s + beside_s > left_s or (asked.procedure, asked.settings) in done:
             return found

@@ -6,11 +6,13 @@ on where a unit was diagnosed.
 
 from __future__ import annotations
 
+import math
 import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from hil.diagnosis.diagnose import Diagnosed, diagnose
@@ -25,6 +27,7 @@ NOMINAL_FILE = "nominal.json"
 _PATIENCE_S = 5
 
 Progress = Callable[[float, str], None]
+_Diagnosed = Callable[..., Diagnosed | str]
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +56,10 @@ def read_unit(folder: Path, model: Model | None, pattern: str = "*.csv*", readin
 
 
 def diagnose_units(
-    units: Sequence[Unit], scheduler: str = "", progress: Progress = lambda _done, _text: None
+    units: Sequence[Unit],
+    scheduler: str = "",
+    progress: Progress = lambda _done, _text: None,
+    budget_s: float = math.inf,
 ) -> Iterator[tuple[Unit, Diagnosed | str]]:
     """Diagnose every unit; yields them in order, with what is wrong where its recordings are no good.
 
@@ -61,31 +67,33 @@ def diagnose_units(
         units: what to diagnose.
         scheduler: address of a Dask scheduler, `tcp://host:port`; this machine's cores when empty.
         progress: told how many are done.
+        budget_s: computing time of each unit after which no further search is begun.
 
     Raises:
         InputError: no scheduler answers there.
     """
-    answers = _on_cluster(units, scheduler) if scheduler else _on_cores(units)
+    diagnosed = partial(diagnose_unit, budget_s=budget_s)
+    answers = _on_cluster(units, scheduler, diagnosed) if scheduler else _on_cores(units, diagnosed)
     for done, (unit, answer) in enumerate(zip(units, answers, strict=True), 1):
         progress(done / len(units), unit.name)
         yield unit, answer
 
 
-def diagnose_unit(unit: Unit) -> Diagnosed | str:
+def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> Diagnosed | str:
     """Diagnose one unit; what is wrong with its recordings is an answer too, so that the others go on."""
     try:
-        return diagnose(unit.model, [for_model(unit.model, each) for each in unit.recordings])
+        return diagnose(unit.model, [for_model(unit.model, each) for each in unit.recordings], budget_s=budget_s)
     except HilError as error:
         return str(error)
 
 
-def _on_cores(units: Sequence[Unit]) -> Iterator[Diagnosed | str]:
+def _on_cores(units: Sequence[Unit], diagnosed: _Diagnosed) -> Iterator[Diagnosed | str]:
     workers = min(os.cpu_count() or 1, len(units))
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(diagnose_unit, units)
+        yield from pool.map(diagnosed, units)
 
 
-def _on_cluster(units: Sequence[Unit], scheduler: str) -> Iterator[Diagnosed | str]:
+def _on_cluster(units: Sequence[Unit], scheduler: str, diagnosed: _Diagnosed) -> Iterator[Diagnosed | str]:
     try:
         import distributed
     except ModuleNotFoundError:
@@ -95,5 +103,5 @@ def _on_cluster(units: Sequence[Unit], scheduler: str) -> Iterator[Diagnosed | s
     except (OSError, TimeoutError, ValueError) as error:
         raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there: {error}") from None
     with client:
-        for future in client.map(diagnose_unit, units, pure=False):
+        for future in client.map(diagnosed, units, pure=False):
             yield future.result()

@@ -81,8 +81,10 @@ def read_for(
     than its command and its response.
 
     Raises:
-        FileError: the one and the other together, or a frequency response for a plant that is not linear.
+        FileError: the one and the other together, a frequency response for a plant that is not linear, or a parameter's
+            name where a recording should be.
     """
+    _refuse_parameters(plant, [one for one in sources if isinstance(one, str | Path)])
     read = [
         read_source(one, reading, responses=lines, part=part if lines else "")
         for one in sources
@@ -108,6 +110,16 @@ def _speaks_of_lines(source: Source, input_name: Sequence[str], output_name: str
     if not isinstance(source, str | Path) or not holds_responses(Path(source)):
         return True
     return speaks_of(Path(source), input_name, output_name)
+
+
+def _refuse_parameters(plant: str, paths: Sequence[str | Path]) -> None:
+    """A parameter behind `--free` that was read as a recording: the option takes one word."""
+    for path in paths:
+        if not Path(path).exists() and str(path) in starting_model(plant).values:
+            raise FileError(
+                f"{path}: no such recording, but a parameter of '{plant}'; parameters to free are separated by commas, "
+                f"--free a,{path}, or each has its own --free"
+            )
 
 
 def identified(

@@ -20,16 +20,6 @@ from hil.record.recording import Array
 from hil.units import check_unit
 
 INTERVAL_S = 1e-3
-# Plants whose rest the input alone does not tell: a load or an offset moves a position loop or a free carriage.
-INTEGRATING = (
-    "cascaded-tanks",
-    "electro-hydraulic-actuator",
-    "hydraforce-open-loop",
-    "hydraforce-sp08-47c",
-    "hydraulic-actuator",
-    "linear-axis",
-    "servo-axis",
-)
 # Plants so slow that milliseconds show nothing.
 SLOW = {"cascaded-tanks": 0.025, "electro-hydraulic-actuator": 0.01, "hydraforce-open-loop": 0.004}
 # Plants that never rest under current: copper that warms.
@@ -38,6 +28,15 @@ WARMING = ("efc-drive", "efc-duty")
 RESTLESS = ("coil_heating", "periodic_disturbance", "sensor_drift")
 
 PLANTS = [plant(entry.name) for entry in entries("plants")]
+
+
+def stays_where_it_is_put(definition: Plant) -> bool:
+    """Whether the input alone does not tell its rest: a load or an offset moves a position loop or a free carriage."""
+    at_rest = (0.0,) * len(definition.inputs)
+    goes_on = definition.integrates is None or definition.integrates(definition.typical)
+    return goes_on and bool(definition.initial(definition.typical, at_rest, math.nan))
+
+
 # By effect, not by plant: tests beside each other then compile different plants instead of waiting for the same one.
 SITES = sorted(
     ((found, site) for found in PLANTS for site in kernel(found.name).sites), key=lambda pair: pair[1].effect.name
@@ -45,7 +44,7 @@ SITES = sorted(
 RESTING_SITES = [
     (found, site)
     for found, site in SITES
-    if found.name not in (*INTEGRATING, *WARMING) and site.effect.name not in RESTLESS
+    if not stays_where_it_is_put(found) and found.name not in WARMING and site.effect.name not in RESTLESS
 ]
 
 
@@ -83,7 +82,7 @@ def course(definition: Plant) -> Array:
         "servo-axis": (0.0, 0.22),
         "servo-valve": (0.0, 25.0),
         "servo-valve-blocked": (0.0, 25.0),
-    }.get(definition.name, (0.0, 1.0))
+    }.get(definition.name, (0.0, definition.inputs[0].full_scale))
     further = [signal.full_scale * (0.5 + 0.4 * swing / k) for k, signal in enumerate(definition.inputs[1:], start=1)]
     return np.vstack([middle + half * swing, *further])
 

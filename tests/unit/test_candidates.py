@@ -28,7 +28,7 @@ COUNT = 10_000
 
 def explanation(name: str, chi2: float, unknowns: int = 1) -> Fitted:
     own = tuple(Unknown(f"x{k}", "1", 1.0, 0.0, 10.0, 1.0) for k in range(unknowns))
-    term = Term("effect", name, "flow", "load", own, ((1.0,) * unknowns,), null=np.inf)
+    term = Term("effect", name, "flow", "load", own, ((1.0,) * unknowns,), nulls=(np.inf,))
     return Fitted((term,), ((1.0,) * unknowns,), {}, chi2, np.zeros(0))
 
 

@@ -194,3 +194,13 @@ def test_ctrl_c_is_exit_status_130(hil, monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.setattr("hil.cli.list_.entries", stopped)
     assert hil("list", "plants")[0] == 130
+
+
+def test_a_parameter_where_a_recording_should_be_is_told(hil) -> None:
+    write_recording(Path("steps.csv"))
+    status, _, said = hil(
+        "identify", "--plant", "brevini-hpv41", "--free", "dead_time", "sensor_lag", "steps.csv", "--out", "m.json"
+    )
+    assert status == 2
+    assert "a parameter of 'brevini-hpv41'" in said
+    assert "--free a,sensor_lag" in said

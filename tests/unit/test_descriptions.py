@@ -5,6 +5,7 @@ from __future__ import annotations
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hil.diagnosis.answer import Answer
@@ -27,11 +28,28 @@ def test_the_description_that_predicts_best_is_kept(
     nominal = SimpleNamespace(terms=(), residuals="those of the nominal model")
     monkeypatch.setattr("hil.diagnosis.answer.cross_validated_fit", lambda _problem, f: f.predicted)
     monkeypatch.setattr("hil.diagnosis.answer.fit_of_all", lambda _problem, r: 61.0 if r is nominal.residuals else 99.0)
-    monkeypatch.setattr(Answer, "_held_out", lambda _self, _used: Fit(62.0, 62.0, 99.0))
+    monkeypatch.setattr(Answer, "has_drifted", False)
     answer: Any = object.__new__(Answer)
     answer.problem, answer.verdict = None, "unexplained"
     answer.choice = SimpleNamespace(chosen=described[0], descriptions=tuple(described[1:]), nominal=nominal)
     answer.named = nominal
-    kept, held_out = answer._used()
-    assert kept is (nominal if used is None else described[used])
-    assert held_out == Fit(62.0, 62.0, 99.0) if used is None else held_out.corrected == predicted[used]
+    assert answer._proposed() is (nominal if used is None else described[used])
+
+
+@pytest.mark.parametrize(("after", "verdict", "is_used"), [(70.0, "explained", True), (60.9, "unexplained", False)])
+def test_what_predicts_worse_than_the_nominal_model_is_neither_used_nor_named(
+    after: float, verdict: str, is_used: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nominal = SimpleNamespace(terms=(), residuals=np.full(3, 5.0))
+    named = SimpleNamespace(terms=("a term",), residuals=np.full(3, 2.0))
+    fits = {5.0: 61.0, 1.0: 99.0, 7.0: after}
+    monkeypatch.setattr("hil.diagnosis.answer.fit_kept_back", lambda _problem, r, _kept: fits[float(r[0])])
+    monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda _problem, _f, _kept: np.full(3, 7.0))
+    monkeypatch.setattr(Answer, "_proposed", lambda _self: named)
+    answer: Any = object.__new__(Answer)
+    answer.problem, answer.kept, answer.verdict, answer.events = None, None, "explained", ()
+    answer.choice = SimpleNamespace(nominal=nominal, baseline=nominal)
+    used, fit = answer._used()
+    assert used is (named if is_used else nominal)
+    assert answer.verdict == verdict
+    assert fit == Fit(61.0, max(after, 61.0), 99.0)

@@ -2,13 +2,25 @@
 
 from __future__ import annotations
 
+import re
+from typing import get_args
+
 import pytest
 
-from hil.diagnosis.diagnosis import ChangedParameter, Finding, Left, Quantity
+from hil.diagnosis.diagnosis import ChangedParameter, Finding, Left, Quantity, Verdict
 from hil.diagnosis.locate import Where
 from hil.diagnosis.search.terms import Term
-from hil.diagnosis.wording import headline, quantity_text, sentence, unlikely
-from hil.physics.compose import effect
+from hil.diagnosis.wording import (
+    drifted,
+    headline,
+    nothing_can_be_said,
+    quantity_text,
+    sentence,
+    told_only_together,
+    unlikely,
+)
+from hil.physics.compose import effect, effects, plant
+from hil.physics.effect import Effect
 
 
 @pytest.mark.parametrize(
@@ -43,11 +55,11 @@ def test_the_headline_says_what_stays_beside_the_noise() -> None:
     droop = Finding("supply_droop", "drooping supply", 0.9, "supply", "supply", {}, where, "", "", "")
     lag = Finding("sensor_lag", "lag of the sensor", 0.9, "sensor", "sensor", {}, where, "", "", "")
     explained = headline("explained", (droop,), (), Left(0.001, 0.05, 0.3, "l/min", None, ()))
-    assert explained.endswith("; with it the recordings are explained down to what noise allows.")
+    assert explained.endswith(". With it the recordings are explained down to what noise allows.")
     rough = headline("explained", (droop, lag), (), Left(0.022, 4.3, 0.3, "l/min", None, ()))
     assert rough == (
-        "The model leaves out drooping supply (supply) and lag of the sensor (sensor); with them 97.8 % of the misfit "
-        "is explained, 4.3 l/min (rms) of it stay beside noise of 0.3 l/min."
+        "The model leaves out drooping supply (supply) and lag of the sensor (sensor). With them 97.8 % of the misfit "
+        "is explained: 4.3 l/min (rms) stay beside noise of 0.3 l/min."
     )
     three = headline("explained", (droop, lag, droop), (), Left(0.001, 0.05, 0.3, "l/min", None, ()))
     assert "drooping supply (supply), lag of the sensor (sensor) and drooping supply (supply)" in three
@@ -58,3 +70,32 @@ def test_a_parameter_that_changed_beyond_wear_brings_a_word_about_units(after: f
     changed = ChangedParameter("spool_frequency", 33.0, 33.0 * after, 0.1, "rad/s", "natural frequency of the spool")
     word = f"spool_frequency is {after:g} times what it was: if that cannot be, look at the units of the channels"
     assert [text.startswith(word) for text in unlikely([changed])] == [True] * said
+
+
+def longest(text: str) -> int:
+    """Words of the longest sentence; a number with its interval and unit counts as what it is written as."""
+    return max(len(part.split()) for part in re.split(r"(?<=[.!?])\s", text))
+
+
+@pytest.mark.parametrize("each", effects(), ids=lambda each: each.name)
+def test_an_effect_is_told_in_sentences_that_can_be_read(each: Effect) -> None:
+    told = {p.name: Quantity(1.2345, 0.05, p.unit.format(value="l/min", motion="mm"), "") for p in each.parameters}
+    assert longest(sentence(each, Term("effect", each.name, "", "", (), ()), told)) <= 25
+
+
+@pytest.mark.parametrize("count", [1, 3])
+@pytest.mark.parametrize("verdict", get_args(Verdict))
+def test_a_verdict_is_told_in_sentences_that_can_be_read(verdict: Verdict, count: int) -> None:
+    where = Where("", (), (0.0, 1.0), "", {})
+    found = [Finding("friction", "friction with sticking", 0.9, "spool", "force", {}, where, "", "", "")] * count
+    changed = [ChangedParameter("mass", 3.0, 4.0, 0.1, "kg", "moved mass, motor and screw included")] * count
+    assert longest(headline(verdict, found, changed, Left(0.022, 4.3, 0.3, "l/min", None, ()))) <= 25
+    assert longest(nothing_can_be_said(4.0)) <= 25
+
+
+def test_warnings_are_told_in_sentences_that_can_be_read() -> None:
+    changed = ChangedParameter("speed_extend", 100.0, 700.0, 0.1, "mm/s", "extension at full opening")
+    axis = plant("linear-axis")
+    moved = drifted(axis.parameters[:2], axis.typical, {p.name: 1.01 * p.typical for p in axis.parameters})
+    for text in (*unlikely([changed]), told_only_together(changed, ["loop_gain"], 90.0), moved):
+        assert longest(text) <= 25

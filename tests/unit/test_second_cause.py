@@ -52,7 +52,7 @@ def explanation(*names: str, chi2: float) -> Fitted:
 
 
 def _term(name: str, unknown: Unknown) -> Term:
-    return Term("effect", name, "flow", "load", (unknown,), ((1.0,),), null=np.inf)
+    return Term("effect", name, "flow", "load", (unknown,), ((1.0,),), nulls=(np.inf,))
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, rows_of
 from hil.identification.experiment import Experiment
-from hil.identification.lines import common_line
+from hil.identification.lines import common_line, is_commanded
 from hil.record.recording import Array
 
 _LEAST_TONE_RATIO, _FEWEST_TONE_CYCLES = 60.0, 4
@@ -20,6 +20,8 @@ _START_DIES_S = (0.1, 0.3, 1.0)
 def tone(problem: Problem, around: Fitted) -> Events | None:
     """One frequency in all recordings, harmonics included, with a phase of its own in each; None if there is none.
 
+    What the command itself drives, and its harmonics, is the unit's answer and no disturbance.
+
     Its amplitude may grow with the output, as ripple does that enters before the orifice; where it is hardly there
     without an output it is no disturbance but a gain that swings.
     """
@@ -28,6 +30,8 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     if frequency is None:
         return None
     frequency = _sharpened(problem, around.residuals, frequency)
+    if is_commanded(problem.experiments, frequency):
+        return None
     # slower still it takes more: a drift, no line
     if frequency * _shortest_s(problem) < _FEWEST_TONE_CYCLES - 0.5:
         return None

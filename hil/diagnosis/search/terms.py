@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from hil.diagnosis.problem import Problem
 from hil.identification.estimate import Unknown
-from hil.identification.lines import prominence
+from hil.identification.lines import between_bins, prominence
 from hil.physics.compose import Site, kernel
-from hil.physics.effect import Seen
+from hil.physics.effect import EffectParameter, Seen
 from hil.physics.plant import Parameter
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
@@ -32,7 +32,8 @@ class Term:
         nominal: value of a base parameter in the nominal model.
         growth, change: the effects that a larger, or any other, value of the base parameter is known as; `change` also
             what an effect is known as under another name.
-        null: value of the first unknown at which an effect does nothing.
+        nulls: values at which an effect does nothing: of each unknown that is a size of it, infinity of a limit, NaN
+            of a shape; empty for a base parameter.
         telling: unknowns without whose shape the effect would be another one, and at which end of their range.
         rugged: whether a fit ends in one of many valleys.
         by_clock: whether it runs by the clock, whatever the command does.
@@ -47,21 +48,33 @@ class Term:
     nominal: float = 0.0
     growth: str = ""
     change: str = ""
-    null: float = 0.0
+    nulls: tuple[float, ...] = ()
     telling: tuple[tuple[str, str], ...] = ()
     rugged: bool = False
     by_clock: bool = False
 
     @property
+    def sizes(self) -> tuple[int, ...]:
+        """The places of the unknowns that say how strong it is: at their nulls it does nothing."""
+        return tuple(k for k, null in enumerate(self.nulls) if np.isfinite(null))
+
+    @property
+    def null(self) -> float:
+        """Value of its first unknown at which it does nothing."""
+        return self.nulls[0] if self.nulls else 0.0
+
+    @property
     def scales(self) -> bool:
-        """Whether its first unknown is a strength at which it does nothing, and beyond which it does ever more."""
-        return self.kind == "effect" and bool(np.isfinite(self.null))
+        """Whether it has strengths at which it does nothing, and beyond which it does ever more."""
+        return bool(self.sizes)
 
     def scaled(self, values: Sequence[float], share: float) -> tuple[float, ...]:
-        """The values with this share of their strength, as far as it may go."""
-        first = self.unknowns[0]
-        strength = self.null + share * (values[0] - self.null)
-        return (float(np.clip(strength, first.low, first.high)), *values[1:])
+        """The values with this share of every strength, as far as it may go."""
+        sized = list(values)
+        for k in self.sizes:
+            u, null = self.unknowns[k], self.nulls[k]
+            sized[k] = float(np.clip(null + share * (values[k] - null), u.low, u.high))
+        return tuple(sized)
 
     @property
     def label(self) -> str:
@@ -95,7 +108,7 @@ def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
     """
     seen = signals_seen(problem, left)
     sites = kernel(problem.plant.name).sites
-    present = {effect.key for effect in problem.model.active_effects}
+    present = {effect.key for effect in problem.model.active_effects} | problem.refuted
     effects = [_effect_term(site, seen[site.hook.name]) for site in sites if site.key not in present]
     parameters = [_parameter_term(p, problem.model.values[p.name], problem.plant.stage(p.name)) for p in problem.base]
     return tuple(parameters + [term for term in effects if term.starts])
@@ -119,7 +132,7 @@ def _parameter_term(parameter: Parameter, value: float, stage: str) -> Term:
 
 
 def _effect_term(site: Site, seen: Seen) -> Term:
-    there = site.effect.parameters_at(site.hook)
+    there = [_as_far_as_seen(p, site, seen) for p in site.effect.parameters]
     typical = {p.name: p.typical for p in there}
     starts = tuple(
         tuple(float(np.clip({**typical, **start}[p.name], p.low, p.high)) for p in there)
@@ -128,12 +141,20 @@ def _effect_term(site: Site, seen: Seen) -> Term:
     unknowns = tuple(
         Unknown(p.name, p.unit, p.typical, p.low, p.high, _size(p, starts, k)) for k, p in enumerate(there)
     )
-    null = next(iter(site.effect.null_at(site.hook).values()))
+    scale = {p.name: p.scale_at(site.hook) for p in site.effect.parameters}
+    nulls = tuple(float("nan") if p.null is None else p.null * scale[p.name] for p in site.effect.parameters)
     return Term(
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
-        change=site.effect.known_as, null=null, rugged=site.effect.rugged,
+        change=site.effect.known_as, nulls=nulls, rugged=site.effect.rugged,
         telling=tuple((p.name, p.telling) for p in site.effect.parameters if p.telling), by_clock=site.by_clock,
     )  # fmt: skip
+
+
+def _as_far_as_seen(parameter: EffectParameter, site: Site, seen: Seen) -> Parameter:
+    """A parameter whose bounds count what really passes the hook, where that is more than its full scale."""
+    there = parameter.at(site.hook)
+    wider = parameter.at(replace(site.hook, full_scale=max(site.hook.full_scale, seen.size)))
+    return replace(there, low=min(there.low, wider.low), high=max(there.high, wider.high))
 
 
 def _size(parameter: Parameter, starts: Sequence[tuple[float, ...]], k: int) -> float:
@@ -151,8 +172,11 @@ def signals_seen(problem: Problem, left: Array) -> Mapping[str, Seen]:
     found: dict[str, Seen] = {}
     for k, hook in enumerate(problem.plant.hooks):
         # What passes a force hook is a speed; effects there are sized by what drives the part.
-        source = k - 1 if hook.is_force else k
-        found[hook.name] = _seen([(t[source], dt) for t, dt in traces], tones, duration_s)
+        arrives = [t[k - 1] if hook.is_force else t[k] for t, _ in traces]
+        if hook.is_force and k == 0:
+            arrives = [e.drive.inputs[0] for e in problem.experiments]
+        rows = [(row, dt) for row, (_, dt) in zip(arrives, traces, strict=True)]
+        found[hook.name] = _seen(rows, tones, duration_s)
     return found
 
 
@@ -191,19 +215,10 @@ def _tones(problem: Problem, left: Array, most: int = 4) -> tuple[tuple[float, f
         for found, of in ((strongest, power / np.median(power)), (standing_out, above)):
             k = int(np.argmax(of[2:])) + 2
             size = 4.0 * np.abs(spectrum[k]) / len(r) * noise.std
-            at = _refined(power, k)
+            at = between_bins(power, k)
             phase = np.angle(spectrum[k]) - np.pi * (at - k) + np.pi / 2.0
             tone = (float(at / duration_s), float(size), float((phase + np.pi) % (2.0 * np.pi) - np.pi))
             found.append((float(of[k]), 1.0 / duration_s, tone))
     first = max(standing_out, key=lambda item: item[0])
     others = [item for item in sorted(strongest, key=lambda item: -item[0]) if abs(item[2][0] - first[2][0]) > item[1]]
     return tuple(tone for _, _, tone in [first, *others][:most])
-
-
-def _refined(power: Array, k: int) -> float:
-    """The place of a peak between bins, by a parabola through the logarithms."""
-    if k + 1 >= len(power):
-        return float(k)
-    a, b, c = np.log(power[k - 1 : k + 2] + 1e-300)
-    bend = a - 2.0 * b + c
-    return k + (0.5 * (a - c) / bend if bend < 0.0 else 0.0)

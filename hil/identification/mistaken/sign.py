@@ -14,13 +14,22 @@ from hil.record.recording import Array
 def reversed_sign(model: Model, e: Experiment, simulated: Array) -> Suspicion | None:
     """An output that is what the model expects but for its sign; `simulated` of `expected`."""
     before, turned = fit_percent(e.output, simulated), _turned(model, e, simulated)
-    if not (before < 0.0 and turned > POOR_FIT):
+    if not (before < 0.0 and turned > POOR_FIT) or _has_either_sign(model, e, simulated):
         return None
     sentence = (
         f"{e.name}: the output '{e.output_heading}' runs the other way: where {spoken_of(model)} rises, it falls; is "
         "its sign right, or that of the command?"
     )
     return Suspicion(e.name, sentence, turned)
+
+
+def _has_either_sign(model: Model, e: Experiment, simulated: Array) -> bool:
+    """Whether a parameter that may have either sign turns the output round: its sign is the bench's own."""
+    if model.origin:
+        return False
+    either = [p for p in model.definition.parameters if not p.fixed and p.low < 0.0 < p.high]
+    turned = (e.respond(model.definition, model.values | {p.name: -model.values[p.name]}, ())[0] for p in either)
+    return any(moves(simulated, other)[0] < 0.0 for other in turned)
 
 
 def _turned(model: Model, e: Experiment, simulated: Array) -> float:

@@ -24,7 +24,7 @@ EFFECT = Effect(
     hooks=("command", "opening", "flow"),
     parameters=(
         EffectParameter("ratio", "1", 1.0, 1.1, 0.3, 3.0, "gain of the negative side over the positive"),
-        EffectParameter("gain", "1", 1.0, 1.0, 0.3, 3.0, "gain of the positive side over what it should be"),
+        EffectParameter("gain", "1", None, 1.0, 0.3, 3.0, "gain of the positive side over what it should be"),
     ),
     transform=transform,
     starts=starts,

@@ -81,7 +81,7 @@ def _proved(real: RealSet, folder: Path) -> Outcome:
         raise FileError(f"{folder}: no recording of the set '{real.name}'")
     start = starting_model(real.plant)
     plant = start.definition
-    others = [read_recording(path) for path in files if not path.match(real.fitted)]
+    others = [read_recording(path) for path in files if not path.match(real.fitted) and not real.alone]
     others = [r for r in others if all(s.name in r.channels for s in (*plant.inputs, plant.output))]
     used = [experiment(r.rows(0, _count(r, real)), plant) for r in fitted]
     started = time.perf_counter()

@@ -19,7 +19,8 @@ START, STOP = "<!-- measured: python -m tests.proof.real --page -->", "<!-- end 
 def cells(outcome: Outcome) -> tuple[str, ...]:
     """A row of the table."""
     before, after = outcome.real.reference
-    reference = f"{before:g} → {after:g} ({outcome.real.reference_of})"
+    said = "none" if math.isnan(after) else f"{before:g} → {after:g}"
+    reference = f"{said} ({outcome.real.reference_of})"
     known = ", ".join(name.replace("_", " ") for name in outcome.real.left_out)
     if outcome.failure:
         return (outcome.real.name, known, f"failed: {outcome.failure}", "", "", "", reference, "")

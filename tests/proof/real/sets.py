@@ -19,6 +19,7 @@ class RealSet:
         reference_of: what that fit is of.
         by_hand: effects of the library for the physics of that reference, as (name, hook). Fitted here without any
             search they say what such a fit reaches on the very part that is kept back here.
+        alone: whether other files of the folder are of other units, and none is kept back.
     """
 
     name: str
@@ -30,6 +31,7 @@ class RealSet:
     reference: tuple[float, float]
     reference_of: str
     by_hand: tuple[tuple[str, str], ...]
+    alone: bool = False
 
 
 SETS = (
@@ -74,5 +76,39 @@ SETS = (
         "nap310-[37]bar.csv", 0.5,
         ("seal_friction",), (28.0, 81.0), "other pressures, the worse of two",
         (("seal_friction", "seal"),),
+    ),
+    RealSet(
+        "throttle flap", "throttle-flap", "throttle-flap", "estimation.csv", 0.6,
+        ("end_stop", "friction"), (30.0, 75.0), "another recording",
+        (("end_stop", "stop"), ("friction", "force")),
+    ),
+    *(
+        RealSet(
+            f"coupled drives, {volts} V", "coupled-drives", "coupled-drives",
+            f"amplitude-{volts.replace('.', 'p')}.csv", 0.6, ("blind_to_sign", "deadband"), reference,
+            "the last 200 samples", (("blind_to_sign", "pickup"), ("deadband", "command")), alone=True,
+        )
+        for volts, reference in (("1.0", (-6.0, 76.0)), ("1.5", (-30.0, 77.0)))
+    ),
+    RealSet(
+        "friction damper", "friction-damper", "friction-damper", "0p5hz-1in.csv", 1.0,
+        ("friction", "backlash"), (-6.0, 80.0), "the other two recordings",
+        (("band_friction", "band"), ("backlash", "opening")),
+    ),
+    RealSet(
+        "magneto-rheological damper", "mr-damper", "mr-damper", "first-2000.csv", 0.6,
+        ("hysteresis", "saturation"), (37.0, 84.0), "the rest of the recording",
+        (("yielding", "field"), ("saturation", "opening")),
+    ),
+    *(
+        RealSet(
+            f"loop {name}", "valve-loops", "flow-loop", f"{name}.csv", 1.0,
+            ("friction",) if name.startswith("stiction") else (), (float("nan"), float("nan")), "the label alone",
+            (("stem_friction", "stem"),), alone=True,
+        )
+        for name in (
+            "stiction-fic20102-1107", "stiction-fic20102-1118-1822", "stiction-lic30501-1107",
+            "no-stiction-fic10201-1018", "no-stiction-fic20502-0904", "no-stiction-lic33101-1025",
+        )
     ),
 )  # fmt: skip

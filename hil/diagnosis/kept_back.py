@@ -1,0 +1,86 @@
+"""Data that an explanation was not fitted to: other recordings, or stretches beyond the memory of the plant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hil.cores import spread
+from hil.diagnosis.evidence import Mask, held_out_fit
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.search.polish import fit
+from hil.identification.time_constant import time_constant_s
+from hil.record.recording import Array
+
+# After so many time constants a plant has forgotten nineteen twentieths of where it was.
+_FORGOTTEN = 3.0
+_REFIT_EVALUATIONS = 8
+OTHER_RECORDINGS = "other recordings than those fitted"
+OTHER_HALVES = "the half of each recording that was not fitted, but for what the plant remembers of the other"
+SECOND_HALF = "the second half, fitted on the first"
+NOTHING = "nothing: one recording, shorter than the plant's memory of itself"
+
+
+@dataclass(frozen=True, slots=True)
+class KeptBack:
+    """Which residuals are predicted by fits without them.
+
+    Attributes:
+        fold: of every residual which of two folds it is in, shape (n,): it is predicted by a fit of the other one.
+        scored: which are judged, shape (n,).
+        said: what they are.
+    """
+
+    fold: Mask
+    scored: Mask
+    said: str
+
+
+def kept_back(problem: Problem) -> KeptBack:
+    """How the recordings are dealt: by recording where there are several, else in halves beyond the plant's memory."""
+    if len(problem.experiments) > 1:
+        return KeptBack(_by_recording(problem), np.ones(len(problem.nominal_residuals), dtype=np.bool_),
+                        OTHER_RECORDINGS)  # fmt: skip
+    e = problem.experiments[0]
+    since = e.time_s - e.time_s[0]
+    second = since > 0.5 * e.duration_s
+    if problem.plant.forgets(problem.model.values):
+        memory_s = _FORGOTTEN * time_constant_s(problem.model, e)
+        scored = ~second | (since > 0.5 * e.duration_s + memory_s)
+        if not np.any(scored & second):
+            return KeptBack(_tiled(problem, second), _tiled(problem, scored | second), NOTHING)
+        return KeptBack(_tiled(problem, second), _tiled(problem, scored), OTHER_HALVES)
+    return KeptBack(_tiled(problem, second), _tiled(problem, second), SECOND_HALF)
+
+
+def predicted(problem: Problem, f: Fitted, kept: KeptBack) -> Array:
+    """Residuals of an explanation, each by a refit without its fold; as they are where nothing is kept back."""
+    if kept.said == NOTHING or f.estimate is None:
+        return f.residuals
+    folds = [k for k in (False, True) if np.any(kept.scored[kept.fold == k])]
+
+    def without(k: bool) -> Array:
+        refitted = fit(problem, f, keep=kept.fold != k, evaluations=_REFIT_EVALUATIONS)
+        return np.where(kept.fold == k, refitted.residuals, 0.0)
+
+    made: Array = np.sum(spread(without, folds), axis=0)
+    return made
+
+
+def fit_kept_back(problem: Problem, residuals: Array, kept: KeptBack) -> float:
+    """Fit % of the output over what is judged."""
+    return held_out_fit(problem, residuals, kept.scored)
+
+
+def _by_recording(problem: Problem) -> Mask:
+    """Two folds: every other recording."""
+    sizes = [sum(part.stop - part.start for part in parts) for parts in problem.channel_slices()]
+    return np.repeat(np.arange(len(sizes)) % 2 == 1, sizes)
+
+
+def _tiled(problem: Problem, values: Mask) -> Mask:
+    """The same for the output and every inner signal of the only recording."""
+    made: Mask = np.tile(values, len(problem.channel_slices()[0]))
+    return made

@@ -1,0 +1,85 @@
+"""Names that the recordings themselves refute, however well they fit."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.fitted import Fitted, output_of
+from hil.diagnosis.search.terms import Term
+from hil.identification.lines import is_commanded
+from hil.record.recording import Array
+from hil.signals.runs import runs
+
+# A part that is pushed against its stop stays there: most of the time at it passes in stretches of so many samples. A
+# model that has drifted there is held for a sample or two, whenever its noisy inputs would take it further.
+_STAYS, _MOST = 10, 0.5
+# While a model rests at a stop, the recording rests too: it goes no more than this share of the way that the model
+# would have gone without the stop.
+_AT_REST = 0.5
+
+Key = tuple[str, str]
+
+
+def refuted(problem: Problem, f: Fitted) -> frozenset[Key]:
+    """The terms, by name and hook, of an explanation that cannot be what they say."""
+    tests: Mapping[str, Callable[[Problem, Fitted, int], bool]] = {
+        "end_stop": _never_reached,
+        "periodic_disturbance": _commanded,
+    }
+    return frozenset(
+        (term.name, term.hook)
+        for k, term in enumerate(f.terms)
+        if term.name in tests and tests[term.name](problem, f, k)
+    )
+
+
+def _commanded(problem: Problem, f: Fitted, k: int) -> bool:
+    """Whether a disturbance has the command's own frequency or one of its harmonics: it is the unit's answer."""
+    frequency_hz = _values(f.terms[k], f.values[k]).get("frequency")
+    return frequency_hz is not None and is_commanded(problem.experiments, frequency_hz)
+
+
+def _never_reached(problem: Problem, f: Fitted, k: int) -> bool:
+    """Whether the recordings go on where the model is held by a stop, or the model has only drifted there.
+
+    Only a stop in the output's own unit can be compared with it.
+    """
+    term = f.terms[k]
+    if problem.plant.hook(term.hook).unit != problem.plant.output.unit:
+        return False
+    place = [hook.name for hook in problem.plant.hooks].index(term.hook)
+    stops = _values(term, f.values[k])
+    without = _without(f, k)
+    recorded = free = 0.0
+    long, all_of_it = 0, 0
+    traces = problem.traces(f.parameters, [*problem.model.active_effects, *f.effects])
+    for e, rows, noise in zip(problem.experiments, traces, problem.noises, strict=True):
+        arrives = e.at_stamps(rows)[place]
+        held = (arrives > stops["upper"]) | (arrives < stops["lower"])
+        goes_on = output_of(problem, without, e)
+        for start, stop in runs(held):
+            long, all_of_it = long + (stop - start) * (stop - start >= _STAYS), all_of_it + stop - start
+            recorded += max(_way(e.output[start:stop]) - _noise_way(noise.std, stop - start), 0.0)
+            free += _way(goes_on[start:stop])
+    return recorded > _AT_REST * free or long < _MOST * all_of_it
+
+
+def _without(f: Fitted, k: int) -> Fitted:
+    return f.only([i for i in range(len(f.terms)) if i != k])
+
+
+def _way(values: Array) -> float:
+    """How far values go from where they begin, at most."""
+    return float(np.abs(values - values[0]).max())
+
+
+def _noise_way(std: float, count: int) -> float:
+    """How far noise alone makes so many samples go."""
+    return std * (1.0 + float(np.sqrt(2.0 * np.log(max(count, 1)))))
+
+
+def _values(term: Term, values: Sequence[float]) -> dict[str, float]:
+    return {u.name: v for u, v in zip(term.unknowns, values, strict=True)}

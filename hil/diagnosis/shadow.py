@@ -1,0 +1,80 @@
+"""The criterion of `hil.diagnosis.verdict` beside today's decision, from the fits that its search has made."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from hil.diagnosis.events.event import Events
+from hil.diagnosis.happened import Happened
+from hil.diagnosis.locate import StageShare
+from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.verdict import Hypothesis, Kind, Question, Weighed, anything, marginal, question, verdict_of, weighed
+
+_LISTED = 12
+_UNKNOWN: frozenset[Kind] = frozenset({"unknown"})
+# Unknowns of an event: where it begins and how long it lasts; of a tone its frequency, and in each recording two waves
+# of three harmonics, two that grow, and what dies out.
+_OF_A_SPELL, _OF_A_TONE = 2, 11
+
+
+def shadow(found: Happened, nominal_stages: Sequence[StageShare], left_stages: Sequence[StageShare]) -> dict[str, Any]:
+    """The verdict by one score, as `diagnosis.json` holds it.
+
+    `nominal_stages`, `left_stages`: what a free curve at each stage explains beside the nominal and the chosen model.
+    """
+    choice, problem = found.choice, found.problem
+    fits = [choice.chosen, *choice.candidates, *choice.descriptions]
+    least = min(f.chi2 for f in (choice.baseline, *fits))
+    causes = len({t.told for t in choice.terms if t.kind == "effect"})
+    asked = question(problem.size, choice.baseline.chi2, least, causes)
+    ranked = weighed(asked, [
+        Hypothesis(frozenset({"nothing"}), (), choice.baseline.chi2, 0, 0),
+        anything(asked),
+        *(_law(f) for f in fits if f.terms),
+        *(_events(e, len(problem.experiments)) for e in (choice.events, choice.part) if e is not None),
+        *_curves(asked, choice.baseline, nominal_stages),
+        *(_curves(asked, choice.chosen, left_stages) if choice.chosen.terms else ()),
+    ])  # fmt: skip
+    return {**as_dict(ranked), "noise_chi2": round(asked.count, 1), "nominal_chi2": round(asked.nominal_chi2, 1),
+            "causes": asked.terms}  # fmt: skip
+
+
+def as_dict(ranked: Sequence[Weighed]) -> dict[str, Any]:
+    """The verdict, names with their marginal probabilities, and the table that it comes from."""
+    best = ranked[0].hypothesis
+    names = [] if verdict_of(best) == "parameter_change" else list(best.names)
+    return {
+        "verdict": verdict_of(best),
+        "names": names,
+        "probabilities": [round(marginal(ranked, name), 4) for name in names],
+        "hypotheses": [
+            {
+                "name": w.hypothesis.label, "unknowns": w.hypothesis.unknowns, "chi2": round(w.hypothesis.chi2, 1),
+                "causes": w.hypothesis.causes, "evidence": round(w.score, 2), "probability": round(w.probability, 4),
+            }
+            for w in ranked[:_LISTED]
+        ],
+    }  # fmt: skip
+
+
+def _law(f: Fitted) -> Hypothesis:
+    kinds: frozenset[Kind] = frozenset({"effects"} if f.names else {"parameters"})
+    names = [t.effect_name(v) or t.name for t, v in zip(f.terms, f.values, strict=True)]
+    added = sum(term.kind == "effect" for term in f.terms)
+    return Hypothesis(kinds, tuple(dict.fromkeys(names)), f.chi2, f.unknowns, added)
+
+
+def _events(events: Events, recordings: int) -> Hypothesis:
+    unknowns = _OF_A_SPELL * len(events.spells) if events.spells else 1 + _OF_A_TONE * recordings
+    return Hypothesis(frozenset({"events"}), (events.name,), events.chi2, unknowns, 1)
+
+
+def _curves(asked: Question, beside: Fitted, stages: Sequence[StageShare]) -> Iterable[Hypothesis]:
+    """Something unknown at the stage where a free curve takes most of what a model leaves."""
+    law = _law(beside) if beside.terms else None
+    for stage in stages[:1]:
+        left = beside.chi2 - stage.share * max(beside.chi2 - asked.count, 0.0)
+        knots = len(stage.rising) + len(stage.falling)
+        kinds: frozenset[Kind] = _UNKNOWN | (law.kinds if law else frozenset())
+        yield Hypothesis(kinds, law.names if law else (), left, knots + beside.unknowns, law.causes if law else 0)

@@ -1,0 +1,58 @@
+"""Coupled drives: two motors turn a belt over a pulley on a spring; a counter of pulses measures the pulley's speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from hil.physics.linear import held_first_order, second_order
+from hil.physics.plant import Hook, Parameter, Plant, Signal
+
+
+def equations(voltage: Any, x: Any, c: Any, hook: Any) -> Any:
+    """One sub-step: drive voltage → belt speed → pulley on its spring → counter."""
+    voltage = hook.command(voltage)
+    before = x.belt
+    x.belt = c.keep * x.belt + (1.0 - c.keep) * c.gain * voltage
+    place = c.xx * x.pulley + c.xv * x.rate + c.x0 * before + c.x1 * x.belt
+    x.rate = c.vx * x.pulley + c.vv * x.rate + c.v0 * before + c.v1 * x.belt
+    x.pulley = place
+    counted = hook.pickup(x.pulley)
+    reading = hook.sensor(counted)
+    return reading  # noqa: RET504  (a hook's value needs a name)
+
+
+def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
+    """Coefficients of one sub-step."""
+    xx, xv, x0, x1, vx, vv, v0, v1 = second_order(p["spring_frequency"], p["spring_damping"], step_s)
+    return {
+        "gain": p["gain"],
+        "keep": held_first_order(p["motor_lag"], step_s),
+        "xx": xx, "xv": xv, "x0": x0, "x1": x1, "vx": vx, "vv": vv, "v0": v0, "v1": v1,
+    }  # fmt: skip
+
+
+PLANT = Plant(
+    name="coupled-drives",
+    title="coupled drives with a pulley on a spring",
+    inputs=(Signal("drive voltage", "V", 1.5),),
+    output=Signal("pulley speed", "V", 6.0),
+    observed=(),
+    parameters=(
+        Parameter("gain", "1", 4.0, 0.05, 100.0, "speed per voltage", hook="command"),
+        Parameter("motor_lag", "s", 0.4, 0.01, 10.0, "time constant of motors and belt", hook="command"),
+        Parameter("spring_frequency", "rad/s", 10.0, 0.5, 100.0, "natural frequency of the pulley", hook="pickup"),
+        Parameter("spring_damping", "1", 0.1, 0.005, 5.0, "damping ratio of the pulley", hook="pickup"),
+    ),
+    hooks=(
+        Hook("command", "motors", "V", 1.5, slower=4.0),
+        Hook("pickup", "pulse counter", "V", 6.0, slower=4.0),
+        Hook("sensor", "sensor", "V", 6.0, slower=4.0),
+    ),
+    states={"belt": 1, "pulley": 1, "rate": 1},
+    lines_s={},
+    equations=equations,
+    coefficients=coefficients,
+    sub_step_s=0.005,
+    source="Wigren, Schoukens: Coupled Electric Drives Data Set and Reference Models, Uppsala University, 2017",
+)

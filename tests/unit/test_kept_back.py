@@ -1,0 +1,96 @@
+"""What is kept back, what is not excluded, and where a false-alarm rate holds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from hil.diagnosis import kept_back as rooms
+from hil.diagnosis.coverage import limits
+from hil.diagnosis.false_alarms import false_alarms
+from hil.diagnosis.kept_back import kept_back, predicted
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.search.around import around
+from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
+from hil.diagnosis.search.polish import roughly
+from hil.diagnosis.search.terms import all_terms
+from hil.identification.experiment import experiment
+from hil.physics.compose import plant
+from hil.physics.model import typical_model
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import recording
+
+
+def problem(
+    name: str, seconds: Sequence[float], *concealed: ActiveEffect, interval_s: float = 0.02, hz: float = 0.3
+) -> Problem:
+    definition = plant(name)
+    made = []
+    for k, duration_s in enumerate(seconds):
+        time_s = np.arange(0.0, duration_s, interval_s)
+        command = 0.4 * definition.inputs[0].full_scale * np.sin(2.0 * np.pi * hz * (1.0 + 0.3 * k) * time_s)
+        output = simulate(definition, definition.typical, Drive(command[None, :], math.nan, interval_s), concealed)[0]
+        output = output + 1e-3 * definition.output.full_scale * np.random.default_rng(k).standard_normal(len(output))
+        channels = {definition.inputs[0].heading: command, definition.output.heading: output}
+        made.append(experiment(recording(f"r{k}", time_s, channels), definition))
+    return pose(typical_model(name), made)
+
+
+@pytest.mark.parametrize(
+    ("name", "seconds", "interval_s", "said"),
+    [
+        ("throttle-flap", (8.0, 9.0), 0.02, rooms.OTHER_RECORDINGS),
+        ("throttle-flap", (8.0,), 0.02, rooms.OTHER_HALVES),
+        ("linear-axis", (8.0,), 0.02, rooms.SECOND_HALF),
+        ("flow-loop", (50.0,), 1.0, rooms.NOTHING),
+    ],
+)
+def test_what_is_kept_back(name: str, seconds: tuple[float, ...], interval_s: float, said: str) -> None:
+    asked = problem(name, seconds, interval_s=interval_s)
+    kept = kept_back(asked)
+    assert kept.said == said
+    assert len(kept.fold) == len(kept.scored) == len(asked.nominal_residuals)
+
+
+def test_what_the_plant_remembers_of_the_other_half_is_not_judged() -> None:
+    asked = problem("throttle-flap", (8.0,))
+    kept = kept_back(asked)
+    unjudged = np.flatnonzero(~kept.scored)
+    middle = np.searchsorted(asked.experiments[0].time_s, 4.0)
+    assert middle <= unjudged[0] <= middle + 1
+    assert 3 <= len(unjudged) < 100
+
+
+def test_a_prediction_is_of_a_fit_without_what_it_predicts() -> None:
+    """A constant that the second recording alone has is not foretold."""
+    asked = problem("throttle-flap", (8.0, 8.0))
+    shifted = asked.experiments[1].output + 0.5
+    object.__setattr__(asked.experiments[1], "output", shifted)
+    term = next(t for t in all_terms(asked, nothing(asked).residuals) if t.name == "sensor_offset")
+    start = Fitted((term,), (term.starts[0],), asked.model.values, 0.0, asked.nominal_residuals)
+    fitted = roughly(asked, start)
+    told = predicted(asked, fitted, kept_back(asked))
+    assert told @ told > 1.5 * fitted.residuals @ fitted.residuals
+
+
+def test_no_cause_is_excluded_that_would_do_as_well() -> None:
+    friction = ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.2, "stribeck": 5.0, "presliding": 0.05})
+    asked = problem("throttle-flap", (10.0,), friction)
+    terms = all_terms(asked, asked.nominal_residuals)
+    term = next(t for t in terms if t.name == "friction")
+    twin = evaluated(asked, Fitted((term,), ((7.0, 1.2, 5.0, 0.05),), asked.model.values, 0.0, asked.nominal_residuals))
+    place = around(asked, nothing(asked))
+    alone = {limit.effect: limit for limit in limits(place, [term])}
+    beside = {limit.effect: limit for limit in limits(place, [term], [twin])}
+    assert alone["friction"].upper < 7.0
+    assert beside["friction"].upper == 7.0
+
+
+def test_a_rate_of_false_alarms_is_that_of_a_plant_that_was_counted() -> None:
+    known, unknown = false_alarms("cummins-efc"), false_alarms("throttle-flap")
+    assert known.rate is not None and 0.05 < known.rate < 0.07  # 0 of 57
+    assert "cummins-efc" in known.scope
+    assert unknown.rate is None and "not counted" in unknown.scope

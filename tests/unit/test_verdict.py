@@ -1,0 +1,124 @@
+"""What the one score promises: of nested models, of noise, of names, and of severity."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.diagnosis.verdict import (
+    NOISE_KNOWN,
+    UNKNOWN_LEAVES,
+    Hypothesis,
+    Kind,
+    Question,
+    anything,
+    marginal,
+    question,
+    score,
+    verdict_of,
+    weighed,
+)
+
+COUNT = 20_000
+
+
+def asked(beyond: float) -> Question:
+    """A misfit of so many times the noise's variance."""
+    return Question(COUNT, COUNT * (1.0 + beyond), 25)
+
+
+def law(*names: str, leaves: float, of: float, unknowns: int = 2, kind: Kind = "effects") -> Hypothesis:
+    """An explanation that leaves this share of a misfit."""
+    causes = len(names) if kind == "effects" else 0
+    return Hypothesis(frozenset({kind}), names, COUNT * (1.0 + leaves * of), unknowns, causes)
+
+
+def nothing(of: float) -> Hypothesis:
+    return Hypothesis(frozenset({"nothing"}), (), COUNT * (1.0 + of), 0, 0)
+
+
+def told(beyond: float, *hypotheses: Hypothesis) -> str:
+    posed = asked(beyond)
+    return verdict_of(weighed(posed, [nothing(beyond), anything(posed), *hypotheses])[0].hypothesis)
+
+
+@pytest.mark.parametrize("beyond", [0.1, 1.0, 30.0, 3000.0])
+def test_a_law_that_leaves_noise_is_the_explanation(beyond: float) -> None:
+    assert told(beyond, law("friction", leaves=0.0, of=beyond)) == "explained"
+
+
+def test_without_a_misfit_nothing_is_there() -> None:
+    assert told(0.0, law("friction", leaves=0.0, of=0.0)) == "consistent"
+
+
+@pytest.mark.parametrize("beyond", [3.0, 300.0])
+def test_a_law_that_leaves_a_third_is_something_unknown(beyond: float) -> None:
+    assert told(beyond, law("friction", leaves=1 / 3, of=beyond)) == "unexplained"
+
+
+def test_a_parameter_that_changed_is_preferred_to_a_law_that_says_no_more() -> None:
+    changed = law("gain", leaves=0.0, of=5.0, unknowns=1, kind="parameters")
+    assert told(5.0, changed, law("asymmetry", leaves=0.0, of=5.0)) == "parameter_change"
+
+
+def test_of_nested_models_the_smaller_one_is_kept_unless_the_other_tells_more() -> None:
+    posed = asked(10.0)
+    one = law("friction", leaves=1e-3, of=10.0)
+    no_better = law("friction", "backlash", leaves=0.9e-3, of=10.0, unknowns=3)
+    much_better = law("friction", "backlash", leaves=0.0, of=10.0, unknowns=3)
+    far = replace(one, chi2=COUNT * 1.2)
+    assert score(posed, one) < score(posed, no_better)
+    assert score(posed, much_better) < score(posed, far)
+
+
+def test_what_samples_repeat_says_no_more_than_they_do() -> None:
+    """Twice as fast a recording of the same misfit of laws does not make a second cause."""
+    one, two = (law(*names, leaves=0.01, of=100.0, unknowns=k) for names, k in ((("a",), 2), (("a", "b"), 4)))
+    differences = []
+    for faster in (1, 8):
+        posed = Question(COUNT * faster, COUNT * faster * 101.0, 25)
+        scaled = [replace(h, chi2=h.chi2 * faster) for h in (one, replace(two, chi2=two.chi2 - 0.001 * COUNT * 100.0))]
+        differences.append(score(posed, scaled[1]) - score(posed, scaled[0]))
+    assert differences[0] == pytest.approx(differences[1], abs=2.0)
+    assert min(differences) > 0.0
+
+
+def test_names_are_only_names() -> None:
+    posed = asked(4.0)
+    assert score(posed, law("friction", leaves=0.02, of=4.0)) == score(posed, law("leakage", leaves=0.02, of=4.0))
+    first, second = weighed(posed, [law(name, leaves=0.01, of=4.0) for name in ("friction", "backlash")])
+    assert first.probability == pytest.approx(second.probability) == pytest.approx(0.5)
+
+
+def test_more_of_an_effect_is_no_less_probable() -> None:
+    said = []
+    for beyond in (0.0005, 0.01, 0.05, 0.3, 2.0, 20.0):
+        posed = asked(beyond)
+        ranked = weighed(posed, [nothing(beyond), anything(posed), law("friction", leaves=0.0, of=beyond)])
+        said.append(marginal(ranked, "friction"))
+    assert np.all(np.diff(said) >= -1e-9)
+    assert said[0] < 0.5 < said[-1]
+
+
+def test_every_member_of_a_set_has_its_own_probability() -> None:
+    posed = asked(50.0)
+    first = law("friction", leaves=0.012, of=50.0)
+    both = law("friction", "leakage", leaves=0.0095, of=50.0, unknowns=3)
+    ranked = weighed(posed, [nothing(50.0), anything(posed), first, both])
+    assert marginal(ranked, "leakage") < marginal(ranked, "friction")
+    assert sum(w.probability for w in ranked) == pytest.approx(1.0)
+
+
+def test_noise_is_what_the_best_explanation_leaves_if_that_is_little_more() -> None:
+    assert question(COUNT, 2.0 * COUNT, 1.03 * COUNT, 25).count == pytest.approx(1.03 * COUNT)
+    assert question(COUNT, 2.0 * COUNT, 1.5 * COUNT, 25).count == pytest.approx((1.0 + NOISE_KNOWN) * COUNT)
+    assert question(COUNT, 2.0 * COUNT, 0.9 * COUNT, 25).count == COUNT
+
+
+@pytest.mark.parametrize("times", [0.5, 2.0])
+def test_a_law_gives_way_to_something_unknown_where_it_leaves_more_than_that_would(times: float) -> None:
+    beyond = 1e6
+    said = told(beyond, law("friction", leaves=times * UNKNOWN_LEAVES, of=beyond))
+    assert said == ("explained" if times < 1.0 else "unexplained")
