@@ -19,6 +19,7 @@ from hil.report.number import limits_text, number, unit_text, with_uncertainty
 from hil.version import __version__
 
 COOKIE = "hil_language"
+_FOR_A_STOP = ("run", "state", "outcome", "listener", "stop_url", "token")
 PAGES = (
     ("bench", marked("Bench")), ("run", marked("Run")), ("results", marked("Results")),
     ("diagnose", marked("Diagnose")), ("devices", marked("Devices")),
@@ -38,9 +39,10 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     with speaking(language):
         text = _templates().get_template(template).render(
             **values, language=spoken(), languages=languages(), version=__version__, pages=PAGES, request=request,
-            place=request.url.path.split("/")[1] or "bench", controls=controls_of(Console.of(request)),
+            place=request.url.path.split("/")[1] or "bench", controls=controls_of(request),
             words={text: _(text) for text in SAID_BY_SCRIPTS} if language != ENGLISH else {},
             account=request.scope.get("hil.account"),
+            logged_in=bool(getattr(request.scope.get("hil.session"), "name", "")),
         )  # fmt: skip
     response = HTMLResponse(text, status)
     if request.query_params.get("lang") in languages():
@@ -48,9 +50,12 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     return response
 
 
-def controls_of(console: Console) -> list[Mapping[str, Any]]:
-    """Every run under way that this console shows, and where each is stopped."""
-    return [run.told for run in console.underway.look()]
+def controls_of(request: Request) -> list[Mapping[str, Any]]:
+    """Every run under way that this console shows, and where each is stopped; to who has no role, nothing else."""
+    runs = [run.told for run in Console.of(request).underway.look()]
+    if request.scope.get("hil.role"):
+        return runs
+    return [{key: run[key] for key in _FOR_A_STOP if key in run} for run in runs]
 
 
 def refusal(request: Request, error: HilError) -> Response:

@@ -165,7 +165,8 @@ class Underway:
         fresh = time.time_ns() - changed_ns < 2_000_000_000  # the clock of a file system may stand that long
         with os.scandir(self.runs) as entries:
             for entry in entries:
-                if entry.name not in self._known and entry.is_dir(follow_symlinks=False):
+                new = entry.name not in self._known and not entry.name.startswith(".")  # one that is being made
+                if new and entry.is_dir(follow_symlinks=False):
                     self._take(entry.name)
         self._seen_ns = -1 if fresh else changed_ns
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import io
 import json
+import os
 import stat
 import sys
 from collections.abc import Iterator, Mapping
@@ -385,3 +386,26 @@ def test_user_add_asks_for_the_password_and_console_refuses_others(
     assert status("user", "list") == 0 and "otto  operator" in capsys.readouterr().out
     assert status("--host", "0.0.0.0") == 2 and "--cert FILE --key FILE" in capsys.readouterr().err
     assert status("user", "remove", "otto") == 0 and not Accounts().all()
+
+
+def test_nobody_is_told_where_to_stop_and_nothing_else(accounts: Accounts, tmp_path: Path) -> None:
+    from hil.archive.place import archive_place
+    from hil.console.app import application
+    from hil.console.site import Site
+    from hil.record.folder import RunWriter
+
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    about = {"valve": {"serial": "SN 4711"}, "operator": "otto", "procedure": "jog", "bench": "b"}
+    with_run = RunWriter.create(runs / "jog-1", about, [("command", "%")])
+    told = {"schema": "hil.control/1", "pid": os.getpid(), "listener": "run", "stop_url": "http://127.0.0.1:1/stop"}
+    (runs / "jog-1" / "control.json").write_text(json.dumps({**told, "token": "t", "hold_token": "never shown"}))
+    site = Site(archive_place(str(runs)), runs, tmp_path, tmp_path / "state")
+    app = application(site, Where("127.0.0.1", 8123), accounts, Audit())
+    nobody, otto = Browser(app), Browser(app).logged_in("otto")
+    (seen,) = json.loads(nobody.ask("/controls")[1])["runs"]
+    assert (seen["run"], seen["token"], seen["stop_url"]) == ("jog-1", "t", "http://127.0.0.1:1/stop")
+    texts = [browser.ask(path)[1] for browser in (nobody, otto) for path in ("/controls", "/login", "/bench")]
+    assert not any("never shown" in text for text in texts)
+    assert not any("4711" in text for text in texts[:3]) and "4711" in texts[3]
+    with_run.close("completed")

@@ -48,7 +48,7 @@ async def stream(request: Request) -> Response:
 
 def controls(request: Request) -> Response:
     """Every run under way, and where each is stopped."""
-    return JSONResponse({"runs": controls_of(Console.of(request))})
+    return JSONResponse({"runs": controls_of(request)})
 
 
 async def hold(request: Request) -> Response:
