@@ -52,7 +52,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
 
 def controls_of(request: Request) -> list[Mapping[str, Any]]:
     """Every run under way that this console shows, and where each is stopped; to who has no role, nothing else."""
-    runs = [run.told for run in Console.of(request).underway.look()]
+    runs: list[Mapping[str, Any]] = [run.told for run in Console.of(request).underway.look()]
     if request.scope.get("hil.role"):
         return runs
     return [{key: run[key] for key in _FOR_A_STOP if key in run} for run in runs]
