@@ -34,6 +34,27 @@ BENCHES: dict[str, tuple[str, tuple[tuple[str, str], ...]]] = {
     "canopen_valve": ("hpv41-canopen", ()),
     "j1939_valve": ("hpv41-j1939", ()),
     "pwm_amplifier": ("cummins-efc-modbus", ()),
+    "text": (
+        "hpv41-serial",
+        (
+            (('[devices.module]\ndriver = "ascii_module"\nmodel = "adam-4024"\naddress = "socket://127.0.0.1:14001"\n'
+             "watchdog_s = 1.0\n\n"),
+             '[devices.module]\ndriver = "text"\nmodel = "tti-ql355"\naddress = "/tmp/supply"\n\n'),
+            ('device = "module"\nterminal = "ao0"', 'device = "module"\nterminal = "voltage"'),
+            ("low = -100.0", "low = 0.0"),
+        ),
+    ),
+    "can": ("hpv41-j1939", (('driver = "j1939_valve"', 'driver = "can"\nmodel = "isobus-valve"'), ("valve = 1\n", ""))),
+    "canopen": (
+        "hpv41-canopen",
+        (
+            ('driver = "canopen_valve"', 'driver = "canopen"\nmodel = "io-401"'),
+            ('unit = "%"\nsafe = 0.0', 'unit = "%"\ncalibration = { slope = 10.0 }\nsafe = 0.0'),
+            ('unit = "%"\nsource = "spool', 'unit = "%"\ncalibration = { slope = 12.5 }\nsource = "spool'),
+            ('"set point"', '"ao1"'),
+            ('"actual value"', '"ai1"'),
+        ),
+    ),
 }  # fmt: skip
 
 

@@ -182,7 +182,7 @@ class Echo:
 
 def test_sine_that_a_stalling_host_squeezes_is_listened_to_all_the_same() -> None:
     rig: Any = Echo()
-    course: Any = SimpleNamespace(rate_hz=RATE_HZ, heard=lambda _piece, _text: None)
+    course: Any = SimpleNamespace(rate_hz=RATE_HZ, heard=lambda _piece, _text: None, say=lambda _text: None)
     patience = Patience(settling_s=0.4, periods=2, seconds=2.0, tolerance=0.005, longest_wait_s=2.0)
     heard = listen(rig, course, Tone(1.0, 10.0, 50.0), patience, 0.0, "")
     assert rig.marked == [200]

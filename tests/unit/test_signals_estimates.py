@@ -53,7 +53,9 @@ def test_the_step_of_a_converter_is_seen_and_what_it_hides() -> None:
     assert mean_rounding_std(0.0, 1.0) == pytest.approx(12.0**-0.5, rel=0.05)
     levels = RNG.random(400)
     off = [np.mean(np.rint(level + 0.3 * RNG.normal(size=4000))) - level for level in levels]
-    assert np.std(off) == pytest.approx(mean_rounding_std(np.hypot(0.3, 12.0**-0.5), 1.0), rel=0.3)
+    # readings that reach two codes alone do not tell how much noise was there: the bound is that of none
+    assert np.std(off) < mean_rounding_std(np.hypot(0.3, 12.0**-0.5), 1.0) == mean_rounding_std(0.0, 1.0)
+    assert mean_rounding_std(np.hypot(0.5, 12.0**-0.5), 1.0) < 0.01
 
 
 def test_harmonics_of_a_slow_sine_are_no_noise() -> None:
