@@ -153,7 +153,7 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     place = sign * (points.command - neutral)
     share = (points.response - zero) / (end - zero)
     foot = (place > 0.0) & (share < _FOOT_TO)
-    if foot.sum() < 4:
+    if foot.sum() < 5:
         raise InputError("flow curve: too few levels carry flow on one side of centre")
     opening, part = place[foot], share[foot]
     weight = 1.0 / np.maximum(estimate.std[foot] / abs(end - zero), 1e-6)
@@ -161,21 +161,22 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
 
     def residuals(p: Array) -> Array:
         over = np.maximum((opening - p[0]) / (top - p[0]), 0.0)
-        made: Array = (p[3] + p[2] * over ** p[1] - part) * weight
+        made: Array = (p[3] + p[4] * opening / top + p[2] * over ** p[1] - part) * weight
         return made
 
-    bounds = ([0.0, 0.3, 0.0, -0.5], [0.98 * top, 5.0, 2.0, 0.5])
+    # leakage beside a dead band makes its foot lean
+    bounds = ([0.0, 0.3, 0.0, -0.5, -0.5], [0.98 * top, 5.0, 2.0, 0.5, 0.5])
     flowing = np.sort(opening[part > 0.02])
     start = float(flowing[0]) if len(flowing) else 0.0
     found = least_squares(
-        residuals, [min(0.9 * start, 0.9 * top), 1.2, float(part.max()), 0.0],
-        bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0],
+        residuals, [min(0.9 * start, 0.9 * top), 1.2, float(part.max()), 0.0, 0.0],
+        bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0],
     )  # fmt: skip
     # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
-    scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 3, 1)))
+    scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 4, 1)))
     law, rng = residuals(found.x) / weight + part, np.random.default_rng(0)
     edges = []
     for _ in range(_EDGE_DRAWS):
         part = law + scale * rng.normal(size=len(law)) / weight
-        edges.append(least_squares(residuals, found.x, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0]).x[0])
+        edges.append(least_squares(residuals, found.x, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0]).x[0])
     return neutral + sign * float(found.x[0]), about(np.array(edges), float(found.x[0]))

@@ -46,6 +46,7 @@ class Estimate:
         values: shape (k,).
         residuals: weighted, shape (n,).
         converged: whether the optimiser met its tolerance. `sentence`: what it said.
+        given_up: places of values that are not told whatever their slopes say.
         slopes_at_values: computes the `slopes`; most fits of a search are only compared, and none asks for them.
     """
 
@@ -55,6 +56,7 @@ class Estimate:
     converged: bool
     sentence: str
     slopes_at_values: Callable[[], Slopes]
+    given_up: tuple[int, ...] = ()
 
     @cached_property
     def slopes(self) -> Slopes:
@@ -76,7 +78,8 @@ class Estimate:
         dof = max(len(self.residuals) - len(places), 1)
         variance = self.chi2 / dof * colour_factor(self.residuals)
         widths = np.array([self.unknowns[k].high - self.unknowns[k].low for k in places])
-        return told(self.slopes.of(places), variance, widths)
+        given_up = [i for i, k in enumerate(places) if k in self.given_up]
+        return told(self.slopes.of(places), variance, widths, given_up)
 
     @property
     def covariance(self) -> Array:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -11,6 +11,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.identification.elsewhere import elsewhere
 from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
 from hil.identification.far_starts import far_starts
@@ -146,6 +147,15 @@ def _none_told(found: GreyBoxFit) -> GreyBoxFit:
     return replace(found, model=replace(found.model, parameters=parameters))
 
 
+def _driven_out(found: Estimate) -> tuple[int, ...]:
+    """Places of values that ended on a bound which is no natural end: the fit would have gone on beyond it."""
+    return tuple(
+        k
+        for k, (u, value) in enumerate(zip(found.unknowns, found.values.tolist(), strict=True))
+        if u.at_bound(value) and abs(value) > 1e-3 * u.scale
+    )
+
+
 def _ticking(progress: Progress) -> Tick:
     """What tells of every simulation that there was another one."""
     counted, one_at_a_time = count(1), Lock()
@@ -169,9 +179,16 @@ def _fitted(
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     names += [name for name in dict.fromkeys(also_free) if "." in name]
     found, used = _best_reading(model, names, experiments, weights, tick)
+    found = replace(found, given_up=_driven_out(found))
     at = _merged(model, found)
     about = Residuals(plant, used, weights, model.values, moved_effects(model, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
+
+    def fit_at(values: Mapping[str, float], names: Sequence[str]) -> Estimate:
+        return _fit_from(moved(model, values), used, weights, _unknowns(model, names, dict(values)), tick)
+
+    other, said_of_others = elsewhere(found, at, fit_at)
+    beside = replace(beside, model=beside.model + other, notes=(*beside.notes, *said_of_others))
     return _result(model, plant, found, used, (*said, *note), beside)
 
 
@@ -395,6 +412,12 @@ def _result(
             "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
         },
     )  # fmt: skip
+    given_up = [found.unknowns[k].name for k in found.given_up]
     notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound]
+    notes += [
+        f"parameter '{name}' cannot be told: the fit would have gone on beyond its bound; drive more levels, some of "
+        "them near where it acts"
+        for name in given_up
+    ]
     notes += [*_untold(found), *beside.notes]
     return GreyBoxFit(made, found, fits, (*said, *notes, *doubts(made, experiments, fits)))

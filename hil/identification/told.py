@@ -13,10 +13,12 @@ from hil.record.recording import Array
 
 # Standard deviation of what lies anywhere within a width, over that width.
 _ANYWHERE = 1.0 / math.sqrt(12.0)
+_ASIDE = 1.0 / math.sqrt(3.0)  # of what lies anywhere up to a width away, to one side
 # Slopes from differences over a thousandth of a value's scale are good to this share of themselves: the square of that
 # step over the sixth part of the square of a scale that is a tenth as long, and what simulations round.
 _SLOPES_GOOD_TO = 1e-4
 _ROUNDING = 1e-9
+_SHARE_OF_OWN = 0.5  # of a value's own uncertainty: less from another that is not told is no sharing
 # Where so little of a slope is left, a move is tried; it belies the slopes when it costs less than this share.
 _DOUBTFUL, _FAR_LESS = 0.03, 0.25
 
@@ -86,15 +88,17 @@ class Told:
     @property
     def is_shared(self) -> NDArray[np.bool_]:
         """Which values are told only together with others, or not at all, shape (k,)."""
-        return np.asarray(np.any(self.untold != 0.0, axis=0))
+        own = np.sqrt(np.diag(self.covariance))
+        return np.asarray(np.any(np.abs(self.untold) > _SHARE_OF_OWN * own, axis=0))
 
 
-def told(slopes: Slopes, variance: float, widths: Array) -> Told:
+def told(slopes: Slopes, variance: float, widths: Array, given_up: Sequence[int] = ()) -> Told:
     """What residuals of a variance tell of values with these widths.
 
     A value is not told when the others give way to it: what is left of its slope then is no more than what slopes from
     differences leave along a valley that is bent, or it makes the value no more certain than its bounds do. Where
     little is left, a move of two standard deviations that way is tried; it may cost far less than the slopes promise.
+    Values that are `given_up` are not told, whatever their slopes say.
     """
     sizes = np.linalg.norm(slopes.slopes, axis=0)
     unit, rise = np.where(sizes > 0.0, sizes, 1.0), slopes.rise
@@ -103,6 +107,10 @@ def told(slopes: Slopes, variance: float, widths: Array) -> Told:
         math.sqrt(variance), widths * unit, None if rise is None else (lambda move: rise(move / unit)),
     )  # fmt: skip
     kept, untold = list(range(len(unit))), []
+    for place in given_up:
+        direction = valley.all_along(place, kept)
+        kept.remove(place)
+        untold.append(direction * _ASIDE * valley.widths[place])
     while (k := valley.least_told(kept)) is not None:
         direction = valley.along(k, kept)
         kept.remove(k)
@@ -136,6 +144,10 @@ class _Valley:
         blind = [k for k in kept if self._is_blind(k, directions[k])]
         blind = blind or [k for k in doubtful if self._costs_less(k, left[k], [j for j in doubtful if j != k])]
         return min(blind, key=left.__getitem__, default=None)
+
+    def all_along(self, k: int, kept: Sequence[int]) -> Array:
+        """The way in which all others give way to a value."""
+        return self._against(k, [j for j in kept if j != k])
 
     def along(self, k: int, kept: Sequence[int]) -> Array:
         """The way in which the others give way to a value that is not told, with as few of them as will do."""

@@ -23,6 +23,24 @@ WITHOUT_TRUTH = {
     "error_4_1": "the thesis's own number; it grows with noise and duration, and is stated with both",
     "reading": "what an input showed while an output was moved by hand",
 }
+MADE_OF = {
+    "efc_acceptance": (
+        "pressure_current", "efc_step_response", "efc_frequency_response", "leakage_check", "electrical_check",
+    ),
+}  # fmt: skip
+"""Procedures whose figures are those of others."""
+BY_HAND = {"jog": "an output is moved by hand; reading and noise are what an input showed meanwhile"}
+SAME_AS = {
+    "cummins-efc-modbus": "cummins-efc-acceptance", "efc-good": "cummins-efc-acceptance",
+    "efc-prototype": "cummins-efc-acceptance", "efc-return": "cummins-efc-acceptance",
+    "hpv41-canopen": "brevini-hpv41", "hpv41-j1939": "brevini-hpv41", "hpv41-mixed": "brevini-hpv41",
+    "hpv41-modbus-rtu": "brevini-hpv41", "hpv41-modbus-tcp": "brevini-hpv41", "hpv41-serial": "brevini-hpv41",
+    "hpv41-usb-6211": "brevini-hpv41", "hpv41-identified": "brevini-hpv41", "hpv41-mean": "brevini-hpv41",
+    "hpv41-minus-5": "brevini-hpv41", "hpv41-minus-10": "brevini-hpv41", "hpv41-minus-20": "brevini-hpv41",
+    "hpv41-plus-5": "brevini-hpv41", "hpv41-plus-10": "brevini-hpv41", "hpv41-plus-20": "brevini-hpv41",
+    "hydraforce-extending": "hydraforce-sp08-47c", "hydraforce-retracting": "hydraforce-sp08-47c",
+}  # fmt: skip
+"""Shipped benches that are another one behind other links, with other parameters, or made linear."""
 
 
 @dataclass(frozen=True)

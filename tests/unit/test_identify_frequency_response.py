@@ -12,7 +12,7 @@ from hil.identification.bandwidth import (
 )
 from hil.identification.frequency_response import average, from_fits, from_table
 from hil.identification.measuring_chain import MeasuringChain, check_chain, corrected
-from hil.identification.sine_segments import declared_segments, found_segments, frequency_responses
+from hil.identification.sine_segments import declared_segments, found_segments, frequency_responses, hum_beneath
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import transfer_function
@@ -216,3 +216,37 @@ def test_the_measuring_chain_is_held_against_one_per_cent_and_taken_out():
     spoiled = clean.divided_by(1 / chain.at(clean.frequency_hz), "spoiled")
     assert np.allclose(corrected(spoiled, chain).response, clean.response)
     assert "sensor lag 2 ms" in corrected(spoiled, chain).corrections[-1]
+
+
+def _in_parts(frequencies, waves):
+    edges = np.cumsum([0, *map(len, waves)])
+    return {"parts": [
+        {"kind": "sine", "frequency_hz": f, "first": int(a), "count": len(wave), "amplitude": 10.0, "bias": 50.0}
+        for f, wave, a in zip(frequencies, waves, edges, strict=False)
+    ]}  # fmt: skip
+
+
+@pytest.mark.parametrize("hum", [0.0, 0.5])
+def test_a_tone_beneath_sines_is_told_from_their_harmonics(hum):
+    frequencies = [0.4, 0.7, 2.0]
+    waves = stepped(frequencies)
+    command = np.concatenate(waves)
+    made = bench(command, 0.05, _in_parts(frequencies, waves))
+    bent = made.values("flow") + 0.002 * made.values("flow") ** 2  # harmonics of its own
+    bent = bent + hum * np.sin(2.0 * np.pi * 50.0 * made.time_s)
+    made = recording("bench", made.time_s, {"command [%]": command, "flow [l/min]": bent}, made.meta)
+    found = hum_beneath(made, "flow", declared_segments(made))
+    assert found == pytest.approx(50.0, abs=0.05) if hum else found is None
+
+
+def test_a_straight_drift_is_no_gain():
+    frequencies = [0.4, 0.7]
+    waves = stepped(frequencies)
+    command = np.concatenate(waves)
+    still = bench(command, 0.0, _in_parts(frequencies, waves))
+    drifting = recording(
+        "bench", still.time_s,
+        {"command [%]": command, "flow [l/min]": still.values("flow") + 0.5 * still.time_s}, still.meta,
+    )  # fmt: skip
+    (plain,), (found,) = (frequency_responses(one, "command", "flow") for one in (still, drifting))
+    assert np.abs(found.response / plain.response - 1.0).max() < 1e-4

@@ -99,3 +99,18 @@ def test_what_is_no_step_response_is_said():
 def test_times_of_no_second_order_model_are_refused():
     with pytest.raises(InputError, match="no underdamped"):
         second_order_from_step(2.0, 1.0)
+
+
+def test_a_dead_time_that_noise_alone_could_make_is_not_told():
+    time_s, command = np.arange(4000) / 1000.0, np.repeat([0.0, 1.0], 2000)
+    late = np.maximum(time_s - 2.06, 0.0)
+    clean = 30.0 * -np.expm1(-late / 0.03)
+    told = {}
+    for noise in (0.02, 3.0):
+        values = clean + noise * np.random.default_rng(3).normal(size=len(time_s))
+        (told[noise],) = measured_steps(
+            recording("steps", time_s, {"command [A]": command, "pressure [psi]": values}), "command", "pressure"
+        )
+    assert told[0.02].figures.dead_time_s == pytest.approx(0.0606, abs=2.0 * told[0.02].std.dead_time_s)
+    assert told[0.02].std.dead_time_s < 3e-4
+    assert math.isinf(told[3.0].std.dead_time_s)
