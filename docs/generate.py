@@ -21,6 +21,9 @@ from typing import Any
 from unittest.mock import patch
 
 from hil.catalog import entries
+from hil.description.find import descriptions
+from hil.description.page import page
+from hil.description.read import read_description
 from hil.physics.compose import effects, plant
 from hil.physics.effect import Effect, EffectParameter
 from hil.physics.plant import Parameter, Plant
@@ -43,8 +46,27 @@ def pages() -> dict[str, str]:
     """The generated pages by file name."""
     made = {"command-line.md": command_line(), "plants.md": plants_page(), "effects.md": effects_page(),
             "results.md": results_page(), "python.md": python_page(),
-            "figures.md": figures_page()}  # fmt: skip
+            "figures.md": figures_page(), "devices.md": devices_page()}  # fmt: skip
     return {name: "\n".join(lines).rstrip() + "\n" for name, lines in made.items()}
+
+
+# -- devices -----------------------------------------------------------------------------------------------
+
+
+def devices_page() -> Iterator[str]:
+    """Every installed description."""
+    yield NOTE
+    yield ""
+    yield "# Described devices"
+    yield ""
+    yield (
+        "What comes with the program; [descriptions](descriptions.md) says how to write one for another device, and "
+        "`hil describe NAME` prints the same. None of them has run on the hardware. Addresses in brackets are those of "
+        "manuals."
+    )
+    for name, path in descriptions().items():
+        yield ""
+        yield from page(name, read_description(path), "##")
 
 
 # -- figures -----------------------------------------------------------------------------------------------

@@ -59,9 +59,12 @@ class Home:
 
 def command(
     kind: str = typer.Argument(..., metavar="|".join(_KINDS), help="What to begin."),
-    name: str = typer.Argument(..., metavar="NAME", help="Its name: lower-case letters, digits and _."),
+    name: str = typer.Argument("", metavar="NAME", help="Its name: lower-case letters, digits and _."),
     folder: Path | None = typer.Option(
         None, "--in", help="Folder of the package that it is added to; default: the one that this folder is in."
+    ),
+    source: Path | None = typer.Option(
+        None, "--from", metavar="FILE", help="device: a register table (.csv), an EDS, DCF or DBC of its maker."
     ),
 ) -> None:
     """Begin a driver, device, plant, effect, procedure, bench or package, with a test that passes as written.
@@ -69,7 +72,13 @@ def command(
     A driver is one for a device with a register table, and has its simulated twin beside it; a device is the twin
     alone where the driver is there. Inside a package (a folder whose pyproject.toml has entry points of the program)
     files are added there.
+
+    `hil new device --from FILE` writes the description of a device, NAME.toml, into this folder (or --in), beside its
+    bench, with every gap marked that the maker's file leaves.
     """
+    if source is not None:
+        _described(kind, name, folder or Path(), source)
+        return
     if kind not in _KINDS:
         raise SettingError(f"'{kind}' cannot be begun here; there are: {', '.join(_KINDS)}")
     plain = name.replace("-", "_") if kind in ("plant", "bench", "package") else name
@@ -86,6 +95,22 @@ def command(
         files, after = _added(kind, plain, _home(kind, name, folder))
     _written(files)
     typer.echo(f"next: {after}")
+
+
+def _described(kind: str, name: str, folder: Path, source: Path) -> None:
+    """Write the first description of a device, and say what is left to do."""
+    from hil.description.first import first_description, gaps
+
+    if kind != "device":
+        raise SettingError(f"--from {source}: a device is described from a file, not a {kind}")
+    text = first_description(source)
+    path = folder / f"{name or source.stem.lower().replace(' ', '-')}.toml"
+    beside = path.parent / source.name
+    _written({path: text})
+    if source.suffix.lower() in (".eds", ".dcf", ".dbc") and not beside.exists():
+        beside.write_bytes(source.read_bytes())
+        typer.echo(beside)
+    typer.echo(f"next: fill in {gaps(text)} gaps, then hil describe {path}")
 
 
 def _written(files: Mapping[Path, str]) -> None:
