@@ -27,7 +27,7 @@ from hil.identification.efc_condition import (
     good_reference,
     reference_steps,
 )
-from hil.identification.pressure_curve import PressureCurve
+from hil.identification.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.sweep_estimate import Sweep
 from hil.physics.published.tugsal import CLASSIFIED_CURRENT_A
 from hil.record.measurement import Findings, Measured, Measurement
@@ -341,7 +341,7 @@ def _valve_test(recording: Recording, done: dict[str, Findings]) -> ValveTest:
     steps = {level: _step_samples(recording, current, command.name, response.name)
              for level, current in _CLASS_STEP_A.items()}  # fmt: skip
     bandwidth = efc_frequency_response.bandwidth_at(recording, done["frequency response"], _CLASS_LEVEL)
-    return evaluated_test(sweeps, steps, leakage.value, bandwidth, reference_steps())
+    return evaluated_test(pressure_curve("sweeps", sweeps), steps, leakage.value, bandwidth, reference_steps())
 
 
 def _step_samples(recording: Recording, current: float, command: str, response: str) -> Array:

@@ -29,7 +29,7 @@ from hil.identification.classification import (
     leave_one_out_thresholds,
 )
 from hil.identification.frequency_response import from_table
-from hil.identification.pressure_curve import pressure_curve
+from hil.identification.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.sine_test import SineTest, sine_test
 from hil.identification.step_response import step_figures
 from hil.identification.sweep_estimate import Sweep
@@ -248,7 +248,7 @@ def tested(
     swing = tuple(curve.current_at(min(max(psi, least), most)) for psi in SWEEPS_PSI["medium"])
     bandwidth_hz = _bandwidth_hz(model, swing, frequencies_hz, rng, instruments.noise_psi)
     return evaluated_test(
-        sweeps, {level: np.array([pressure[at] for at in places[level]]) for level in CLASSIFIED_CURRENT_A},
+        curve, {level: np.array([pressure[at] for at in places[level]]) for level in CLASSIFIED_CURRENT_A},
         leakage, (bandwidth_hz, 0.0), reference,
     )  # fmt: skip
 
@@ -287,7 +287,7 @@ def bandwidth_of(crossing: Crossing) -> float:
 
 
 def evaluated_test(
-    sweeps: Sequence[Sweep],
+    curve: PressureCurve,
     steps: Mapping[str, Array],
     leakage_ml_min: float,
     bandwidth: tuple[float, float],
@@ -296,7 +296,7 @@ def evaluated_test(
     """The numbers of one test.
 
     Args:
-        sweeps: of the current at two speeds.
+        curve: of sweeps of the current at two speeds.
         steps: by level, pressure from the step of the current on at 1 kHz, shape (repeats, n).
         leakage_ml_min: at 220 psi.
         bandwidth: −3 dB at the medium level and its standard uncertainty, in Hz.
@@ -305,7 +305,6 @@ def evaluated_test(
     Raises:
         InputError: the pressure does not follow the current.
     """
-    curve = pressure_curve("sweeps", sweeps)
     rises = np.array([_rise_s(run) for run in steps["high"]])
     rise_std_s = max(float(rises.std(ddof=1)) if len(rises) > 1 else 0.0, _SAMPLE_STD_S) / math.sqrt(len(rises))
     errors = {}

@@ -29,6 +29,7 @@ from hil.identification.efc_condition import (
     simulated_tests,
 )
 from hil.identification.efc_condition import tested as run_test
+from hil.identification.pressure_curve import pressure_curve
 from hil.identification.sweep_estimate import Sweep
 from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES
@@ -165,7 +166,9 @@ def test_a_pressure_that_stands_has_no_condition():
     sweep = [Sweep(np.concatenate((np.linspace(0, 2, 4000), np.linspace(2, 0, 4000))), np.full(8000, 60.0), speed)
              for speed in (0.4, 0.2)]  # fmt: skip
     with pytest.raises(InputError, match="less than 10 psi"):
-        evaluated_test(sweep, {"low": still, "high": still}, 80.0, (6.0, 0.1), reference_steps())
+        evaluated_test(
+            pressure_curve("still", sweep), {"low": still, "high": still}, 80.0, (6.0, 0.1), reference_steps()
+        )
 
 
 def test_populations_repeat_and_differ():
