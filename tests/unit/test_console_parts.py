@@ -14,18 +14,21 @@ import pytest
 
 from hil.archive.place import archive_place
 from hil.bench.read import read_bench
+from hil.cli.app import main
 from hil.console import page
 from hil.console import underway as underway_module
 from hil.console.board import RunReader, interlocks_of, lines_of
 from hil.console.bode import bode_point
+from hil.console.console import Console
 from hil.console.envelope import Envelope
 from hil.console.follow import Follower
 from hil.console.form import faults_of, fields_of, given_of, setting_named_in
 from hil.console.process import start
+from hil.console.routes.run import _asked
 from hil.console.script_words import SAID_BY_SCRIPTS
 from hil.console.site import Site
 from hil.console.underway import Underway, run_of
-from hil.errors import FileError, UnknownNameError
+from hil.errors import FileError, SettingError, UnknownNameError
 from hil.record.folder import RunWriter
 from hil.record.header import new_header
 from hil.session.procedure import load_procedure
@@ -210,3 +213,25 @@ def test_everything_that_scripts_say_is_in_the_catalogues() -> None:
         said |= set(re.findall(r'\bsay\("([^"]+)"', script.read_text(encoding="utf-8")))
     assert len(said) > 20
     assert said <= set(SAID_BY_SCRIPTS)
+
+
+def test_a_lean_installation_names_the_extra_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path))
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    monkeypatch.setattr("sys.argv", ["hil", "console", "--port", "0"])
+    assert main() == 2
+    said = capsys.readouterr().err.strip()
+    assert said.count("\n") == 0
+    assert "pip install 'valve-hil[console]'" in said
+
+
+def test_a_certificate_needs_a_serial_number_on_the_form(site: Site) -> None:
+    console = Console(site, Underway(site.runs))
+    own = site.benches / "own.toml"
+    own.write_text(own.read_text(encoding="utf-8").replace('serial = "simulated"', 'serial = "ask"'), encoding="utf-8")
+    with pytest.raises(SettingError, match="serial"):
+        _asked(console, {"procedure": "efc_acceptance", "bench": "own"})
+    _procedure, _file, arguments = _asked(console, {"procedure": "step_response", "bench": "own", "serial": "SN 1\r"})
+    assert arguments[-1] == "--serial=SN 1"

@@ -24,7 +24,7 @@ from hil.console.page import page
 from hil.console.process import Started
 from hil.errors import HilError, InUseError, SettingError
 from hil.record.folder import read
-from hil.session.labels import folder_name, labels_of
+from hil.session.labels import folder_name, labelled, labels_of
 from hil.session.procedure import Procedure, load_procedure
 
 _HAND = "jog"  # moves one output by hand from the command line; not a test of a unit
@@ -127,6 +127,7 @@ def _asked(console: Console, form: Mapping[str, str]) -> tuple[Procedure, BenchF
     for name, why in faults_of(procedure, given).items():
         raise SettingError(f"setting {name}: {why}")
     labels = labels_of(form.get("serial", ""), form.get("operator", ""), [])
+    labelled(file, procedure, labels)  # refuses here what the run itself would refuse: a certificate of no unit
     arguments = ["run", procedure.name, "--bench", str(path), *(f"--set={n}={value}" for n, value in given.items())]
     arguments += [f"--serial={labels.serial}"] if labels.serial else []
     arguments += [f"--operator={labels.operator}"] if labels.operator else []
