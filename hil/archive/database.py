@@ -21,6 +21,11 @@ from hil.errors import ArchiveError
 from hil.extras import lacking
 
 _PATIENCE_S = 2  # for a database that is locked or far away: the bench is waiting
+_POSTGRESQL = {
+    "connect_timeout": _PATIENCE_S,
+    "tcp_user_timeout": 1000 * _PATIENCE_S,  # ms: a network that is gone in the middle
+    "options": f"-c lock_timeout={_PATIENCE_S}s",  # a table that somebody else has locked
+}
 
 
 @contextmanager
@@ -45,8 +50,7 @@ def opened(place: Place) -> Iterator[Engine]:
 
 def _engine(place: Place) -> Engine:
     if place.folder is None:
-        wait = {"connect_timeout": _PATIENCE_S} if place.url.startswith("postgresql") else {}
-        return create_engine(place.url, connect_args=wait)
+        return create_engine(place.url, connect_args=_POSTGRESQL if place.url.startswith("postgresql") else {})
     place.folder.mkdir(parents=True, exist_ok=True)
     engine = create_engine(place.url, connect_args={"timeout": _PATIENCE_S})
     event.listen(engine, "connect", _prepare_sqlite)

@@ -270,3 +270,23 @@ def test_times_are_shown_where_the_reader_is(monkeypatch):
         time.tzset()
         assert local_text(datetime(2026, 11, 24, 22, 0, tzinfo=UTC)) == "2026-11-25 03:30:00 +05:30"
     time.tzset()
+
+
+def test_a_table_that_somebody_locks_keeps_the_run_and_enters_it_later(postgresql, tmp_path):
+    import time
+
+    import psycopg
+
+    url = new_database(postgresql)
+    place = archive_place(url)
+    enter(place, [made_run(tmp_path / "a")])
+    with psycopg.connect(url) as other:
+        other.execute("LOCK TABLE run IN ACCESS EXCLUSIVE MODE")
+        began = time.monotonic()
+        said = enter_or_keep(place, made_run(tmp_path / "b"))
+        took_s = time.monotonic() - began
+        other.rollback()
+    assert "lock timeout" in said
+    assert took_s < 10.0, "the bench waited"
+    catch_up(place)
+    assert {run.folder.name for run in find_runs(place, Search())} == {"a", "b"}
