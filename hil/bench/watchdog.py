@@ -52,6 +52,7 @@ from hil.safety.operator import Asked
 from hil.safety.outputs import outputs_in
 
 CONFIRMS_S = 0.2  # after a stop the program has so long to read its outputs back safe
+_LONGEST_LINE = 1 << 20
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
 
@@ -153,7 +154,7 @@ class _Program:
             line, ended, left = after.partition(b"\n")
             signs += self._signs(before)
             if begun and not ended:  # the rest of the line is on its way
-                self._rest = begun + after
+                self._rest = begun + after[:_LONGEST_LINE]
                 break
             if begun:
                 self._line(begun + line)
@@ -167,11 +168,12 @@ class _Program:
         return len(signs)
 
     def _line(self, line: bytes) -> None:
-        told = json.loads(line)
-        if "holding" in told:
-            self._desk.holds(bool(told["holding"]))
-        if "outputs" in told:
-            self._desk.tell(outputs_in(told["outputs"]), "run")
+        with suppress(ValueError, KeyError, TypeError, AttributeError):  # garbled: nothing is taken for confirmed
+            told = json.loads(line)
+            if "holding" in told:
+                self._desk.holds(bool(told["holding"]))
+            if "outputs" in told:
+                self._desk.tell(outputs_in(told["outputs"]), "run")
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from hil.record.header import read_end
 from hil.safety.interrupt import Halted, terminable
 from hil.safety.operator import Operator
 from tests import observer
-from tests.faults import PATIENCE_S, start_run
+from tests.faults import PATIENCE_S, STRANGER, start_run
 from tests.links import CALM, served
 from tests.stops import posted
 
@@ -84,6 +84,29 @@ def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
     assert not list((tmp_path / "state").rglob("trips/*")), "nothing is latched"
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("forward_s", [8 * 3600.0, 2**31 / 1000.0, 2.0**32])
+@pytest.mark.parametrize("hangs", [False, True], ids=["at work", "hung"])
+def test_stop_when_the_clocks_are_set_forward(
+    forward_s: float, hangs: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ahead = tmp_path / "ahead"
+    ahead.mkdir()
+    (ahead / "sitecustomize.py").write_text(
+        f"import time\n_real = time.monotonic\ntime.monotonic = lambda: _real() + {forward_s!r}\n", encoding="utf-8"
+    )
+    monkeypatch.setattr("tests.faults.STRANGER", f"{STRANGER}{os.pathsep}{ahead}")
+    with driven(tmp_path) as (process, watch, control):
+        if hangs:
+            process.send_signal(signal.SIGSTOP)
+        answer = stop(control)
+        time.sleep(0.05)
+        assert watch.is_safe, answer
+        process.wait(PATIENCE_S)
+    assert (answer["state"], answer["by"]) == ("confirmed", "watchdog" if hangs else "run")
+    assert 0.0 < answer["seconds"] < 0.85
+
+
 def test_stop_of_a_run_that_hangs_is_taken_over(tmp_path: Path) -> None:
     with driven(tmp_path) as (process, watch, control):
         process.send_signal(signal.SIGSTOP)
@@ -91,7 +114,7 @@ def test_stop_of_a_run_that_hangs_is_taken_over(tmp_path: Path) -> None:
         answer = stop(control)
         assert time.monotonic() - pressed_s < 1.0
         time.sleep(0.05)
-        assert watch.is_safe
+        assert watch.is_safe, answer
         assert process.wait(PATIENCE_S) == -signal.SIGKILL, "it cannot wake up and drive on"
     assert (answer["state"], answer["by"]) == ("confirmed", "watchdog")
     assert answer["outputs"] == [{"channel": "command", "state": "safe", "value": 0.0, "unit": "%"}]

@@ -100,6 +100,22 @@ def test_stop_on_the_way_down_makes_it_a_jump() -> None:
     assert known.are_safe and remote.at == 0.0
 
 
+def test_stop_ends_an_endless_loop() -> None:
+    remote, operator = Remote(), Operator()
+
+    def run() -> None:
+        with terminable(), guarded(remote, {}, operator) as guard:
+            list(guard.play(Waveform(RATE_HZ, {"valve": np.full(10, 5.0)})))
+            while True:
+                pass
+
+    timer = later(0.6, lambda: operator.ask("stop"))
+    with pytest.raises(Halted):
+        run()
+    timer.join()
+    assert remote.at == 0.0 and 5.0 in [value for _, value in remote.given]
+
+
 def test_nothing_is_driven_after_a_stop() -> None:
     wire, operator = Wire(), Operator()
     guard = Guard(wire, Protection(100.0), operator=operator)

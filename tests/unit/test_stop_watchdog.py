@@ -168,6 +168,16 @@ def test_program_is_understood_in_whatever_pieces_it_comes() -> None:
         assert desk.hold == "holding"
 
 
+@pytest.mark.parametrize(
+    "line", [b"{", b"{}", b'{"outputs": 1}', b'{"outputs": {"valve": {"state": "fine"}}}', b"{\xff"]
+)
+def test_program_that_talks_nonsense_is_watched_on(line: bytes) -> None:
+    desk = Desk({"valve": "V"}, "watchdog", lambda _wish: None)
+    program = watchdog._Program(desk)
+    assert program.said(b"d" + line + b"\nd") == 2 and program.driven and not desk.told.is_final
+    assert program.said(b"{" + b"x" * (3 << 20)) == 0 and len(program._rest) <= (1 << 20) + 1
+
+
 @pytest.mark.parametrize("answers", [True, False])
 def test_takeover_confirms_what_it_read_back(answers: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rescue, "GIVE_UP_S", 0.1)
