@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,11 +20,17 @@ def command(
         metavar="[drivers|devices|procedures|plants|effects|benches|descriptions|models|tables]",
         help="Only one kind.",
     ),
+    as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.installed/1."),
 ) -> None:
     """List the installed drivers, devices, procedures, plants, effects, benches, descriptions, models and tables."""
     if kind and kind not in (*KINDS, *_FILES):
         raise UnknownNameError("kind of entry", kind, (*KINDS, *_FILES))
-    for name in (known for known in (*KINDS, *_FILES) if kind in ("", known)):
+    kinds = [known for known in (*KINDS, *_FILES) if kind in ("", known)]
+    if as_json:
+        listed = {name: [{"name": entry, "summary": said} for entry, said in _lines(name)] for name in kinds}
+        typer.echo(json.dumps({"schema": "hil.installed/1", **listed}, indent=1, ensure_ascii=False))
+        return
+    for name in kinds:
         if not kind:
             typer.echo(f"{name}:")
         found = dict(_lines(name))

@@ -15,16 +15,16 @@ def command(
         [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; goes before the run's own."
     ),
     open_page: bool = typer.Option(False, "--open", help="Show the page in the browser."),
+    as_json: bool = typer.Option(False, "--json", help="Print the results as JSON, schema hil.results/1."),
     language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Evaluate a run once more and write its report again, also of a run that was stopped or tripped."""
-    from hil.report.terminal import findings_text
+    from hil.cli.run_end import say_outcome
     from hil.session.limit import split_limits
     from hil.session.results import report_again
 
     outcome = report_again(run, split_limits(limits))
-    typer.echo(findings_text(outcome.findings))
-    typer.echo(f"report: {outcome.report}")
+    say_outcome(outcome, as_json=as_json)
     if open_page:
         typer.launch(str(outcome.report))
     raise typer.Exit(outcome.exit_status)

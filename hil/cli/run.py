@@ -49,6 +49,7 @@ def command(
         None, "--resume", metavar="RUN", help="Go on where this run was broken off: its procedure, bench and settings."
     ),
     describe: bool = typer.Option(False, "--describe", help="Say what the procedure does and takes; run nothing."),
+    as_json: bool = typer.Option(False, "--json", help="Print the results as JSON, schema hil.results/1."),
     language: Language = "",  # noqa: ARG001 — its callback takes it
 ) -> None:
     """Run a procedure on a bench; leaves a run folder with samples, findings and report."""
@@ -88,18 +89,18 @@ def command(
             with shown() as progress:
                 keep = out if rehearse_only else None
                 rehearsed = rehearse_procedure(chosen, found, given, progress, resume, keep)
-            typer.echo(_rehearsed(rehearsed))
+            typer.echo(_rehearsed(rehearsed), err=as_json)
         if rehearse_only:
             return None
         understood = _understood(chosen, given, judged_by)
-        typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}{understood}")
+        typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}{understood}", err=as_json)
         with shown() as progress:
             return api.run(
                 chosen, found, folder, limits=limits, serial=labels.serial, operator=labels.operator,
                 notes=labels.notes, resets=resets, resume=resume, progress=progress, outputs=known, settings=given,
             )  # fmt: skip
 
-    ended(run, folder, archive)
+    ended(run, folder, archive, as_json=as_json)
 
 
 def _resumed(run: Path, procedure: str, bench: str, labels: Labels) -> tuple[str, str, Labels]:

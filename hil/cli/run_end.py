@@ -39,24 +39,35 @@ def safely(run: Callable[[Outputs], _T], folder: Path, archive: str) -> _T:
         raise typer.Exit(status) from error
 
 
-def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str) -> NoReturn:
+def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, *, as_json: bool = False) -> NoReturn:
     """Do a run, say what came of it and of the outputs, enter it into the archive, and leave with its exit status.
 
     Args:
         run: does it, told where to keep what is known of the outputs; None when there was nothing to drive.
         folder: of the run.
         archive: where it is entered.
+        as_json: whether its results are printed as `hil results --json -` does, instead of words.
     """
-    from hil.report.terminal import findings_text
-
     outcome = safely(run, folder, archive)
     if outcome is None:
         raise typer.Exit
     with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
-        typer.echo(findings_text(outcome.findings))
-        typer.echo(f"report: {outcome.report}")
+        say_outcome(outcome, as_json=as_json)
     entered(archive, folder)
     raise typer.Exit(outcome.exit_status)
+
+
+def say_outcome(outcome: Outcome, *, as_json: bool) -> None:
+    """What a run found and where its report is; or its results, for a program."""
+    if as_json:
+        from hil import api
+
+        typer.echo(api.results(outcome.folder).as_json(), nl=False)
+        return
+    from hil.report.terminal import findings_text
+
+    typer.echo(findings_text(outcome.findings))
+    typer.echo(f"report: {outcome.report}")
 
 
 def entered(archive: str, folder: Path) -> None:

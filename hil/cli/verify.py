@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import typer
@@ -12,6 +13,7 @@ def command(
     trust: list[Path] = typer.Option(
         [], "--trust", metavar="CERT", help="Certificate of a signer who is known, or of who vouches for him."
     ),
+    as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.verified/1."),
 ) -> None:
     """Exit 0: unchanged, by a known signer; 1: changed, or by an unknown signer; 2: no passport."""
     from hil.passport.key import own_certificates, read_certificates
@@ -19,6 +21,11 @@ def command(
 
     known = [*own_certificates(), *(one for path in trust for one in read_certificates(path))]
     found = verify_file(file, known)
+    if as_json:
+        told = {"file": str(file), "sentence": found.sentence, "signer": found.signer or None}
+        status = {"status": found.exit_status, "fingerprint": found.fingerprint or None}
+        typer.echo(json.dumps({"schema": "hil.verified/1", **told, **status}, indent=1, ensure_ascii=False))
+        raise typer.Exit(found.exit_status)
     typer.echo(f"{file}: {found.sentence}")
     if found.signer:
         typer.echo(f"signer: {found.signer}")

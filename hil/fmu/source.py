@@ -52,7 +52,7 @@ def source_of(variables: Variables) -> Source:
     try:
         plant = list(_coefficients(unit, variables, seen))
     except Exception as error:  # made with arrays or a library: the values of the model are kept
-        why = f"{type(error).__name__}: {error}"
+        why = str(error) or type(error).__name__
         plant = list(_fixed_coefficients(variables))
     effects = [
         line for k in range(len(variables.kernel.sites)) for line in _effect_coefficients(unit, variables, k, seen)

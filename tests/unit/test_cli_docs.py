@@ -206,3 +206,12 @@ def test_alike() -> None:
     assert not alike("  fit   99.1 %  run", "  fit   80.0 %  run")
     assert not alike("  fit   99.1 %  run", "  fit   99.1 %  other")
     assert alike("note: …", "note: anything at all")
+
+
+def test_every_schema_is_on_the_page_of_json() -> None:
+    page = (DOCS / "reference" / "json.md").read_text(encoding="utf-8")
+    sources = [path.read_text(encoding="utf-8") for path in (ROOT / "hil").rglob("*.py")]
+    written = {name for text in sources for name in re.findall(r'"(hil\.[a-z-]+/\d+)"', text)}
+    told = set(re.findall(r"^\| `(hil\.[a-z-]+/\d+)`", page, re.M))
+    assert len(told) > 15
+    assert written == told

@@ -144,6 +144,7 @@ def test_run(said, through, tmp_path):
     assert returned[0].findings.as_dict() == again.findings.as_dict()
     same_samples(hil.read(tmp_path / "one"), hil.read(tmp_path / "other"))
     assert hil.read(tmp_path / "one").meta["operator"] == "ab"
+    assert json.loads(said("report", tmp_path / "one", "--json")) == json.loads(hil.results(tmp_path / "one").as_json())
 
 
 def test_diagnose(said, through, short, tmp_path):
@@ -157,3 +158,9 @@ def test_diagnose(said, through, short, tmp_path):
     assert json.loads((tmp_path / "d" / "diagnosis.json").read_text("utf-8"))["schema"] == told["schema"]
     (axis,) = again.plot().axes
     assert len(axis.lines[0].get_xdata()) == len(hil.read(short))
+
+
+def test_what_is_installed_as_json(said):
+    told = json.loads(said("list", "procedures", "--json"))
+    assert told["schema"] == "hil.installed/1"
+    assert "step_response" in [one["name"] for one in told["procedures"]]
