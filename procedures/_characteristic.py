@@ -80,7 +80,9 @@ def swept(recording: Recording, parts: Sequence[Mapping[str, Any]]) -> Swept:
     rounding = mean_rounding_std(0.0, rounding_step(response.values))  # a standing level may never change its code
     drifted = _drift(waits, rounding)
     first, last = parts[0], parts[-1]
-    lasted_s = (last["first"] + last["count"] - first["first"]) * recording.interval_s
+    # an end is first waited at within the first sweep
+    apart = last["first"] + last["count"] - first["first"] - (first["count"] if len(parts) > 1 else 0)
+    lasted_s = apart * recording.interval_s
     return Swept(estimate, ends[0], ends[1], drifted, drifted / lasted_s, rounding, speeds, command, response)
 
 

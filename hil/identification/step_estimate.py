@@ -146,7 +146,8 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
         )
     ]  # fmt: skip
     std = _with_hidden(std, figures, [figures, *read], sharp)
-    figures, std = _sharper(figures, std, sharp, float(np.median(np.diff(step.time_s))))
+    if before_rounding(innovation, step.grid) > 0.0:  # else a sharp reading is one of codes
+        figures, std = _sharper(figures, std, sharp, float(np.median(np.diff(step.time_s))))
     once = moves_once(curve, start, figures.final)
     if not once or np.mean([moves_once(*one) for one in zip(again, starts, finals, strict=True)]) < _SURE:
         std = replace(std, dead_time_s=math.inf)
