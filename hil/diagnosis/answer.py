@@ -30,6 +30,7 @@ from hil.diagnosis.evidence import (
     Judged,
     cross_validated_fit,
     fit_of_all,
+    indistinguishable,
     judge,
     probabilities,
     training_half,
@@ -197,13 +198,12 @@ class Answer:
         )
 
     def _twins(self) -> list[Fitted]:
-        """Other explanations that these data do not exclude: within the tolerance of laws, or near the chosen one."""
+        """Other explanations that these data do not exclude: what the chosen one leaves says how true laws are here."""
         if self.verdict == "consistent":
             return []
-        most = max(LAW_TOLERANCE, ALONE_BY * self.choice.left)
-        beyond = excess(self.problem, self.choice.baseline.chi2)
-        others = (*self.choice.candidates, *self.choice.descriptions)
-        return [f for f in others if share_left(self.problem, f.chi2, beyond) <= most]
+        least = self.choice.chosen.chi2
+        most = max(least + indistinguishable(least), least + (ALONE_BY - 1.0) * max(least - self.problem.size, 0.0))
+        return [f for f in (*self.choice.candidates, *self.choice.descriptions) if f.chi2 <= most]
 
     # -- findings ----------------------------------------------------------------------------------------
 

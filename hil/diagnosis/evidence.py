@@ -101,12 +101,6 @@ def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
     return 100.0 * (1.0 - float(np.sqrt(errors / spreads))) if spreads else float("nan")
 
 
-def ceiling(problem: Problem) -> float:
-    """The fit that the true model would reach on the samples kept back."""
-    held_out = ~training_half(problem)
-    return held_out_fit(problem, np.ones(len(problem.nominal_residuals)), held_out)
-
-
 def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
     """How probable each explanation is, given that one of them or none of the library is true.
 
