@@ -395,11 +395,11 @@ def _result(
     for e in experiments:
         simulated = e.respond(plant, plain, active)[0]
         fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
-        left.append(float(np.std((e.output - simulated)[e.told])))
         floor = channel_floor(e.told_output)
         slope = start_slope(e, plant, plain, active, floor, plain=simulated)
         error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
         errors.append(_as_if_told(error, e.told))
+        left.append(float(np.std(error[e.told])))
     made = Model(
         model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,
