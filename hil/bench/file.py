@@ -274,6 +274,7 @@ class Bench(_Strict):
     """
 
     name: str = Field(min_length=1)
+    made_with: str = ""
     sample_rate_hz: PositiveFloat
     valve: Valve
     devices: dict[str, Device]

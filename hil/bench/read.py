@@ -15,6 +15,9 @@ from hil.bench.file import Bench
 from hil.bench.lines import line_at, lines_of
 from hil.daq.contract import Daq
 from hil.errors import FileError
+from hil.version import is_newer, made_by
+
+MADE_WITH = "made_with"
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,9 @@ def read_bench(path: Path) -> BenchFile:
     except (OSError, UnicodeDecodeError) as error:
         raise FileError(f"{path}: not a bench file: {error}") from None
     content, whole = whole_bench(path, text)
+    maker = str(content.get(MADE_WITH, ""))
+    if is_newer(maker):
+        raise FileError(f"{path}: {made_by(maker)}; use that one, or take out what it does not know and '{MADE_WITH}'")
     draft, faults = draft_of(content)
     devices: dict[str, DeviceInUse] = {}
     for name in draft.devices:

@@ -19,6 +19,7 @@ from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect
 from hil.record.plain import plain
+from hil.version import PROGRAM, made_by
 
 FORMAT = "hil-model"
 VERSION = 1
@@ -123,7 +124,7 @@ class Model:
 
     def as_dict(self) -> dict[str, Any]:
         """What its file holds, as JSON values."""
-        return {"format": FORMAT, "version": VERSION, **plain(asdict(self))}
+        return {"format": FORMAT, "version": VERSION, "program": PROGRAM, **plain(asdict(self))}
 
     @property
     def definition(self) -> Plant:
@@ -181,9 +182,10 @@ def load_model(path: Path) -> Model:
         raise FileError(f"{path}: not a model file: {error}") from error
     if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
         raise FileError(f"{path}: not a model file: field 'format' must be '{FORMAT}'")
-    version = content.pop("version", None)
+    version, program = content.pop("version", None), content.pop("program", None)
     if version != VERSION:
-        raise FileError(f"{path}: model file of version {version}; this program reads version {VERSION}")
+        newer = f": {made_by(program)}" if program else ""
+        raise FileError(f"{path}: model file of version {version}; this program reads version {VERSION}{newer}")
     try:
         model = TypeAdapter(Model).validate_python(content)
     except ValidationError as error:

@@ -15,7 +15,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from hil.errors import FileError
 from hil.record.durable import sync_file, sync_folder, write_at
 from hil.record.plain import plain
-from hil.version import __version__
+from hil.version import PROGRAM, is_newer, made_by
 
 HEADER_FILE, END_FILE = "run.json", "end.json"
 _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
@@ -56,7 +56,7 @@ class Header(_Strict):
 
     format: Literal["hil-run"] = "hil-run"
     version: Literal[1] = 1
-    program: str = f"valve-hil {__version__}"
+    program: str = PROGRAM
     started_utc: AwareDatetime = Field(default_factory=lambda: datetime.now(UTC))
     samples: Table
     meta: dict[str, Any] = {}
@@ -163,10 +163,13 @@ def _read(path: Path, model: type[_Model], name: str) -> _Model:
     if not isinstance(content, dict) or content.get("format") != name:
         raise FileError(f"{path}: field 'format' must be '{name}'; this is not a run folder of this program")
     if content.get("version") != _VERSION:
-        raise FileError(f"{path}: version {content.get('version')!r:.20}; this program reads version {_VERSION}")
+        newer = f": {made_by(content['program'])}" if content.get("program") else ""
+        raise FileError(f"{path}: version {content.get('version')!r:.20}; this program reads version {_VERSION}{newer}")
     try:
         return model.model_validate(content)
     except ValidationError as error:
         first = error.errors()[0]
         place = ".".join(str(part) for part in first["loc"])
-        raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}") from None
+        maker = str(content.get("program") or "")
+        newer = f"; {made_by(maker)}" if is_newer(maker.removeprefix("valve-hil ")) else ""
+        raise FileError(f"{path}: field '{place}': {first['msg']}, found {first['input']!r:.60}{newer}") from None
