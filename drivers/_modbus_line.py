@@ -32,6 +32,7 @@ class LineSettings(BaseModel):
             one; `BADC` and `DCBA` have the bytes of each word swapped.
         echo: what is sent on a serial line comes back before the answer, as some RS-485 adapters do.
         pause_s: so long nothing is asked after an answer, for devices and converters that need to turn around.
+        startup_s: at opening the device is waited for so long, where it answers only after a start-up of its own.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -47,6 +48,7 @@ class LineSettings(BaseModel):
     word_order: WordOrder | None = None
     echo: bool = False
     pause_s: float = Field(0.0, ge=0.0, le=1.0)
+    startup_s: float = Field(0.0, ge=0.0, le=300.0)
 
 
 class ModbusLine:
@@ -60,7 +62,7 @@ class ModbusLine:
     def __init__(self, settings: LineSettings, heard: Callable[[], None]) -> None:
         self._settings, self._on_answer = settings, heard
         self._quiet_until_s = self._rest_until_s = 0.0
-        self._sent = self._came = b""
+        self._sent = self._came = self._received = b""
         self.has_read = False  # whether readings have come: a device that needs a pause falls silent before
         self._log = wire_log("modbus", settings.address)
         self.client = client_of(settings, self._trace)
@@ -118,7 +120,7 @@ class ModbusLine:
         from pymodbus.exceptions import ConnectionException
 
         self._wait_until_clean()
-        self._came = b""
+        self._came = self._received = b""
         try:
             answer = request(self.client, function, address, count, values, self._settings.unit_id)
         except DeviceLostError:  # the port is not there, or not the same one any more
@@ -138,9 +140,22 @@ class ModbusLine:
             self._fail(
                 None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}{echo}"
             )
+        if self._two_came(_length(function, count)):
+            self._fail(None, LinkError, f"two answers came to function {function} at {address:#06x}: one is another's")
         if self._settings.pause_s:
             self._rest_until_s = time.monotonic() + self._settings.pause_s
         return [int(bit) for bit in answer.bits[:count]] if function in (1, 2) else list(answer.registers)
+
+    def _two_came(self, length: int) -> bool:
+        """Whether behind an answer on a serial line there is another one: which is which nobody can tell.
+
+        The same one twice is one; a byte of noise behind an answer is none.
+        """
+        if self._settings.transport == "tcp":
+            return False
+        whole = self._received.removeprefix(self._sent) if self._settings.echo else self._received
+        answer, rest = whole[:length], whole[length:]
+        return self._sent[:2] in rest and rest[:length] != answer
 
     def _what_came(self) -> str:
         """What can be said of an answer that was none."""
@@ -167,7 +182,10 @@ class ModbusLine:
         else:
             self._came = frame
         self._log.debug("%s %s", "→" if sending else "←", frame.hex(" "))
-        return frame if sending or self._settings.transport == "tcp" else self._from_the_answer_on(frame)
+        if sending or self._settings.transport == "tcp":
+            return frame
+        self._received += self._from_the_answer_on(frame) if not self._received else frame
+        return self._from_the_answer_on(frame)
 
     def _from_the_answer_on(self, frame: bytes) -> bytes:
         """What came on a serial line without the noise of its turning around, which the library takes for an answer."""
@@ -188,6 +206,11 @@ class ModbusLine:
         if self._settings.transport == "rtu":
             self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
         raise kind(text) from error
+
+
+def _length(function: int, count: int) -> int:
+    """Bytes of an answer on a serial line."""
+    return {1: 5 + (count + 7) // 8, 2: 5 + (count + 7) // 8, 3: 5 + 2 * count, 4: 5 + 2 * count}.get(function, 8)
 
 
 _EXCEPTIONS = {

@@ -130,11 +130,12 @@ def output(name: str, terminal: str, unit: str = "V", role: str = "other", low: 
     )
 
 
-def input_(name: str, terminal: str, unit: str = "V", role: str = "other", slope: float = 10.0) -> str:
-    """A channel that is read; what it measures is the command of the valve."""
+def input_(name: str, terminal: str, unit: str = "V", role: str = "other", stands: float | None = None) -> str:
+    """A channel that is read; what it measures is the command of the valve, or a value that stands still."""
+    reads = 'signal = "command"\nunit = "%"\nslope = 10.0' if stands is None else f"value = {stands}"
     return (
         f'[channels."{name}"]\nrole = "{role}"\ndevice = "io"\nterminal = "{terminal}"\nunit = "{unit}"\n'
-        f'\n[simulation.instruments."{name}"]\nsignal = "command"\nunit = "%"\nslope = {slope}\n'
+        f'\n[simulation.instruments."{name}"]\n{reads}\n'
     )
 
 

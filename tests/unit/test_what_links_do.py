@@ -1,0 +1,111 @@
+"""What real links do, against devices that share nothing with the drivers; the page names a test for every row."""
+
+from __future__ import annotations
+
+import re
+import time
+from pathlib import Path
+
+import can
+import pytest
+
+from drivers import can as can_driver
+from drivers.modbus import LineSettings, ModbusLink, Model, Register
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.errors import DeviceLostError, LinkError
+from tests.foreign_line import ForeignLine, Tables
+from tests.links import free_port
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "docs" / "reference" / "what-links-do.md").read_text(encoding="utf-8")
+MODEL = Model({
+    "t": Register("in", "value", "degC", -50.0, 500.0, "input", 0),
+    "q": Register("out", "value", "bar", 0.0, 500.0, "holding", 8),
+})  # fmt: skip
+WIRING = Wiring(
+    {"q": OutputChannel("q", "q", "value", "bar", 0.0, 500.0)},
+    {"t": InputChannel("t", "t", "value", "degC", -50.0, 500.0)},
+)
+
+
+def link_to(address: str, **more: object) -> ModbusLink:
+    told = {"address": address, "timeout_s": 0.1, "longest_reply_s": 0.15, **more}
+    return ModbusLink(LineSettings.model_validate(told), WIRING, MODEL)
+
+
+@pytest.mark.parametrize("kind", ["the last one again before it", "itself twice", "the last one again behind it"])
+@pytest.mark.parametrize("transport", ["tcp", "rtu"])
+def test_two_answers_in_one_segment(kind: str, transport: str) -> None:
+    """What is read is the answer to this request, or no answer; never the one before."""
+    device, last = Tables(inputs={0: 100}, holding={8: 0}), [b""]
+
+    def answer(frame: bytes) -> bytes:
+        now = device.on_tcp(frame) if transport == "tcp" else device.on_serial(frame)
+        before, last[0] = last[0], now
+        return {"itself twice": now + now, "the last one again before it": before + now}.get(kind, now + before)
+
+    with ForeignLine(answer) as line:
+        scheme = "" if transport == "tcp" else "socket://"
+        link = link_to(f"{scheme}127.0.0.1:{line.port}", transport=transport)
+        right = 0
+        for value in range(100, 130):
+            device.inputs[0] = value
+            try:
+                read = link.read()["t"]
+            except LinkError:
+                continue
+            assert read == value
+            right += 1
+        assert right or transport == "rtu"
+        link.close()
+
+
+def test_a_device_that_answers_only_after_its_start_up() -> None:
+    device, on_s = Tables(inputs={0: 20}, holding={8: 0}), time.monotonic() + 0.6
+    starting = lambda frame: device.on_tcp(frame) if time.monotonic() > on_s else b""  # noqa: E731
+    with ForeignLine(starting) as line:
+        link = link_to(f"127.0.0.1:{line.port}", startup_s=5.0)
+        assert link.read() == {"t": 20.0}
+        link.close()
+    with (
+        ForeignLine(lambda _frame: b"") as line,
+        pytest.raises(LinkError, match=r"after 0\.\d+ s of its start-up: no valid"),
+    ):
+        link_to(f"127.0.0.1:{line.port}", startup_s=0.3)
+    with pytest.raises(DeviceLostError, match="cannot be reached"):
+        link_to(f"127.0.0.1:{free_port()}")
+
+
+def test_error_frames_of_a_wrong_bit_rate_or_an_overrun_are_no_readings(tmp_path: Path) -> None:
+    """An interface gives them for a disturbed bus, error-passive, and frames that it lost."""
+    wiring = Wiring({}, {"s": InputChannel("s", "engine speed", "value", "1/min", 0.0, 8031.875)})
+    bus = can.Bus(interface="virtual", channel=tmp_path.name)
+    told = {"model": "j1939-fluids", "address": f"virtual:{tmp_path.name}", "timeout_s": 0.1, "longest_reply_s": 0.1}
+    link = can_driver.open_link(can_driver.Settings.model_validate(told), wiring)
+    try:
+        for data in (b"\0\x04\0\0\0\0\0\0", b"\0\x30\0\0\0\0\0\0", b"\0\x01\0\0\0\0\0\0"):  # as SocketCAN has them
+            bus.send(can.Message(arbitration_id=0x0CF00400, data=data, is_extended_id=True, is_error_frame=True))
+        with pytest.raises(LinkError, match=r"no ElectronicEngineController1\.EngineSpeed for 0\.1 s"):
+            link.read()
+        frame = bytes.fromhex("FF FF FF 68 13 FF FF FF")
+        time.sleep(0.12)
+        bus.send(can.Message(arbitration_id=0x0CF00400, data=frame, is_extended_id=True))
+        assert link.read() == {"engine speed": 621.0}
+    finally:
+        link.close()
+        bus.shutdown()
+
+
+ROWS = [line for line in PAGE.splitlines() if line.startswith("| ") and "`tests/" in line]
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row.split("|")[1].strip()[:40])
+def test_each_row_of_the_page_is_a_test(row: str) -> None:
+    found = re.findall(r"`(tests/[\w/]+\.py)::(\w+)`", row)
+    assert found
+    for file, name in found:
+        assert f"def {name}(" in (ROOT / file).read_text(encoding="utf-8"), (file, name)
+
+
+def test_the_page_has_every_situation() -> None:
+    assert len(ROWS) >= 22
