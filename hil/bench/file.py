@@ -274,7 +274,6 @@ class Bench(_Strict):
     """
 
     name: str = Field(min_length=1)
-    made_with: str = ""
     sample_rate_hz: PositiveFloat
     valve: Valve
     devices: dict[str, Device]
@@ -285,3 +284,4 @@ class Bench(_Strict):
     instruments: tuple[InstrumentEntry, ...] = ()
     acceptance: dict[str, dict[str, AcceptanceLimit]] = {}
     simulation: dict[str, Any] = {}
+    made_with: str = ""
