@@ -105,6 +105,10 @@ def _tugsal() -> Iterator[Row]:
         yield Row(what, command, paper, lambda f: _list(round(p["value"], 4) for p in f["parameters"]))
     command = "hil analyse error worn.csv --reference good-step.csv --level low --json"
     yield Row("eq. 4.1, 0.04 psi apart, 1 s at 1 kHz", command, "rate not stated", lambda f: _number(f["error_4_1"]))
+    yield Row(
+        "eqs 4.2 and 4.3, degrees of the level: low, high", command, "no example",
+        lambda f: _list(f["current_memberships"].values()),
+    )  # fmt: skip
     yield Row("section 4.1.3, its crisp class", command, "1.065 … 1.535: malfunctioned", lambda f: f["crisp_class"])
     yield Row(
         "eqs 4.4 to 4.7, its degrees", command, "no example", lambda f: _list(f["error_memberships"].values())

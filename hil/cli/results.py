@@ -41,7 +41,9 @@ def _handed_on(target: str, found: Results, text: Callable[[Results], str], writ
         typer.echo(text(found), nl=False)
     elif target:
         check_file(Path(target))
-        write(Path(target))
+        made = write(Path(target))
+        for path in made if isinstance(made, tuple) else (target,):
+            typer.echo(f"{path}: written", err=True)
 
 
 def _write_json(found: Results, path: Path) -> None:
@@ -51,9 +53,10 @@ def _write_json(found: Results, path: Path) -> None:
 def _listed(found: Results) -> str:
     """The values as `hil run` prints them, then what else there is."""
     from hil.findings.collect import findings_of
+    from hil.report.number import MINUS
     from hil.report.terminal import findings_text
 
     lines = [findings_text(findings_of(found))]
     lines += [f"transfer function: {one.name}: {one.formula}" for one in found.transfer_functions]
     lines += [f"curve: {curve.name} ({len(curve.rows)} rows)" for curve in found.curves]
-    return "\n".join(lines)
+    return "\n".join(lines).replace(MINUS, "-")
