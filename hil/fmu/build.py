@@ -31,6 +31,26 @@ _FLAGS = (
     "-s",
     "-fvisibility=hidden",
 )
+_C_HEAD = """\
+/* {title}.
+
+   #include "{file}" in one file of a program, then
+
+       Model m;
+       model_start(&m);
+       m.u[0] = 20.0;
+       model_step(&m, 0.001);
+       m.y[0] is the first output at that time, in s
+
+   u: {inputs}. y: {outputs}. Own step {step_s:g} s; model_set(&m, place, value) changes a parameter.
+   Parameters in their order: {names}. */
+#if defined(__GNUC__)
+#pragma GCC diagnostic ignored "-Wunknown-pragmas"
+#pragma GCC diagnostic ignored "-Wunused-function"
+#pragma GCC diagnostic ignored "-Wunused-variable"
+#pragma GCC diagnostic ignored "-Wunused-but-set-variable"
+#endif
+"""
 _HEADERS = (
     "fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h",
     "fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h",
@@ -84,7 +104,11 @@ def write_c(variables: Variables, out: Path) -> None:
         StorageError: the file cannot be written.
     """
     names = ", ".join(variable.name for variable in variables.parameters)
-    head = f"/* {variables.plant.title}. Parameters in their order: {names}. */\n"
+    inputs = ", ".join(signal.heading for signal in variables.inputs)
+    outputs = ", ".join(signal.heading for signal in variables.outputs)
+    head = _C_HEAD.format(
+        title=variables.plant.title, file=out.name, inputs=inputs, outputs=outputs, names=names, step_s=variables.step_s
+    )
     core = (files("hil.fmu") / "core.c").read_text(encoding="utf-8")
     try:
         out.write_text(head + source_of(variables).text + core, encoding="utf-8")

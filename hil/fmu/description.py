@@ -46,6 +46,8 @@ def description(variables: Variables, source: Source, version: FmiVersion) -> by
         SubElement(categories, "Category", name=name)
     SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(_STOP_S), stepSize=repr(variables.step_s))
     told = list(_told(variables, source))
+    if version == "2":  # where importers ask the independent variable for a start value, which it may not have
+        told = [one for one in told if one.attributes["causality"] != "independent"]
     _variables(SubElement(root, "ModelVariables"), told, version)
     _structure(SubElement(root, "ModelStructure"), told, version)
     indent(root)
