@@ -83,8 +83,11 @@ class Column:
             start = f"time counts from {self.values[0]}" if self.values.size and self.values.dtype.kind == "M" else ""
             return (self.values - self.values[:1]) / second, start
         unit = headings.spelt_time_unit(unit or stated or headings.time_unit(name))
-        assumed = "" if unit else f"no unit is stated for '{name}'; taken as seconds"
         values = np.asarray(self.values, dtype=np.float64)
+        assumed = ""
+        if not unit:
+            unit, kind = headings.unit_of_stamps(values)
+            assumed = f"no unit is stated for '{name}'; taken as {kind}, --unit '{name}=ms' would say otherwise"
         return values if unit in ("", "s") else convert(values, unit, "s"), assumed
 
 

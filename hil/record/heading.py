@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import re
+from typing import Any
+
+from numpy.typing import NDArray
 
 from hil.errors import UnitError
 from hil.units import check_unit
+
+Array = NDArray[Any]
 
 _SQUARE = re.compile(r"^\s*(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
 _ROUND = re.compile(r"^\s*(?P<name>.*\S)\s*\((?P<unit>[^()]+)\)\s*$")
@@ -27,6 +32,7 @@ _COUNTERS = frozenset({"", "index", "idx", "no", "nr", "#", "row", "point", "n",
 _INTERVALS = frozenset({"ts", "dt", "delta_t", "sample_time", "sampling_time", "sampling_interval", "wf_increment",
                         "sampletime", "samplingtime", "deltat", "interval", "tsample", "t_s", "t_sample"})  # fmt: skip
 _RATES = frozenset({"fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "rate_hz", "f_s", "rate"})
+_YEAR_2000_S, _YEAR_2100_S = 946_684_800.0, 4_102_444_800.0  # after the beginning of 1970
 _NO_UNIT = frozenset({"-", "--", "none", "n/a", "no unit", "unitless", "dimensionless"})
 
 
@@ -99,6 +105,15 @@ def is_time_unit(unit: str) -> bool:
 def spelt_time_unit(unit: str) -> str:
     """A unit of time as this program spells it; anything else as it is."""
     return _TIME_UNITS.get(unit, _TIME_UNITS.get(unit.casefold(), unit))
+
+
+def unit_of_stamps(values: Array) -> tuple[str, str]:
+    """The unit of stamps that state none, and what they are taken for: seconds, or parts of one since 1970."""
+    first = float(values[0]) if len(values) else 0.0
+    for unit, size, words in (("s", 1.0, "s"), ("ms", 1e3, "ms"), ("us", 1e6, "µs"), ("ns", 1e9, "ns")):
+        if _YEAR_2000_S * size < first < _YEAR_2100_S * size:
+            return unit, f"{words} since 1970"
+    return "s", "seconds"
 
 
 def is_counter(name: str) -> bool:

@@ -13,31 +13,67 @@ import numpy as np
 
 from hil.errors import FileError
 from hil.record.columns import Column
-from hil.record.layout import Layout, open_text
-from hil.record.tokens import BLANKS, is_blank, is_date_only, is_number, joined, stamps
+from hil.record.layout import Layout, is_packed, open_text
+from hil.record.tokens import BLANKS, is_blank, is_date_only, is_number, is_stamp, joined, stamps
+
+_REMARKS = ("#", "%", "//", "--", "**")  # what begins a line that is none of the samples
+_SHOWN = 40
 
 
-def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column], str]:
-    """The columns, and what had to be left out, in words; `gaps`: lines that are cut off are taken as far as they go.
+def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column], str, Layout]:
+    """The columns, what had to be left out, in words, and the layout with the lines that were.
+
+    `gaps`: lines that are cut off are taken as far as they go, lines of text among the samples left out; remarks, which
+    a sign begins, are left out anyway.
 
     Raises:
         FileError: names the line and the column, and what was found there.
     """
     import pandas as pd
 
-    table = _table(pd, path, found)
+    table, found = _rows(pd, path, found, gaps)
     if not len(table):
         raise FileError(f"{path}: no rows after the header")
-    said = ""
+    said = _left_out(path, found)
     if _may_be_cut(table, found):
-        table, said = _without_cut_line(path, found, table, gaps)
+        table, cut = _without_cut_line(path, found, table, gaps)
+        said = "; ".join(filter(None, (said, cut)))
     made: list[Column] = []
     for i, (heading, unit, kind) in enumerate(zip(found.headings, found.units, found.kinds, strict=True)):
         values = table[i].to_numpy()
         if kind == "stamp":
             values = _stamps(path, found, i, [str(text) for text in values])
         made.append(Column(heading, values, unit))
-    return _with_days(made, found, table), said
+    return _with_days(made, found, table), said, found
+
+
+def _rows(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout]:
+    """The fields, and the layout with the lines among them that are none."""
+    try:
+        return _table(pd, path, found), found
+    except FileError:
+        remarks = frozenset(number for number, line in _texts(path, found) if gaps or line.startswith(_REMARKS))
+        if not remarks:
+            raise
+    found = replace(found, remarks=remarks)
+    return _table(pd, path, found), found
+
+
+def _texts(path: Path, found: Layout) -> Iterator[tuple[int, str]]:
+    """Lines among the samples without a number or a stamp in them."""
+    with open_text(path, found.encoding) as file:
+        for number, line in enumerate(islice(file, found.first_row - 1, None), found.first_row):
+            text = line.strip()
+            if text and not any(is_number(cell) or is_stamp(cell) or is_blank(cell) for cell in found.split(line)):
+                yield number, text
+
+
+def _left_out(path: Path, found: Layout) -> str:
+    if not found.remarks:
+        return ""
+    number, text = next((number, text) for number, text in _texts(path, found) if number in found.remarks)
+    more = f" and {len(found.remarks) - 1} more" if len(found.remarks) > 1 else ""
+    return f"line {number}{more}, no row of numbers, left out: '{text[:_SHOWN]}'"
 
 
 def _table(pd: Any, path: Path, found: Layout, spare: bool = False) -> Any:
@@ -57,9 +93,10 @@ def _table(pd: Any, path: Path, found: Layout, spare: bool = False) -> Any:
             warnings.simplefilter("error", pd.errors.ParserWarning)  # that fields were dropped
             table = pd.read_csv(
                 path, sep=found.separator, decimal=found.decimal, thousands=found.thousands or None,
-                skiprows=found.first_row - 1, header=None, names=names, index_col=False, dtype=kinds,
+                skiprows=_skipped(found), header=None, names=names, index_col=False, dtype=kinds,
                 na_values=blanks, keep_default_na=False, skipinitialspace=True, encoding=encoding,
                 encoding_errors="strict" if only_numbers else "replace", engine="c", nrows=found.rows,
+                compression="gzip" if is_packed(path) else None,
             )  # fmt: skip
     except pd.errors.EmptyDataError:
         raise FileError(f"{path}: no rows after the header") from None
@@ -74,18 +111,27 @@ def _table(pd: Any, path: Path, found: Layout, spare: bool = False) -> Any:
     return table
 
 
+def _skipped(found: Layout) -> int | list[int]:
+    """What pandas leaves out: so many lines, or these, from 0."""
+    before = found.first_row - 1
+    return before if not found.remarks else [*range(before), *(number - 1 for number in sorted(found.remarks))]
+
+
 def _lines(path: Path, found: Layout) -> Iterator[tuple[int, list[str]]]:
     """Numbers and fields of the lines with samples."""
     with open_text(path, found.encoding) as file:
         for number, line in enumerate(islice(file, found.first_row - 1, None), found.first_row):
-            if line.strip():
+            if line.strip() and number not in found.remarks:
                 yield number, found.split(line)
 
 
 def _explained(path: Path, found: Layout) -> str:
     """The first field that is no number, or the first line of too many, in words."""
     wanted = len(found.headings)
+    first, text = next(_texts(path, found), (0, ""))
     for number, cells in _lines(path, found):
+        if number == first:
+            return f"line {number} is no row of numbers: '{text[:_SHOWN]}'; --gaps leaves such lines out"
         filled = cells[:-1] if len(cells) == wanted + 1 and not cells[-1] else cells
         if len(filled) > wanted:
             return f"line {number} {_miscounted(len(filled), found)}"

@@ -10,6 +10,7 @@ import pytest
 
 from hil.errors import FileError
 from hil.record.read import read_recording, write_recording
+from hil.record.reading import Reading
 from hil.record.recording import recording
 
 PLAIN = "time [s],command [%],flow [l/min]\n0,1.5,10\n0.011,2.5,-20\n0.02,3.5,30.25\n"
@@ -109,3 +110,61 @@ def test_errors_name_the_place(tmp_path: Path, text: str | bytes, message: str) 
 def test_a_broken_archive_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"made.csv.gz: cannot be read as CSV"):
         read_text(tmp_path, gzip.compress(PLAIN.encode())[:-9], "made.csv.gz")
+
+
+SOME = "time [s],flow [l/min]\n" + "".join(f"{0.1 * i:.1f},{i}.5\n" for i in range(40))
+
+
+@pytest.mark.parametrize("name", ["x.csv", "x.csv.gz"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_file_is_unpacked_where_its_bytes_say_so_whatever_its_name_says(
+    tmp_path: Path, name: str, packed: bool
+) -> None:
+    (tmp_path / name).write_bytes(gzip.compress(SOME.encode()) if packed else SOME.encode())
+    assert len(read_recording(tmp_path / name)) == 40
+
+
+@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-8-sig"])
+def test_wide_texts_are_read_with_and_without_their_mark(tmp_path: Path, encoding: str) -> None:
+    (tmp_path / "x.csv").write_bytes(SOME.encode(encoding))
+    assert read_recording(tmp_path / "x.csv").values("flow")[39] == 39.5
+
+
+def test_bytes_of_no_text_are_called_so(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_bytes(b"\x00\x01\x02\x7f" * 100)
+    with pytest.raises(FileError, match="bytes that no text has"):
+        read_recording(tmp_path / "x.csv")
+
+
+TEXTS = [("# range changed", False), ("time [s],flow [l/min]", True), ("stopped", True)]
+
+
+@pytest.mark.parametrize(("line", "gaps"), TEXTS)
+def test_a_line_of_text_among_the_samples_is_left_out_and_said(tmp_path: Path, line: str, gaps: bool) -> None:
+    lines = SOME.splitlines()
+    lines.insert(20, line)
+    (tmp_path / "x.csv").write_text("\n".join(lines), encoding="utf-8")
+    if gaps:
+        with pytest.raises(FileError, match=r"line 21 is no row of numbers: .*--gaps leaves such lines out"):
+            read_recording(tmp_path / "x.csv")
+    found = read_recording(tmp_path / "x.csv", Reading(gaps=gaps))
+    assert len(found) == 40
+    assert any(text.startswith(f"line 21, no row of numbers, left out: '{line}") for text in found.meta["assumed"])
+
+
+def test_what_is_wrong_behind_a_remark_is_named_by_its_own_line(tmp_path: Path) -> None:
+    lines = SOME.splitlines()
+    lines[30] = "2.9,"
+    lines.insert(20, "# a remark")
+    (tmp_path / "x.csv").write_text("\n".join(lines), encoding="utf-8")
+    with pytest.raises(FileError, match=r"line 32, channel 'flow': no value"):
+        read_recording(tmp_path / "x.csv")
+
+
+@pytest.mark.parametrize(("factor", "words"), [(1.0, "s since 1970"), (1e3, "ms since 1970"), (1e9, "ns since 1970")])
+def test_stamps_since_1970_are_known_by_their_size(tmp_path: Path, factor: float, words: str) -> None:
+    rows = "".join(f"{round((1.7e9 + 0.5 * i) * factor) if factor > 1 else 1.7e9 + 0.5 * i},{i}\n" for i in range(20))
+    (tmp_path / "x.csv").write_text("timestamp,flow [l/min]\n" + rows, encoding="utf-8")
+    found = read_recording(tmp_path / "x.csv")
+    assert found.duration_s == pytest.approx(9.5, abs=1e-6)
+    assert any(words in text for text in found.meta["assumed"])

@@ -117,7 +117,8 @@ class TestTdms:
         found = read_recording(path)
         assert np.array_equal(found.time_s, TIME)
         assert found.channels["p"].unit == "bar"
-        assert found.meta["assumed"] == ["no unit is stated for 'Time'; taken as seconds"]
+        (said,) = found.meta["assumed"]
+        assert said.startswith("no unit is stated for 'Time'; taken as seconds, --unit 'Time=ms'")
 
     def test_dates_are_counted_in_seconds(self, tmp_path: Path) -> None:
         stamps = np.datetime64("2026-01-31T12:00:00") + (TIME * 1e6).astype("m8[us]")

@@ -39,7 +39,7 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     """
     try:
         found = layout(path, named=bool(reading.columns))
-        read_columns, said = columns(path, found, reading.gaps)
+        read_columns, said, found = columns(path, found, reading.gaps)
         table = Table(path.stem, read_columns, assumed=said)
         return assemble(str(path), [table], None, reading, partial(place, path, found))
     except (OSError, EOFError, UnicodeError, csv.Error) as error:

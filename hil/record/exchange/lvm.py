@@ -43,7 +43,7 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         raise FileError(f"{path}: cannot be read as LVM: it does not begin with '{_BEGINNING}' and a header")
     said = _Header.of(lines, ends)
     found = _layout(encoding, lines, said)
-    read_columns, cut = columns(path, found, reading.gaps)
+    read_columns, cut, found = columns(path, found, reading.gaps)
     tables = _tables(path.stem, read_columns, said)
     notes = [text for text in (cut, said.more) if text]
     meta = {"assumed": notes} if notes else None
