@@ -12,7 +12,7 @@ SAID_BY_SCRIPTS = (
     marked("not asked"), marked("stale"), marked("no measurement"), marked("nobody reads it now"),
     marked("last recorded"),
     marked("The process of this run is gone. Look at the valve, then at its outputs."),
-    marked("Take over as the operator?"),
+    marked("Take over as the operator?"), marked("Yes"), marked("No"),
     marked("Reset"), marked("Really reset the trip of {name}?"), marked("Refused"), marked("rehearsed"),
     marked("Rehearsing …"), marked("within all limits"), marked("Starting …"), marked("holding"),
     marked("A hold was asked for; it begins between two parts."),

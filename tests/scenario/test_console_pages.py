@@ -254,8 +254,8 @@ def test_a_latched_trip_is_named_and_reset(page: Page, lab: Lab) -> None:
     page.goto("/bench?bench=tripped")
     expect(page.locator("#trips")).to_contain_text("tripped: over-pressure")
     expect(page.locator("#trips")).to_contain_text("151 bar")
-    page.once("dialog", lambda dialog: dialog.accept())
     page.get_by_role("button", name="Reset over-pressure").click()
+    page.get_by_role("alertdialog").get_by_role("button", name="Yes").click()
     expect(page.locator("#trips .trip")).to_have_count(0)
     assert json.loads(kept.read_text(encoding="utf-8")) == {}
     audit = next((lab.folder / "state").rglob("*audit*"))

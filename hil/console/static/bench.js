@@ -44,10 +44,10 @@ function trip(name, why) {
   const button = make("button", "quiet", say("Reset") + " " + name);
   button.type = "button";
   button.addEventListener("click", async () => {
-    if (!confirm(say("Really reset the trip of {name}?", {name}))) return;
+    if (!await agreed(say("Really reset the trip of {name}?", {name}))) return;
     button.disabled = true;
     try { await post("/bench/" + encodeURIComponent(board.dataset.bench) + "/reset", {interlock: name}); await lookBench(); }
-    catch (error) { alert(error.message); button.disabled = false; }
+    catch (error) { refuse(error.message); button.disabled = false; }
   });
   return make("p", "notice bad trip", make("span", "", make("strong", "", say("tripped") + ": " + name), " – " + why), button);
 }

@@ -32,13 +32,37 @@ function make(tag, className, ...inside) {
   return made;
 }
 
+// Asks on the page itself: a dialog of the browser would keep F12 and the stop button waiting.
+function agreed(text) {
+  return new Promise(settle => {
+    const yes = make("button", "", say("Yes")), no = make("button", "quiet", say("No"));
+    const asked = make("div", "notice bad trip", make("span", "", text), yes, no);
+    asked.setAttribute("role", "alertdialog");
+    asked.setAttribute("aria-label", text);
+    for (const button of [yes, no]) {
+      button.type = "button";
+      button.addEventListener("click", () => { asked.remove(); settle(button === yes); });
+    }
+    document.getElementById("refused").after(asked);
+    asked.scrollIntoView({block: "center"});
+    no.focus();
+  });
+}
+
+function refuse(text) {
+  const told = document.getElementById("refused");
+  told.textContent = say("Refused") + ": " + text;
+  told.hidden = false;
+  told.scrollIntoView({block: "center"});
+}
+
 // Sends a form. Another may operate: then the seat is taken over if its user says so, and the form is sent again.
 async function send(path, body) {
   for (let again = true; ; again = false) {
     const answer = await fetch(path, {method: "POST", body, headers: {Accept: "application/json"}});
     if (answer.ok) return answer;
     const why = (await answer.json().catch(() => ({}))).error || answer.status + " " + answer.statusText;
-    if (answer.status !== 409 || !again || !confirm(why + "\n\n" + say("Take over as the operator?"))) throw new Error(why);
+    if (answer.status !== 409 || !again || !await agreed(why + ". " + say("Take over as the operator?"))) throw new Error(why);
     await fetch("/seat", {method: "POST", body: new URLSearchParams({take: "1"})});
   }
 }
@@ -56,11 +80,7 @@ addEventListener("submit", async event => {
   try {
     const body = form.enctype === "multipart/form-data" ? fields : new URLSearchParams(fields);
     location.href = (await send(by?.hasAttribute("formaction") ? by.formAction : form.action, body)).url;
-  } catch (error) {
-    told.textContent = say("Refused") + ": " + error.message;
-    told.hidden = false;
-    told.scrollIntoView({block: "center"});
-  } finally { if (by) by.disabled = false; }
+  } catch (error) { refuse(error.message); } finally { if (by) by.disabled = false; }
 });
 
 async function ask(path) {
