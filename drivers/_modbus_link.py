@@ -135,6 +135,7 @@ class ModbusLink:
         self._clear_faults()
         if self.watchdog_s is not None:
             self._do(self._model.arming)
+        self._no_fault()
         self._look_around()
         self._leave_safe_mode()
         self._enable()
@@ -166,13 +167,16 @@ class ModbusLink:
         Raises:
             LinkError: it is not.
         """
-        if not (told := self._reported()):
+        if not self._model.clear or not (told := self._reported()):
             return
         self._do(self._model.clear)
-        if self._model.clear and self._waited(lambda: not self._reported(), self._model.clear_patience_s):
-            return
-        cleared = " and cannot be cleared" if self._model.clear else ""
-        raise LinkError(f"the device reports a fault{cleared}: {', '.join(told)}")
+        if not self._waited(lambda: not self._reported(), self._model.clear_patience_s):
+            raise LinkError(f"the device reports a fault and cannot be cleared: {', '.join(told)}")
+
+    def _no_fault(self) -> None:
+        """Raise `LinkError` for a fault that the device reports."""
+        if told := self._reported():
+            raise LinkError(f"the device reports a fault: {', '.join(told)}")
 
     def _enable(self) -> None:
         """Have the outputs obey, unless they do already: they stand at their safe values when they begin to.
@@ -239,8 +243,7 @@ class ModbusLink:
 
     def _outputs_stand(self) -> None:
         self._checked_s = time.monotonic()
-        if told := self._reported():
-            raise LinkError(f"the device reports a fault: {', '.join(told)}")
+        self._no_fault()
         if safe := self._in_safe_mode():
             raise LinkError(
                 f"{', '.join(safe)}: the device itself has made it safe; its watchdog expired, or it was told to"

@@ -1,33 +1,26 @@
 """PWM current amplifiers for one solenoid on Modbus: set current, carrier, dither, watchdog (register map of our own).
 
-No public manual of such an amplifier with its registers was at hand. **Every address, scale and range in this file is
-our choice**: the least that an amplifier of this kind has to offer. To drive a real one, put the numbers of its
-manual in their place, here and, from the manual again, in the twin.
+No public manual of such an amplifier with its registers was at hand. **Every address, scale and range, here
+and in the description `pwm-amplifier`, is our choice**: the least that an amplifier of this kind has to offer. To drive
+a real one, put the numbers of its manual in their place and, from the manual again, into the twin.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+from drivers._described_modbus import model_of
 from drivers._edge import edge
-from drivers.modbus import LineSettings, ModbusLink, Model, Register, line_faults, line_needs
+from drivers.modbus import LineSettings, ModbusLink, Model, line_faults, line_needs
 from hil.daq.channel import OutputChannel, Terminal, Wiring
 from hil.daq.polled import PolledDaq
+from hil.description.named import Described, description_of
 from hil.errors import LinkError, SettingError
 
-SET_CURRENT, CARRIER, WATCHDOG = 0, 1, 4
-"""Holding registers: set current [mA], carrier [Hz], dither [0.1 Hz], its peak [mA], watchdog [0.1 s]."""
-STATUS = 2
-"""Input register, behind coil current [mA] and coil voltage [10 mV]: a bit for each fault."""
-FAULTS = ("its watchdog expired", "the coil is open", "the coil is shorted", "it is too hot")
-MODEL = Model(
-    {
-        "current": Register("out", "pwm_current", "A", 0.0, 3.0, "holding", SET_CURRENT, slope=1e-3),
-        "coil current": Register("in", "current", "A", 0.0, 3.3, "input", 0, slope=1e-3),
-        "coil voltage": Register("in", "voltage", "V", 0.0, 36.0, "input", 1, slope=1e-2),
-    },
-    watchdog=((WATCHDOG, "{tenths}"),),
-)
+DESCRIPTION = "pwm-amplifier"
+"""What it has beside carrier and dither: set current, measured current and voltage, watchdog, faults."""
+CARRIER = 1
+"""First of three holding registers: carrier [Hz], dither [0.1 Hz], its peak [mA]."""
 _CARRIER_HZ, _DITHER_HZ, _DITHER_A = (100.0, 5000.0), (10.0, 500.0), (0.0, 0.5)
 
 
@@ -37,12 +30,12 @@ class Settings(LineSettings):
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str, ...], str]]:
     """What is wrong beyond the types."""
-    yield from line_faults(settings, MODEL)
+    yield from line_faults(settings, _model())
 
 
 def terminals(_settings: Settings) -> dict[str, Terminal]:
     """The current that it drives, and what it measures at the coil: means over a period of the PWM."""
-    return MODEL.terminals
+    return _model().terminals
 
 
 def needs(settings: Settings) -> tuple[str, ...]:
@@ -70,7 +63,7 @@ class PwmAmplifierLink(ModbusLink):
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         self._modulation = [count for channel in wiring.outputs.values() for count in modulation(channel)]
-        super().__init__(settings, wiring, MODEL)
+        super().__init__(settings, wiring, _model())
         try:
             if self._modulation:
                 self._ask(16, CARRIER, values=self._modulation)
@@ -80,10 +73,6 @@ class PwmAmplifierLink(ModbusLink):
 
     def _outputs_stand(self) -> None:
         """Twice a second: the current, carrier and dither are still as they were set, and no fault is reported."""
-        (status,) = self._ask(4, STATUS)
-        if status:
-            told = [text for bit, text in enumerate(FAULTS) if status >> bit & 1] or [f"status {status:#06x}"]
-            raise LinkError(f"the amplifier reports a fault: {', '.join(told)}")
         super()._outputs_stand()
         if self._ask(3, CARRIER, count=len(self._modulation)) != self._modulation:
             raise LinkError("carrier and dither are not as they were set: it restarted, or another master writes to it")
@@ -111,3 +100,7 @@ def modulation(channel: OutputChannel) -> list[int]:
             )
     dither_hz, amplitude = (0.0, 0.0) if pwm.dither_hz is None else (pwm.dither_hz, pwm.dither_amplitude)
     return [round(pwm.carrier_hz), round(10.0 * dither_hz), round(1000.0 * amplitude)]
+
+
+def _model() -> Model:
+    return model_of(description_of(Described(model=DESCRIPTION), "modbus"))

@@ -60,8 +60,9 @@ def subject(
     hardware: bool = False,
     reach: float = 1.0,
     measured_by: Mapping[str, str] | None = None,
+    device_name: str = "",
 ) -> Iterator[Subject]:
-    """The first device of a bench with this driver, ready to be examined; simulated ones are served meanwhile.
+    """A device of a bench with this driver, ready to be examined; simulated ones are served meanwhile.
 
     Args:
         file: the bench.
@@ -70,22 +71,29 @@ def subject(
         hardware: the device itself is examined.
         reach: the share of the room between safe values and limits that outputs may use.
         measured_by: by output, the input that measures it.
+        device_name: which of several; the first one if not said.
 
     Raises:
-        SettingError: the bench has no device with this driver, or an input cannot measure what it is said to.
+        SettingError: the bench has no device with this driver, or none of that name, or an input cannot
+            measure what it is said to.
     """
     using = [name for name, device in file.bench.devices.items() if device.driver.replace("-", "_") == driver]
     if not using:
         raise SettingError(f'{file.path}: no device with driver = "{driver}"; say --bench with one that has it')
-    device = file.devices[using[0]]
+    if device_name and device_name not in using:
+        raise SettingError(
+            f"{file.path}: no device '{device_name}' with driver = \"{driver}\"; there are: {', '.join(using)}"
+        )
+    chosen = device_name or using[0]
+    device = file.devices[chosen]
     examined = examined_device(file, device.name, reach, measured_by or {})
     if hardware:
         yield examined
         return
     twin = _twin_of(driver)
     wirings = {name: other.wiring(file.bench.channels) for name, other in file.devices.items()}
-    side = twin.world(simulation_of(list(file.devices), file.bench, folder), wirings).side(using[0])
-    served = twin.serve(own_settings(file.bench.devices[using[0]], folder), side, twin.quirks({}))
+    side = twin.world(simulation_of(list(file.devices), file.bench, folder), wirings).side(chosen)
+    served = twin.serve(own_settings(file.bench.devices[chosen], folder), side, twin.quirks({}))
 
     def spoil(**quirks: Any) -> None:
         served.behaviour.quirks = twin.quirks(quirks)

@@ -19,6 +19,7 @@ def command(
     bench: str = typer.Option(
         "", "--bench", metavar="BENCH.toml", help="Where the driver is used; default: an installed bench that uses it."
     ),
+    device: str = typer.Option("", "--device", metavar="NAME", help="Which device of the bench; default: the first."),
     hardware: bool = typer.Option(
         False, "--hardware", help="Drive the device of that bench itself: its outputs WILL MOVE, within limits."
     ),
@@ -54,7 +55,7 @@ def command(
     counts = {"passed": 0, "broken": 0, "left out": 0}
     with (
         leased(file) if hardware else nullcontext(),
-        subject(file, path.parent, name, hardware, reach, _pairs(measured_by)) as examined,
+        subject(file, path.parent, name, hardware, reach, _pairs(measured_by), device) as examined,
     ):
         typer.echo(f"{name} on {path.name}, {'REAL HARDWARE' if hardware else 'simulated'}")
         try:

@@ -25,7 +25,7 @@ from tests.links import free_port
 DRIVERS: dict[str, ModuleType] = {
     "modbus": modbus, "scpi": scpi, "text": text, "ascii_module": ascii_module, "can": can_driver, "canopen": canopen,
 }  # fmt: skip
-OF_NO_MAKER = {"flow-meter", "scanner", "dc-source"}
+OF_NO_MAKER = {"pwm-amplifier", "flow-meter", "scanner", "dc-source"}
 DEVICES = [name for name in descriptions() if name not in OF_NO_MAKER]
 
 

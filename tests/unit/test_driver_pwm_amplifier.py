@@ -118,13 +118,17 @@ def test_what_it_does_not_make_is_refused_before_it_is_connected(pwm: Pwm, text:
 
 @pytest.mark.parametrize(
     ("status", "text"),
-    [(0b0010, "the coil is open$"), (0b1100, "the coil is shorted, it is too hot$"), (0x10, "status 0x0010$")],
+    [
+        (0b0010, "the coil is open$"),
+        (0b1100, "the coil is shorted, it is too hot$"),
+        (0x10, "a fault that its description does not name$"),
+    ],
 )
 def test_faults_that_it_reports_are_errors(status: int, text: str) -> None:
     with linked() as (link, amplifier):
         link.drive({"current": 0.0})
         amplifier.status = status
-        with pytest.raises(LinkError, match=f"^the amplifier reports a fault: {text}"):
+        with pytest.raises(LinkError, match=f"^the device reports a fault: {text}"):
             _read_until_looked_at(link)
 
 
