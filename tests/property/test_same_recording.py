@@ -110,3 +110,26 @@ def test_in_every_format_and_sampling_of_its_channels(tmp_path: Path, ending: st
 
 def test_the_whole_recording_gives_what_is_true() -> None:
     agrees(made())
+
+
+def test_in_lvm(tmp_path: Path) -> None:
+    head = (
+        "LabVIEW Measurement\t\nWriter_Version\t2\nReader_Version\t2\nSeparator\tTab\nDecimal_Separator\t,\n"
+        "Multi_Headings\tNo\nX_Columns\tOne\n***End_of_Header***\t\n\t\nChannels\t2\t\n"
+        f"Samples\t{COUNT}\t{COUNT}\nY_Unit_Label\t%\tl/min\nX0\t0\t0\nDelta_X\t0,01\t0,01\n"
+        "***End_of_Header***\t\t\nX_Value\tcommand\tflow\n"
+    )
+    rows = text(head, lambda t, u, y: f"{t:.2f}\t{u}\t{y}".replace(".", ","))
+    (tmp_path / "x.lvm").write_text(rows, encoding="utf-8")
+    agrees(read_recording(tmp_path / "x.lvm"))
+
+
+def test_in_mdf_3(tmp_path: Path) -> None:
+    asammdf = pytest.importorskip("asammdf")
+    one = made()
+    changes = np.concatenate(([0], np.flatnonzero(np.diff(one.values("command"))) + 1))
+    with asammdf.MDF(version="3.30") as file:
+        file.append([asammdf.Signal(one.values("command")[changes], one.time_s[changes], "%", "command")])
+        file.append([asammdf.Signal(one.values("flow"), one.time_s, "l/min", "flow")])
+        file.save(tmp_path / "x.mdf")
+    agrees(read_recording(tmp_path / "x.mdf"))
