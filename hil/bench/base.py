@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hil.bench.device import files_at_home
+from hil.bench.files import at_home
 from hil.bench.find import find_bench
 from hil.errors import FileError, HilError
 
@@ -67,7 +67,7 @@ def _at_home(content: dict[str, Any], folder: Path) -> dict[str, Any]:
     valve, devices = content.get("valve"), content.get("devices")
     own = dict(content)
     if isinstance(devices, dict):
-        own["devices"] = files_at_home(devices, folder)
+        own["devices"] = at_home(devices, folder)
     plant = valve.get("plant") if isinstance(valve, dict) else None
     if isinstance(valve, dict) and isinstance(plant, str) and plant.endswith(".json"):
         own["valve"] = {**valve, "plant": str(folder / plant)}

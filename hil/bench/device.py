@@ -14,6 +14,7 @@ from pydantic import BaseModel
 from hil.bench.draft import Draft, sound_part
 from hil.bench.fault import Fault
 from hil.bench.file import Bench, ChannelEntry, Device
+from hil.bench.files import at_home
 from hil.bench.lines import Place
 from hil.catalog import Kind, find
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
@@ -22,10 +23,6 @@ from hil.errors import HardwareError, HilError, LinkError
 
 if TYPE_CHECKING:
     from hil.daq.polled import Link
-
-
-_FILES = ("model", "eds", "dbc")
-_SUFFIXES = (".toml", ".eds", ".dcf", ".dbc")
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,22 +157,8 @@ def simulation_of(names: Collection[str], draft: Draft | Bench, folder: Path) ->
 
 def own_settings(device: Device, folder: Path) -> dict[str, Any]:
     """What a bench file says to a driver or simulated device; files beside it that describe the device as paths."""
-    found: dict[str, Any] = files_at_home(device.settings, folder)
+    found: dict[str, Any] = at_home(device.settings, folder)
     return found
-
-
-def files_at_home(told: Any, folder: Path) -> Any:
-    """Settings in which descriptions, and files that these name, stand as paths."""
-    if isinstance(told, Mapping):
-        return {
-            key: str(folder / value) if key in _FILES and _is_file(value) else files_at_home(value, folder)
-            for key, value in told.items()
-        }
-    return told
-
-
-def _is_file(value: Any) -> bool:
-    return isinstance(value, str) and value.lower().endswith(_SUFFIXES)
 
 
 def model_path(plant: str, folder: Path) -> str:

@@ -8,10 +8,11 @@ from pathlib import Path
 
 from hil.bench.base import whole_bench
 from hil.bench.check import faults_of
-from hil.bench.device import DeviceInUse, device_in_use, open_devices
+from hil.bench.device import DeviceInUse, device_in_use, open_devices, own_settings
 from hil.bench.draft import draft_of
 from hil.bench.fault import BenchError, Fault
 from hil.bench.file import Bench
+from hil.bench.files import kept
 from hil.bench.lines import line_at, lines_of
 from hil.daq.contract import Daq
 from hil.errors import FileError
@@ -26,7 +27,8 @@ class BenchFile:
 
     Attributes:
         path: where it was read.
-        text: as it stood there, with what it is based on; it goes into the header of every run.
+        text: as it stood there, with what it is based on, and the files of its devices as comments behind it; it goes
+            into the header of every run.
         bench: what it says.
         devices: what drives the bench, by name, settings checked, not yet opened.
     """
@@ -77,7 +79,8 @@ def read_bench(path: Path) -> BenchFile:
     if faults:
         raise _error(path, text, faults)
     bench = Bench.model_validate(content)
-    return BenchFile(path, whole, bench, devices)
+    beside = kept({name: own_settings(device, path.parent) for name, device in bench.devices.items()})
+    return BenchFile(path, whole + beside, bench, devices)
 
 
 def _error(path: Path, text: str, faults: list[Fault]) -> BenchError:

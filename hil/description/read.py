@@ -10,9 +10,9 @@ from typing import Any
 
 from pydantic import BaseModel
 
-from hil.bench.device import files_at_home
 from hil.bench.draft import sound_part
 from hil.bench.fault import BenchError, Fault
+from hil.bench.files import at_home
 from hil.bench.lines import Place, line_at, lines_of
 from hil.description.ascii_module import ModuleDescription, module_faults
 from hil.description.can import CanDescription, can_faults
@@ -54,7 +54,7 @@ def _read(path: Path, _changed: int) -> Description:
         content = tomllib.loads(text)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise FileError(f"{path}: not a description: {error}") from None
-    description, faults = checked(files_at_home(content, path.parent))
+    description, faults = checked(at_home(content, path.parent))
     if description is None or faults:
         lines = lines_of(text)
         in_order = sorted(faults, key=lambda fault: line_at(lines, fault.place) or 0)

@@ -11,6 +11,7 @@ import tomlkit
 from typer.testing import CliRunner
 
 from hil.bench.fault import BenchError
+from hil.bench.read import read_bench
 from hil.cli.app import _assembled
 from hil.description.find import descriptions
 from hil.description.first import GAP, first_description, gaps
@@ -161,4 +162,8 @@ def test_the_files_of_the_how_to_have_no_faults(tmp_path: Path) -> None:
     assert f"fill in {gaps(first)} gaps" in page
     written(tmp_path, "acme.toml", described)
     assert "holding 0x000a (40011), u16, counts 0 … 4095" in hil("describe", str(tmp_path / "acme.toml"))
-    assert "no faults" in hil("check", str(written(tmp_path, "bench.toml", bench)))
+    path = written(tmp_path, "bench.toml", bench)
+    assert "no faults" in hil("check", str(path))
+    kept = read_bench(path).text  # what a run keeps of it
+    assert kept.startswith(bench) and '# acme.toml:\n#   protocol = "modbus"' in kept
+    assert tomllib.loads(kept) == tomllib.loads(bench)

@@ -1,0 +1,59 @@
+"""Files that a bench file stands on beside itself: descriptions of devices, and the makers' files that these name."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+_KEYS = ("model", "eds", "dbc")
+_SUFFIXES = (".toml", ".eds", ".dcf", ".dbc")
+_LONGEST = 100_000  # bytes that are kept word for word; of a longer file its hash
+
+
+def at_home(told: Any, folder: Path) -> Any:
+    """Settings in which such files stand as paths."""
+    if isinstance(told, Mapping):
+        return {key: str(folder / value) if _is_file(key, value) else at_home(value, folder)
+                for key, value in told.items()}  # fmt: skip
+    return told
+
+
+def kept(settings: Mapping[str, Mapping[str, Any]]) -> str:
+    """The files that devices name, as comments behind a bench file: a run shows what it was driven by.
+
+    Args:
+        settings: by device, with these files as paths.
+    """
+    found = dict.fromkeys(path for told in settings.values() for path in _named(told))
+    return "".join(_as_comment(path) for path in found if path.is_file())
+
+
+def _named(told: Mapping[str, Any]) -> Iterator[Path]:
+    for key, value in told.items():
+        if isinstance(value, Mapping):
+            yield from _named(value)
+        elif _is_file(key, value):
+            yield Path(value)
+            yield from _named(at_home(_content(Path(value)), Path(value).parent))
+
+
+def _content(path: Path) -> Mapping[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8")) if path.suffix == ".toml" else {}
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return {}  # its driver says what is wrong with it
+
+
+def _as_comment(path: Path) -> str:
+    data = path.read_bytes()
+    if len(data) > _LONGEST:
+        return f"\n# {path.name}: SHA-256 {hashlib.sha256(data).hexdigest()}\n"
+    lines = "".join(f"#   {line}".rstrip() + "\n" for line in data.decode("utf-8", "replace").splitlines())
+    return f"\n# {path.name}:\n{lines}"
+
+
+def _is_file(key: str, value: Any) -> bool:
+    return key in _KEYS and isinstance(value, str) and value.lower().endswith(_SUFFIXES)
