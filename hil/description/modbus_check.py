@@ -48,6 +48,9 @@ def _terminal(told: ModbusDescription, terminal: ModbusTerminal) -> Iterator[Tol
         return
     if last + WORDS[form] - 1 > 0xFFFF:
         yield ("address",), f"{terminal.address}: its last register would be {last + WORDS[form] - 1}, beyond 65535"
+    for key in ("longest_read", "longest_write"):
+        if getattr(told.modbus, key) < WORDS[form]:
+            yield ("type",), f"'{form}' takes {WORDS[form]} registers, more than {key} = {getattr(told.modbus, key)}"
     if is_bit and form != "bit":
         yield ("type",), f"'{form}': a {table} is a bit; take type away"
     if not is_bit and form == "bit":

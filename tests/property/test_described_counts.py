@@ -7,7 +7,7 @@ import struct
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers._described_modbus import model_of
@@ -45,6 +45,7 @@ def on_the_wire(form: str, order: str, count: float) -> list[int]:
 @pytest.mark.parametrize("scale", SCALES, ids=str)
 @pytest.mark.parametrize("order", LAID)
 @pytest.mark.parametrize("form", CODES)
+@settings(max_examples=15)
 @given(value=st.floats(-50.0, 150.0, width=32), bits=st.integers(0, (1 << 64) - 1))
 def test_registers_are_those_of_struct(form: str, order: str, scale: dict[str, Any], value: float, bits: int) -> None:
     told = described(form, order, scale)

@@ -141,7 +141,7 @@ def test_text_instruments_against_strings_on_a_socket() -> None:
         ) as link,
     ):
         link.drive({"voltage": 12.0})
-        assert supply["volts"] == "12.000" and link.standing() == {"voltage": 12.0}
+        assert link.standing() == {"voltage": 12.0} and supply["volts"] == "12.000"
         assert link.read() == {"measured voltage": 11.997, "measured current": 0.503}
 
     point = {"at": "+000.00"}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -261,3 +262,28 @@ def test_a_file_of_another_protocol_or_none_is_told(tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="model is missing"):
         modbus.open_link(modbus.Settings(address="127.0.0.1:502"), Wiring({}, {}))
     assert tomllib.loads(EVERYTHING)["protocol"] == "modbus"
+
+
+def test_what_fits_into_no_request_is_told(tmp_path: Path) -> None:
+    text = SMALL.replace('"wire"', '"wire"\nlongest_read = 1').replace("address = 8", 'address = 8\ntype = "f32"')
+    with pytest.raises(
+        BenchError, match=r":14: terminals.pressure.type: 'f32' takes 2 registers, more than longest_read = 1"
+    ):
+        read_description(written(tmp_path, "acme.toml", text))
+
+
+def test_echo_and_pause_are_those_of_the_description(tmp_path: Path) -> None:
+    path = written(tmp_path, "acme.toml", SMALL.replace('"wire"', '"wire"\necho = true\npause_s = 0.05'))
+    device, asked_s = Tables(inputs={8: 77}), [0.0]
+
+    def echoing(frame: bytes) -> bytes:
+        early = time.monotonic() - asked_s[0] < 0.04
+        asked_s[0] = time.monotonic()
+        return frame if early else frame + device.on_serial(frame)
+
+    wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 250.0)})
+    with ForeignLine(echoing) as line:
+        told = {"model": str(path), "transport": "rtu", "address": f"socket://127.0.0.1:{line.port}", "timeout_s": 0.1}
+        link = modbus.open_link(modbus.Settings.model_validate(told), wiring)
+        assert [link.read()["pressure"] for _ in range(3)] == [77.0] * 3
+        link.close()
