@@ -131,9 +131,11 @@ def test_results_and_export(said, through, run, tmp_path):
     for form in ("python", "matlab", "json", "csv"):
         text = said("export", run, "--to", form)
         assert text == exported[-1].text == hil.export(run, form).text == hil.export(hil.results(run), form).text
-    said("export", "hpv41-plus-10", "--to", "c", "--out", tmp_path / "one.c")
-    hil.export("hpv41-plus-10", "c", tmp_path / "other.c")
-    assert (tmp_path / "one.c").read_bytes() == (tmp_path / "other.c").read_bytes()
+    path = tmp_path / "valve.c"  # its name stands in it
+    said("export", "hpv41-plus-10", "--to", "c", "--out", path)
+    written = path.read_bytes()
+    assert hil.export("hpv41-plus-10", "c", path).path == path
+    assert path.read_bytes() == written
 
 
 def test_run(said, through, tmp_path):
