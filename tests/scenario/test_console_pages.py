@@ -262,6 +262,32 @@ def test_a_latched_trip_is_named_and_reset(page: Page, lab: Lab) -> None:
     assert "over-pressure" in (audit if audit.is_file() else next(audit.iterdir())).read_text(encoding="utf-8")
 
 
+def test_the_next_test_of_a_diagnosis_stands_ready_on_the_form(page: Page, lab: Lab) -> None:
+    folder = lab.folder / "state" / "console" / "diagnoses" / "diagnosis-20260101T000000-1"
+    folder.mkdir(parents=True)
+    friction = {"name": "friction", "probability": 0.98, "stage": "spool", "sentence": "The spool sticks.",
+                "parameters": {"coulomb": {"value": 2.4, "std": 0.1, "unit": "%"}}}  # fmt: skip
+    test = {
+        "procedure": "step_response",
+        "settings": {"levels": [0.0, 20.0]},
+        "why": "It tells friction from backlash.",
+    }
+    told = {"verdict": "partly_explained", "effects": [friction], "next_test": test}
+    (folder / "diagnosis.json").write_text(json.dumps(told), encoding="utf-8")
+    (folder / "report.html").write_text("<h1>Diagnosis</h1>", encoding="utf-8")
+    page.goto("/diagnose")
+    page.get_by_role("link", name=folder.name).click()
+    expect(page.locator(".verdict .word")).to_have_text("Partly explained")
+    expect(page.get_by_role("row", name=re.compile("spool friction 98 %"))).to_contain_text("2.40 ± 0.20 %")
+    policy = page.request.get(f"/diagnose/{folder.name}/report").headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "script" not in policy
+    page.get_by_role("link", name="Prepare the next test").click()
+    expect(page.locator("#procedure")).to_have_value("step_response")
+    expect(page.locator("#set-levels")).to_have_value("0,20")
+    expect(page.locator(".notice").filter(has_text="tells friction")).to_be_visible()
+
+
 @pytest.mark.slow
 def test_a_killed_run_is_shown_as_lost_within_a_second(page: Page, lab: Lab) -> None:
     for serial in ("SN-20", "SN-21", "SN-22"):
