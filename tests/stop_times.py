@@ -51,7 +51,8 @@ class Stopped:
 def stops(count: int, how: How, viewers: int, told: Callable[[Stopped], None] = lambda _one: None) -> list[Stopped]:
     """So many runs, each stopped while it stands at 40 %."""
     with ExitStack() as stack:
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        # the watchdog of the last run may still write its report
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory(ignore_cleanup_errors=True)))
         path = folder / "bench.toml"
         path.write_text(moved(bench_text("hpv41-modbus-tcp", *CHANGES), folder), encoding="utf-8")
         stack.enter_context(devices_of(path))
