@@ -203,14 +203,13 @@ def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -
     lines = ", ".join(f"{f:g}" for f in one.response.frequency_hz[hummed].tolist())
     return (
         f"{one.label}: a tone of {hum_hz:.3g} Hz goes on beneath every sine. What it adds to harmonics of {lines} Hz "
-        "cannot be told from distortion: these lines are left out of it, and it is at least as large as stated."
+        "cannot be told from distortion; drive other frequencies to tell it."
     )
 
 
 def _distortion(response: FrequencyResponse, hummed: NDArray[np.bool_]) -> Measured:
     """The largest over the lines; what noise adds to the largest of many is taken off."""
     thd, line_std = _thd(response)
-    thd = np.where(hummed, np.nan, thd)
     what = THD.at(label_of(response))
     if np.isnan(thd).all():
         return what.of(None)
@@ -227,7 +226,7 @@ def _distortion(response: FrequencyResponse, hummed: NDArray[np.bool_]) -> Measu
     # where lines are nearly as large, the largest scatters less than each, but which it is changes from run to run
     spread = max(float(np.std(redrawn)), float(line_std[np.nanargmax(thd)]))
     value, std = 100.0 * max(largest - added, 0.0), 100.0 * math.hypot(spread, added)
-    return what.of(value, std, relation=">") if hummed.any() else extreme(what, value, std)
+    return what.of(None) if hummed.any() else extreme(what, value, std)
 
 
 def _distorted(one: Evaluated) -> tuple[str, ...]:

@@ -110,7 +110,10 @@ def _exchanged(found: Estimate, at: Mapping[str, float], fit_at: FitAt) -> Itera
                     continue
                 again = fit_at({**at, **values}, names)
                 if _as_good(found, again):
-                    said = f"these recordings do not tell {lag} from a lag of the {pair}: they may change places"
+                    said = (
+                        f"these recordings do not tell {lag} from a lag of the {pair}: they may change places; a "
+                        "channel between them would tell"
+                    )
                     yield _ASIDE * (again.values - found.values), said
 
 

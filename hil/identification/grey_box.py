@@ -357,10 +357,13 @@ def _covariance(found: Estimate) -> Covariance:
 
 def _untold(found: Estimate) -> list[str]:
     """What the recordings do not tell, or only together, in words."""
-    shared = [u.name for u, is_shared in zip(found.unknowns, found.told.is_shared, strict=True) if is_shared]
+    shared = [
+        u.name for u, is_shared in zip(found.unknowns, found.told.is_shared_beyond_noise, strict=True) if is_shared
+    ]
     if len(shared) == 1:
-        return [f"these recordings do not tell {shared[0]}"]
-    return [f"these recordings tell {', '.join(shared[:-1])} and {shared[-1]} only together"] if shared else []
+        return [f"these recordings do not tell {shared[0]}; drive more levels, some of them near where it acts"]
+    names = f"{', '.join(shared[:-1])} and {shared[-1]}" if shared else ""
+    return [f"these recordings tell {names} only together; levels between those driven may part them"] if shared else []
 
 
 def _inner_rms(

@@ -88,6 +88,11 @@ class Told:
     @property
     def is_shared(self) -> NDArray[np.bool_]:
         """Which values are told only together with others, or not at all, shape (k,)."""
+        return np.asarray(np.any(self.untold != 0.0, axis=0))
+
+    @property
+    def is_shared_beyond_noise(self) -> NDArray[np.bool_]:
+        """Which values others that are not told leave less certain than noise does, shape (k,)."""
         own = np.sqrt(np.diag(self.covariance))
         return np.asarray(np.any(np.abs(self.untold) > _SHARE_OF_OWN * own, axis=0))
 
@@ -107,14 +112,14 @@ def told(slopes: Slopes, variance: float, widths: Array, given_up: Sequence[int]
         math.sqrt(variance), widths * unit, None if rise is None else (lambda move: rise(move / unit)),
     )  # fmt: skip
     kept, untold = list(range(len(unit))), []
-    for place in given_up:
-        direction = valley.all_along(place, kept)
-        kept.remove(place)
-        untold.append(direction * _ASIDE * valley.widths[place])
     while (k := valley.least_told(kept)) is not None:
         direction = valley.along(k, kept)
         kept.remove(k)
         untold.append(direction * valley.reach(direction))
+    for place in (place for place in given_up if place in kept):
+        direction = valley.all_along(place, kept)
+        kept.remove(place)
+        untold.append(direction * _ASIDE * valley.widths[place])
     covariance = np.zeros((len(unit), len(unit)))
     covariance[np.ix_(kept, kept)] = variance * np.linalg.inv(valley.alike[np.ix_(kept, kept)])
     directions = np.array(untold).reshape(-1, len(unit)) / unit

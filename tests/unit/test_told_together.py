@@ -83,5 +83,5 @@ def test_a_unit_that_changed_in_what_they_are_together_has_changed(changed: dict
     product = ratios.pop("loop_gain", 1.0) * ratios.pop("speed_extend", 1.0)
     assert product == pytest.approx(changed.get("loop_gain", 1.0) * changed.get("speed_extend", 1.0), rel=0.02)
     assert set(ratios) == set(changed) - {"loop_gain", "speed_extend"}
-    assert any("which of them has changed is open" in text for text in told.warnings) is bool(changed)
+    assert any("hich of them has changed is open" in text for text in told.warnings) is bool(changed)
     assert all(fit.corrected > fit.ceiling - 0.1 for fit in told.recordings.values())
