@@ -167,7 +167,7 @@ class _Bus:
 
     def _hear(self) -> None:
         received = b""
-        with suppress(OSError):
+        with self._socket, suppress(OSError):
             while more := self._socket.recv(4096):
                 *frames, received = (received + more).split(b">")
                 for frame in frames:
