@@ -11,6 +11,7 @@ import numpy as np
 from hil.cores import spread
 from hil.diagnosis.evidence import indistinguishable
 from hil.diagnosis.measures import SMALL_EXCESS, Measures, are_themselves, is_present
+from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.around import Around, around
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.joint import joint
@@ -295,7 +296,7 @@ class Causes:
         return spread(partial(polish, problem, from_here=True), self._few(rough, _BEAM))
 
     def _promising(self, term: Term, places: Sequence[Mapping[str, float]]) -> list[Fitted]:
-        """The best places to start one cause from, at its weakest start and its strongest."""
+        """The best places to start one cause from, at its weakest start and its strongest: by shape, not by size."""
         problem = self.m.problem
         nominal = nothing(problem)
         tried = [
@@ -304,7 +305,7 @@ class Causes:
             for start in dict.fromkeys((term.starts[0], term.starts[-1]))
         ]
         seen = [f for f in spread(partial(evaluated, problem), tried) if np.isfinite(f.chi2)]
-        return sorted(seen, key=lambda f: f.chi2)[:_FAR_STARTS]
+        return sorted(seen, key=partial(_unlike, problem))[:_FAR_STARTS]
 
     def _levels(self, first: Sequence[Fitted], beam: int = _BEAM) -> list[Fitted]:
         level = self._few(first, beam)
@@ -338,3 +339,15 @@ class Causes:
         for f in sorted(found, key=lambda f: f.chi2):
             distinct.setdefault(frozenset((t.name, t.hook) for t in f.terms), f)
         return list(distinct.values())[:beam]
+
+
+def _unlike(problem: Problem, f: Fitted) -> float:
+    """How unlike the recordings an explanation moves, whatever its size: far off, what hardly moves fits best."""
+    off = 0.0
+    for e, noise, r in zip(problem.experiments, problem.noises, problem.outputs_of(f.residuals), strict=True):
+        measured = e.output - e.output.mean()
+        simulated = e.output + noise.std * r
+        simulated = simulated - simulated.mean()
+        size = float(np.linalg.norm(simulated) * np.linalg.norm(measured))
+        off += 1.0 - max(float(simulated @ measured) / size, 0.0) ** 2 if size else 1.0
+    return off

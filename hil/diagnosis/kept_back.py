@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.evidence import Mask, held_out_fit
@@ -17,6 +18,9 @@ from hil.record.recording import Array
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
 _FORGOTTEN = 3.0
 _REFIT_EVALUATIONS = 8
+# So many parts of several recordings are predicted by the rest; more where recordings are short.
+_FOLDS, _FOLDS_OF_SHORT = 2, 4
+Folds = NDArray[np.int64]
 OTHER_RECORDINGS = "other recordings than those fitted"
 OTHER_HALVES = "the half of each recording that was not fitted, but for what the plant remembers of the other"
 SECOND_HALF = "the second half, fitted on the first"
@@ -28,12 +32,12 @@ class KeptBack:
     """Which residuals are predicted by fits without them.
 
     Attributes:
-        fold: of every residual which of two folds it is in, shape (n,): it is predicted by a fit of the other one.
+        fold: of every residual the fold that it is in, shape (n,): it is predicted by a fit of the others.
         scored: which are judged, shape (n,).
         said: what they are.
     """
 
-    fold: Mask
+    fold: Folds
     scored: Mask
     said: str
 
@@ -50,18 +54,18 @@ def kept_back(problem: Problem) -> KeptBack:
         memory_s = _FORGOTTEN * time_constant_s(problem.model, e)
         scored = ~second | (since > 0.5 * e.duration_s + memory_s)
         if not np.any(scored & second):
-            return KeptBack(_tiled(problem, second), _tiled(problem, scored | second), NOTHING)
-        return KeptBack(_tiled(problem, second), _tiled(problem, scored), OTHER_HALVES)
-    return KeptBack(_tiled(problem, second), _tiled(problem, second), SECOND_HALF)
+            return KeptBack(_tiled(problem, second).astype(np.int64), _tiled(problem, scored | second), NOTHING)
+        return KeptBack(_tiled(problem, second).astype(np.int64), _tiled(problem, scored), OTHER_HALVES)
+    return KeptBack(_tiled(problem, second).astype(np.int64), _tiled(problem, second), SECOND_HALF)
 
 
 def predicted(problem: Problem, f: Fitted, kept: KeptBack) -> Array:
     """Residuals of an explanation, each by a refit without its fold; as they are where nothing is kept back."""
     if kept.said == NOTHING or f.estimate is None:
         return f.residuals
-    folds = [k for k in (False, True) if np.any(kept.scored[kept.fold == k])]
+    folds = [k for k in np.unique(kept.fold) if np.any(kept.scored[kept.fold == k])]
 
-    def without(k: bool) -> Array:
+    def without(k: int) -> Array:
         refitted = fit(problem, f, keep=kept.fold != k, evaluations=_REFIT_EVALUATIONS)
         return np.where(kept.fold == k, refitted.residuals, 0.0)
 
@@ -74,10 +78,10 @@ def fit_kept_back(problem: Problem, residuals: Array, kept: KeptBack) -> float:
     return held_out_fit(problem, residuals, kept.scored)
 
 
-def _by_recording(problem: Problem) -> Mask:
-    """Two folds: every other recording."""
+def _by_recording(problem: Problem) -> Folds:
+    """Every so-manyth recording together; as many folds as fits are affordable for."""
     sizes = [sum(part.stop - part.start for part in parts) for parts in problem.channel_slices()]
-    return np.repeat(np.arange(len(sizes)) % 2 == 1, sizes)
+    return np.repeat(np.arange(len(sizes)) % (_FOLDS_OF_SHORT if problem.is_short else _FOLDS), sizes)
 
 
 def _tiled(problem: Problem, values: Mask) -> Mask:
