@@ -19,7 +19,7 @@ from hil.console.access_where import Where
 from hil.console.console import Console
 from hil.console.headers import Headers
 from hil.console.page import refusal
-from hil.console.routes import bench, devices, diagnose, jobs, live, results, run
+from hil.console.routes import bench, devices, diagnose, jobs, live, passports, results, run
 from hil.console.site import Site
 from hil.console.underway import Underway
 from hil.errors import HilError
@@ -36,8 +36,8 @@ def application(site: Site, where: Where, accounts: Accounts, audit: Audit) -> S
 
     app = Starlette(
         routes=[
-            Route("/", _first), *bench.ROUTES, *run.ROUTES, *live.ROUTES, *results.ROUTES, *jobs.ROUTES,
-            *diagnose.ROUTES, *devices.ROUTES,
+            Route("/", _first), *bench.ROUTES, *run.ROUTES, *live.ROUTES, *passports.ROUTES, *results.ROUTES,
+            *jobs.ROUTES, *diagnose.ROUTES, *devices.ROUTES,
             Mount("/static", StaticFiles(packages=[("hil.console", "static")])),
         ],
         middleware=[

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-from datetime import UTC, datetime
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
 from starlette.responses import FileResponse, Response
 from starlette.routing import Route
@@ -20,6 +19,7 @@ from hil.catalog import entries
 from hil.console.console import Console
 from hil.console.page import page
 from hil.console.routes import jobs
+from hil.console.routes.passports import passports
 from hil.errors import ArchiveError, FileError, HilError, SettingError
 from hil.findings.results import RESULTS_FILE, Results, read_results
 from hil.record.folder import read
@@ -28,7 +28,6 @@ from hil.session.comparison import compare_runs
 
 _MOST = 200
 _VERDICTS = ("pass", "fail", "cannot tell")
-_PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
 REPORT_HEADERS = {
     # a page of our own making, with its style inside; it may run nothing and reach nothing
     "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; "
@@ -52,7 +51,7 @@ def show(request: Request) -> Response:
         fault=fault,
         procedures=[entry.name for entry in entries("procedures")],
         verdicts=_VERDICTS,
-        passports=_passports(console.site.runs),
+        passports=passports(console.site.runs),
     )
 
 
@@ -142,31 +141,6 @@ def trend(request: Request) -> Response:
     )
 
 
-async def passport(request: Request) -> Response:
-    """Issue a passport of runs of one unit."""
-    console = Console.of(request)
-    names = [str(name) for name in (await request.form()).getlist("run")]
-    if not names:
-        raise SettingError("a passport is of at least one run; choose runs of one unit")
-    folders = [console.site.run(name) for name in names]
-    serial = await run_in_threadpool(_serial, folders[0])
-    folder = console.site.runs / "passports"
-    folder.mkdir(exist_ok=True)
-    file = f"{serial}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.pdf"
-    console.audit(request, "passport", {"runs": names, "file": file})
-    arguments = ["passport", *map(str, folders), "--out", str(folder / file)]
-    return jobs.begin(console, "passport", arguments, f"/passports/{file}")
-
-
-def passport_file(request: Request) -> Response:
-    """A passport that was issued here."""
-    name = request.path_params["name"]
-    path = Console.of(request).site.runs / "passports" / name
-    if not _PASSPORT.match(name) or path.is_symlink() or not path.is_file():
-        raise FileError(f"no run passport '{name:.80}'")
-    return FileResponse(path, media_type="application/pdf", filename=name)
-
-
 def _searched(console: Console, wanted: dict[str, str]) -> tuple[list[Entry], str]:
     """(runs, the newest first, and what kept them from being found)."""
     place = console.site.place
@@ -234,21 +208,11 @@ def _facts(folder: Path) -> dict[str, str]:
     return {name: str(text) for name, text in told.items() if text}
 
 
-def _serial(folder: Path) -> str:
-    """The unit's serial number as far as the name of a file can hold it."""
-    valve = read(folder).meta.get("valve") or {}
-    return re.sub(r"[^A-Za-z0-9._-]+", "-", str(valve.get("serial") or "")).strip("-.") or "unit"
-
-
 def _serials(console: Console) -> list[str]:
     try:
         return sorted({entry.serial for entry in find_runs(console.site.place, Search()) if entry.serial})
     except ArchiveError:
         return []
-
-
-def _passports(runs: Path) -> list[str]:
-    return sorted((path.name for path in (runs / "passports").glob("*.pdf")), reverse=True)[:20]
 
 
 def _compared(console: Console, first: str, second: str) -> Path:
@@ -269,9 +233,7 @@ ROUTES = [
     Route("/results/compare", compare),
     Route("/results/compared/{name}", compared),
     Route("/results/trend", trend),
-    Route("/results/passport", passport, methods=["POST"]),
     Route("/results/{run}", one),
     Route("/results/{run}/report", report, methods=["GET"]),
     Route("/results/{run}/report", report_again, methods=["POST"]),
-    Route("/passports/{name}", passport_file),
 ]

@@ -1,0 +1,61 @@
+"""Passports: issued of the runs that are chosen, and handed out again."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime
+from pathlib import Path
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import FileResponse, Response
+from starlette.routing import Route
+
+from hil.console.console import Console
+from hil.console.routes import jobs
+from hil.errors import FileError, SettingError
+from hil.record.folder import read
+
+_PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
+
+
+async def passport(request: Request) -> Response:
+    """Issue a passport of runs of one unit."""
+    console = Console.of(request)
+    names = [str(name) for name in (await request.form()).getlist("run")]
+    if not names:
+        raise SettingError("a passport is of at least one run; choose runs of one unit")
+    folders = [console.site.run(name) for name in names]
+    serial = await run_in_threadpool(_serial, folders[0])
+    folder = console.site.runs / "passports"
+    folder.mkdir(exist_ok=True)
+    file = f"{serial}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.pdf"
+    console.audit(request, "passport", {"runs": names, "file": file})
+    arguments = ["passport", *map(str, folders), "--out", str(folder / file)]
+    return jobs.begin(console, "passport", arguments, f"/passports/{file}")
+
+
+def passport_file(request: Request) -> Response:
+    """A passport that was issued here."""
+    name = request.path_params["name"]
+    path = Console.of(request).site.runs / "passports" / name
+    if not _PASSPORT.match(name) or path.is_symlink() or not path.is_file():
+        raise FileError(f"no run passport '{name:.80}'")
+    return FileResponse(path, media_type="application/pdf", filename=name)
+
+
+def passports(runs: Path) -> list[str]:
+    """The newest that were issued here, by name."""
+    return sorted((path.name for path in (runs / "passports").glob("*.pdf")), reverse=True)[:20]
+
+
+def _serial(folder: Path) -> str:
+    """The unit's serial number as far as the name of a file can hold it."""
+    valve = read(folder).meta.get("valve") or {}
+    return re.sub(r"[^A-Za-z0-9._-]+", "-", str(valve.get("serial") or "")).strip("-.") or "unit"
+
+
+ROUTES = [
+    Route("/results/passport", passport, methods=["POST"]),
+    Route("/passports/{name}", passport_file),
+]
