@@ -55,7 +55,7 @@ values = { Which = 1 }
 
 [messages.Status]
 every_s = 0.02
-timeout_s = 0.15
+timeout_s = 0.6
 counter = "Count"
 checksum = { signal = "Sum", kind = "xor" }
 
@@ -177,9 +177,9 @@ def test_a_message_whose_checksum_does_not_fit_is_none(tmp_path: Path) -> None:
     with by_hand(tmp_path) as (link, device):
         assert link.read() == {"measured": 2.0}
         device.spoil = 0x40
-        time.sleep(0.2)
+        time.sleep(0.8)
         with pytest.raises(
-            LinkError, match=r"no Status\.Measured for 0\.15 s; the last one was not believed: its checksum"
+            LinkError, match=r"no Status\.Measured for 0\.6 s; the last one was not believed: its checksum"
         ):
             link.read()
         device.spoil = 0
@@ -268,7 +268,7 @@ CHANNELS = output("command", "set", role="command") + input_("volts", "measured"
 @pytest.mark.slow
 def test_the_amplifier_passes_the_checks_on_its_twin(tmp_path: Path) -> None:
     written(tmp_path, "amplifier.dbc", DBC)
-    written(tmp_path, "amplifier.toml", AMPLIFIER)
+    written(tmp_path, "amplifier.toml", AMPLIFIER.replace("timeout_s = 0.6", "timeout_s = 0.15"))
     told = f'driver = "can"\nmodel = "amplifier.toml"\naddress = "virtual:{tmp_path.name}"\n'
     told += "timeout_s = 0.15\nlongest_reply_s = 0.3"
     path = written(tmp_path, "bench.toml", bench(told, CHANNELS, "volts"))
