@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from hil.archive.database import opened
 from hil.archive.entry import Entry, entry_of, run_folders
 from hil.archive.place import INDEX_FILE, Place
-from hil.archive.tables import RunRow, ValueRow
+from hil.archive.tables import OF_CALIBRATION, CalibrationRow, RunRow, ValueRow
 from hil.errors import ArchiveError, FileError
 from hil.findings.results import Value
 
@@ -88,6 +88,7 @@ def rebuild(place: Place, folders: Sequence[Path]) -> tuple[int, list[str]]:
     with opened(place) as engine, Session(engine) as session, session.begin():
         known = {Path(folder).parent for folder in session.scalars(select(RunRow.folder))}
         roots = {folder.resolve() for folder in folders} | {folder for folder in known if folder.is_dir()}
+        session.execute(delete(CalibrationRow))
         session.execute(delete(ValueRow))
         session.execute(delete(RunRow))
         count = 0
@@ -156,8 +157,9 @@ def _asked(search: Search) -> Select[Any]:
 def _row(entry: Entry) -> RunRow:
     told = {name: getattr(entry, name) for name in _TOLD}
     values = [ValueRow(**{name: getattr(value, name) for name in _OF_VALUE}) for value in entry.values]
-    return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, **told)
+    stated = [CalibrationRow(**{name: getattr(one, name) for name in OF_CALIBRATION}) for one in entry.calibrations]
+    return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, calibrations=stated, **told)
 
 
-_TOLD = ("serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict")
+_TOLD = ("serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict", "instruments")
 _OF_VALUE = ("name", "value", "std", "calibration_std", "unit", "low", "high", "relation", "verdict")

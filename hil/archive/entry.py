@@ -11,6 +11,7 @@ from pathlib import Path
 from hil.errors import FileError
 from hil.findings.results import RESULTS_FILE, Value, read_results
 from hil.record.header import HEADER_FILE, read_end, read_header
+from hil.record.instruments import StatedCalibration, calibrations_of, instruments_mark
 from hil.record.measurement import FINDINGS_FILE, Verdict
 
 _UNFINISHED = "not closed"
@@ -18,7 +19,11 @@ _UNFINISHED = "not closed"
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """A run as the index knows it. `serial` and `operator` are empty where nobody stated them."""
+    """A run as the index knows it. `serial` and `operator` are empty where nobody stated them.
+
+    `instruments` is a mark that runs share when one bench measured them with the same calibrations; None where an
+    earlier version entered the run.
+    """
 
     folder: Path
     serial: str
@@ -29,6 +34,8 @@ class Entry:
     outcome: str
     verdict: Verdict | None
     values: tuple[Value, ...]
+    instruments: str | None = None
+    calibrations: tuple[StatedCalibration, ...] = ()
 
 
 def entry_of(folder: Path) -> Entry:
@@ -51,6 +58,8 @@ def entry_of(folder: Path) -> Entry:
         outcome=_UNFINISHED if end is None else end.outcome,
         verdict=verdict,
         values=values,
+        instruments=instruments_mark(header),
+        calibrations=calibrations_of(header),
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from datetime import UTC, datetime
 
 from sqlalchemy import DateTime, Dialect, ForeignKey, Index, String, Text, TypeDecorator
@@ -42,7 +43,9 @@ class RunRow(Base):
     started_utc: Mapped[datetime] = mapped_column(Utc)
     outcome: Mapped[str] = mapped_column(Text)
     verdict: Mapped[str | None] = mapped_column(String(16))
+    instruments: Mapped[str | None] = mapped_column(String(64))
     values: Mapped[list[ValueRow]] = relationship(back_populates="run", cascade="all, delete-orphan")
+    calibrations: Mapped[list[CalibrationRow]] = relationship(back_populates="run", cascade="all, delete-orphan")
 
     __table_args__ = (
         Index("run_by_serial", "serial", "started_utc"),
@@ -69,3 +72,23 @@ class ValueRow(Base):
     relation: Mapped[str] = mapped_column(String(1))
     verdict: Mapped[str | None] = mapped_column(String(16))
     run: Mapped[RunRow] = relationship(back_populates="values")
+
+
+class CalibrationRow(Base):
+    """A calibration that a run states."""
+
+    __tablename__ = "calibration"
+
+    id: Mapped[int] = mapped_column(primary_key=True)
+    run_id: Mapped[int] = mapped_column(ForeignKey("run.id", ondelete="CASCADE"), index=True)
+    channel: Mapped[str] = mapped_column(Text)
+    instrument: Mapped[str] = mapped_column(Text)
+    serial: Mapped[str] = mapped_column(Text)
+    date: Mapped[dt.date | None]
+    due: Mapped[dt.date | None]
+    reference: Mapped[str] = mapped_column(Text)
+    uncertainty: Mapped[str] = mapped_column(Text)
+    run: Mapped[RunRow] = relationship(back_populates="calibrations")
+
+
+OF_CALIBRATION = ("channel", "instrument", "serial", "date", "due", "reference", "uncertainty")

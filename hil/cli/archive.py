@@ -3,10 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
 from hil.cli.runs import ARCHIVE
+
+if TYPE_CHECKING:
+    import datetime as dt
+    from collections.abc import Sequence
+
+    from hil.archive.calibrations import Instrument
 
 group = typer.Typer(no_args_is_help=True, help="Look after the index of the runs.")
 
@@ -30,3 +37,97 @@ def rebuild(
     for sentence in left_out:
         typer.echo(f"left out: {sentence}", err=True)
     typer.echo(f"{place}: {count} runs")
+
+
+@group.command()
+def calibrations(
+    due_within: int | None = typer.Option(
+        None, "--due-within", metavar="DAYS", help="Those alone that fall due within so many days, or are overdue."
+    ),
+    archive: str = ARCHIVE,
+    as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
+) -> None:
+    """List the instruments of the benches, when their calibrations fall due, and runs made with an overdue one.
+
+    An instrument that the last run of its bench does not state any more is out of use. Days are those of UTC.
+    """
+    import datetime as dt
+
+    from hil.archive.calibrations import instruments
+    from hil.archive.pending import catch_up
+    from hil.archive.place import archive_place
+    from hil.cli.searches import not_entered
+    from hil.errors import ArchiveError
+
+    place = archive_place(archive)
+    try:
+        catch_up(place)
+    except ArchiveError as error:
+        not_entered(str(error))
+    found, unread = instruments(place)
+    day = dt.datetime.now(dt.UTC).date()
+    shown = found if due_within is None else [one for one in found if _is_due(one, day, due_within)]
+    undated = sum(one.in_use and one.calibration.due is None for one in found)
+    typer.echo(_json(shown, day, undated, unread) if as_json else _text(shown, day, undated, unread))
+
+
+def _is_due(one: Instrument, day: dt.date, within: int) -> bool:
+    left = one.calibration.days_left(day)
+    return one.in_use and left is not None and left <= within
+
+
+def _json(found: Sequence[Instrument], day: dt.date, undated: int, unread: int) -> str:
+    from dataclasses import asdict
+
+    from hil.record.plain import to_json
+
+    rows = [
+        {
+            "bench": one.bench, **asdict(one.calibration), "date": _day(one.calibration.date) or None,
+            "due": _day(one.calibration.due) or None, "days_left": one.calibration.days_left(day),
+            "in_use": one.in_use, "runs": one.runs, "last_used_utc": one.last_used_utc.isoformat(),
+            "overdue_runs": [
+                {"run": str(run.run), "started_utc": run.started_utc.isoformat(), "due": run.due.isoformat()}
+                for run in one.overdue
+            ],
+        }
+        for one in found
+    ]  # fmt: skip
+    document = {"schema": "hil.calibrations/1", "day": day.isoformat(), "calibrations": rows}
+    return to_json({**document, "without_due_date": undated, "runs_not_read": unread})
+
+
+def _text(found: Sequence[Instrument], day: dt.date, undated: int, unread: int) -> str:
+    used = [one for one in found if one.in_use]
+    rows = [("bench", "channel", "instrument", "serial", "date", "due", "days left"), *(_row(o, day) for o in used)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    lines = ["  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    if not used:
+        lines = ["no calibrations"]
+    lines += [line for one in found for line in _overdue_lines(one)]
+    if undated:
+        lines.append(f"{undated} of the instruments in use state no due date: whether they are due cannot be told")
+    if unread:
+        lines.append(f"{unread} runs were entered without their calibrations: `hil archive rebuild` reads them")
+    return "\n".join(lines)
+
+
+def _row(one: Instrument, day: dt.date) -> tuple[str, ...]:
+    stated, left = one.calibration, one.calibration.days_left(day)
+    told = "" if left is None else f"{left} overdue" if left < 0 else str(left)
+    date, due = _day(stated.date) or "not stated", _day(stated.due) or "not stated"
+    return one.bench, stated.channel, stated.instrument, stated.serial, date, due, told
+
+
+def _overdue_lines(one: Instrument) -> list[str]:
+    from hil.report.local_time import local_text
+
+    named = one.calibration.instrument or one.calibration.channel
+    return [
+        f"overdue: {run.run}, {local_text(run.started_utc, 'minutes')}: {named} was due on {run.due}"
+        for run in one.overdue
+    ]
+
+
+def _day(day: dt.date | None) -> str:
+    return "" if day is None else day.isoformat()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from hil.errors import SettingError
 from hil.findings.difference import Difference, differences
@@ -15,6 +14,7 @@ from hil.identification.experiment import for_model
 from hil.identification.table_fit import TableComparison, compare_table
 from hil.physics.model import Model
 from hil.record.header import read_header
+from hil.record.instruments import instruments_mark
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
@@ -82,13 +82,5 @@ def compare_runs(first: Path, second: Path) -> RunComparison:
             f"{first} is a run of {one.procedure or 'nothing'}, {second} of {other.procedure or 'nothing'}; runs of "
             "one procedure can be compared"
         )
-    one_bench = _instruments(first) == _instruments(second)
+    one_bench = instruments_mark(read_header(first)) == instruments_mark(read_header(second))
     return RunComparison(one, other, one_bench, tuple(differences(one, other, one_bench=one_bench)))
-
-
-def _instruments(folder: Path) -> tuple[Any, ...]:
-    """The bench and the calibrations in force: what two runs of one bench share."""
-    header = read_header(folder)
-    columns = header.samples.columns
-    calibrations = tuple((column.name, tuple(sorted(map(str, column.calibration.items())))) for column in columns)
-    return header.meta.get("bench"), calibrations

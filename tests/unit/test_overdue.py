@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from hil.archive.calibrations import instruments
+from hil.archive.place import archive_place
 from hil.bench.find import benches
 from hil.bench.nets import calibration
 from hil.bench.read import read_bench
@@ -39,6 +41,13 @@ def run(path: Path, monkeypatch: pytest.MonkeyPatch) -> int:
     return main()
 
 
+def overdue_in_archive() -> list[tuple[Path, dt.date]]:
+    found, unread = instruments(archive_place())
+    assert found
+    assert unread == 0
+    return [(run.run, run.due) for one in found for run in one.overdue]
+
+
 def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -49,6 +58,7 @@ def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(
     assert json.loads(Path("run/run.json").read_text("utf-8"))["meta"]["deviations"] == [text]
     assert text in json.loads(Path("run/findings.json").read_text("utf-8"))["deviations"]
     assert f"was due on {YESTERDAY}" in Path("run/report.html").read_text("utf-8")
+    assert overdue_in_archive() == [(Path("run").resolve(), YESTERDAY)]
     assert report_again(Path("run")).findings.deviations.count(text) == 1  # the day is that of the run
 
 
@@ -58,6 +68,7 @@ def test_overdue_channel_is_one_too(monkeypatch: pytest.MonkeyPatch) -> None:
     path.write_text(text, encoding="utf-8")
     assert run(path, monkeypatch) == 0
     (deviation,) = read(Path("run")).meta["deviations"]
+    assert overdue_in_archive() == [(Path("run").resolve(), YESTERDAY)]
     assert deviation.startswith(f"Channel 'command': its calibration was due on {YESTERDAY};")
 
 
@@ -65,6 +76,7 @@ def test_overdue_channel_is_one_too(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_is_due_today_or_later_is_none(due: dt.date, monkeypatch: pytest.MonkeyPatch) -> None:
     assert run(bench(due, 'overdue = "refuse"\n'), monkeypatch) == 0
     assert read(Path("run")).meta["deviations"] == []
+    assert overdue_in_archive() == []
 
 
 def test_overdue_run_is_refused_where_the_bench_file_says_so(
