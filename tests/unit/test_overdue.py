@@ -25,6 +25,7 @@ YESTERDAY, TOMORROW = TODAY - dt.timedelta(days=1), TODAY + dt.timedelta(days=1)
 @pytest.fixture(autouse=True)
 def here(stranger: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HIL_ARCHIVE", str(tmp_path / "archive"))
 
 
 def bench(due: dt.date, more: str = "") -> Path:
