@@ -8,7 +8,8 @@ from dataclasses import fields
 from typing import Any
 
 from hil.findings.curves import FUNCTION_KEYS, curves_of, mappings_of
-from hil.findings.results import FittedFunction, Results, Value
+from hil.findings.results import FittedFunction, LikenessOf, Results, Value
+from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Measured
 from hil.record.plain import plain
 from hil.record.recording import Recording
@@ -31,15 +32,35 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         transfer_functions=functions_of(findings.curves),
         notes=findings.notes,
         deviations=findings.deviations,
+        likeness=_likeness(findings.likeness),
     )
 
 
 def findings_of(results: Results) -> Findings:
     """The measured values, notes and deviations as an evaluation gave them; curves stay where they are."""
+    measured = tuple(_measured(one) for one in results.values)
+    return Findings(measured, {}, results.notes, results.deviations, _likeness_of(results.likeness))
+
+
+def _measured(found: Value) -> Measured:
     given = {field.name for field in fields(Measured)}
-    told = ({key: value for key, value in one if key in given} for one in results.values)
-    measured = (Measured(**{**one, "unit": "" if one["unit"] == PURE else one["unit"]}) for one in told)
-    return Findings(tuple(measured), {}, results.notes, results.deviations)
+    told = {key: value for key, value in found if key in given}
+    return Measured(**{**told, "unit": "" if found.unit == PURE else found.unit})
+
+
+def _likeness(found: Likeness | None) -> LikenessOf | None:
+    if found is None:
+        return None
+    return LikenessOf(
+        figures=tuple(_value(m) for m in found.figures), good_units=found.good_units, beyond=found.beyond,
+        reason=found.reason,
+    )  # fmt: skip
+
+
+def _likeness_of(found: LikenessOf | None) -> Likeness | None:
+    if found is None:
+        return None
+    return Likeness(tuple(_measured(one) for one in found.figures), found.good_units, found.beyond, found.reason)
 
 
 def _value(found: Measured) -> Value:

@@ -40,6 +40,19 @@ class Value(_Strict):
     calibration_std: float = 0.0
 
 
+class LikenessOf(_Strict):
+    """Figures of the unit beside those of good units of its type; no part of the verdict.
+
+    `low` and `high` of a figure are the ends of the range of good units, of which the share `beyond` lies beyond
+    either end. `reason` says why there are no figures.
+    """
+
+    figures: tuple[Value, ...] = ()
+    good_units: int = 0
+    beyond: float = 0.0
+    reason: str = ""
+
+
 class ColumnOf(_Strict):
     """A column of a curve. The unit of a pure number is `1`."""
 
@@ -134,6 +147,7 @@ class Results(_Strict):
     transfer_functions: tuple[FittedFunction, ...] = ()
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
+    likeness: LikenessOf | None = None
 
     def __getitem__(self, name: str) -> Value:
         """A value by its full name (`bandwidth_3db, +50 ± 5 %`).

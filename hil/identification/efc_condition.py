@@ -51,7 +51,7 @@ _SMOOTHED_S = 0.009
 _SAMPLE_STD_S = 1.0 / _RATE_HZ / math.sqrt(6.0)  # of a time between two samples
 _SINE_S, _SINE_PERIODS = 2.0, 3  # that the acceptance test measures at each frequency
 _LEARNT_FROM, _SEED = 300, 1979
-_BEYOND = 0.025  # share of good valves that lie beyond a limit of the good reference
+BEYOND = 0.025  # share of good valves that lie beyond a limit of the good reference
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ class ValveTest:
     """What one valve's test gave.
 
     Attributes:
-        friction_a: half the width of the loop that no speed explains.
+        friction_a: half the width of the loop that no speed explains. `friction_std_a`: of the noise.
         rise_s: 10 % to 90 % of a step from no current to 1.6 A, mean of the repeats. `rise_std_s`: of that mean.
         leakage_ml_min: through the closed valve at 220 psi.
         bandwidth_hz: −3 dB at the medium level, the top frequency where it was not reached. `bandwidth_std_hz`.
@@ -73,6 +73,7 @@ class ValveTest:
     error_psi: Mapping[str, float]
     rise_std_s: float = 0.0
     bandwidth_std_hz: float = 0.0
+    friction_std_a: float = 0.0
 
     @property
     def features(self) -> Array:
@@ -130,6 +131,25 @@ class GoodReference:
 
 
 @dataclass(frozen=True, slots=True)
+class GoodRange:
+    """Of one feature: the median of good valves, and the ends that a share `BEYOND` of them lies beyond; A, s, ml/min,
+    Hz.
+    """
+
+    low: float
+    middle: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True)
+class GoodRanges:
+    """What is usual among good valves, by feature, and from how many it was learnt."""
+
+    by_feature: Mapping[str, GoodRange]
+    count: int
+
+
+@dataclass(frozen=True, slots=True)
 class Comparison:
     """Both ways on one population, every valve judged by what the others taught.
 
@@ -164,19 +184,24 @@ def condition(
 
 
 def good_reference(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False) -> GoodReference:
-    """Rise and −3 dB of good valves, logarithms taken as normal; limits know how many they were learnt from."""
+    """Rise and −3 dB of good valves."""
+    good = good_ranges(frequencies_hz, normally_open)
+    rise, bandwidth = good.by_feature["rise"], good.by_feature["bandwidth"]
+    return GoodReference(rise.middle, rise.high, bandwidth.middle, bandwidth.low)
+
+
+def good_ranges(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False) -> GoodRanges:
+    """Every feature of good valves, logarithms taken as normal; the ends know how many they were learnt from."""
     from scipy.stats import t
 
     model = reference_classes(frequencies_hz, normally_open)
     good = model.names.index("good")
     count = int(model.counts[good])
-    reach = float(t.isf(_BEYOND, count - 1)) * math.sqrt(1.0 + 1.0 / count)
-    means, stds = model.means[good], np.sqrt(np.diag(model.covariances[good]))
-    rise, bandwidth = FEATURES.index("rise"), FEATURES.index("bandwidth")
-    return GoodReference(
-        math.exp(means[rise]), math.exp(means[rise] + reach * stds[rise]),
-        math.exp(means[bandwidth]), math.exp(means[bandwidth] - reach * stds[bandwidth]),
-    )  # fmt: skip
+    reach = float(t.isf(BEYOND, count - 1)) * math.sqrt(1.0 + 1.0 / count)
+    means, widths = model.means[good], reach * np.sqrt(np.diag(model.covariances[good]))
+    found = zip(FEATURES, np.exp(means - widths).tolist(), np.exp(means).tolist(), np.exp(means + widths).tolist(),
+                strict=True)  # fmt: skip
+    return GoodRanges({name: GoodRange(*ends) for name, *ends in found}, count)
 
 
 @cache
@@ -312,7 +337,14 @@ def evaluated_test(
         samples = min(runs.shape[1], len(reference[level]))
         errors[level] = float(np.mean([rms_error(run[:samples], reference[level][:samples]) for run in runs]))
     return ValveTest(
-        curve.hysteresis_a / 2.0, float(rises.mean()), leakage_ml_min, bandwidth[0], errors, rise_std_s, bandwidth[1]
+        curve.hysteresis_a / 2.0,
+        float(rises.mean()),
+        leakage_ml_min,
+        bandwidth[0],
+        errors,
+        rise_std_s,
+        bandwidth[1],
+        float(np.std(curve.estimate.mean_widths)) / 2.0,
     )
 
 

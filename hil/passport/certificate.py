@@ -39,7 +39,7 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
         "title": _("Valve passport: {valve}, {serial}").format(valve=unit.valve, serial=unit.serial),
         "date": [unit.dates[1].year, unit.dates[1].month, unit.dates[1].day],
         "tone": whole["tone"], "word": whole["word"], "sentence": whole["sentence"],
-        "details": [with_minus(text) for text in details[:4]],
+        "details": [with_minus(text) for text in details[:4]], "beside": _beside(boxes),
         "facts": _facts(unit, names), "conditions": _conditions(unit),
         "limits": [_limit_row(m) for m in judged[:_ON_PAGE_ONE]],
         "more_limits": [_limit_row(m) for m in judged[_ON_PAGE_ONE:]],
@@ -51,6 +51,11 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
         "model": model_says, "language": spoken(), "said": template_words(),
         "signer": signer.name, "fingerprint": signer.fingerprint,
     }  # fmt: skip
+
+
+def _beside(boxes: Sequence[Mapping[str, Any]]) -> list[str]:
+    """The unit beside good ones, of every run that did not pass."""
+    return list(dict.fromkeys(str(text) for box in boxes for text in box["beside"]))
 
 
 def _facts(unit: Unit, names: bool) -> list[tuple[str, str]]:

@@ -13,9 +13,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from hil.record.plain import plain
+
+if TYPE_CHECKING:
+    from hil.record.likeness import Likeness
 
 Verdict = Literal["pass", "fail", "cannot tell"]
 Relation = Literal["=", ">", "<"]
@@ -140,12 +143,14 @@ class Findings:
         curves: results to draw, by name: frequency responses, flow curves, steps.
         notes: sentences that the reader of the report should know.
         deviations: where the test departed from its standard, a sentence each.
+        likeness: the unit beside good ones of its type, where the procedure knows them; no part of a verdict.
     """
 
     measured: tuple[Measured, ...] = ()
     curves: Mapping[str, Any] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
+    likeness: Likeness | None = None
 
     @property
     def verdict(self) -> Verdict | None:
@@ -187,6 +192,7 @@ class Findings:
             "measured": [found.as_dict() for found in self.measured],
             "notes": list(self.notes),
             "deviations": list(self.deviations),
+            **({} if self.likeness is None else {"likeness": self.likeness.as_dict()}),
         }
 
 

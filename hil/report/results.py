@@ -8,7 +8,8 @@ from itertools import groupby
 from typing import Any
 
 from hil.language.words import _, marked
-from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, judge
+from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, is_accepted, judge
+from hil.report.likeness import likeness_sentences
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
 
@@ -36,7 +37,15 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
         details.append(_("The recording is incomplete: {missing}.").format(missing=missing))
     if ending := ending_of(meta):
         details.append(_("The run did not end as planned: {outcome}.").format(outcome=_(ending)))
-    return {"tone": tone, "word": _(word), "sentence": _(sentence), "details": details}
+    beside = beside_good(findings)
+    return {"tone": tone, "word": _(word), "sentence": _(sentence), "details": details, "beside": beside}
+
+
+def beside_good(findings: Findings) -> list[str]:
+    """The unit beside good ones, where something was missed or cannot be told; no part of the verdict."""
+    if findings.likeness is None or is_accepted(findings.verdict):
+        return []
+    return likeness_sentences(findings.likeness)
 
 
 def value_text(m: Measured, unit: str = "") -> str:

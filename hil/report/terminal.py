@@ -12,11 +12,11 @@ def findings_text(findings: Findings) -> str:
     """Every measured value with its expanded uncertainty as in the report, limits and verdict; then notes and verdict.
 
     Where the calibration has a part in the uncertainty, what is left without it stands behind. Before the verdict of
-    the run stands every limit that was missed or cannot be told, with how far it is.
+    the run stands every limit that was missed or cannot be told, with how far it is, and the unit beside good ones.
     """
     from hil.findings.collect import functions_of
     from hil.report.number import limits_text
-    from hil.report.results import value_text, verdict_sentence
+    from hil.report.results import beside_good, value_text, verdict_sentence
 
     rows = [
         (m.name, _plain(value_text(m)), m.unit, _plain(limits_text(m.low, m.high)), m.verdict or "", _beside(m))
@@ -31,7 +31,8 @@ def findings_text(findings: Findings) -> str:
     verdict = (
         f"verdict: {findings.verdict}" if findings.verdict else "verdict: none; no limit was given, nothing was judged"
     )
-    return "\n".join([*table, *functions, *notes, *deviations, *reasons, verdict])
+    beside = [_plain(text) for text in beside_good(findings)]
+    return "\n".join([*table, *functions, *notes, *deviations, *reasons, *beside, verdict])
 
 
 def _beside(m: Measured) -> str:

@@ -10,10 +10,12 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
+from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Measured
 from hil.record.recording import Recording
 from hil.record.unmeasured import sentence, supposed, unmeasured
 
+_UNTOLD = Likeness(reason="it rests on samples that are no measurements")
 _ROUNDING = 1e-9  # relative: two evaluations of the same numbers agree better than that
 
 
@@ -57,6 +59,7 @@ def _common(near: Findings, far: Findings) -> Findings:
         measured, {name: curve for name, curve in curves.items() if curve is not None},
         tuple(note for note in near.notes if note in far.notes),
         tuple(text for text in near.deviations if text in far.deviations),
+        near.likeness if near.likeness == far.likeness else _UNTOLD,
     )  # fmt: skip
 
 
