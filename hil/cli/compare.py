@@ -1,4 +1,4 @@
-"""`hil compare`: how well a model fits recordings, and where it fails."""
+"""`hil compare`: a model beside recordings, two runs side by side, units in their population."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.language import Language
+from hil.cli.population import compare_population
 from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
+from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
     from hil.session.comparison import RunComparison
@@ -23,6 +25,10 @@ def command(
     page: Path | None = typer.Option(
         None, "--page", metavar="FILE.html", help="A page that draws the model beside the recordings, or two runs."
     ),
+    population: bool = typer.Option(
+        False, "--population", help="Runs of a unit, or of a batch, beside the other units of the archive."
+    ),
+    archive: str = ARCHIVE,
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
@@ -37,7 +43,14 @@ def command(
     """Compare a model with recordings: fit, ceiling by the noise, and where the model fails.
 
     Without `--model`: two runs of one procedure side by side, each difference with its significance.
+    With `--population`: each value of a unit beside mean and scatter of the other units that did the same
+    procedure.
     """
+    if population:
+        if model is not None or page is not None:
+            raise typer.BadParameter("--population goes with neither --model nor --page")
+        compare_population(recordings, archive, as_json)
+        return
     if model is None:
         _compare_runs(recordings, as_json, page)
         return

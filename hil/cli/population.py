@@ -1,0 +1,94 @@
+"""Runs in their population, as `hil compare --population` prints them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from hil.findings.population import Standing
+    from hil.session.population import InPopulation
+
+
+def compare_population(runs: Sequence[Path], archive: str, as_json: bool) -> None:
+    """Print where runs lie among the other units of the archive."""
+    from hil.archive.pending import catch_up
+    from hil.archive.place import archive_place
+    from hil.cli.searches import not_entered
+    from hil.errors import ArchiveError
+    from hil.session.population import in_population
+
+    place = archive_place(archive)
+    try:
+        catch_up(place)
+    except ArchiveError as error:
+        not_entered(str(error))
+    found = in_population(runs, place)
+    typer.echo(_json(found) if as_json else _text(found))
+
+
+def _json(found: InPopulation) -> str:
+    from hil.findings.difference import ALPHA
+    from hil.record.plain import to_json
+
+    rows = [
+        {
+            "of": one.who, "name": one.name, "unit": one.unit,
+            "values": [value.model_dump(include={"value", "std", "relation", "verdict"}) for value in one.values],
+            "units": one.units, "mean": one.mean, "population_std": one.std, "distance": one.distance,
+            "std": one.distance_std, "chance": one.chance, "meaning": one.meaning, "why": one.why or None,
+        }
+        for one in found.standings
+    ]  # fmt: skip
+    return to_json({
+        "schema": "hil.population/1", "procedure": found.runs[0].procedure, "runs": [run.run for run in found.runs],
+        "serials": [run.serial for run in found.runs], "others": found.units, "without_serial": found.nameless,
+        "same_instruments": found.one_bench, "false_alarm_rate": ALPHA, "values": rows,
+    })  # fmt: skip
+
+
+def _text(found: InPopulation) -> str:
+    from hil.report.number import MINUS
+
+    head = ("of", "quantity", "unit", "value", "others: mean", "std", "units", "distance", "")
+    rows = [head, *(_row(one) for one in found.standings)]
+    widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
+    lines = ["  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+    return "\n".join([*lines, *_sentences(found)]).replace(MINUS, "-")
+
+
+def _row(one: Standing) -> tuple[str, ...]:
+    from hil.record.measurement import COVERAGE_FACTOR
+    from hil.report.comparison_page import value_text
+    from hil.report.number import rounded, with_uncertainty
+
+    value = value_text(one.values[0]) if len(one.values) == 1 else f"mean of {len(one.values)}"
+    mean, std = ("", "") if one.mean is None or one.std is None else (rounded(one.mean, one.std)[0], f"{one.std:.2g}")
+    width = None if one.distance_std is None else COVERAGE_FACTOR * one.distance_std
+    distance = "" if one.distance is None else with_uncertainty(one.distance, width)
+    meaning = f"cannot be told: {one.why}" if one.why else one.meaning
+    return one.who, one.name, one.unit, value, mean, std, str(one.units), distance, meaning
+
+
+def _sentences(found: InPopulation) -> list[str]:
+    from hil.findings.difference import ALPHA
+
+    tested = [one for one in found.standings if one.chance is not None]
+    far = sum(one.meaning == "differs" for one in tested)
+    lines = [
+        f"{far} of {len(tested)} values that can be told differ from the population ({_RATE.format(100 * ALPHA)})."
+    ]
+    if not tested:
+        lines = ["Nothing can be told."]
+    if found.nameless:
+        lines.append(f"{found.nameless} runs without a serial number belong to no unit and are left out.")
+    if found.one_bench:
+        return [*lines, "All have the same instruments; what their calibration adds cancels and is left out."]
+    return [*lines, "They have different instruments or calibrations; these are in the uncertainty of each distance."]
+
+
+_RATE = "false-alarm rate {:g} % over all values together"
