@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from hil.physics.transfer_function import TransferFunction
 from hil.record.recording import Array
 
 _POWERS = ("", "s", *(f"s{power}" for power in "²³⁴⁵⁶⁷⁸⁹"))
 _MINUS = "−"
+_LEAST_TURN = 1e-6  # rad: less than the digits of a coefficient can show
 
 
 def formula(model: TransferFunction) -> str:
-    """`(−150.8 s + 6361) / (s³ + 31.7 s² + 1225 s + 6345) · e^(−0.0185 s)`."""
+    """`(−150.8 s + 6361) / (s³ + 31.7 s² + 1225 s + 6345) · e^(−0.0185 s)`.
+
+    A dead time that is nothing beside the fastest corner, as a fit leaves it where there is none, is not written.
+    """
     text = f"({_polynomial(model.numerator)}) / ({_polynomial(model.denominator)})"
-    return f"{text} · e^({_MINUS}{model.dead_time_s:.4g} s)" if model.dead_time_s else text
+    return f"{text} · e^({_MINUS}{model.dead_time_s:.4g} s)" if _is_felt(model) else text
+
+
+def _is_felt(model: TransferFunction) -> bool:
+    """Whether the dead time turns the phase at the fastest corner; without corners, whether there is one at all."""
+    corners = [*np.abs(np.roots(model.numerator)), *np.abs(np.roots(model.denominator))]
+    return model.dead_time_s * max(corners, default=1.0) > _LEAST_TURN
 
 
 def _polynomial(coefficients: Array) -> str:

@@ -5,7 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from hil.language.words import _
+from hil.record.recording import Array
 from hil.report.field import Curve, label_of, needed, unit_of
 from hil.report.figure import BLUE, GRID, Picture, small_multiples, thinned
 from hil.report.number import number
@@ -18,6 +21,7 @@ STEPS_NEEDED = ("time_s", "measured", "fitted", "from_s", "to_s", "speed_per_s")
 DRIFT_NEEDED = ("time_s", "position", "fitted")
 _MOST = 12
 _COLUMNS = 3
+_ROOM = 0.08  # of what is shown, above and below it
 
 
 def velocity_steps_section(curves: Sequence[Curve]) -> Section:
@@ -49,11 +53,23 @@ def _picture(name: str, curves: Sequence[Curve], position: str, caption: str) ->
     )
 
 
+def _span(time_s: Array, measured: Array, fitted: Array, from_s: float, to_s: float) -> tuple[float, float]:
+    """What the axis shows: the motion, and the line where it was fitted; beyond that it leaves the cylinder."""
+    read = fitted[(time_s >= from_s) & (time_s <= to_s)]
+    shown = np.concatenate((measured, read))
+    low, high = float(np.nanmin(shown)), float(np.nanmax(shown))
+    room = _ROOM * (high - low) or 1.0
+    return low - room, high + room
+
+
 def _motion(axes: Axes, curve: Curve, position: str) -> None:
     time_s = needed(curve, "time_s")
     if "from_s" in curve:
         axes.axvspan(float(curve["from_s"]), float(curve["to_s"]), color=GRID, lw=0.0)
-    axes.plot(*thinned(time_s, needed(curve, position)), color="#8b949e", lw=1.8, label=_("measured"))
-    axes.plot(*thinned(time_s, needed(curve, "fitted")), color=BLUE, lw=1.0, ls="--", label=_("fitted line"))
+    measured, fitted = needed(curve, position), needed(curve, "fitted")
+    axes.plot(*thinned(time_s, measured), color="#8b949e", lw=1.8, label=_("measured"))
+    axes.plot(*thinned(time_s, fitted), color=BLUE, lw=1.0, ls="--", label=_("fitted line"))
+    if "from_s" in curve:
+        axes.set_ylim(*_span(time_s, measured, fitted, float(curve["from_s"]), float(curve["to_s"])))
     axes.set_title(label_of(curve), fontweight="normal", loc="right", pad=3.0)
     axes.margins(x=0.0)
