@@ -120,7 +120,19 @@ def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: NDArra
     drive = replace(e.drive, inputs=inputs, interval_s=e.duration_s / (len(time_s) - 1))
     observed = {name: _as_noisy(drawn(values), values, missing) for name, values in e.observed.items()}
     output = _as_noisy(drawn(e.output), e.output, missing)
-    even = replace(e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed)
+
+    def moved(samples: NDArray[np.bool_] | None) -> NDArray[np.bool_] | None:
+        if samples is None:
+            return None
+        on_even = np.zeros_like(missing)
+        on_even[at] = samples
+        return on_even
+
+    silent = {name: on_even for name, samples in e.silent.items() if (on_even := moved(samples)) is not None}
+    even = replace(
+        e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed,
+        ignored=moved(e.ignored), lost=moved(e.lost), silent=silent,
+    )  # fmt: skip
     return even.without_all(missing)
 
 

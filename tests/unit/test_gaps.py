@@ -111,6 +111,18 @@ def test_an_inner_signal_says_nothing_in_a_gap_either() -> None:
     assert float(r @ r) < 1.1 * problem.size
 
 
+def test_samples_that_said_nothing_before_say_nothing_on_the_even_grid() -> None:
+    (each, *_) = records(seed=48, with_spool=True)
+    (e,) = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), slice(800, 810)))])
+    until, inner = np.arange(len(e.output)) < 50, np.arange(len(e.output)) >= 900
+    even, _ = filled(e.without_all(until).without_inner("spool position", inner), 0.0, forgets=True)
+    assert len(even.output) == len(e.output) + 10
+    assert even.ignored is not None and even.lost is not None
+    assert even.ignored[:50].all() and not even.ignored[50:800].any() and even.ignored[800:810].all()
+    assert even.lost[:50].all() and not even.lost[50:800].any()
+    assert not even.silent["spool position"][:910].any() and even.silent["spool position"][910:].all()
+
+
 @pytest.mark.parametrize("kept", ["all but a second", "four of five"])
 def test_missing_samples_do_not_bend_what_is_identified(kept: str) -> None:
     rng, start = np.random.default_rng(48), typical_model(PLANT)
