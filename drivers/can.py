@@ -144,6 +144,7 @@ class CanLink:
         begun_s = max(self._driven_s or 0.0, time.monotonic() if self._driven_s is None else 0.0)
         asked = {name: t.read_back for name, t in self._outputs.items() if t.read_back is not None}
         until_s = time.monotonic() + self._settings.timeout_s
+        self._receive(0.0)  # who asks again wants to know what was said since
         while any(self._came_s(back) <= begun_s for back in asked.values()) and time.monotonic() < until_s:
             self._receive(max(0.0, until_s - time.monotonic()))
         found = {}
