@@ -39,6 +39,18 @@ def open_bus(address: str, bitrate: int) -> Any:
         raise DeviceLostError(f"{address}: this bus cannot be opened: {error or type(error).__name__}") from error
 
 
+def heard(bus: Any, address: str, wait_s: float) -> Any:
+    """The next frame of a bus, None when none came in time.
+
+    Raises:
+        DeviceLostError: the bus is gone.
+    """
+    try:
+        return bus.recv(wait_s)
+    except Exception as error:  # python-can and the interfaces under it raise what they like
+        raise gone(address, error) from error
+
+
 def gone(address: str, error: Exception) -> DeviceLostError:
     """A bus that does not take or give frames any more: bus-off, a full queue, an adapter that was pulled."""
     return DeviceLostError(f"{address}: the bus is gone: {said_by(error) or type(error).__name__}")

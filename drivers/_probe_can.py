@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, field_validator
 
 from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST
-from drivers._can import bus_fault, gone, open_bus
+from drivers._can import bus_fault, gone, heard, open_bus
 from drivers._edge import wire_log
 from hil.daq.probe import Found, Progress
 
@@ -66,10 +66,7 @@ def _listened(bus: Any, for_s: float, address: str) -> tuple[set[int], dict[int,
     names: dict[int, str] = {}
     until_s = time.monotonic() + for_s
     while (left_s := until_s - time.monotonic()) > 0.0:
-        try:
-            message = bus.recv(left_s)
-        except Exception as error:
-            raise gone(address, error) from error
+        message = heard(bus, address, left_s)
         if message is None or message.is_error_frame or message.is_remote_frame:
             continue
         if not message.is_extended_id:

@@ -22,8 +22,8 @@ from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.ascii_module import ModuleDescription
-from hil.description.named import Described, description_faults, description_of
-from hil.errors import HilError, LinkError
+from hil.description.named import Described, description_faults, description_of, ports_of
+from hil.errors import LinkError
 
 _CHECK_S = 0.5  # how often outputs are read back
 _VALUE = re.compile(r"[+-]\d\d\.\d{3}")  # as the manual has it for ±10 V: one byte less is no answer
@@ -83,10 +83,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """Those of the description; none while it has faults."""
-    try:
-        return _told(settings).ports
-    except HilError:
-        return {}
+    return ports_of(settings, "ascii_module")
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:

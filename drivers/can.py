@@ -11,14 +11,14 @@ from typing import Any
 from pydantic import ConfigDict, PositiveFloat, PositiveInt
 
 from drivers._address_claim import CLAIM_WAIT_S, AddressClaim, default_name
-from drivers._can import bus_fault, gone, open_bus
+from drivers._can import bus_fault, gone, heard, open_bus
 from drivers._can_messages import group_of, received_messages, sent_messages
 from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.can import CanDescription
-from hil.description.named import Described, description_faults, description_of
-from hil.errors import HilError, LinkError, SettingError
+from hil.description.named import Described, description_faults, description_of, expired_levels, ports_of
+from hil.errors import LinkError, SettingError
 
 _EVERY_S = 0.1  # between commands where neither description nor watchdog says
 
@@ -55,10 +55,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """Those of the description; none while it has faults."""
-    try:
-        return _told(settings).ports
-    except HilError:
-        return {}
+    return ports_of(settings, "can")
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
@@ -78,9 +75,7 @@ def not_read_back(settings: Settings) -> set[str]:
 
 def watchdog_levels(settings: Settings) -> dict[str, float]:
     """Where outputs go when no command comes."""
-    told = _told(settings)
-    outputs = [name for name, terminal in told.terminals.items() if terminal.direction == "out"]
-    return {} if told.watchdog is None else dict.fromkeys(outputs, told.watchdog.expires_to)
+    return expired_levels(_told(settings))
 
 
 def open_link(settings: Settings, wiring: Wiring) -> CanLink:
@@ -243,10 +238,7 @@ class CanLink:
 
     def _heard(self, wait_s: float) -> bool | None:
         """Take in one message: whether it was one of ours; None when none came."""
-        try:
-            message = self._bus.recv(wait_s)
-        except Exception as error:  # python-can and the interfaces under it raise what they like
-            raise gone(self._settings.address, error) from error
+        message = heard(self._bus, self._settings.address, wait_s)
         if message is None:
             return None
         identifier, data = message.arbitration_id, bytes(message.data)

@@ -18,8 +18,8 @@ from drivers._pdo_mapping import Pdo, configure, pdos_for
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.canopen import FORMS, CanopenDescription, CanopenTerminal, place_of, variable
-from hil.description.named import Described, description_faults, description_of
-from hil.errors import DeviceLostError, HilError, LinkError, SettingError
+from hil.description.named import Described, description_faults, description_of, expired_levels, ports_of
+from hil.errors import DeviceLostError, LinkError, SettingError
 
 MASTER = 127  # node that sends our heartbeat
 _CHECK_S = 0.5  # how often outputs are asked where they stand
@@ -62,10 +62,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """Those of the description; none while it has faults."""
-    try:
-        return _told(settings).ports
-    except HilError:
-        return {}
+    return ports_of(settings, "canopen")
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
@@ -80,9 +77,7 @@ def has_watchdog(settings: Settings) -> bool:
 
 def watchdog_levels(settings: Settings) -> dict[str, float]:
     """Where outputs go when it misses it."""
-    told = _told(settings)
-    outputs = [name for name, terminal in told.terminals.items() if terminal.direction == "out"]
-    return {} if told.watchdog is None else dict.fromkeys(outputs, told.watchdog.expires_to)
+    return expired_levels(_told(settings))
 
 
 def open_link(settings: Settings, wiring: Wiring) -> CanopenLink:

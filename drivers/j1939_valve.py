@@ -16,7 +16,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST, AddressClaim, default_name
-from drivers._can import bus_fault, gone, open_bus
+from drivers._can import bus_fault, gone, heard, open_bus
 from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -216,10 +216,7 @@ class J1939ValveLink:
 
     def _heard(self, wait_s: float) -> bool | None:
         """Take in one message: whether it was an estimate of our valve; None when none came."""
-        try:
-            message = self._bus.recv(wait_s)
-        except Exception as error:  # python-can and the interfaces under it raise what they like
-            raise gone(self._settings.address, error) from error
+        message = heard(self._bus, self._settings.address, wait_s)
         if message is None:
             return None
         identifier, data = message.arbitration_id, bytes(message.data)

@@ -18,8 +18,7 @@ from drivers._stretches import Stretch, stretches
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.modbus import ModbusDescription
-from hil.description.named import Described, description_faults, description_of
-from hil.errors import HilError
+from hil.description.named import Described, description_faults, description_of, ports_of
 
 __all__ = [
     "Flag", "Format", "LineSettings", "ModbusLink", "Model", "Register", "Settings", "Step", "Stretch", "WordOrder",
@@ -88,10 +87,7 @@ def probe() -> Any:
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """Those of the description; none while it has faults."""
-    try:
-        return _told(settings).ports
-    except HilError:
-        return {}
+    return ports_of(settings, "modbus")
 
 
 def needs(settings: Settings) -> tuple[str, ...]:

@@ -20,9 +20,9 @@ from drivers._line import Line
 from drivers._templates import Numbers, filled, matched
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
-from hil.description.named import Described, description_faults, description_of
+from hil.description.named import Described, description_faults, description_of, ports_of
 from hil.description.text import ENDS, TextTerminal
-from hil.errors import HilError, LinkError
+from hil.errors import LinkError
 
 _CHECK_S = 0.5  # how often outputs are asked where they stand
 _RESOLUTION = 1e-3  # of what is set, in its unit; coarser instruments say `step`
@@ -74,10 +74,7 @@ def probe() -> Any:
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """Those of the description; none while it has faults."""
-    try:
-        return description_of(settings, "scpi").ports
-    except HilError:
-        return {}
+    return ports_of(settings, "scpi")
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
@@ -87,8 +84,7 @@ def needs(_settings: Settings) -> tuple[str, ...]:
 
 def not_read_back(settings: Settings) -> set[str]:
     """Outputs that cannot be asked where they stand."""
-    whole = description_of(settings, "scpi").whole
-    return {name for name, told in whole.items() if told.direction == "out" and not told.ask}
+    return description_of(settings, "scpi").not_read_back
 
 
 def open_link(settings: Settings, wiring: Wiring) -> ScpiLink:

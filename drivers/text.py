@@ -15,9 +15,9 @@ from drivers._templates import Numbers, filled, matched, names_safe
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
-from hil.description.named import Described, description_faults, description_of
+from hil.description.named import Described, description_faults, description_of, ports_of
 from hil.description.text import ENDS, TextDescription, TextTerminal
-from hil.errors import HilError, LinkError, SettingError
+from hil.errors import LinkError, SettingError
 
 _CHECK_S = 0.5  # how often outputs are asked where they stand
 _RESOLUTION = 1e-6  # of a number that comes back; coarser devices say `close`
@@ -74,10 +74,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
 
 def terminals(settings: Settings) -> dict[str, Terminal]:
     """Those of the description; none while it has faults."""
-    try:
-        return _told(settings).ports
-    except HilError:
-        return {}
+    return ports_of(settings, "text")
 
 
 def needs(_settings: Settings) -> tuple[str, ...]:
@@ -92,7 +89,7 @@ def has_watchdog(settings: Settings) -> bool:
 
 def not_read_back(settings: Settings) -> set[str]:
     """Outputs that cannot be asked where they stand."""
-    return {name for name, t in _told(settings).whole.items() if t.direction == "out" and not t.ask}
+    return _told(settings).not_read_back
 
 
 def watchdog_levels(settings: Settings) -> dict[str, float]:

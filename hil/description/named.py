@@ -9,6 +9,7 @@ from pydantic import BaseModel
 
 from hil.bench.fault import BenchError
 from hil.bench.lines import Place
+from hil.daq.channel import Terminal
 from hil.description.ascii_module import ModuleDescription
 from hil.description.can import CanDescription
 from hil.description.canopen import CanopenDescription
@@ -58,6 +59,20 @@ def description_of(settings: Described, protocol: str) -> Description:
         HilError: there is none, it has faults, or is of another protocol.
     """
     return _described(settings, protocol)
+
+
+def ports_of(settings: Described, protocol: str) -> dict[str, Terminal]:
+    """The terminals of the description that settings name; none while it has faults."""
+    try:
+        return _described(settings, protocol).ports
+    except HilError:
+        return {}
+
+
+def expired_levels(told: CanDescription | CanopenDescription) -> dict[str, float]:
+    """Where all outputs of a device go when its watchdog expires, by terminal; nothing where that is not said."""
+    outputs = [name for name, port in told.ports.items() if port.direction == "out"]
+    return {} if told.watchdog is None else dict.fromkeys(outputs, told.watchdog.expires_to)
 
 
 def _described(settings: Described, protocol: str) -> Description:

@@ -125,6 +125,11 @@ class TextDescription(Strict):
         return {one: _numbered(told, told.first + i) for name, told in self.terminals.items()
                 for one, i in each(name, told)}  # fmt: skip
 
+    @property
+    def not_read_back(self) -> set[str]:
+        """Outputs that cannot be asked where they stand."""
+        return {name for name, told in self.whole.items() if told.direction == "out" and not told.ask}
+
 
 def _numbered(told: TextTerminal, n: int) -> TextTerminal:
     def filled(text: str) -> str:
