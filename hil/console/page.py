@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
 from http import HTTPStatus
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from hil.console.console import Console
 from hil.console.script_words import SAID_BY_SCRIPTS
 from hil.errors import HilError, UnknownNameError
-from hil.language.words import ENGLISH, _, languages, marked, plural, speaking, spoken
-from hil.report.number import limits_text, number, unit_text, with_uncertainty
+from hil.language.words import ENGLISH, _, languages, marked, speaking, spoken
+from hil.report.page import templates
 from hil.version import __version__
 
 COOKIE = "hil_language"
@@ -37,7 +35,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     """A template with its values, what is under way, and the texts that scripts say."""
     language = language_of(request)
     with speaking(language):
-        text = _templates().get_template(template).render(
+        text = templates("hil.console", "templates").get_template(template).render(
             **values, language=spoken(), languages=languages(), version=__version__, pages=PAGES, request=request,
             place=request.url.path.split("/")[1] or "bench", controls=controls_of(request),
             words={text: _(text) for text in SAID_BY_SCRIPTS} if language != ENGLISH else {},
@@ -66,15 +64,3 @@ def refusal(request: Request, error: HilError) -> Response:
     if request.method != "GET" or "application/json" in request.headers.get("accept", ""):
         return JSONResponse({"error": text}, status)
     return page(request, "refused.html", status, why=text)
-
-
-@cache
-def _templates() -> Environment:
-    environment = Environment(
-        loader=PackageLoader("hil.console", "templates"), autoescape=True, undefined=StrictUndefined,
-        trim_blocks=True, lstrip_blocks=True, extensions=["jinja2.ext.i18n"],
-    )  # fmt: skip
-    environment.install_gettext_callables(_, plural, newstyle=False)  # type: ignore[attr-defined]
-    environment.filters.update(number=number, unit=unit_text)
-    environment.globals.update(with_uncertainty=with_uncertainty, limits_text=limits_text)
-    return environment

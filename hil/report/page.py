@@ -32,13 +32,15 @@ def write_page(template: str, path: Path, **values: Any) -> None:
 
 def render(template: str, **values: Any) -> str:
     """A template of this package with its values; everything that is not markup of our own is escaped."""
-    return _templates().get_template(template).render(style=_style(), version=__version__, language=spoken(), **values)
+    page = templates("hil.report", ".").get_template(template)
+    return page.render(style=_style(), version=__version__, language=spoken(), **values)
 
 
 @cache
-def _templates() -> Environment:
+def templates(package: str, folder: str) -> Environment:
+    """The templates of a package: escaped, every value asked for must be there, in our words and numbers."""
     environment = Environment(
-        loader=PackageLoader("hil.report", "."), autoescape=True, undefined=StrictUndefined,
+        loader=PackageLoader(package, folder), autoescape=True, undefined=StrictUndefined,
         trim_blocks=True, lstrip_blocks=True, extensions=["jinja2.ext.i18n"],
     )  # fmt: skip
     environment.install_gettext_callables(_, plural, newstyle=False)  # type: ignore[attr-defined]
