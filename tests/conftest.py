@@ -6,12 +6,16 @@ import os
 import signal
 from collections.abc import Callable, Generator, Iterator, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import platformdirs
 import pytest
 from hypothesis import settings
 
 from hil.catalog import entries
+
+if TYPE_CHECKING:
+    from hil.archive.place import Place
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the console script does, before numpy is imported
 
@@ -111,3 +115,26 @@ def _forget() -> None:
 
     for remembered in (entries, effects, kernel, plant):
         remembered.cache_clear()
+
+
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[str]:
+    """The address of a PostgreSQL server of this worker's own."""
+    from tests.postgres import served, server_programs
+
+    programs = server_programs()
+    if programs is None:
+        pytest.skip("no PostgreSQL server is installed (apt-get install postgresql)")
+    with served(programs) as url:
+        yield url
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Place:
+    """An empty archive, in either database."""
+    from hil.archive.place import archive_place
+    from tests.postgres import new_database
+
+    if request.param == "sqlite":
+        return archive_place(str(tmp_path / "lab"))
+    return archive_place(new_database(request.getfixturevalue("postgresql")))

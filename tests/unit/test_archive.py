@@ -21,26 +21,10 @@ from hil.findings.results import write_results
 from hil.record.folder import write
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
-from tests.postgres import new_database, served, server_programs
+from tests.postgres import new_database
 
 GAIN = Measurement("gain", "l/min per %", "amplitude ratio", low=0.8)
 FIRST = datetime(2026, 1, 1, tzinfo=UTC)
-
-
-@pytest.fixture(scope="session")
-def postgresql():
-    programs = server_programs()
-    if programs is None:
-        pytest.skip("no PostgreSQL server is installed (apt-get install postgresql)")
-    with served(programs) as url:
-        yield url
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def place(request, tmp_path):
-    if request.param == "sqlite":
-        return archive_place(str(tmp_path / "lab"))
-    return archive_place(new_database(request.getfixturevalue("postgresql")))
 
 
 def made_run(folder, serial="A7", procedure="frequency_response", day=0, gain=0.9):

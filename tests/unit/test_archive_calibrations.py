@@ -7,7 +7,6 @@ import json
 import sqlite3
 
 import numpy as np
-import pytest
 
 from hil.archive.archive import Search, enter, find_runs, rebuild
 from hil.archive.calibrations import instruments
@@ -15,25 +14,8 @@ from hil.archive.place import INDEX_FILE, archive_place
 from hil.cli import app
 from hil.record.folder import write
 from hil.record.recording import Channel, Recording
-from tests.postgres import new_database, served, server_programs
 
 FIRST = dt.datetime(2026, 1, 1, 23, 59, tzinfo=dt.UTC)
-
-
-@pytest.fixture(scope="module")
-def postgresql():
-    programs = server_programs()
-    if programs is None:
-        pytest.skip("no PostgreSQL server is installed (apt-get install postgresql)")
-    with served(programs) as url:
-        yield url
-
-
-@pytest.fixture(params=["sqlite", "postgresql"])
-def place(request, tmp_path):
-    if request.param == "sqlite":
-        return archive_place(str(tmp_path / "lab"))
-    return archive_place(new_database(request.getfixturevalue("postgresql")))
 
 
 def made(folder, day=0, due="2026-02-01", date="2025-02-01", bench="one", meters=()):

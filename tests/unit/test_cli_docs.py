@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ast
-import importlib.util
 import json
 import re
 import shlex
@@ -11,7 +10,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from types import ModuleType
 from unittest.mock import patch
 
 import pytest
@@ -25,27 +23,19 @@ from hil.physics.model import load_model
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from tests.conftest import Install
+from tests.docs_programs import DOCS, program
 from tests.tutorial import ELSEWHERE, alike, steps, wrong
 
 ROOT = Path(__file__).parents[2]
-DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
 WITH_COMMANDS = [ROOT / "README.md", *sorted((DOCS / "tutorial").glob("*.md")), *sorted((DOCS / "how-to").glob("*.md"))]
 Follow = Callable[[str, str, str], None]
 
 
-def generator() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("docs_generate", DOCS / "generate.py")
-    assert spec is not None and spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
 @pytest.mark.parametrize("name", ["command-line.md", "plants.md", "effects.md"])
 def test_generated_pages_are_up_to_date(name: str) -> None:
     written = (DOCS / "reference" / name).read_text(encoding="utf-8")
-    assert written == generator().pages()[name], "run: python docs/generate.py"
+    assert written == program("generate").pages()[name], "run: python docs/generate.py"
 
 
 def anchors(page: Path) -> set[str]:

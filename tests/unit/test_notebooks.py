@@ -1,40 +1,23 @@
 """The notebooks of the papers, carried out: they print what is kept in them."""
 
-import importlib.util
-import re
-import sys
-from pathlib import Path
-
 import nbformat
 import pytest
 
-DOCS = Path(__file__).parents[2] / "docs"
-NUMBER = re.compile(r"[−-]?\d+(?:\.\d+)?(?:e[+−-]?\d+)?")
+from tests.docs_programs import DOCS, NUMBER, numbers, program
+
 NAMES = sorted(path.name for path in (DOCS / "notebooks").glob("*.ipynb"))
-
-
-def _notebooks():
-    spec = importlib.util.spec_from_file_location("docs_notebooks", DOCS / "notebooks.py")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[spec.name] = module
-    spec.loader.exec_module(module)
-    return module
-
-
-def _numbers(text):
-    return [float(found.replace("−", "-")) for found in NUMBER.findall(text)]
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_a_notebook_prints_what_is_kept_in_it(name):
-    notebooks = _notebooks()
+    notebooks = program("notebooks")
     kept = notebooks.texts(nbformat.read(DOCS / "notebooks" / name, as_version=4))
     again = notebooks.texts(notebooks.done(DOCS / "notebooks" / name))
     assert len(kept) == len(again) > 5
     for old, new in zip(kept, again, strict=True):
         assert NUMBER.sub("", old).split() == NUMBER.sub("", new).split(), f"run: python docs/notebooks.py ({name})"
-        assert _numbers(old) == pytest.approx(_numbers(new), rel=0.02, abs=1e-3), (
+        assert numbers(old) == pytest.approx(numbers(new), rel=0.02, abs=1e-3), (
             f"run: python docs/notebooks.py ({name})"
         )
 
