@@ -21,19 +21,15 @@ def command(
     """Check a bench file: every fault with its line, every missing net, and what to do about it. Nothing is driven."""
     from datetime import UTC, datetime
 
-    from hil.bench.fault import BenchError
     from hil.bench.find import find_bench
     from hil.bench.nets.missing import missing_nets
     from hil.bench.read import read_bench
+    from hil.cli.faults import each_told
     from hil.errors import FileError
 
     path = find_bench(bench)
-    try:
+    with each_told(path):
         found = read_bench(path)
-    except BenchError as error:
-        typer.echo("\n".join(error.faults))
-        count = len(error.faults)
-        raise FileError(f"{path}: {count} fault{'s' if count > 1 else ''}") from None
     warnings = missing_nets(found, datetime.now(UTC).date())
     if not as_json:
         typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))

@@ -13,20 +13,15 @@ def command(
     The page is what an engineer compares with the manual: each terminal with its address as manuals count, type and
     scale; what makes the outputs safe, and what does not.
     """
-    from hil.bench.fault import BenchError
+    from hil.cli.faults import each_told
     from hil.description.find import description_file
     from hil.description.first import gaps
     from hil.description.page import page
     from hil.description.read import read_description
-    from hil.errors import FileError
 
     path = description_file(model)
-    try:
+    with each_told(path):
         told = read_description(path)
-    except BenchError as error:
-        typer.echo("\n".join(error.faults))
-        count = len(error.faults)
-        raise FileError(f"{path}: {count} fault{'s' if count > 1 else ''}") from None
     typer.echo("\n".join(page(path.stem, told)))
     if left := gaps(path.read_text(encoding="utf-8")):
         typer.echo(f"\n{left} gap{'s are' if left > 1 else ' is'} still marked in {path}")
