@@ -81,12 +81,7 @@ def axis_of(
     Raises:
         SettingError: the response is no position, or a dimension cannot be.
     """
-    try:
-        per_mm, _ = scale_and_offset("mm", rig.response.unit)
-    except UnitError:
-        raise SettingError(
-            f"'{rig.response.name}' is in {rig.response.unit}; this test needs a response in mm or another length"
-        ) from None
+    per_mm = position_per_mm(rig)
     check_above("stroke_mm", 0.0, stroke_mm, "mm")
     check_above("rod_mm", 0.0, rod_mm, "mm")
     check_above("bore_mm", rod_mm, bore_mm, "mm")
@@ -98,6 +93,21 @@ def axis_of(
         rig.response.unit, _is_length(rig.command.unit), per_mm * start_mm, per_mm * (start_mm + stroke_mm),
         per_mm * flow_mm3_per_s / head_mm2, per_mm * flow_mm3_per_s / rod_side_mm2, head_mm2 / rod_side_mm2,
     )  # fmt: skip
+
+
+def position_per_mm(rig: Rig) -> float:
+    """What 1 mm is in the unit of the response.
+
+    Raises:
+        SettingError: the response is no position.
+    """
+    try:
+        per_mm, _ = scale_and_offset("mm", rig.response.unit)
+    except UnitError:
+        raise SettingError(
+            f"'{rig.response.name}' is in {rig.response.unit}; this test needs a response in mm or another length"
+        ) from None
+    return per_mm
 
 
 def approach(rig: Rig, course: Course, target: float, opening: float, speed_per_s: float) -> None:

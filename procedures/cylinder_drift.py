@@ -18,6 +18,7 @@ from hil.signals.rounding import rounding_step
 from hil.signals.smooth_curve import Smoother
 from hil.units import scale_and_offset
 from procedures._course import Course, joined
+from procedures._cylinder import position_per_mm
 from procedures._definitions import CYLINDERS, defined
 from procedures._extreme import extreme
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
@@ -57,6 +58,7 @@ def run(
         full_command: what 100 % is, in the unit of the command; the farther end of its range when not given.
         rate_hz: sample rate; that of the bench when not given.
     """
+    position_per_mm(rig)
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
     check_at_least("duration_s", _LEAST_S, duration_s, "s")
     waited_s = 3.0 * rig.settling_s if settle_s is None else settle_s

@@ -98,6 +98,7 @@ SINE, STEPS, DRIFT = "sine_position", "velocity_steps", "cylinder_drift"
             {"levels": (10.0,)},
             "a command in V moves the 'position' all the time, so only 0 % is allowed",
         ),
+        (DRIFT, "no cylinder", {}, "'pressure' is in psi; this test needs a response in mm"),
         (DRIFT, "closed", {"duration_s": 1.0}, "setting duration_s: 1 s; it must be at least 5"),
         (DRIFT, "closed", {"levels": ()}, "setting levels: none given"),
     ],
