@@ -169,6 +169,7 @@ def diagnose(
         `diagnosis` and the `corrected` model.
     """
     from hil.record.reading import AS_IT_IS
+    from hil.report.origins import origin_at, origin_of
     from hil.session.diagnosis import bound_to, diagnosed
     from hil.session.sources import notes_on, samples_of
 
@@ -177,9 +178,9 @@ def diagnose(
     experiments, said = bound_to(nominal, read, inputs, output)
     for note in (*notes_on(read, experiments), *said):
         notes(note)
-    return diagnosed(
-        nominal, experiments, None if out is None else Path(out), str(bench), bench_budget_s, progress, budget_s
-    )
+    origins = [*([origin_at(model)] if isinstance(model, str | Path) else []), *map(origin_of, read)]
+    folder = None if out is None else Path(out)
+    return diagnosed(nominal, experiments, folder, str(bench), bench_budget_s, progress, budget_s, origins)
 
 
 def linearise(

@@ -125,11 +125,12 @@ class FittedFunction(_Strict):
 
     @property
     def formula(self) -> str:
-        """On one line, as a paper prints it, with the unit of the gain."""
+        """On one line, as a paper prints it, with the unit of the gain; a pure number has none."""
         from hil.physics.formula import formula
         from hil.physics.transfer_function import transfer_function
 
-        return f"{formula(transfer_function(self.numerator, self.denominator, self.dead_time_s))} {self.unit}"
+        text = formula(transfer_function(self.numerator, self.denominator, self.dead_time_s))
+        return text if self.unit == "1" else f"{text} {self.unit}"
 
 
 class Results(_Strict):

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _MOST_CURVES = 12
+_LEAST_CHANCE = 1e-6  # a smaller one is a statement about the tail of a distribution, not about a valve
+_FEW = 20  # points that come in no order are single ones, not a line
 
 
 @in_page_language
@@ -82,11 +84,17 @@ def _table(first: Results, second: Results, found: Sequence[Difference]) -> Tabl
     heads = (_("Quantity"), _("Unit"), first.run, second.run, _("Change ± U"), _("Chance"), "")
     rows = tuple(
         (one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one),
-         "" if one.chance is None else number(one.chance, 2), _(one.meaning))
+         _chance(one), _(one.meaning))
         for one in found
     )  # fmt: skip
     caption = _("Chance: how likely a change so large is when nothing has changed.")
     return Table(caption, heads, rows, text_columns=(1, 6))
+
+
+def _chance(one: Difference) -> str:
+    if one.chance is None:
+        return ""
+    return "< 10⁻⁶" if one.chance < _LEAST_CHANCE else number(one.chance, 2)
 
 
 def _overlays(first: Results, second: Results) -> Iterator[Section]:
@@ -110,12 +118,17 @@ def _overlay(a: Curve, b: Curve, first: str, second: str) -> Picture | None:
             for colour, column in zip(SERIES, (c for c in shown if c.unit == unit), strict=False):
                 for curve, run, dash in ((a, first, DASHES[0]), (b, second, DASHES[1])):
                     x, y = (_points(curve, name) for name in (a.columns[0].name, column.name))
-                    axes.plot(*thinned(x, y), color=colour, ls=dash, label=f"{column.name}, {run}")
+                    line = {"ls": dash} if _is_line(x) else {"ls": "", "marker": "o" if run == first else "x"}
+                    axes.plot(*thinned(x, y), color=colour, label=f"{column.name}, {run}", **line)
             axes.set_ylabel(unit)
             legend_above(axes, 2)
         _across(grid[-1], a)
 
     return drawn(re.sub(r"\W+", "-", a.name), 0.8 + 2.2 * len(units), draw, a.name)
+
+
+def _is_line(x: np.ndarray[tuple[int], np.dtype[np.float64]]) -> bool:
+    return len(x) > _FEW or bool(np.all(np.diff(x) > 0.0))
 
 
 def _across(axes: Axes, curve: Curve) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -35,6 +35,7 @@ from hil.report.diagnosis_tables import (
 from hil.report.figure import Picture
 from hil.report.name import capital
 from hil.report.number import number
+from hil.report.origins import Origin, origin_facts
 from hil.report.page import write_page
 
 _MOST_STAGES = 3
@@ -48,8 +49,13 @@ _VERDICTS = {
 
 
 @in_page_language
-def write_diagnosis_report(diagnosis: Diagnosis, path: Path) -> None:
+def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[Origin] = ()) -> None:
     """Write the page of a diagnosis.
+
+    Args:
+        diagnosis: what it says.
+        path: of the page.
+        origins: of the recordings and the model.
 
     Raises:
         StorageError: it cannot be written.
@@ -83,6 +89,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path) -> None:
         limits=limit_table(d.limits),
         next_test=_next_test(d.next_test),
         about=_about(d),
+        origins=origin_facts(origins),
     )  # fmt: skip
 
 
@@ -159,15 +166,17 @@ def _chain(d: Diagnosis) -> dict[str, Any]:
     stages: list[dict[str, Any]] = []
     for stage, members in groupby(d.chain, key=lambda pair: pair[1]):
         names = [hook for hook, _stage in members]
-        hooks = [
-            {"name": name, "share": shares.get(name), "found": [f.title for f in d.effects if f.hook == name]}
-            for name in names
-        ]
+        hooks = [_place(name, shares.get(name), [f.title for f in d.effects if f.hook == name]) for name in names]
         again = any(other["name"] == stage for other in stages)
         elsewhere = [f.title for f in d.effects if f.stage == stage and f.hook not in places and not again]
         named = bool(elsewhere) or any(hook["found"] for hook in hooks)
         stages.append({"name": stage, "hooks": hooks, "found": elsewhere, "named": named})
     return {"input": d.input, "output": d.output, "stages": stages, "shares": bool(shares)}
+
+
+def _place(hook: str, share: float | None, found: list[str]) -> dict[str, Any]:
+    """A place of the chain; where something was found, that says more than what a free disturbance there explains."""
+    return {"name": hook.replace("_", " "), "share": None if found else share, "found": found}
 
 
 def _left(d: Diagnosis, *, corrected: bool) -> dict[str, Any]:
@@ -226,6 +235,5 @@ def _about(d: Diagnosis) -> list[tuple[str, str]]:
         _("Recordings"): ", ".join(d.recordings),
         _("Kept back"): d.kept_back,
         _("False alarms"): _false_alarms(d),
-        _("Computed in"): f"{number(d.seconds, 3)} s",
     }
     return [(label, value) for label, value in rows.items() if value]

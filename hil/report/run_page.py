@@ -60,7 +60,8 @@ def _summary(recording: Recording) -> list[tuple[str, str]]:
     meta = recording.meta
     valve = meta.get("valve") or {}
     rows = [
-        (_("Valve"), ", ".join(str(valve[key]) for key in ("name", "serial") if valve.get(key))),
+        (_("Valve"), str(valve.get("name") or "")),
+        (_("Serial"), str(valve.get("serial") or "")),
         (_("Bench"), str(meta.get("bench") or "")),
         (_("Operator"), str(meta.get("operator") or "")),
         *((capital(_(str(name))), str(text)) for name, text in (meta.get("notes") or {}).items()),

@@ -22,6 +22,7 @@ from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Recording, split_heading
 from hil.report.diagnosis_page import write_diagnosis_report
+from hil.report.origins import Origin, all_origins
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 
@@ -49,6 +50,7 @@ def diagnosed(
     budget_s: float = 0.0,
     progress: Progress = lambda _done, _text: None,
     computing_s: float = math.inf,
+    origins: Sequence[Origin] = (),
 ) -> Diagnosed:
     """Diagnose, on a bench where one is named, and write down what came out where a folder is.
 
@@ -62,7 +64,7 @@ def diagnosed(
     else:
         found = diagnose(model, experiments, progress, budget_s=computing_s)
     if out is not None:
-        write_diagnosis(found, out)
+        write_diagnosis(found, out, origins)
     return found
 
 
@@ -119,8 +121,13 @@ def _tested(model: Model, asked: NextTest, bench: BenchFile, folder: Path, progr
     return for_model(model, read_recording(folder))
 
 
-def write_diagnosis(found: Diagnosed, out: Path) -> Path:
+def write_diagnosis(found: Diagnosed, out: Path, origins: Sequence[Origin] = ()) -> Path:
     """Write `diagnosis.json`, `corrected.json` and `report.html`; returns the path of the report.
+
+    Args:
+        found: what is written.
+        out: the folder.
+        origins: of the model and the recordings, where they are known; those left out are looked for by their names.
 
     Raises:
         StorageError: something cannot be written.
@@ -132,5 +139,6 @@ def write_diagnosis(found: Diagnosed, out: Path) -> Path:
         save_model(found.corrected, out / CORRECTED_FILE)
     except OSError as error:
         raise StorageError(f"{out}: the diagnosis cannot be written: {error.strerror}") from error
-    write_diagnosis_report(found.diagnosis, out / REPORT_FILE)
+    whence = all_origins(origins, found.diagnosis.recordings)
+    write_diagnosis_report(found.diagnosis, out / REPORT_FILE, whence)
     return out / REPORT_FILE

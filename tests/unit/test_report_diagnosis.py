@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
@@ -24,10 +25,13 @@ from hil.diagnosis.diagnosis import (
 )  # fmt: skip
 from hil.diagnosis.false_alarms import FalseAlarms
 from hil.diagnosis.locate import StageShare, Where
+from hil.record.folder import read
+from hil.record.run_writer import RunWriter
 from hil.report.diagnosis_figures import worst_stretch
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.report.diagnosis_tables import candidate_rows
 from hil.report.equation import equation_lines
+from hil.report.origins import all_origins, origin_at, origin_of
 from tests.page import Page, read_page
 
 NAN = float("nan")
@@ -224,6 +228,33 @@ def test_the_chain_marks_the_stage_of_an_effect_that_has_no_hook(tmp_path: Path)
     content = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert content.count('class="stage named"') == 1
     assert '<div class="named-effect">drift of the sensor</div>' in content
+
+
+def test_the_place_of_what_was_found_has_no_share_of_its_own(tmp_path: Path) -> None:
+    none = (a_stage("force", "spool", 0.0), a_stage("position", "spool", 0.99))
+    text = page_of(undrawn(stage_shares=none), tmp_path).text
+    assert "spool force friction with sticking position 99 %" in text
+
+
+def test_a_diagnosis_says_what_it_was_made_of(tmp_path: Path) -> None:
+    meta = {"valve": {"serial": "4711"}, "bench": "bench 3"}
+    with RunWriter.create(tmp_path / "run", meta, [("flow", "l/min")]) as run:
+        run.append(np.arange(10) / 480.0, {"flow": np.arange(10.0)})
+    (tmp_path / "model.json").write_text("{}", encoding="utf-8")
+    whence = all_origins([origin_at(tmp_path / "model.json"), origin_of(read(tmp_path / "run"))], [])
+    samples = hashlib.sha256((tmp_path / "run" / "samples.f8").read_bytes()).hexdigest()
+    write_diagnosis_report(undrawn(), tmp_path / "report.html", whence)
+    text = read_page(tmp_path / "report.html").text
+    assert f"{tmp_path / 'run'} 4711; bench 3; 20" in text
+    assert f"SHA-256 of samples.f8 {samples}" in text
+    assert f"SHA-256 of model.json {hashlib.sha256(b'{}').hexdigest()}" in text
+    assert all_origins([], [str(tmp_path / "run")])[0].sha256 == samples
+
+
+def test_how_long_it_took_is_not_on_the_page(tmp_path: Path) -> None:
+    for seconds in (1.0, 99.0):
+        write_diagnosis_report(undrawn(seconds=seconds), tmp_path / f"{seconds}")
+    assert (tmp_path / "1.0").read_bytes() == (tmp_path / "99.0").read_bytes()
 
 
 def test_the_chain_marks_one_of_two_places_of_the_same_stage(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from dataclasses import replace
@@ -10,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import hil.report
 from hil.errors import StorageError
 from hil.record.header import read_end
 from hil.record.measurement import Findings, Measurement
@@ -197,11 +199,28 @@ def test_conditions_instruments_and_identity_of_a_run_folder(tmp_path: Path) -> 
     end = read_end(tmp_path / "run")
     assert end is not None
     for said in (
-        "Flow curve: HPV41", "HPV41, 4711", "Fluid temperature 40 °C", "Hold 2 s", "Slow yes", "flow meter: serial 88",
+        "Flow curve: HPV41", "Valve HPV41 Serial 4711", "Fluid temperature 40 °C", "Hold 2 s", "Slow yes",
+        "flow meter: serial 88",
         "Sample rate asked 500 Hz", "Seed of the simulation 9", "Device: rate 480 Hz", "Device: delay flow 0 s",
         f"CRC-32 of the samples {end.crc32}", end.sha256["run.json"], "interlock tripped reason over-pressure",
     ):  # fmt: skip
         assert said in text, said
+
+
+def test_before_the_results_stand_unit_operator_conditions_and_deviations(tmp_path: Path) -> None:
+    meta = {"valve": {"name": "HPV41", "serial": "4711"}, "operator": "AM", "conditions": {"fluid_temperature_c": 40.0}}
+    found = Findings((Measurement("rise", "ms", "").of(3.0, 0.1),), deviations=("oil too cold",))
+    first_page = page_of(found, tmp_path, meta).text.partition("Results Quantity")[0]
+    for said in ("Not judged", "Serial 4711", "Operator AM", "Fluid temperature 40 °C", "standard oil too cold"):
+        assert said in first_page, said
+
+
+def test_the_verdict_is_set_in_letters_for_two_metres() -> None:
+    style = (Path(hil.report.__file__).parent / "style.css").read_text(encoding="utf-8")
+    sizes = [float(rem) for rem in re.findall(r"^\.verdict \.word \{[^}]*font-size: ([\d.]+)rem", style, re.M)]
+    assert sizes == [pytest.approx(3.2, abs=0.3)]
+    (printed,) = re.findall(r"\.verdict \.word \{ font-size: (\d+)pt", style)
+    assert int(printed) >= 28
 
 
 def test_a_broken_off_run_says_so_on_top(tmp_path: Path) -> None:
