@@ -168,9 +168,16 @@ class ModbusLine:
                 f": one came, but with transaction number {came} instead of {sent}: a gateway that numbers by itself, "
                 f"which cannot be used, or answers that come late"
             )
+        if (unit := self._came[self._unit_at :][:1]) and unit != self._sent[self._unit_at :][:1]:
+            return f": unit {unit[0]} answered, and unit {self._settings.unit_id} was asked; check unit_id"
         if self._may_echo and self._came.startswith(self._sent):
             return ": what was sent came back: the adapter echoes, say echo = true"
         return f": what came is none ({self._came[:20].hex(' ')})"
+
+    @property
+    def _unit_at(self) -> int:
+        """Where in a frame the unit number stands."""
+        return 6 if self._settings.transport == "tcp" else 0
 
     @property
     def _may_echo(self) -> bool:

@@ -5,6 +5,7 @@ Each has two outputs, each output wired to an input of the same number. Run by h
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import struct
@@ -31,8 +32,11 @@ class Lie:
     on_connect: Callable[[Device], None] = lambda _device: None
     frozen_inputs: bool = False
     watchdog: float | None = 1.0  # multiples of its time after which it acts; None: never
-    expires_to: float | None = 0.0  # None: says that it acted, and does not
+    acts: float = math.inf  # so often, and never again
+    expires_to: tuple[float, float] | None = (0.0, 0.0)  # by output; None: says that it acted, and does not
     moves: Callable[[int], int] = lambda i: i
+    frozen_answers: bool = False
+    answers_for: int = 0  # so many unit numbers beside the one that was asked
 
 
 def _swapped(i: int) -> int:
@@ -47,6 +51,19 @@ def _jumped(device: Device) -> None:
     device.at = [-4.0, -4.0]
 
 
+def _previous(device: Device, i: int, _told: float) -> float:
+    return device.before[i]
+
+
+def _needs_enabling(device: Device, _i: int, told: float) -> float | None:
+    obeys, device.enabled = device.enabled, device.enabled and told != 0.0
+    return told if obeys else None
+
+
+def _enabled(device: Device) -> None:
+    device.enabled = True
+
+
 def _jitters(device: Device, i: int, told: float) -> float:
     return told + 0.4 * (-1) ** device.commands
 
@@ -58,6 +75,11 @@ LIES: dict[str, Lie] = {
     "obeys a second later": Lie(late_s=1.0),
     "obeys another channel": Lie(moves=_swapped),
     "obeys the first channel alone": Lie(drives=lambda _d, i, told: told if i == 0 else None),
+    "exchanges two channels, repeats what it was told": Lie(moves=_swapped, echo=True),
+    "obeys the first command alone": Lie(sticks_after=2),
+    "obeys the command before": Lie(drives=_previous),
+    "obeys the command before, repeats what it was told": Lie(drives=_previous, echo=True),
+    "obeys no more after the safe command until it is opened again": Lie(drives=_needs_enabling, on_connect=_enabled),
     "half scale": Lie(drives=lambda _d, _i, told: 0.5 * told),
     "half scale, repeats what it was told": Lie(drives=lambda _d, _i, told: 0.5 * told, echo=True),
     "wrong sign": Lie(drives=lambda _d, _i, told: -told),
@@ -66,6 +88,12 @@ LIES: dict[str, Lie] = {
     "offset of 2 %": Lie(drives=lambda _d, _i, told: told + 0.4),
     "jitters by 2 %": Lie(drives=_jitters),
     "saturates at 80 %": Lie(drives=lambda _d, _i, told: max(-8.0, min(8.0, told))),
+    "saturates at 60 %": Lie(drives=lambda _d, _i, told: max(-6.0, min(6.0, told))),
+    "saturates at 60 %, repeats what it was told": Lie(
+        drives=lambda _d, _i, told: max(-6.0, min(6.0, told)), echo=True
+    ),
+    "says for ever where it stood first": Lie(frozen_answers=True),
+    "answers for another unit": Lie(answers_for=1),
     "sticks after 40 commands": Lie(sticks_after=40),
     "creeps home when nothing is said": Lie(creeps=True),
     "ignores the safe command": Lie(drives=lambda _d, _i, told: told or None),
@@ -73,7 +101,9 @@ LIES: dict[str, Lie] = {
     "moves when somebody connects": Lie(on_connect=_jumped),
     "inputs stand still": Lie(frozen_inputs=True),
     "never times out": Lie(watchdog=None),
-    "times out to the wrong level": Lie(expires_to=5.0),
+    "times out to the wrong level": Lie(expires_to=(5.0, 5.0)),
+    "times out to the wrong level on one output": Lie(expires_to=(0.0, 2.0)),
+    "times out once, and never again": Lie(acts=1.0),
     "times out three times too late": Lie(watchdog=3.0),
     "times out too early": Lie(watchdog=0.25),
     "says that it timed out and does not": Lie(expires_to=None),
@@ -85,16 +115,18 @@ class Device:
 
     def __init__(self, lie: Lie) -> None:
         self.lie = lie
-        self.at, self.told = [0.0, 0.0], [0.0, 0.0]
+        self.at, self.told, self.before = [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]
         self.commands = 0
+        self.acted = 0
+        self.enabled = True
         self.heard_s = self.driven_s = time.monotonic()
-        self.armed_s = 0.0
+        self.armed_s = self.expired_s = 0.0
         self._later: deque[tuple[float, int, float]] = deque()
         self._held = [0.0, 0.0]
 
     def drive(self, i: int, volts: float) -> None:
         self.now()
-        self.told[i] = volts
+        self.before[i], self.told[i] = self.told[i], volts
         self.commands += 1
         self.driven_s = time.monotonic()
         moved = self.lie.drives(self, i, volts)
@@ -111,14 +143,18 @@ class Device:
         if self.lie.creeps and now_s - self.driven_s > 0.08:
             self.at = [0.0, 0.0]
         if self.armed_s and self.lie.watchdog and now_s - self.heard_s > self.lie.watchdog * self.armed_s:
-            self.told = [0.0, 0.0]
-            if self.lie.expires_to is not None:
-                self.at = [self.lie.expires_to] * 2
+            self._expire()
         return list(self.at)
+
+    def _expire(self) -> None:
+        self.told = [0.0, 0.0]
+        self.acted, self.expired_s = self.acted + (self.expired_s != self.heard_s), self.heard_s
+        if self.lie.expires_to is not None and self.acted <= self.lie.acts:
+            self.at = list(self.lie.expires_to)
 
     def says(self, i: int) -> float:
         """What it answers when it is asked for an output."""
-        now = self.now()
+        now = [0.0, 0.0] if self.lie.frozen_answers else self.now()
         return self.told[i] if self.lie.echo or self.lie.expires_to is None else now[i]
 
     def measures(self, i: int) -> float:
@@ -209,7 +245,7 @@ def modbus(device: Device, received: bytes) -> tuple[bytes, int]:
         for k, each in enumerate(words):
             _write(device, address + k, each)
         answer = pdu[:5]
-    return received[:4] + struct.pack(">H", 1 + len(answer)) + received[6:7] + answer, whole
+    return received[:4] + struct.pack(">HB", 1 + len(answer), received[6] + device.lie.answers_for) + answer, whole
 
 
 def _word(device: Device, function: int, address: int) -> int:

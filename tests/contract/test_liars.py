@@ -68,6 +68,11 @@ CAUGHT = {
     "ignores, repeats what it was told": "an_input_sees_what_it_drives",
     "obeys a second later": "drives_what_it_is_told",
     "obeys another channel": "drives_what_it_is_told",
+    "exchanges two channels, repeats what it was told": "an_input_sees_what_it_drives",
+    "obeys the first command alone": "drives_what_it_is_told",
+    "obeys the command before": "drives_what_it_is_told",
+    "obeys the command before, repeats what it was told": "an_input_sees_what_it_drives",
+    "obeys no more after the safe command until it is opened again": "goes_to_its_safe_value_when_told",
     "obeys the first channel alone": "drives_what_it_is_told",
     "half scale": "drives_what_it_is_told",
     "half scale, repeats what it was told": "an_input_sees_what_it_drives",
@@ -77,6 +82,10 @@ CAUGHT = {
     "offset of 2 %": "drives_what_it_is_told",
     "jitters by 2 %": "drives_what_it_is_told",
     "saturates at 80 %": "reaches_its_limits",
+    "saturates at 60 %": "reaches_its_limits",
+    "saturates at 60 %, repeats what it was told": "an_input_sees_what_it_drives",
+    "says for ever where it stood first": "drives_what_it_is_told",
+    "answers for another unit": "drives_what_it_is_told",
     "sticks after 40 commands": "obeys_every_command",
     "creeps home when nothing is said": "obeys_every_command",
     "ignores the safe command": "goes_to_its_safe_value_when_told",
@@ -85,9 +94,21 @@ CAUGHT = {
     "inputs stand still": "an_input_sees_what_it_drives",
     "never times out": WATCHDOG,
     "times out to the wrong level": WATCHDOG,
+    "times out to the wrong level on one output": WATCHDOG,
+    "times out once, and never again": WATCHDOG,
     "times out three times too late": WATCHDOG,
     "times out too early": WATCHDOG,
     "says that it timed out and does not": WATCHDOG,
+}
+OF_THE_UNIT = "answers for another unit"
+ONE_WIRE = {lie for lie, check in CAUGHT.items() if check == WATCHDOG} | {
+    OF_THE_UNIT,
+    "exchanges two channels, repeats what it was told",
+    "obeys the first command alone",
+    "obeys the command before",
+    "obeys no more after the safe command until it is opened again",
+    "saturates at 60 %",
+    "says for ever where it stood first",
 }
 
 
@@ -144,12 +165,15 @@ def test_device_that_does_not_lie_passes_every_check(wire: str, tmp_path: Path) 
 
 
 @pytest.mark.parametrize(
-    ("wire", "lie"), [(w, lie) for w in WIRES for lie in CAUGHT if w == "modbus" or CAUGHT[lie] != WATCHDOG]
+    ("wire", "lie"), [(w, lie) for w in WIRES for lie in CAUGHT if w == "modbus" or lie not in ONE_WIRE]
 )
 def test_lie_is_caught_by_its_check(wire: str, lie: str, tmp_path: Path) -> None:
-    with lying(wire, lie, tmp_path, watchdog=CAUGHT[lie] == WATCHDOG) as examined:
+    with lying(wire, lie, tmp_path, watchdog=CAUGHT[lie] == WATCHDOG or lie == OF_THE_UNIT) as examined:
         verdict, text = verdict_of(CHECKS[CAUGHT[lie]], examined)
     assert verdict == "broken", text
+    if lie == OF_THE_UNIT:
+        assert "unit 2 answered, and unit 1 was asked; check unit_id" in text
+        return
     assert "raised" not in text
     assert "'command'" in text or "'second'" in text
 
@@ -166,14 +190,19 @@ def test_what_no_channel_measures_is_left_out_and_not_passed(tmp_path: Path) -> 
     check = CHECKS["an_input_sees_what_it_drives"]
     elsewhere = 'driver = "modbus"\nmodel = "iologik-e1240"\naddress = "127.0.0.1:1"'
     with lying("modbus", lie, tmp_path, wired=False, meter=elsewhere) as examined:
-        assert verdict_of(check, examined)[0] == "left out"
-        assert "cannot tell: no channel measures it" in verdict_of(check, examined)[1]
+        verdict, text = verdict_of(check, examined)
+        assert verdict == "left out" and "cannot tell: no channel measures it" in text
     with lying("modbus", lie, tmp_path, wired=False) as examined:
         verdict, text = verdict_of(check, examined)
         assert verdict == "broken" and "'flow' reads 0 V whether driven to one side or to the other" in text
     with lying("modbus", "", tmp_path, wired=False) as examined:
         verdict, text = verdict_of(check, examined)
-        assert verdict == "passed" and "'flow' answers; by how much it should is not known" in text
+        assert verdict == "passed" and "'flow' answers to 'command'; nothing answers to 'second'; by how much" in text
+    with lying("modbus", "exchanges two channels, repeats what it was told", tmp_path, wired=False) as examined:
+        assert verdict_of(check, examined)[1].startswith("'flow' answers to 'second'; nothing answers to 'command'")
+    with lying("modbus", "obeys the command before, repeats what it was told", tmp_path, wired=False) as examined:
+        verdict, text = verdict_of(check, examined)
+        assert verdict == "broken" and "when the same was told again: the device obeys the command before" in text
 
 
 def test_outputs_that_do_not_go_safe_are_said_at_the_end(tmp_path: Path) -> None:
