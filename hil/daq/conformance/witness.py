@@ -131,7 +131,7 @@ def _differ(subject: Subject, name: str, one: Readings, other: Readings) -> bool
     channel = subject.wiring.inputs[name]
     noise = float(np.hypot(one[name].std(), other[name].std())) / np.sqrt(_READINGS)
     least = max(_BEYOND_NOISE * noise, _BEYOND_ROUNDING * (channel.high - channel.low))
-    return abs(float(one[name].mean() - other[name].mean())) > least
+    return bool(abs(one[name].mean() - other[name].mean()) > least)
 
 
 def _settled(subject: Subject, link: Any) -> Readings:
