@@ -116,6 +116,7 @@ def _of_a_device(case: Case, folder: Path) -> Seen:
             fault(devices[name])
 
         message, status = _driven(file, folder / "run", observer, happen)
+        assert happened, f"the run ended before the fault was made (status {status}): {message}"
         after_s = observer.safe_after(happened[0], 1.0 if case.within_s is None else PATIENCE_S)
     return Seen(after_s, None, message, samples_in(folder / "run"), status)
 

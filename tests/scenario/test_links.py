@@ -166,7 +166,8 @@ def test_frequency_response_of_the_procedure_over_a_serial_line_is_the_direct_on
     seen = link_page.over("hpv41-modbus-rtu", tmp_path, SHORT)
     off = {name: figure.off_by(plain[name]) for name, figure in seen.corrected.items()}
     assert max(map(abs, off.values())) < 4.0, off
-    assert seen.uncorrected["dead time"].value < seen.corrected["dead time"].value  # the delay passes for the valve's
+    # Read later than stamped, the valve seems to lag less: both figures are of the same samples, so noise cancels.
+    assert seen.uncorrected["−90° bandwidth"].value > seen.corrected["−90° bandwidth"].value
 
 
 def test_the_page_of_links_names_what_is_off() -> None:
