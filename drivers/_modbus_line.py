@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -288,7 +289,8 @@ def belongs(answer: Any, function: int, address: int, count: int, values: Sequen
 def host_and_port(text: str) -> tuple[str, int] | None:
     """The two parts of `host:port`, None where it is none."""
     host, colon, port = text.rpartition(":")
-    return (host, int(port)) if colon and host and port.isdecimal() and 0 < int(port) < 65536 else None
+    is_one = colon and re.fullmatch(r"[\w.:%\[\]-]+", host) and port.isdecimal() and 0 < int(port) < 65536
+    return (host, int(port)) if is_one else None
 
 
 def _counted_otherwise(code: int, address: int) -> str:

@@ -18,6 +18,7 @@ def channel_faults(
 ) -> Iterator[Fault]:
     """Everything that is wrong with one channel."""
     yield from _unit(name, channel)
+    yield from _dates(name, channel)
     yield from _limits(name, channel)
     yield from _connection(name, channel, draft, devices)
 
@@ -38,6 +39,12 @@ def _unit(name: str, channel: ChannelEntry) -> Iterator[Fault]:
         check_unit(channel.unit)
     except HilError as error:
         yield Fault(("channels", name, "unit"), str(error))
+
+
+def _dates(name: str, channel: ChannelEntry) -> Iterator[Fault]:
+    made = channel.calibration
+    if made is not None and made.date is not None and made.due is not None and made.due < made.date:
+        yield Fault(("channels", name, "calibration", "due"), f"{made.due} lies before date = {made.date}")
 
 
 def _limits(name: str, channel: ChannelEntry) -> Iterator[Fault]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import importlib.util
+import socket
 import sys
 import threading
 import time
@@ -18,7 +19,7 @@ from hil.bench.nets.missing import RULES, missing_nets
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.cli.app import main
-from hil.errors import HardwareError
+from hil.errors import HardwareError, HilError
 from tests.links import served
 
 DAY = dt.date(2026, 7, 1)
@@ -62,6 +63,13 @@ SPEAKS = {
                                "the way to the safe values takes up to 7.3 s", "say watchdog_s = 9 under [protection]"),
     "listens to all": (devices.open_to_others, TCP, [(ADDRESS, 'address = "0.0.0.0:15502"')],
                        "0.0.0.0 is this computer as others see it", "say 127.0.0.1"),
+    "listens to all, in short": (devices.open_to_others, TCP, [(ADDRESS, 'address = "0:15502"')],
+                                 "device 'io': 0 is this computer as others see it", "say 127.0.0.1"),
+    "interlocks that stop nothing": (channels.without_interlocks, TCP,
+                                     [('action = "trip"', 'action = "indicate"'), ('"stop"', '"indicate"')],
+                                     "every interlock only indicates", 'action = "stop" or "trip"'),
+    "dated ahead": (calibration.dated_ahead, NI, [("date = 2026-03-02,", "date = 2027-03-02,")],
+                    "channel 'flow': its calibration is dated 2027-03-02, and today is 2026-07-01", "the day it was"),
     "CAN hub for all": (devices.open_to_others, "hpv41-canopen",
                         [("socketcand:127.0.0.1:29536", "socketcand:0.0.0.0:29536")],
                         "device 'valve': 0.0.0.0", "say 127.0.0.1"),
@@ -197,3 +205,25 @@ def test_check_tells_warnings_and_with_strict_they_are_exit_status_2(
     status, out, err = check(str(path), "--strict")
     assert status == 2 and out.count("warning: ") == 2 and "2 warnings, and --strict allows none" in err
     assert check(TCP, "--strict")[0] == 0
+
+
+def test_name_of_this_computer_is_a_listener_where_others_reach_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(socket, "gethostname", lambda: "Bench-PC")
+    for numbers, warned in (("0.0.0.0", True), ("127.0.1.1", False)):
+        place = [(socket.AF_INET, socket.SOCK_STREAM, 6, "", (numbers, 0))]
+        monkeypatch.setattr(socket, "getaddrinfo", lambda *_words, place=place, **_more: place)
+        file = changed(tmp_path, TCP, [(ADDRESS, 'address = "bench-pc:15502"')])
+        assert bool(list(devices.open_to_others(file, DAY))) is warned
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [((ADDRESS, 'address = "*:15502"'), "is not host:port"),
+     (("date = 2026-03-02,", "date = 2026-03-02, due = 2026-03-01,"),
+      "command.calibration.due: 2026-03-01 lies before date = 2026-03-02")],
+)  # fmt: skip
+def test_address_and_dates_that_cannot_be_are_faults(change: tuple[str, str], text: str, tmp_path: Path) -> None:
+    with pytest.raises(HilError, match=text):
+        changed(tmp_path, TCP, [change])

@@ -51,3 +51,13 @@ def undated(file: BenchFile, _day: dt.date) -> Iterator[str]:
     for name, channel in file.bench.channels.items():
         if channel.calibration is not None and channel.calibration.date is None:
             yield f"channel '{name}': its calibration has no date: say calibration.date = YYYY-MM-DD"
+
+
+def dated_ahead(file: BenchFile, day: dt.date) -> Iterator[str]:
+    """Calibrations that are said to be made on a day that has not come."""
+    dates = [(f"channel '{name}'", channel.calibration.date)
+             for name, channel in file.bench.channels.items() if channel.calibration is not None]  # fmt: skip
+    dates += [(f"instrument '{instrument.name}'", instrument.calibrated) for instrument in file.bench.instruments]
+    for whose, date in dates:
+        if date is not None and date > day:
+            yield f"{whose}: its calibration is dated {date}, and today is {day}: put in the day it was made"

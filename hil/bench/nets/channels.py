@@ -27,6 +27,11 @@ def without_interlocks(file: BenchFile, _day: dt.date) -> Iterator[str]:
     """A bench on which nothing stops a run."""
     if not file.bench.interlocks:
         yield "no interlocks: nothing watches the bench but the limits of its outputs: say [interlocks.NAME]"
+    elif all(entry.action == "indicate" for entry in file.bench.interlocks.values()):
+        yield (
+            "every interlock only indicates: nothing stops a run but the limits of its outputs: give one action = "
+            '"stop" or "trip"'
+        )
 
 
 def live_zeros(file: BenchFile, _day: dt.date) -> Iterator[str]:

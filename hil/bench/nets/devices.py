@@ -113,22 +113,32 @@ def _has_enable_line(file: BenchFile) -> bool:
 
 
 def _host(address: str) -> str:
-    """The numeric host of `127.0.0.1:502`, `socket://0.0.0.0:4001`, `can:[::]:502`; empty if there is none."""
-    found = re.search(r"(?:^|[/:@])(?:\[([0-9a-fA-F:]+)\]|(\d+\.\d+\.\d+\.\d+)):\d+$", address)
+    """The host of `127.0.0.1:502`, `socket://0.0.0.0:4001`, `can:[::]:502`, `bench-pc:502`; empty if there is none."""
+    found = re.search(r"(?:^|[/:@])(?:\[([0-9a-fA-F:]+)\]|([^/:@\s]+)):\d+(?:[/?].*)?$", address)
     return (found[1] or found[2]) if found else ""
+
+
+def _in_numbers(host: str) -> str:
+    """An address as numbers, also short ones such as `0`, and this computer's name. No other name is looked up."""
+    is_ours = host.lower() == socket.gethostname().lower()
+    try:
+        told = socket.getaddrinfo(host, None, flags=0 if is_ours else socket.AI_NUMERICHOST)
+    except (OSError, UnicodeError):
+        return ""
+    return str(told[0][4][0])
 
 
 def _is_own_and_open(host: str) -> bool:
     """Whether one could listen there, and others would reach it. Nothing is sent."""
     try:
-        place = ipaddress.ip_address(host)
+        place = ipaddress.ip_address(_in_numbers(host))
     except ValueError:
         return False
     if place.is_loopback:
         return False
     with socket.socket(socket.AF_INET6 if place.version == 6 else socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.bind((host, 0))
+            probe.bind((str(place), 0))
         except OSError:
             return False
     return True

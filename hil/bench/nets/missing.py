@@ -5,7 +5,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Callable, Iterator, Sequence
 
-from hil.bench.nets.calibration import overdue_today, undated
+from hil.bench.nets.calibration import dated_ahead, overdue_today, undated
 from hil.bench.nets.channels import live_zeros, without_interlocks, without_limits
 from hil.bench.nets.devices import (
     no_watchdog,
@@ -28,7 +28,7 @@ def _packages(file: BenchFile, _day: dt.date) -> Iterator[str]:
 
 RULES: Sequence[Rule] = (
     _packages, watchdog_off, no_watchdog, watchdog_elsewhere, not_read_back, no_watchdog_process, too_hasty,
-    open_to_others, without_interlocks, live_zeros, without_limits, undated, overdue_today,
+    open_to_others, without_interlocks, live_zeros, without_limits, undated, dated_ahead, overdue_today,
 )  # fmt: skip
 
 
