@@ -36,5 +36,5 @@ class DeviceWatchdog:
             self.heard()
             raise LinkError(
                 f"nothing was asked for {silent_s:.3g} s, longer than its watchdog of {self.time_s:g} s: the "
-                f"{self._device} has made its outputs safe"
+                f"{self._device} makes its outputs safe then"
             )

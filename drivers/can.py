@@ -227,7 +227,7 @@ class CanLink:
             self._driven_s = time.monotonic()
             raise LinkError(
                 f"no command was sent for {silent_s:.3g} s, longer than its watchdog of {self.watchdog_s:g} s: the "
-                f"device has made its outputs safe"
+                f"device makes its outputs safe then"
             )
 
     def _receive(self, wait_s: float) -> None:

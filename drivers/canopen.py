@@ -281,7 +281,7 @@ class CanopenLink:
         silent_s = time.monotonic() - self._drove_s
         if self._driven and self.watchdog_s is not None and silent_s > self.watchdog_s:
             self._drove_s = time.monotonic()
-            raise LinkError(f"no heartbeat was sent for {silent_s:.3g} s: the node has made its outputs safe")
+            raise LinkError(f"no heartbeat was sent for {silent_s:.3g} s: the node makes its outputs safe then")
 
     def _on_pdo(self, identifier: int, data: bytearray, _time_s: float) -> None:
         with self._network.changed:

@@ -183,7 +183,7 @@ class PolledDaq:
         self._failed: HardwareError | None = None
         self._told_safe = False
         self._ended = threading.Event()
-        self._zero_s = self._used_s = self._clock.now_s
+        self._zero_s = self._used_s = self._told_s = self._clock.now_s
         try:
             self.levels: Mapping[str, float] = _merged(member.standing() for member in self._members)
             self._cycle_s = self._measured() if measured else _SHORTEST_S
@@ -304,6 +304,24 @@ class PolledDaq:
                     f"watchdog_s = {watchdog_s:g} s; give it more than {self._cycle_s / _SHARE:.2g} s, or a faster link"
                 )
 
+    def _refuse_after_silence(self) -> None:
+        """Nothing is driven on as if nothing had been when a device must have made its outputs safe meanwhile.
+
+        A program that stood still (stopped, swapped out, on a paused virtual machine) may have done so anywhere, also
+        between a request and its answer: what counts is when it last began to say something.
+        """
+        silent_s = self._clock.now_s - self._told_s - self._cycle_s
+        for member in self._members:
+            watchdog_s, outputs = member.link.watchdog_s, member.wiring.outputs
+            if watchdog_s is None or member.link.keep_alive_s is None or silent_s <= watchdog_s:
+                continue
+            if any(self.levels[name] != channel.safe for name, channel in outputs.items()):
+                self._told_s = self._clock.now_s
+                raise LinkError(
+                    f"{member.name}: nothing was said to it for {silent_s:.3g} s, longer than its own watchdog of "
+                    f"{watchdog_s:g} s, and where its outputs stood meanwhile is not known"
+                )
+
     def _played(self, waveforms: Iterator[Waveform], ahead: int) -> Iterator[Block]:
         """Hand waveforms to the polling thread, always `ahead` of the blocks that come back."""
         self._refuse_if_failed()
@@ -389,7 +407,8 @@ class PolledDaq:
     def _sample(self, levels: Mapping[str, float], taken: _Taken, task: _Task) -> None:
         """Drive and read once; nothing is read any more when the task is stopped meanwhile."""
         refuse_after_sleep(self._clock)
-        begun_s = self._clock.now_s
+        self._refuse_after_silence()
+        self._told_s = begun_s = self._clock.now_s
         for member in self._members:
             member.drive(levels)
         self.levels = levels
@@ -444,6 +463,8 @@ class PolledDaq:
                     continue  # made safe while we waited, perhaps unheard: what stood before is over
                 try:
                     refuse_after_sleep(self._clock)
+                    self._refuse_after_silence()
+                    self._told_s = self._clock.now_s
                     for member in self._members:
                         if member.link.keep_alive_s is not None:
                             member.drive(self.levels)

@@ -199,7 +199,7 @@ def test_an_output_that_stands_elsewhere_and_a_lapsed_watchdog_are_told(tmp_path
             link.read()
         time.sleep(0.3)
         with pytest.raises(
-            LinkError, match=r"longer than its watchdog of 0\.3 s: the device has made its outputs safe"
+            LinkError, match=r"longer than its watchdog of 0\.3 s: the device makes its outputs safe then"
         ):
             link.read()
 
