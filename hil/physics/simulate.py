@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,19 +51,35 @@ class Drive:
     read_at: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class _Laws:
+    """What a kernel is told of the plant's parameters, at rest and in motion."""
+
+    of: Kernel
+    steady: Array
+    coefficients: Array
+
+
+@dataclass(frozen=True, slots=True)
+class _Switches:
+    """What a kernel is told of effects: which are on, their coefficients, and where the memory of each begins."""
+
+    of: Kernel
+    on: NDArray[np.bool_]
+    effect_coefficients: Array
+    offsets: NDArray[np.int64]
+
+
 @dataclass(slots=True)
 class _Arrays:
-    """Arguments of the kernel for one set of values."""
+    """Arguments of the kernel for one set of values; it writes to `states` and `memory` alone."""
 
     step_s: float
     sub_steps: int
-    steady: Array
-    coefficients: Array
+    laws: _Laws
+    switches: _Switches
     states: Array
-    on: NDArray[np.bool_]
-    effect_coefficients: Array
     memory: Array
-    offsets: NDArray[np.int64]
 
 
 def sub_steps(plant: Plant, interval_s: float, factor: float = 1.0) -> int:
@@ -111,8 +128,8 @@ def simulate(
     out = np.empty((1 + len(plant.observed), count))
     compiled.run(
         _dense(drive.inputs), arrays.step_s, arrays.sub_steps, round(drive.read_at * arrays.sub_steps), 0, True,
-        arrays.steady, arrays.coefficients, arrays.states, arrays.on, arrays.effect_coefficients,
-        arrays.memory, arrays.offsets,
+        arrays.laws.steady, arrays.laws.coefficients, arrays.states,
+        arrays.switches.on, arrays.switches.effect_coefficients, arrays.memory, arrays.switches.offsets,
         hook_names.index(inject[0]) if inject else -1, _dense(inject[1]) if inject else _NOTHING,
         trace is not None, _NO_TRACE if trace is None else trace,
         _NO_OBSERVER if measured is None else _observer(plant, parameters, drive.interval_s),
@@ -149,7 +166,8 @@ class Twin:
         out = np.empty((1 + len(self.plant.observed), inputs.shape[1]))
         compiled.run(
             _dense(inputs), a.step_s, a.sub_steps, round(self.read_at * a.sub_steps), self._done, settle,
-            a.steady, a.coefficients, a.states, a.on, a.effect_coefficients, a.memory, a.offsets,
+            a.laws.steady, a.laws.coefficients, a.states,
+            a.switches.on, a.switches.effect_coefficients, a.memory, a.switches.offsets,
             -1, _NOTHING, False, _NO_TRACE, _NO_OBSERVER, _NOTHING, out,
         )  # fmt: skip
         self._done += inputs.shape[1] * a.sub_steps
@@ -186,9 +204,55 @@ def _arrays(
     effects: Iterable[ActiveEffect],
     steps: int,
 ) -> _Arrays:
-    plant = compiled.plant
     step_s = drive.interval_s / steps
-    active = {effect.key: effect for effect in effects}
+    switches = _switches(compiled, {effect.key: effect.parameters for effect in effects}, step_s)
+    return _Arrays(
+        step_s,
+        steps,
+        _laws(compiled, parameters, step_s),
+        switches,
+        _initial_states(compiled.plant, parameters, drive),
+        np.zeros(int(switches.offsets[-1]) + 1),
+    )
+
+
+# Fits simulate every recording with the same values, and many effects on the same plant: making these arrays anew
+# each time takes longer than a simulation.
+_KEPT = 16
+_recent_laws: dict[object, _Laws] = {}
+_recent_switches: dict[object, _Switches] = {}
+
+
+def _laws(compiled: Kernel, parameters: Mapping[str, float], step_s: float) -> _Laws:
+    key = (compiled.plant.name, step_s, tuple(parameters.items()))
+    found = _recent_laws.get(key)
+    if found is None or found.of is not compiled:
+        of = compiled.plant.coefficients
+        found = _Laws(compiled, flat(of(parameters, math.inf)), flat(of(parameters, step_s)))
+        _keep(_recent_laws, key, found)
+    return found
+
+
+def _switches(compiled: Kernel, active: Mapping[tuple[str, str], Mapping[str, float]], step_s: float) -> _Switches:
+    key = (compiled.plant.name, step_s, tuple((of, *given.items()) for of, given in active.items()))
+    found = _recent_switches.get(key)
+    if found is None or found.of is not compiled:
+        found = _switched(compiled, active, step_s)
+        _keep(_recent_switches, key, found)
+    return found
+
+
+_Kept = TypeVar("_Kept")
+
+
+def _keep(recent: dict[object, _Kept], key: object, made: _Kept) -> None:
+    if len(recent) >= _KEPT:
+        recent.clear()
+    recent[key] = made
+
+
+def _switched(compiled: Kernel, active: Mapping[tuple[str, str], Mapping[str, float]], step_s: float) -> _Switches:
+    plant = compiled.plant
     unknown = active.keys() - compiled.indices.keys()
     if unknown:
         known = [f"{name} at {hook}" for name, hook in compiled.indices]
@@ -197,9 +261,9 @@ def _arrays(
     on = np.zeros(count, dtype=np.bool_)
     values = np.zeros(compiled.starts[-1] + 1)
     sizes = np.zeros(1 + count + len(plant.lines_s), dtype=np.int64)
-    for key, effect in active.items():
+    for key, given in active.items():
         k = compiled.indices[key]
-        site, given = compiled.sites[k], effect.parameters
+        site = compiled.sites[k]
         if site.effect.coefficients is not None:
             given = site.effect.coefficients(given, step_s)
         on[k] = True
@@ -207,18 +271,7 @@ def _arrays(
         scaled = {parameter.name: parameter for parameter in site.effect.parameters_at(site.hook)}
         sizes[1 + k] = site.effect.memory(scaled, step_s)
     sizes[1 + count :] = [math.ceil(length / step_s) + 4 for length in plant.lines_s.values()]
-    offsets = np.cumsum(sizes)
-    return _Arrays(
-        step_s,
-        steps,
-        flat(plant.coefficients(parameters, math.inf)),
-        flat(plant.coefficients(parameters, step_s)),
-        _initial_states(plant, parameters, drive),
-        on,
-        values,
-        np.zeros(int(offsets[-1]) + 1),
-        offsets,
-    )
+    return _Switches(compiled, on, values, np.cumsum(sizes))
 
 
 def _observer(plant: Plant, parameters: Mapping[str, float], interval_s: float) -> Array:

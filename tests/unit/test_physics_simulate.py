@@ -6,7 +6,7 @@ import math
 import os
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -18,6 +18,9 @@ from hil.catalog import entries
 from hil.errors import FileError, InputError, UnknownNameError
 from hil.physics.compose import effect, effects, kernel, plant
 from hil.physics.simulate import ActiveEffect, Drive, Twin, simulate
+from hil.physics.simulate import _laws as laws_of
+from hil.physics.simulate import _recent_laws as recent_laws
+from hil.physics.simulate import _recent_switches as recent_switches
 
 VALVE = plant("brevini-hpv41")
 COUNT = 10
@@ -101,6 +104,47 @@ def test_an_effect_is_found_under_its_name() -> None:
     assert [found.name for found in effects()] == [entry.name for entry in entries("effects")]
     with pytest.raises(UnknownNameError, match="no effect named 'fricton', did you mean 'friction'"):
         effect("fricton")
+
+
+def test_values_that_were_simulated_before_are_not_mistaken_for_others() -> None:
+    inputs = np.tile([40.0, -60.0], (1, 50))
+    leaks = [ActiveEffect("leakage", "flow", {"leak": leak, "fall": 0.3, "lean": 0.0}) for leak in (3.0, 4.0)]
+    slow = VALVE.typical | {"pilot_rate": 3.0}
+    asked: list[tuple[dict[str, float], tuple[ActiveEffect, ...], float]] = [
+        (dict(values), effects, interval_s)
+        for values in (VALVE.typical, slow)
+        for effects in ((), (leaks[0],), (leaks[1],))
+        for interval_s in (1e-3, 2e-3)
+    ]
+
+    def answers(fresh: bool) -> list[bytes]:
+        made = []
+        for values, switched_on, interval_s in asked:
+            if fresh:
+                recent_laws.clear()
+                recent_switches.clear()
+            made.append(simulate(VALVE, values, Drive(inputs, math.nan, interval_s), switched_on).tobytes())
+        return made
+
+    alone = answers(fresh=True)
+    assert len(set(alone)) == len(asked)
+    assert answers(fresh=False) == alone
+    assert answers(fresh=False) == alone
+
+
+def test_a_fit_works_out_the_same_values_once_for_all_its_recordings() -> None:
+    calls = []
+
+    def counted(values: Mapping[str, float], step_s: float) -> Mapping[str, float | np.ndarray]:
+        calls.append(step_s)
+        return VALVE.coefficients(values, step_s)
+
+    watched = replace(kernel("brevini-hpv41"), plant=replace(VALVE, coefficients=counted))
+    for _ in range(3):
+        laws_of(watched, VALVE.typical, 1e-3)
+    assert calls == [math.inf, 1e-3]
+    laws_of(replace(watched), VALVE.typical, 1e-3)  # a plant that was edited since has another kernel
+    assert len(calls) == 4
 
 
 def test_what_another_process_hands_over_is_simulated_the_same() -> None:
