@@ -49,7 +49,7 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
     Raises:
         ArchiveError: the index cannot be read.
     """
-    with opened(place) as engine, Session(engine) as session:
+    with opened(place, make=False) as engine, Session(engine) as session:
         wanted = _asked(search)
         of_runs = _values_of(session, wanted) if values else {}
         asked = wanted.with_only_columns(RunRow.id, RunRow.folder, *(getattr(RunRow, name) for name in _TOLD))
@@ -83,6 +83,8 @@ def rebuild(place: Place, folders: Sequence[Path]) -> tuple[int, list[str]]:
         ArchiveError: the index cannot be written.
         FileError: a folder cannot be read.
     """
+    if not any(folder.is_dir() for folder in folders) and place.is_away:
+        raise ArchiveError(f"archive {place}: there is no such folder")
     left_out: list[str] = []
     _clear_unreadable(place)
     with opened(place) as engine, Session(engine) as session, session.begin():

@@ -62,7 +62,7 @@ def instruments(place: Place) -> tuple[list[Instrument], int]:
     Raises:
         ArchiveError: the index cannot be read.
     """
-    with opened(place) as engine, Session(engine) as session:
+    with opened(place, make=False) as engine, Session(engine) as session:
         last = _last_runs(session)
         found = [_instrument(session, periods, last) for periods in _by_instrument(_periods(session))]
         unread = session.scalar(select(func.count()).where(RunRow.instruments.is_(None))) or 0

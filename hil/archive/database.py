@@ -14,7 +14,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from alembic.util import CommandError
 from sqlalchemy import Engine, create_engine, event
-from sqlalchemy.exc import SQLAlchemyError
+from sqlalchemy.exc import DatabaseError, OperationalError, SQLAlchemyError
 
 from hil.archive.place import Place
 from hil.errors import ArchiveError
@@ -29,14 +29,18 @@ _POSTGRESQL = {
 
 
 @contextmanager
-def opened(place: Place) -> Iterator[Engine]:
+def opened(place: Place, *, make: bool = True) -> Iterator[Engine]:
     """The database of an archive at this program's version, made where there is none.
+
+    Args:
+        place: the archive.
+        make: where there is not even a folder, make it; else an empty database is shown that nobody keeps.
 
     Raises:
         ArchiveError: it is locked, full, away, or was made by a newer version; also what goes wrong inside.
     """
     try:
-        engine = _engine(place)
+        engine = _engine(place) if make or not place.is_away else create_engine("sqlite://")
     except (SQLAlchemyError, OSError, ModuleNotFoundError) as error:
         raise _refused(place, error) from error
     try:
@@ -90,4 +94,6 @@ def _refused(place: Place, error: Exception) -> ArchiveError:
     if isinstance(error, ModuleNotFoundError):
         return ArchiveError(f"archive {place}: its database needs {lacking(error.name or '?')}")
     cause = getattr(error, "orig", None) or error
-    return ArchiveError(f"archive {place}: {' '.join(str(cause).split())}")
+    damaged = isinstance(error, DatabaseError) and not isinstance(error, OperationalError) and place.folder is not None
+    remedy = "; `hil archive rebuild` makes it anew from the folders" if damaged else ""
+    return ArchiveError(f"archive {place}: {' '.join(str(cause).split())}{remedy}")

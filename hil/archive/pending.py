@@ -1,4 +1,8 @@
-"""Runs that could not be entered when they ended; they are entered the next time somebody can."""
+"""Runs that could not be entered when they ended; they are entered the next time somebody can.
+
+An archive's own folder among them stands for all runs in it: its index was made by a run that ended, which does not
+wait until the others are read.
+"""
 
 from __future__ import annotations
 
@@ -7,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from hil.archive.archive import enter
+from hil.archive.archive import enter, rebuild
 from hil.archive.place import Place
 from hil.record.header import HEADER_FILE
 from hil.safety.latch import state_path
@@ -18,23 +22,26 @@ def enter_or_keep(place: Place, folder: Path) -> str:
 
     Never raises: a run is not lost or late because of its index.
     """
-    waiting = [*waiting_for(place), folder.resolve()]
+    waiting = [*waiting_for(place), *([place.folder] if place.is_unmade and place.folder else []), folder.resolve()]
     try:
         enter(place, [path for path in waiting if (path / HEADER_FILE).is_file()])
     except Exception as error:
         _keep(place, waiting)
         return f"{' '.join(str(error).split())}; the run is safe in {folder} and will be entered later"
-    _keep(place, [])
+    _keep(place, [path for path in waiting if path == place.folder])
     return ""
 
 
 def catch_up(place: Place) -> None:
-    """Enter the runs that wait.
+    """Enter the runs that wait; an index that is missing is made anew from the folders.
 
     Raises:
         ArchiveError: the index cannot be written.
     """
-    waiting = [path for path in waiting_for(place) if (path / HEADER_FILE).is_file()]
+    known = waiting_for(place)
+    if place.folder is not None and (place.is_unmade or place.folder in known):
+        rebuild(place, [place.folder])
+    waiting = [path for path in known if (path / HEADER_FILE).is_file()]
     if waiting:
         enter(place, waiting)
     _keep(place, [])

@@ -17,6 +17,19 @@ class Place:
     url: str
     folder: Path | None = None
 
+    @property
+    def is_unmade(self) -> bool:
+        """Whether its folder is there and holds no index yet, or none any more."""
+        if self.folder is None or not self.folder.is_dir():
+            return False
+        index = self.folder / INDEX_FILE
+        return not index.exists() or not index.stat().st_size
+
+    @property
+    def is_away(self) -> bool:
+        """Whether it should be a folder, and there is none."""
+        return self.folder is not None and not self.folder.is_dir()
+
     def __str__(self) -> str:
         """As a message names it, a password left out."""
         from sqlalchemy.engine import make_url

@@ -32,7 +32,11 @@ def command(
         serial=serial, procedure=procedure, since=date_of(since), verdict=verdict_of(verdict), archive=archive,
         values=False, notes=not_entered,
     )  # fmt: skip
-    typer.echo(_json(found) if as_json else _table(found))
+    typer.echo(_json(found) if as_json else _table(found) if found else _none(archive))
+    gone = sum(not run.folder.is_dir() for run in found)
+    if gone:
+        several = "of these folders are" if gone > 1 else "of these folders is"
+        typer.echo(f"hil: {gone} {several} not there any more; `hil archive rebuild` finds what was moved", err=True)
 
 
 def _json(found: Sequence[Entry]) -> str:
@@ -48,11 +52,16 @@ def _json(found: Sequence[Entry]) -> str:
     return json.dumps(rows, indent=1, ensure_ascii=False)
 
 
+def _none(archive: str) -> str:
+    from hil.archive.place import archive_place
+
+    place = archive_place(archive)
+    return f"no runs: there is no folder {place}" if place.is_away else f"no such runs in {place}"
+
+
 def _table(found: Sequence[Entry]) -> str:
     from hil.report.local_time import local_text
 
-    if not found:
-        return "no runs"
     rows = [("started", "serial", "procedure", "verdict", "operator", "run")]
     for run in found:
         started = local_text(run.started_utc)

@@ -138,6 +138,34 @@ def test_damaged_index_is_made_anew(tmp_path):
     assert len(find_runs(place, Search())) == 1
 
 
+def test_a_missing_index_is_made_anew_when_it_is_asked(tmp_path):
+    place = archive_place(str(tmp_path / "lab"))
+    for name in ("a", "b"):
+        made_run(tmp_path / "lab" / name)
+    catch_up(place)
+    assert {run.folder.name for run in find_runs(place, Search())} == {"a", "b"}
+
+
+def test_a_run_that_finds_no_index_does_not_hide_those_before_it(tmp_path):
+    place = archive_place(str(tmp_path / "lab"))
+    for name in ("a", "b"):
+        made_run(tmp_path / "lab" / name)
+    for name in ("c", "d"):
+        assert enter_or_keep(place, made_run(tmp_path / "lab" / name)) == ""
+    catch_up(place)
+    assert {run.folder.name for run in find_runs(place, Search())} == {"a", "b", "c", "d"}
+    assert waiting_for(place) == []
+
+
+def test_asking_an_archive_that_is_not_there_makes_none(tmp_path):
+    place = archive_place(str(tmp_path / "typo"))
+    catch_up(place)
+    assert find_runs(place, Search()) == []
+    with pytest.raises(ArchiveError, match="no such folder"):
+        rebuild(place, [tmp_path / "typo"])
+    assert not (tmp_path / "typo").exists()
+
+
 def test_run_of_the_first_version_is_entered_with_its_findings(tmp_path):
     folder = made_run(tmp_path / "lab" / "a")
     (folder / "results.json").unlink()
