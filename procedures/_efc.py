@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hil.errors import FileError, SettingError
+from hil.errors import FileError, SettingError, UnitError
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
+from hil.units import scale_and_offset
 
 COIL_CURRENT, COIL_VOLTAGE, COIL_TEMPERATURE = "coil current", "coil voltage", "coil temperature"
 THROUGH_FLOW, SUPPLY_PRESSURE = "through flow", "supply pressure"
@@ -25,19 +26,30 @@ class Stage:
     part: Mapping[str, Any]
 
 
+def _check_pressure(rig: Rig) -> None:
+    try:
+        scale_and_offset(rig.response.unit, "psi")
+    except UnitError:
+        raise SettingError(
+            f"'{rig.response.name}' is in {rig.response.unit}; a test of an EFC needs a response in psi or another "
+            "pressure"
+        ) from None
+
+
 def play(rig: Rig, stages: Sequence[Stage], rate_hz: float) -> list[Recording]:
     """Check every stage, then play one after the other, each from a ramp to where it begins; ends at the safe value.
 
     The limits of the command stay as they are, so that another procedure may follow in the same run.
 
     Raises:
-        SettingError: the command is no current in A.
+        SettingError: the command is no current in A, or the response no pressure.
         RangeError: a stage would leave the envelope; nothing has moved.
     """
     if rig.command.unit != "A":
         raise SettingError(
             f"command '{rig.command.name}' is in {rig.command.unit}; a test of an EFC states its currents in A"
         )
+    _check_pressure(rig)
     for stage in stages:
         rig.check(stage.command, rate_hz)
     made = []

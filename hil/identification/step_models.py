@@ -139,7 +139,8 @@ def step_models(
     """
     for name, value in (("rise", rise_s), ("settling", settling_s)):
         if not (value > 0.0 and math.isfinite(value)):
-            raise InputError(f"models of a step: {name} time of {value:g} s; it must be known and above 0")
+            known = f"is {value:g} s; it must be above 0" if math.isfinite(value) else "is not known"
+            raise InputError(f"models of a step: the {name} time {known}")
     constant = _PAPER_CONSTANT if band == _PAPER_BAND else -math.log(band)
     effective_s = settling_s * _PAPER_CONSTANT / constant
     notes = []

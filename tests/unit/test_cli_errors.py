@@ -173,11 +173,22 @@ def test_version_and_help_are_no_errors(hil) -> None:
     assert "identify" in out
 
 
-@pytest.mark.parametrize("procedure", ["efc_step_response", "pressure_current"])
-def test_currents_are_not_driven_as_anything_else(hil, procedure: str) -> None:
-    status, _, err = hil("run", procedure, "--bench", "brevini-hpv41", "--out", "r")
+@pytest.mark.parametrize(
+    ("procedure", "bench", "said"),
+    [
+        ("efc_step_response", "brevini-hpv41", "command 'command' is in %; a test of an EFC states its currents in A"),
+        ("pressure_current", "brevini-hpv41", "command 'command' is in %; a test of an EFC states its currents in A"),
+        (
+            "efc_frequency_response",
+            "hydraforce-open-loop",
+            "'position' is in mm; a test of an EFC needs a response in psi or another pressure",
+        ),
+    ],
+)
+def test_currents_are_not_driven_as_anything_else(hil, procedure: str, bench: str, said: str) -> None:
+    status, _, err = hil("run", procedure, "--bench", bench, "--out", "r")
     assert status == 2
-    assert err.splitlines()[-1] == "hil: command 'command' is in %; a test of an EFC states its currents in A"
+    assert err.splitlines()[-1] == f"hil: {said}"
 
 
 @pytest.mark.usefixtures("recordings")
