@@ -14,7 +14,8 @@ from hil.session.procedure import Procedure
 
 ASK = "ask"
 SIMULATED = "simulated"
-_LONGEST = 64
+_LONGEST, _LONGEST_NOTE = 64, 1000
+_LONGEST_IN_FOLDER = 40  # characters, four bytes each at most: a file system allows 255 bytes
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +41,15 @@ def labels_of(serial: str, operator: str, notes: Iterable[str]) -> Labels:
     Raises:
         SettingError: a note that is not KEY=VALUE or is given twice, or a text that no label can be.
     """
+    for name, text in (("--serial", serial), ("--operator", operator)):
+        if text and not text.strip():
+            raise SettingError(f"{name}: {text!r}: nothing but blanks; leave it out where there is none")
     found: dict[str, str] = {}
     for text in notes:
         key, equals, value = (part.strip() for part in text.partition("="))
         if not (key and equals and value):
-            raise SettingError(f"--note {text}: KEY=VALUE was expected, as in 'oil=ISO VG 46'")
+            raise SettingError(f"--note {text!r}: KEY=VALUE was expected, as in 'oil=ISO VG 46'")
+        key, value = _label("--note", key), _label(f"--note {key}", value, _LONGEST_NOTE)
         if key in found:
             raise SettingError(f"--note {key}: is given twice")
         found[key] = value
@@ -84,14 +89,14 @@ def labelled(
 
 def folder_name(procedure: str, serial: str) -> str:
     """Procedure, unit and time in UTC; of the serial number what a folder's name can hold."""
-    plain = re.sub(r"[^A-Za-z0-9._-]+", "-", serial).strip("-.")
+    plain = re.sub(r"[^\w.-]+", "-", serial)[:_LONGEST_IN_FOLDER].strip("-.")
     unit = f"{plain}-" if plain and plain != SIMULATED else ""
     return f"{procedure}-{unit}{datetime.now(UTC):%Y%m%dT%H%M%SZ}"
 
 
-def _label(name: str, text: str) -> str:
+def _label(name: str, text: str, longest: int = _LONGEST) -> str:
     """A label in one line; a scanner's carriage return is none of it."""
     found = text.strip()
-    if len(found) > _LONGEST or not found.isprintable():
-        raise SettingError(f"{name}: {found[:_LONGEST]!r}: up to {_LONGEST} printable characters are allowed")
+    if len(found) > longest or not found.isprintable():
+        raise SettingError(f"{name}: {found[:_LONGEST]!r}: up to {longest} printable characters are allowed")
     return found

@@ -9,7 +9,7 @@ from hil.bench.find import benches, find_bench
 from hil.bench.read import read_bench
 from hil.cli import app
 from hil.errors import SettingError
-from hil.session.labels import NO_LABELS, Labels, labelled, labels_of
+from hil.session.labels import NO_LABELS, Labels, folder_name, labelled, labels_of
 from hil.session.procedure import load_procedure
 
 STEP = ("run", "step_response", "--set", "levels=0,80")
@@ -60,11 +60,19 @@ def test_simulated_bench_has_a_simulated_unit():
         ("x" * 65, (), "up to 64"),
         ("", ("oil",), "KEY=VALUE"),
         ("", ("oil=a", "oil=b"), "given twice"),
+        ("", ("oil=a\nb",), "--note oil: 'a.nb': up to 1000 printable"),
+        ("  ", (), "nothing but blanks"),
     ],
 )
 def test_label_that_is_none_is_refused(serial, notes, said):
     with pytest.raises(SettingError, match=said):
         labels_of(serial, "", notes)
+
+
+def test_folder_of_a_unit_keeps_its_letters_and_no_path():
+    assert folder_name("jog", "Ventil-Ü/7").startswith("jog-Ventil-Ü-7-")
+    assert folder_name("jog", "../../阀门").startswith("jog-阀门-")
+    assert len(folder_name("efc_frequency_response", 64 * "阀").encode()) < 255
 
 
 def _said(monkeypatch, capsys, *arguments):
