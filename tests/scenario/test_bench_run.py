@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil.__main__ import main
 from hil.bench.find import benches
 from hil.errors import FileError
 from hil.record.read import read_recording
@@ -23,6 +24,7 @@ from hil.record.read import read_recording
 HPV41 = benches()["brevini-hpv41"].read_text(encoding="utf-8")
 REAL_TIME = {'simulated = "in_process"': 'simulated = "in_process"\ntime = "real"', "block_s = 1.0": "block_s = 0.05"}
 STRANGER = Path(__file__).parents[1] / "stranger"
+Told = Callable[..., tuple[int, str, str]]  # exit status, stdout, stderr
 
 
 def bench(tmp_path: Path, changes: dict[str, str]) -> Path:
@@ -51,6 +53,20 @@ def run(*arguments: str | Path, prepare: Callable[[], None] | None = None, cwd: 
     return process.returncode, out, err
 
 
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], stranger: Path) -> Told:
+    """`run`, but by the program's entry point within this process: for ends that no process need be watched at."""
+
+    def called(*arguments: str | Path) -> tuple[int, str, str]:
+        monkeypatch.setattr(sys, "argv", ["hil", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        found = capsys.readouterr()
+        return int(ended.value.code or 0), found.out, found.err
+
+    return called
+
+
 def test_a_run_that_passes(tmp_path: Path) -> None:
     status, out, err = run("run", "tiny_step", "--bench", "brevini-hpv41", "--set", "levels=50", cwd=tmp_path)
     assert status == 0
@@ -75,11 +91,11 @@ def test_a_run_that_passes(tmp_path: Path) -> None:
     ],
 )
 def test_each_end_has_its_exit_status_and_one_line(
-    tmp_path: Path, changes: dict[str, str], settings: list[str], status: int, says: str
+    told: Told, tmp_path: Path, changes: dict[str, str], settings: list[str], status: int, says: str
 ) -> None:
     options = [option for setting in settings for option in ("--set", setting)]
     file = bench(tmp_path, changes)
-    found, _, err = run("run", "tiny_step", "--bench", file, "--out", tmp_path / "run", *options)
+    found, _, err = told("run", "tiny_step", "--bench", file, "--out", tmp_path / "run", *options)
     assert found == status
     lines = [line for line in err.splitlines() if line.startswith("hil: ")]
     assert (len(lines) == 1 and says in lines[0]) if says else not lines
@@ -121,28 +137,28 @@ def test_full_disk_ends_safe_and_keeps_what_was_written(tmp_path: Path) -> None:
     assert 15_000 < len(recording) < 21_000
 
 
-def test_check_lists_every_fault(tmp_path: Path) -> None:
+def test_check_lists_every_fault(told: Told, tmp_path: Path) -> None:
     file = bench(tmp_path, {"skew_s = 14e-6": "skw = 1", '"ai0"': '"ai99"'})
-    status, out, err = run("check", file)
+    status, out, err = told("check", file)
     assert status == 2
     assert [line.split(": ")[1] for line in out.splitlines()] == ["devices.daq.skw", "channels.flow.terminal"]
     assert err == f"hil: {file}: 2 faults\n"
 
 
-def test_check_of_a_good_bench_shows_it() -> None:
-    status, out, err = run("check", "cummins-efc")
+def test_check_of_a_good_bench_shows_it(told: Told) -> None:
+    status, out, err = told("check", "cummins-efc")
     assert (status, err) == (0, "")
     assert "pwm0  current (command): 0 … 3 A, limits 0 … 2.2, safe at 0" in out
 
 
-def test_describe_needs_no_bench() -> None:
-    status, out, _ = run("run", "tiny_step", "--describe")
+def test_describe_needs_no_bench(told: Told) -> None:
+    status, out, _ = told("run", "tiny_step", "--describe")
     assert status == 0
     assert "--set kind: step | ramp = step" in out and "rise [l/min]: response to the step" in out
 
 
-def test_usage_without_a_bench() -> None:
-    status, _, err = run("run", "tiny_step")
+def test_usage_without_a_bench(told: Told) -> None:
+    status, _, err = told("run", "tiny_step")
     assert status == 2 and "--bench" in err
 
 
