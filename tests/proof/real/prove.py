@@ -89,6 +89,7 @@ def _proved(real: RealSet, folder: Path) -> Outcome:
     used = [experiment(r.rows(0, _count(r, real)), plant) for r in fitted]
     started = time.perf_counter()
     nominal = fit_plant(start, used).model
+    used = [e.reading_at(nominal.read_at) for e in used]
     found = diagnose(nominal, used)
     seconds = time.perf_counter() - started
     corrected, said = found.corrected, found.diagnosis
