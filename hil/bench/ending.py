@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
-from hil.errors import told
+from hil.errors import StorageError, told
 from hil.record.folder import RunWriter
 from hil.safety.interrupt import begin_ending
 from hil.safety.outputs import Outputs
@@ -49,11 +49,17 @@ def closed_for_sure(close: Callable[[], None]) -> Iterator[None]:
 
 @contextmanager
 def recorded(writer: RunWriter, known: Outputs) -> Iterator[RunWriter]:
-    """A run folder that is sealed afterwards: with how the run ended, and what was known of each output then."""
-    outcome = "completed"
+    """A run folder that is sealed afterwards: with how the run ended, and what was known of each output then.
+
+    Raises:
+        StorageError: it does not lie any more where it was begun; says where it is.
+    """
+    outcome, begun = "completed", writer.path
 
     def seal() -> None:
         writer.close(outcome, outputs=known.record())
+        if writer.path != begun:
+            raise StorageError(f"what was recorded is kept in {writer.path}")
 
     with closed_for_sure(seal):
         try:

@@ -93,4 +93,6 @@ def _entered(archive: str, folder: Path) -> str:
 
 
 def _kept(folder: Path) -> str:
-    return f"what was recorded is kept in {folder}" if folder.exists() else ""
+    from hil.record.header import HEADER_FILE
+
+    return f"what was recorded is kept in {folder}" if (folder / HEADER_FILE).is_file() else ""

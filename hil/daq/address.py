@@ -101,8 +101,8 @@ def _hosts(text: str) -> list[str]:
     try:
         told = socket.getaddrinfo(host.strip("[]"), int(port), type=socket.SOCK_STREAM)
     except (OSError, UnicodeError, OverflowError):
-        return [f"{host.lower()}:{port}"]
-    return sorted({f"{_one_name(str(place[0]))}:{port}" for *_, place in told})
+        return [f"{host.lower()}:{int(port)}"]
+    return sorted({f"{_one_name(str(place[0]))}:{int(port)}" for *_, place in told})
 
 
 def _one_name(host: str) -> str:

@@ -32,6 +32,23 @@ def is_deleted(file: FileIO) -> bool:
     return os.fstat(file.fileno()).st_nlink == 0
 
 
+def is_at(file: FileIO, path: Path) -> bool:
+    """Whether an open file is the one with this name now."""
+    try:
+        return os.path.samestat(os.fstat(file.fileno()), path.stat())
+    except OSError:
+        return False
+
+
+def place_of(file: FileIO) -> Path | None:
+    """The name that an open file has now, where the system tells (Linux)."""
+    try:
+        place = Path(f"/proc/self/fd/{file.fileno()}").readlink()
+    except OSError:
+        return None
+    return place if is_at(file, place) else None
+
+
 def copy_open(file: FileIO, path: Path) -> None:
     """Write an open file anew under a name; raises `OSError`."""
     file.seek(0)

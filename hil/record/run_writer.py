@@ -46,7 +46,7 @@ class RunWriter:
         self._header_sum = sha256_of(path / HEADER_FILE)
         self._syncer = Syncer((*self._rows.descriptors, self._events.descriptor))
         self._parts = 0
-        self._closed = self._deletion_is_told = False
+        self._closed = self._loss_is_told = False
 
     @classmethod
     def create(cls, path: str | Path, header: Mapping[str, Any], channels: Sequence[tuple[str, str] | Column]) -> Self:
@@ -78,7 +78,7 @@ class RunWriter:
 
         Raises:
             StorageError: it could not be written, or its time does not go on from the last sample. What was
-                recorded before is kept. Once, also, when the folder was deleted; what comes then is kept too.
+                recorded before is kept. Once, also, when the folder was deleted or moved; what comes then is kept too.
             ValueError: other channels than declared, or of another length.
         """
         time_s = np.asarray(time_s, dtype=np.float64)
@@ -90,9 +90,10 @@ class RunWriter:
                 self._syncer.check()
                 self._rows.append(np.ascontiguousarray(table, dtype="<f8"))
         self._syncer.written()
-        if self._rows.is_deleted and not self._deletion_is_told:
-            self._deletion_is_told = True
-            raise StorageError(f"{self.path}: the run folder was deleted; {self._kept()}")
+        if self._rows.is_away and not self._loss_is_told:
+            self._loss_is_told = True
+            how = "deleted" if self._rows.is_deleted else "moved"
+            raise StorageError(f"{self.path}: the run folder was {how}; {self._kept()}")
 
     def event(self, event: str, /, **details: Any) -> None:
         """Write down that something happened now: a level reached, a trip, a decision."""
@@ -158,7 +159,7 @@ class RunWriter:
             StorageError: the last samples or the end could not be brought to the disk.
 
         A folder that was deleted meanwhile is made again, with everything that was recorded: under its own name, or
-        beside it if something is there.
+        beside it if something is there. One that was moved is sealed where it is. `path` says where.
         """
         if self._closed:
             return
@@ -168,6 +169,8 @@ class RunWriter:
                 self._settle()
                 if self._rows.is_deleted:
                     self._restore()
+                elif self._rows.is_away:
+                    self._follow()
                 write_end(self.path, self._end_room, self._end(outcome, stopped_utc, meta))
         finally:
             self._rows.close()
@@ -223,6 +226,13 @@ class RunWriter:
         self._events.copy_to(self.path)
         self._end_room.close()
         self._end_room = open_end(self.path)
+
+    def _follow(self) -> None:
+        """Go on where the folder was moved to; where nobody knows that, its end belongs nowhere."""
+        place = self._rows.folder
+        if place is not None:
+            self._now("the run folder was moved", {"from": str(self.path)})
+            self.path = place
 
     def _end(self, outcome: str, stopped_utc: datetime | None, meta: Mapping[str, Any]) -> End:
         mark = self._rows.mark

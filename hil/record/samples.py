@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from io import SEEK_END, FileIO
 from pathlib import Path
 
-from hil.record.durable import copy_open, is_deleted, write_at
+from hil.record.durable import copy_open, is_at, is_deleted, place_of, write_at
 from hil.record.recording import Array
 
 ROWS_FILE, JOURNAL_FILE = "samples.f8", "samples.log"
@@ -50,17 +50,29 @@ class RowsWriter:
 
     def __init__(self, folder: Path, columns: int) -> None:
         self._row_bytes = columns * VALUE_BYTES
-        self._file = FileIO(folder / ROWS_FILE, "r+")
+        self._path = folder / ROWS_FILE
+        self._file = FileIO(self._path, "r+")
         self._journal = FileIO(folder / JOURNAL_FILE, "r+")
-        self._named = not is_deleted(self._file)  # some file systems say of every file that it has no name
+        self._named = not is_deleted(self._file) and is_at(self._file, self._path)  # some file systems say so of none
         self._lines = 0
         self.mark = Mark()
         self.last_s: float | None = None
 
     @property
+    def is_away(self) -> bool:
+        """Whether the folder was deleted or moved under them."""
+        return self._named and not is_at(self._file, self._path)
+
+    @property
     def is_deleted(self) -> bool:
         """Whether the folder was deleted under them."""
         return self._named and is_deleted(self._file)
+
+    @property
+    def folder(self) -> Path | None:
+        """Where they lie now, where the system tells."""
+        place = place_of(self._file)
+        return None if place is None else place.parent
 
     def copy_to(self, folder: Path) -> None:
         """Write what is whole into the files of another folder; raises `OSError`."""

@@ -35,7 +35,7 @@ def ports(tmp_path: Path) -> Iterator[list[str]]:
 
 @pytest.mark.parametrize(
     "text",
-    ["127.0.0.1:502", "localhost:502", "[::1]:502", "::1:502", "::ffff:127.0.0.1:502", "0.0.0.0:502",
+    ["127.0.0.1:502", "localhost:502", "[::1]:502", "::1:502", "::ffff:127.0.0.1:502", "0.0.0.0:502", "127.0.0.1:0502",
      "socket://localhost:502", "SOCKET://127.0.0.1:502", "rfc2217://127.0.0.1:502?ign_set_control",
      "socketcand:localhost:502"],
 )  # fmt: skip

@@ -11,8 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil.bench.ending import recorded
 from hil.errors import StorageError
 from hil.record.folder import RunWriter, read
+from hil.safety.outputs import Outputs
 
 
 def begun(path: Path) -> RunWriter:
@@ -52,13 +54,43 @@ def test_what_lies_in_its_place_is_left_alone(tmp_path: Path) -> None:
     assert len(read(tmp_path / "run-restored")) == 50 and run.path == tmp_path / "run-restored"
 
 
-def test_folder_that_was_renamed_is_written_on(tmp_path: Path) -> None:
+def test_folder_that_was_moved_is_noticed_and_sealed_where_it_is(tmp_path: Path) -> None:
     run = begun(tmp_path / "run")
     (tmp_path / "run").rename(tmp_path / "other")
-    go_on(run)
-    with pytest.raises(StorageError, match="60 samples"):  # but nobody knows where its end belongs
+    (tmp_path / "run").mkdir()
+    with pytest.raises(StorageError, match=r"run: the run folder was moved; 60 samples"):
+        go_on(run)
+    run.append(np.arange(60, 70) / 100.0, {"flow": np.arange(10) * 1.0})  # the way down
+    run.close("StorageError: the run folder was moved")
+    assert run.path == tmp_path / "other" and not any((tmp_path / "run").iterdir())
+    found = read(tmp_path / "other")
+    assert len(found) == 70 and "incomplete" not in found.meta
+    assert [event["event"] for event in found.meta["events"]] == ["driven", "the run folder was moved"]
+
+
+def test_folder_that_was_moved_where_nobody_tells_is_read_up_to_its_last_row(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = begun(tmp_path / "run")
+    (tmp_path / "run").rename(tmp_path / "other")
+    monkeypatch.setattr("hil.record.samples.place_of", lambda _file: None)
+    with pytest.raises(StorageError, match="50 samples"):
         run.close()
-    assert len(read(tmp_path / "other")) == 60
+    assert len(read(tmp_path / "other")) == 50
+
+
+@pytest.mark.parametrize("moved", [True, False])
+def test_end_of_a_run_says_where_its_folder_is(moved: bool, tmp_path: Path) -> None:
+    run = begun(tmp_path / "run")
+    if moved:
+        (tmp_path / "run").rename(tmp_path / "other")
+    else:
+        (tmp_path / "run" / "samples.f8").unlink()
+    with pytest.raises(KeyboardInterrupt) as ended, recorded(run, Outputs()):
+        raise KeyboardInterrupt
+    where = tmp_path / ("other" if moved else "run-restored")
+    assert f"what was recorded is kept in {where}" in ended.value.__notes__
+    assert len(read(where)) == 50
 
 
 @contextmanager
