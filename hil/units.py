@@ -18,10 +18,15 @@ from hil.errors import UnitError
 if TYPE_CHECKING:
     import pint
 
-# Spellings that benches use and pint does not know.
+# Spellings that benches and loggers use and pint does not know, or takes for something else.
 _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute", "GPM": "gallon/minute",
-              "lpm": "l/min", "LPM": "l/min", "psig": "psi", "PSI": "psi", "BAR": "bar", "counts": "count",
-              "Nm": "N*m", "pct": "%", "l/mn": "l/min", "L/MIN": "l/min"}  # fmt: skip
+              "US gpm": "gallon/minute", "lpm": "l/min", "LPM": "l/min", "psig": "psi", "psia": "psi", "PSI": "psi",
+              "BAR": "bar", "barg": "bar", "bara": "bar", "bar(g)": "bar", "bar(a)": "bar", "counts": "count",
+              "Nm": "N*m", "pct": "%", "%FS": "%", "% FS": "%", "l/mn": "l/min", "kg/cm^2": "kgf/cm^2",
+              "kg/cm²": "kgf/cm^2", "deg C": "degC", "℃": "degC", "V DC": "V", "U/min": "rpm", '"': "inch"}  # fmt: skip
+# The same by their small letters, tried where a spelling is unknown: loggers write HZ, Kpa, PERCENT.
+_FOLDED = {"hz": "Hz", "khz": "kHz", "kpa": "kPa", "mpa": "MPa", "degc": "degC", "vdc": "V", "prozent": "%",
+           "sek": "s", "sekunde": "s", "sekunden": "s", "kn": "kN"}  # fmt: skip
 
 
 @cache
@@ -41,13 +46,25 @@ def units_ready() -> None:
 def _unit(text: str) -> pint.Unit:
     registry = _registry()
     try:
-        spelt = re.sub(r"(?<=[A-Za-z])([23])(?=$|[/*· ])", r"^\1", text.strip())  # m3/h is m^3/h, mmH2O is not
-        spelt = _SPELLINGS.get(spelt, spelt)
-        if spelt[1:2].islower() and spelt[:1].isupper() and spelt not in registry:
-            spelt = spelt.casefold()  # written out as loggers do: Volts, Newtons
-        return registry.parse_units(spelt)
+        spelt = _spelt(text)
+        try:
+            if spelt[1:2].islower() and spelt[:1].isupper() and spelt not in registry:
+                spelt = spelt.casefold()  # written out as loggers do: Volts, Newtons
+            return registry.parse_units(spelt)
+        except Exception:
+            bare = spelt.casefold().rstrip(".")
+            return registry.parse_units(_FOLDED.get(bare, bare))
     except Exception as error:  # pint raises several unrelated types for bad text
         raise UnitError(f"unknown unit '{text}'; examples: %, V, mA, l/min, bar, psi, mm, N, s, Hz, °C, 1") from error
+
+
+def _spelt(text: str) -> str:
+    """A unit as pint writes it: m3/h is m^3/h (mmH2O is left alone), l min-1 is l/min, l/Min and ltr/min too."""
+    spelt = re.sub(r"(?<=[A-Za-z])([23])(?=$|[/*· ])", r"^\1", text.strip())
+    spelt = re.sub(r"(?<=[A-Za-z])-([123])(?=$|[/*· ])", r"^-\1", spelt)
+    spelt = re.sub(r"/\s*(min|sec|h)$", lambda per: per[0].casefold(), spelt, flags=re.IGNORECASE)
+    spelt = re.sub(r"^(lit|ltr|Lit|Ltr)(?=/)", "l", spelt)
+    return _SPELLINGS.get(spelt, re.sub(r"^ccm(?=/|$)", "cc", spelt))
 
 
 @cache

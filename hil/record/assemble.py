@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hil.errors import FileError, UnitError
 from hil.record.columns import Column, Table
 from hil.record.named import named
+from hil.record.not_taken import is_even, not_taken
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Array, Channel, Recording, Samples, check
 from hil.record.response_table import ResponseTable, looks_like_responses, refuse_mislabelled, response_table
@@ -47,7 +47,7 @@ def assemble(
     Raises:
         FileError: no time, no signal, or samples that are no recording (see `recording.check`).
     """
-    read = named(name, tables, reading)
+    read, place = _oldest_first(named(name, tables, reading), reading, place)
     if looks_like_responses(read) and not reading.time and not reading.interval_s:
         return response_table(name, read, meta)
     timed = [one for one in _timed(name, read, reading) if len(one.time_s)]
@@ -82,6 +82,22 @@ def assemble(
     found = Recording(name, time_s, channels, said_of_file, own)
     check(found, place=place if place and len(time_s) == len(timed[0].time_s) else _sample)
     return found
+
+
+def _oldest_first(
+    tables: Sequence[Table], reading: Reading, place: Callable[[int], str] | None
+) -> tuple[Sequence[Table], Callable[[int], str] | None]:
+    """A single table whose rows stand from the newest to the oldest, as some historians write, turned round."""
+    if len(tables) != 1 or reading.interval_s:
+        return tables, place
+    (table,) = tables
+    clock = next((c for c in table.columns if c.is_dated or c.is_time or c.name_and_unit[0] == reading.time), None)
+    if clock is None or len(clock.values) < 3 or not np.all(clock.values[1:] < clock.values[:-1]):
+        return tables, place
+    last = len(clock.values) - 1
+    said = "; ".join(filter(None, (table.assumed, "the rows stand from the newest to the oldest; turned round")))
+    turned = [replace(c, values=c.values[::-1]) if len(c.values) == last + 1 else c for c in table.columns]
+    return [replace(table, columns=turned, assumed=said)], None if place is None else lambda row: place(last - row)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -185,7 +201,8 @@ def _clocks(table: Table, reading: Reading) -> list[Column]:
         return named_so[:1]
     sure = [column for column in table.columns if column.is_time]
     if not sure:
-        return [column for column in table.columns if column.may_be_time][:1]
+        maybe = [column for column in table.columns if column.may_be_time]
+        return _without_twins(table.columns, maybe or [c for c in table.columns if c.is_like_time])
     if len(table.columns) < 4:
         return _without_twins(table.columns, sure)
     both = [column for column in table.columns if column in sure or column.may_be_time]
@@ -227,13 +244,12 @@ def _without_blanks(
     for one in timed:
         for column in one.signals:
             values = np.ascontiguousarray(column.values, dtype=np.float64)
-            missing = np.isnan(values) | np.isnan(one.time_s)
+            missing, words = not_taken(name, column, values, one.time_s, place or _sample, gaps)
             kept = ~missing
             if not kept.any():
                 empty.append(column.heading)
                 continue
-            if missing.any() and not _is_even(one.time_s[kept]):  # one that is even has a rate of its own
-                said += _blanks(name, column, missing, place or _sample, gaps)
+            said += words
             own_s, own = (one.time_s[kept], values[kept]) if missing.any() else (one.time_s, values)
             taken.append(_Taken(one.table, column, own_s, own))
     single = [t.column.heading for t in taken if len(t.time_s) < 2]
@@ -245,22 +261,6 @@ def _without_blanks(
     if not taken:
         raise FileError(f"{name}: no channel has a sample")
     return taken, said
-
-
-def _blanks(
-    name: str, column: Column, missing: NDArray[np.bool_], place: Callable[[int], str], gaps: bool
-) -> list[str]:
-    """Scattered samples that are missing, in words; a channel of a rate of its own is spoken of elsewhere."""
-    at = np.flatnonzero(missing)
-    if at.size > len(missing) // 2 or missing[at[0] :].all():
-        return []
-    label = column.name_and_unit[0]
-    if not gaps:
-        raise FileError(
-            f"{name}: {place(int(at[0]))}, channel '{label}': no value ({at.size} such of {len(missing)}); with --gaps "
-            "that is a sample that was not taken, and --columns can leave the channel out"
-        )
-    return [f"'{label}' has no value in {at.size} of {len(missing)} rows, the first at {place(int(at[0]))}"]
 
 
 def _check_stamps(name: str, one: _Taken, place: Callable[[int], str] | None) -> None:
@@ -278,21 +278,13 @@ def _interval_s(time_s: Array) -> float:
     return float(np.median(np.diff(time_s))) if len(time_s) > 1 else 0.0
 
 
-def _is_even(time_s: Array) -> bool:
-    steps = np.diff(time_s)
-    if len(steps) <= 4:
-        return False
-    usual = float(np.median(steps))
-    return bool(steps.max() <= 1.05 * usual and steps.min() >= 0.95 * usual)
-
-
 def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, list[str]]:
     """The stamps of the base within the time that all channels cover: one sampled on change holds on to the end."""
     bases = {id(one.time_s): one.time_s for one in taken}.values()
     if len(bases) == 1:
         return base.time_s, []
     starts = {float(one.time_s[0]) for one in taken}
-    stops = [float(own_s[-1]) + (_interval_s(own_s) if _is_even(own_s) else np.inf) for own_s in bases]
+    stops = [float(own_s[-1]) + (_interval_s(own_s) if is_even(own_s) else np.inf) for own_s in bases]
     time_s, slack = base.time_s, _SAME_STAMP * _interval_s(base.time_s)
     stop = min(stops)
     if len(starts) == 1 and stop >= time_s[-1] - slack:
@@ -324,7 +316,7 @@ def _on(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples | None
 
 def _sampled_apart(label: str, one: _Taken, base: _Taken) -> str:
     count = len(one.time_s)
-    if _is_even(one.time_s):
+    if is_even(one.time_s):
         rate = f"every {_interval_s(one.time_s):.6g} s from {one.time_s[0]:.6g} s on"
     else:
         rate = "at times of its own"

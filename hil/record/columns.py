@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from hil.record import heading as headings
 from hil.record.recording import Array
+from hil.record.tokens import as_numbers, is_number, is_stamp, stamps
 from hil.units import convert
 
 _MOST_COLUMNS = 256
@@ -58,10 +60,19 @@ class Column:
     def may_be_time(self) -> bool:
         """Whether it holds a time of its own: by its name's first word, its unit, and values that increase."""
         name, unit = self.name_and_unit
-        if not (self.is_number and headings.may_be_time(name) and headings.is_time_unit(unit or "s")):
-            return False
+        return self.is_number and headings.may_be_time(name) and headings.is_time_unit(unit or "s") and self._rises
+
+    @property
+    def is_like_time(self) -> bool:
+        """Whether it holds a time by its unit (`X [s]`) or its name's end (`SimTime`), and values that increase."""
+        name, unit = self.name_and_unit
+        called = headings.is_time_unit(unit) if unit else headings.ends_as_time(name)
+        return self.is_number and called and self._rises
+
+    @property
+    def _rises(self) -> bool:
         real = self.values[~np.isnan(self.values)] if self.values.dtype.kind == "f" else self.values
-        return len(real) > 1 and bool(np.all(np.diff(real) > 0))
+        return len(real) > 1 and bool(np.all(real[1:] > real[:-1]))
 
     @property
     def counts_rows(self) -> bool:
@@ -88,6 +99,8 @@ class Column:
         if not unit:
             unit, kind = headings.unit_of_stamps(values)
             assumed = f"no unit is stated for '{name}'; taken as {kind}, --unit '{name}=ms' would say otherwise"
+            if unit == "day":  # seconds since the year 0 would have no digits left for a sample's
+                values = values - values[0]
         return values if unit in ("", "s") else convert(values, unit, "s"), assumed
 
 
@@ -101,19 +114,42 @@ class Table:
     assumed: str = ""
 
 
+def numbers(properties: Mapping[str, Any]) -> dict[str, float]:
+    """The single numbers among what is said about a file, a group or a channel."""
+    single = {key: value for key, value in properties.items() if np.ndim(value) == 0}
+    return {key: float(value) for key, value in single.items() if np.asarray(value).dtype.kind in "iuf"}
+
+
 def even_table(name: str, columns: Sequence[Column], numbers: Mapping[str, float]) -> Table:
     """A table, on an even time base when no column holds the time and one of the numbers is a known interval.
 
-    Known are an interval in seconds (`Ts`, `dt`, `wf_increment`, …) and a rate in hertz (`fs`, `sample_rate`, …).
+    Known are an interval in seconds (`Ts`, `dt`, `wf_increment`, …), a rate in hertz (`fs`, `sample_rate`, …), and
+    beside them the first stamp (`t0`, `x0`, `start_time`).
     """
     if any(column.is_time for column in columns) or not columns:
         return Table(name, columns)
+    start_s = next((value for key, value in numbers.items() if headings.is_start(key)), 0.0)
     for key, value in numbers.items():
         interval_s = headings.interval_of(key, value)
         if interval_s > 0:
-            time_s = interval_s * np.arange(len(columns[0].values), dtype=np.float64)
+            time_s = start_s + interval_s * np.arange(len(columns[0].values), dtype=np.float64)
             return Table(name, columns, time_s, f"even time base from {key} = {value:g}")
     return Table(name, columns)
+
+
+def from_texts(column: Column) -> Column:
+    """A column of texts as the stamps or the numbers that every one of them is; as it is where they are neither."""
+    if column.values.ndim != 1 or column.values.dtype.kind not in "SUO" or not len(column.values):
+        return column
+    texts = [text.decode(errors="replace") if isinstance(text, bytes) else text for text in column.values.tolist()]
+    if not all(isinstance(text, str) for text in texts):
+        return column
+    if all(map(is_number, texts)):
+        return replace(column, values=as_numbers(texts))
+    if all(map(is_stamp, texts)):
+        with suppress(ValueError, OverflowError):
+            return replace(column, values=stamps(texts))
+    return column
 
 
 def from_matrix(name: str, values: NDArray[Any], unit: str = "", **more: Any) -> list[Column]:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import UnitError
@@ -14,7 +16,14 @@ Array = NDArray[Any]
 
 _SQUARE = re.compile(r"^\s*(?P<name>.*\S)\s*\[(?P<unit>[^\[\]]*)\]\s*$")
 _ROUND = re.compile(r"^\s*(?P<name>.*\S)\s*\((?P<unit>[^()]+)\)\s*$")
+_SLASHED = re.compile(r"^\s*(?P<name>.*[^/\s])\s*/\s*\((?P<unit>[^()]+)\)\s*$")
+_CURLY = re.compile(r"^\s*(?P<name>.*\S)\s*[{<](?P<unit>[^{}<>]+)[}>]\s*$")
 _AFTER = re.compile(r"^\s*(?P<name>.*\S)(\s+/\s+|\s*[,;]\s+|\s+in\s+)(?P<unit>\S+)\s*$")
+# Forms that many a name has too: believed where every heading of a table has them, that of the time among them.
+_LOOSE = (
+    re.compile(r"^\s*(?P<name>[^/]*[^/\s])/(?P<unit>\S+)\s*$"),
+    re.compile(r"^\s*(?P<name>.*[^\s:-])(\s*:\s*|\s+-\s+|\s+)(?P<unit>\S+)\s*$"),
+)
 
 # Names that can only be a time; others must have a unit of time and increase besides.
 _TIMES = frozenset({
@@ -26,12 +35,19 @@ _DATES = frozenset({"date", "datum", "day", "fecha"})
 _TIME_WORDS = frozenset({"time", "zeit", "t", "timestamp", "temps", "tiempo"})
 _TIME_UNITS = {
     "s": "s", "sec": "s", "secs": "s", "second": "s", "seconds": "s", "ms": "ms", "msec": "ms", "milliseconds": "ms",
-    "us": "us", "µs": "us", "usec": "us", "ns": "ns", "min": "min", "minutes": "min", "h": "h", "sek": "s",
+    "us": "us", "µs": "us", "μs": "us", "usec": "us", "ns": "ns", "min": "min", "minutes": "min", "h": "h", "sek": "s",
+    "sekunden": "s", "sekunde": "s", "millisecond": "ms", "minute": "min", "hour": "h", "hours": "h", "hrs": "h",
 }  # fmt: skip
 _COUNTERS = frozenset({"", "index", "idx", "no", "nr", "#", "row", "point", "n", "unnamed: 0", "sample", "samples"})
 _INTERVALS = frozenset({"ts", "dt", "delta_t", "sample_time", "sampling_time", "sampling_interval", "wf_increment",
                         "sampletime", "samplingtime", "deltat", "interval", "tsample", "t_s", "t_sample"})  # fmt: skip
 _RATES = frozenset({"fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "rate_hz", "f_s", "rate"})
+_STARTS = frozenset({"t0", "x0", "t_0", "start_time", "starttime", "time_offset", "t_start", "tstart"})
+_FRACTIONS = {"ms": 1_000_000, "msec": 1_000_000, "millisecond": 1_000_000, "milliseconds": 1_000_000,
+              "millis": 1_000_000, "us": 1000, "µs": 1000, "usec": 1000, "microseconds": 1000}  # fmt: skip
+_YEAR_2000_DAYS, _YEAR_2100_DAYS = 36_526.0, 73_050.0  # of a spreadsheet
+_MATLAB_DAYS = 693_960.0  # what its day numbers are ahead of a spreadsheet's
+_FINE = 2e-5  # days, 1.7 s; seconds that fine, without a unit, count from the start of a recording
 _YEAR_2000_S, _YEAR_2100_S = 946_684_800.0, 4_102_444_800.0  # after the beginning of 1970
 _NO_UNIT = frozenset({"-", "--", "none", "n/a", "no unit", "unitless", "dimensionless"})
 
@@ -44,11 +60,26 @@ def split(heading: str) -> tuple[str, str]:
     """
     if match := _SQUARE.match(heading):
         return match["name"], unit_text(match["unit"])
-    for pattern in (_ROUND, _AFTER):
+    for pattern in (_SLASHED, _ROUND, _CURLY, _AFTER):
         match = pattern.match(heading)
         if match and is_unit(match["unit"]):
             return match["name"], unit_text(match["unit"])
     return heading.strip(), ""
+
+
+def is_loose(heading: str) -> bool:
+    """Whether a heading states no unit, or one in a form that loose ones have beside them: `flow/(l/min)`."""
+    return split(heading)[1] == "" or bool(_SLASHED.match(heading))
+
+
+def split_loosely(headings: Sequence[str]) -> list[tuple[str, str]] | None:
+    """Names and units of a whole table whose headings are all like `t/s`, `flow: l/min` or `flow l/min`; else None."""
+    for pattern in _LOOSE:
+        found = [pattern.match(heading) for heading in headings]
+        told = [(m["name"].strip(), unit_text(m["unit"].strip("()"))) for m in found if m and is_unit(m["unit"])]
+        if len(told) == len(headings) and any(is_time(name) and is_time_unit(unit) for name, unit in told):
+            return told
+    return None
 
 
 def unit_text(text: str) -> str:
@@ -71,7 +102,7 @@ def is_unit(text: str) -> bool:
 
 def plain_name(name: str) -> str:
     """A name in lower case, its marks as single blanks."""
-    return " ".join(re.sub(r"[_\-./:]+", " ", name.casefold()).split())
+    return " ".join(re.sub(r"[_\-./:&]+", " ", name.casefold()).split())
 
 
 def is_time(name: str) -> bool:
@@ -99,17 +130,31 @@ def time_unit(name: str) -> str:
 
 def is_time_unit(unit: str) -> bool:
     """Whether a unit measures time."""
-    return unit in _TIME_UNITS or unit.casefold() in _TIME_UNITS
+    return unit in _TIME_UNITS or unit.casefold().rstrip(".") in _TIME_UNITS
 
 
 def spelt_time_unit(unit: str) -> str:
     """A unit of time as this program spells it; anything else as it is."""
-    return _TIME_UNITS.get(unit, _TIME_UNITS.get(unit.casefold(), unit))
+    return _TIME_UNITS.get(unit, _TIME_UNITS.get(unit.casefold().rstrip("."), unit))
+
+
+def ends_as_time(name: str) -> bool:
+    """Whether a name is made with a word for the time: `SimTime`, `Messzeit`."""
+    return plain_name(name).endswith(("time", "zeit", "timestamp"))
+
+
+def fraction_ns(name: str) -> int:
+    """How many nanoseconds one is in a column that holds the parts of a second beside a clock; 0 for any other."""
+    return _FRACTIONS.get(plain_name(name), 0)
 
 
 def unit_of_stamps(values: Array) -> tuple[str, str]:
     """The unit of stamps that state none, and what they are taken for: seconds, or parts of one since 1970."""
     first = float(values[0]) if len(values) else 0.0
+    for origin, words in ((0.0, "days of a spreadsheet"), (_MATLAB_DAYS, "MATLAB's days")):
+        since = _YEAR_2000_DAYS + origin < first < _YEAR_2100_DAYS + origin
+        if since and 0.0 < float(np.median(np.diff(values))) < _FINE:
+            return "day", words
     for unit, size, words in (("s", 1.0, "s"), ("ms", 1e3, "ms"), ("us", 1e6, "µs"), ("ns", 1e9, "ns")):
         if _YEAR_2000_S * size < first < _YEAR_2100_S * size:
             return unit, f"{words} since 1970"
@@ -119,6 +164,11 @@ def unit_of_stamps(values: Array) -> tuple[str, str]:
 def is_counter(name: str) -> bool:
     """Whether a column of this name may number the rows."""
     return plain_name(name) in _COUNTERS or name.strip() == "#"
+
+
+def is_start(name: str) -> bool:
+    """Whether a number of this name states the first stamp of evenly spaced samples, in s."""
+    return name.strip().casefold() in _STARTS
 
 
 def interval_of(name: str, value: float) -> float:

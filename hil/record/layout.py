@@ -14,7 +14,7 @@ from typing import IO, Literal
 
 from hil.errors import FileError
 from hil.record import heading as headings
-from hil.record.tokens import decimal_and_thousands, is_blank, is_number, is_stamp
+from hil.record.tokens import decimal_and_thousands, decimal_between_commas, is_blank, is_number, is_stamp, unit_of
 
 WHITESPACE = r"\s+"
 _SEPARATORS = ("\t", ";", ",", "|", WHITESPACE)
@@ -127,7 +127,7 @@ def _as_contract(encoding: str, lines: Sequence[str]) -> Layout | None:
     if len(lines) <= at:
         return None
     for mark in ",;\t":
-        cells = split(lines[at], mark)
+        cells = split(lines[at].lstrip("#% "), mark)
         while len(cells) > 1 and not cells[-1]:
             cells.pop()
         if len(cells) > 1 and all(cell.count("[") == 1 and cell.endswith("]") for cell in cells):
@@ -144,8 +144,8 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     judged = filled[-_JUDGED:]
     separator, count = _separator(judged)
     rows = [split(line, separator) for line in judged]
-    if count > 1 and all(len(row) < count or not row[-1] for row in rows):  # a mark at the end of each line
-        count -= 1
+    if count > 1 and not any(row[count - 1] for line in filled if len(row := split(line, separator)) == count):
+        count -= 1  # a mark at the end of each line
     kinds = tuple(_kind([row[i] for row in rows if len(row) >= count]) for i in range(count))
     first = _first_row(lines, separator, count, kinds)
     if first is None:
@@ -158,6 +158,8 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     at, cells, units = (0, ("",) * count, ("",) * count) if named else _headings(above, count)
     if not at and not named:
         raise FileError(f"{path}: {_unnamed(lines[:first], separator, count)}")
+    inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
+    units = tuple(unit or found for unit, found in zip(units, inside, strict=True))
     return Layout(encoding, separator, decimal, thousands, cells, units, at, first + 1, kinds)
 
 
@@ -168,7 +170,7 @@ def _separator(lines: Sequence[str]) -> tuple[str, int]:
         rows = [split(line, mark) for line in lines]
         count = Counter(len(row) for row in rows).most_common(1)[0][0] if rows else 0
         cells = [cell for row in rows if len(row) == count for cell in row]
-        told = sum(is_blank(cell) or is_number(cell) or is_stamp(cell) for cell in cells)
+        told = sum(is_blank(cell) or is_number(cell) or is_stamp(cell) or unit_of(cell) != "" for cell in cells)
         share = told / len(cells) * sum(len(row) == count for row in rows) / len(rows) if cells else 0.0
         if count > 1 and share > score + 1e-9 and share >= _LEAST_NUMERIC:
             best, score = (mark, count), share
@@ -178,9 +180,15 @@ def _separator(lines: Sequence[str]) -> tuple[str, int]:
 def _kind(cells: Sequence[str]) -> Kind:
     filled = [cell for cell in cells if not is_blank(cell)]
     numbers, dates = sum(map(is_number, filled)), sum(map(is_stamp, filled))
-    if 2 * numbers >= len(filled):
+    if 2 * numbers >= len(filled) or _unit_in_cells(filled):
         return "number"
     return "stamp" if 2 * dates >= len(filled) else "text"
+
+
+def _unit_in_cells(filled: Sequence[str]) -> str:
+    """The unit that stands behind every number of a column; empty where there is none."""
+    units = {unit_of(cell) for cell in filled}
+    return units.pop() if len(units) == 1 else ""
 
 
 def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence[Kind]) -> int | None:
@@ -188,11 +196,11 @@ def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence
         cells = split(line, separator)
         if len(cells) == count + 1 and not cells[-1]:
             cells.pop()
-        if len(cells) != count or not any(is_number(cell) or is_stamp(cell) for cell in cells):
+        if len(cells) != count or not any(is_number(c) or is_stamp(c) or unit_of(c) for c in cells):
             return False
         pairs = zip(cells, kinds, strict=True)
         return all(
-            is_blank(c) or (is_number(c) if kind == "number" else is_stamp(c))
+            is_blank(c) or (is_number(c) or unit_of(c) != "" if kind == "number" else is_stamp(c))
             for c, kind in pairs if kind != "text"
         )  # fmt: skip
 
@@ -202,8 +210,7 @@ def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence
 def _marks(separator: str, rows: Sequence[Sequence[str]]) -> tuple[str, str]:
     cells = [cell for row in rows for cell in row]
     if separator == ",":
-        grouped = any("," in cell and is_number(cell) and "." in cell for cell in cells)
-        return ".", "," if grouped else ""
+        return decimal_between_commas(cells)
     return decimal_and_thousands(cells)
 
 
@@ -219,7 +226,7 @@ def _marks_further_on(path: Path, encoding: str, first: int) -> tuple[str, str]:
 def _above(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[int, list[str]]]:
     """Numbers and cells of the lines above the rows that have a cell for each column."""
     for number, line in enumerate(lines, 1):
-        for text in (line, line.lstrip("#% ")):
+        for text in (line.lstrip("#% "), line):
             cells = _heading_cells(text, separator, count)
             if len(cells) == count and any(cells):
                 yield number, cells
@@ -245,7 +252,8 @@ def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tupl
         plain = [i for i, (_, cells) in enumerate(texts) if i == 0 or not _is_units(cells)]
         chosen = plain[-1]
     number, cells = texts[chosen]
-    units = next((found for _, found in texts[chosen + 1 :] if _is_units(found)), [""] * count)
+    others = [*texts[chosen + 1 :], *texts[:chosen]]
+    units = next((found for _, found in others if _is_units(found)), [""] * count)
     bare = ["" if unit.casefold() in _UNIT_LABELS else headings.unit_text(unit) for unit in units]
     bare = ["" if is_time_format(unit) else unit for unit in bare]
     return number, tuple(cells), tuple(bare)
@@ -264,7 +272,7 @@ def _is_units(cells: Sequence[str]) -> bool:
     filled = [cell for cell in cells if cell]
     return bool(filled) and all(
         headings.is_unit(cell) or headings.is_time_unit(headings.unit_text(cell)) or cell in ("-", "1", "[1]", "(1)")
-        or is_time_format(cell)
+        or is_time_format(cell) or headings.is_time(cell) or headings.is_counter(cell)
         for cell in filled
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hil.errors import FileError, SettingError
 from hil.record import heading as headings
-from hil.record.columns import Column, Table
+from hil.record.columns import Column, Table, from_texts
 from hil.record.reading import AS_IT_IS, LEFT_OUT, Reading
 from hil.record.recording import Recording
 from hil.units import check_unit
@@ -24,12 +24,24 @@ def named(name: str, tables: Sequence[Table], reading: Reading) -> list[Table]:
     """
     for unit in reading.units.values():
         check_unit(unit)
-    found = _called(name, tables, reading.columns) if reading.columns else list(tables)
+    tables = [replace(table, columns=[from_texts(column) for column in table.columns]) for table in tables]
+    found = _called(name, tables, reading.columns) if reading.columns else [_loosely(table) for table in tables]
     _check_known(name, found, reading)
     return [
         replace(table, columns=[_stated(_renamed(column, reading), reading) for column in table.columns])
         for table in found
     ]
+
+
+def _loosely(table: Table) -> Table:
+    """A table with the units that all its headings state in a looser form (`t/s`, `flow l/min`), and none otherwise."""
+    if any(column.unit or not headings.is_loose(column.heading) for column in table.columns):
+        return table
+    told = headings.split_loosely([column.heading for column in table.columns])
+    if told is None:
+        return table
+    named = [replace(c, heading=name, unit=unit) for c, (name, unit) in zip(table.columns, told, strict=True)]
+    return replace(table, columns=named)
 
 
 def _called(name: str, tables: Sequence[Table], names: Sequence[str]) -> list[Table]:

@@ -266,6 +266,12 @@ def _repeated(time_s: Array) -> str:
     """What helps where stamps are rounded so that several samples share one."""
     steps = np.diff(time_s)
     moves = steps[steps != 0.0]
+    again = steps.size - moves.size
+    if again and moves.min() > 0.0 and again <= 0.1 * time_s.size:
+        return (
+            f". {again} of {time_s.size} samples have the stamp of the one before; --gaps leaves them out, --interval "
+            "S reads all of them as evenly spaced"
+        )
     if not moves.size or moves.min() < 0.0 or moves.size > 0.8 * steps.size:
         return ". If the samples are evenly spaced, --interval S gives their distance in seconds"
     apart_s = (time_s[-1] - time_s[0]) / steps.size
@@ -292,5 +298,5 @@ def _check_finite(name: str, heading: str, values: Array, place: Callable[[int],
         bad = np.flatnonzero(~finite)
         raise FileError(
             f"{name}: {place(int(bad[0]))}, channel '{heading}': {values[bad[0]]} is not a number "
-            f"({bad.size} such sample{'s' if bad.size > 1 else ''}); mend or cut them out first"
+            f"({bad.size} such sample{'s' if bad.size > 1 else ''}); mend them, or leave them out with --gaps"
         )

@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
-from itertools import islice
+from itertools import islice, pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hil.errors import FileError
+from hil.record import heading as headings
 from hil.record.columns import Column
 from hil.record.layout import Layout, is_packed, open_text
-from hil.record.tokens import BLANKS, is_blank, is_date_only, is_number, is_stamp, joined, stamps
+from hil.record.tokens import BLANKS, is_blank, is_date_only, is_number, is_stamp, joined, numbers, stamps, unit_of
 
 _REMARKS = ("#", "%", "//", "--", "**")  # what begins a line that is none of the samples
 _SHOWN = 40
+_LOOKED_AT = 50  # rows, for a unit behind the numbers
 
 
 def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column], str, Layout]:
@@ -31,10 +34,10 @@ def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column]
     """
     import pandas as pd
 
-    table, found = _rows(pd, path, found, gaps)
+    table, found, odd = _rows(pd, path, found, gaps)
     if not len(table):
         raise FileError(f"{path}: no rows after the header")
-    said = _left_out(path, found)
+    said = "; ".join(filter(None, (_left_out(path, found), odd)))
     if _may_be_cut(table, found):
         table, cut = _without_cut_line(path, found, table, gaps)
         said = "; ".join(filter(None, (said, cut)))
@@ -44,19 +47,48 @@ def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column]
         if kind == "stamp":
             values = _stamps(path, found, i, [str(text) for text in values])
         made.append(Column(heading, values, unit))
-    return _with_days(made, found, table), said, found
+    return _with_fractions(_with_days(made, found, table)), said, found
 
 
-def _rows(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout]:
-    """The fields, and the layout with the lines among them that are none."""
+def _rows(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout, str]:
+    """The fields, the layout with the lines among them that are none, and what stood where numbers should, in words."""
     try:
-        return _table(pd, path, found), found
+        return _table(pd, path, found), found, ""
     except FileError:
         remarks = frozenset(number for number, line in _texts(path, found) if gaps or line.startswith(_REMARKS))
-        if not remarks:
-            raise
     found = replace(found, remarks=remarks)
-    return _table(pd, path, found), found
+    if remarks:
+        with suppress(FileError):
+            return _table(pd, path, found), found, ""
+    return _read_by_hand(pd, path, found, gaps)
+
+
+def _read_by_hand(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout, str]:
+    """The same where numbers are written as pandas does not read them, or where texts stand among them."""
+    table = _table(pd, path, found, by_hand=True)
+    said = []
+    for i, kind in enumerate(found.kinds):
+        if kind != "number":
+            continue
+        texts = table[i].fillna("").astype(str).str.strip()
+        values = numbers(texts, found.decimal, found.thousands, _unit_behind(texts))
+        filled = ~texts.isin(BLANKS).to_numpy()
+        texts_among = np.flatnonzero(np.isnan(values) & filled)
+        if texts_among.size and not (gaps and 2 * texts_among.size < np.count_nonzero(filled)):
+            raise FileError(f"{path}: {_explained(path, found)}")
+        if texts_among.size:
+            at = int(texts_among[0])
+            said.append(
+                f"'{found.headings[i]}' holds texts in {texts_among.size} of {len(texts)} rows, the first "
+                f"'{texts.iloc[at][:_SHOWN]}' in {place(path, found, at)}; taken as samples that were not taken"
+            )
+        table[i] = values
+    return table, found, "; ".join(said)
+
+
+def _unit_behind(texts: Any) -> str:
+    """The unit that stands behind the numbers of a column, if one does."""
+    return next((unit for text in texts.head(_LOOKED_AT) if (unit := unit_of(text))), "")
 
 
 def _texts(path: Path, found: Layout) -> Iterator[tuple[int, str]]:
@@ -76,23 +108,26 @@ def _left_out(path: Path, found: Layout) -> str:
     return f"line {number}{more}, no row of numbers, left out: '{text[:_SHOWN]}'"
 
 
-def _table(pd: Any, path: Path, found: Layout, spare: bool = False) -> Any:
-    """The fields, column by column; `spare`: with one column more, for a mark at the end of each line.
+def _table(pd: Any, path: Path, found: Layout, spare: bool = False, by_hand: bool = False) -> Any:
+    """The fields, column by column.
+
+    `spare`: with one column more, for a mark at the end of each line; `by_hand`: as texts.
 
     Raises:
         FileError: a field is no number, or a line has too many.
     """
-    kinds = {i: np.float64 if kind == "number" else str for i, kind in enumerate(found.kinds)}
-    blanks = {i: list(BLANKS) for i, kind in enumerate(found.kinds) if kind == "number"}
+    kinds = {i: np.float64 if kind == "number" and not by_hand else str for i, kind in enumerate(found.kinds)}
+    blanks = {i: list(BLANKS) for i, kind in enumerate(found.kinds) if kind == "number" and not by_hand}
     names = [*kinds, len(kinds)] if spare else list(kinds)
     # bytes that are no text matter to columns of text alone; a mark of the encoding stands in the first line
     only_numbers = set(found.kinds) == {"number"} and found.first_row > 1 and found.encoding == "utf-8-sig"
     encoding = "utf-8" if only_numbers else found.encoding
+    thousands = None if by_hand else found.thousands or None
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # that fields were dropped
             table = pd.read_csv(
-                path, sep=found.separator, decimal=found.decimal, thousands=found.thousands or None,
+                path, sep=found.separator, decimal=found.decimal, thousands=thousands,
                 skiprows=_skipped(found), header=None, names=names, index_col=False, dtype=kinds,
                 na_values=blanks, keep_default_na=False, skipinitialspace=True, encoding=encoding,
                 encoding_errors="strict" if only_numbers else "replace", engine="c", nrows=found.rows,
@@ -103,7 +138,7 @@ def _table(pd: Any, path: Path, found: Layout, spare: bool = False) -> Any:
     except pd.errors.ParserWarning:
         if spare:
             raise FileError(f"{path}: {_explained(path, found)}") from None
-        return _table(pd, path, found, spare=True)
+        return _table(pd, path, found, spare=True, by_hand=by_hand)
     except (ValueError, pd.errors.ParserError) as error:
         raise FileError(f"{path}: {_explained(path, found) or error}") from None
     if spare and (table[len(kinds)].fillna("").astype(str).str.strip() != "").any():
@@ -138,16 +173,16 @@ def _explained(path: Path, found: Layout) -> str:
         for i, cell in enumerate(cells[:wanted]):
             if found.kinds[i] == "number" and not is_blank(cell) and not _reads(cell, found):
                 return (
-                    f"line {number}, column {i + 1} ('{found.headings[i]}'): '{cell}' is not a number; mend or cut it "
-                    "out, or leave the column out with --columns"
+                    f"line {number}, column {i + 1} ('{found.headings[i]}'): '{cell}' is not a number; --gaps takes it "
+                    "as a sample that was not taken, --columns can leave the column out"
                 )
     return ""
 
 
 def _reads(cell: str, found: Layout) -> bool:
-    bare = cell.replace(found.thousands, "") if found.thousands else cell
-    bare = bare.replace(found.decimal, ".")
-    return is_number(bare) and "," not in bare
+    import pandas as pd
+
+    return not np.isnan(numbers(pd.Series([cell]), found.decimal, found.thousands, unit_of(cell))[0])
 
 
 def _miscounted(count: int, found: Layout) -> str:
@@ -214,6 +249,19 @@ def _with_days(columns: list[Column], found: Layout, table: Any) -> list[Column]
     day, clock = days[0], clocks[0]
     both = replace(columns[clock], values=joined(columns[day].values, columns[clock].values))
     return [both if i == clock else column for i, column in enumerate(columns) if i not in days]
+
+
+def _with_fractions(columns: list[Column]) -> list[Column]:
+    """A clock of whole seconds and the column of milliseconds beside it as one column of stamps."""
+    for clock, parts in pairwise(columns):
+        size_ns = headings.fraction_ns(parts.name_and_unit[0])
+        if not (clock.is_dated and size_ns and parts.is_number):
+            continue
+        whole = clock.values == clock.values.astype(f"{clock.values.dtype.kind}8[s]")
+        if whole.all() and np.all((parts.values >= 0) & (parts.values * size_ns < 1e9)):
+            fine = clock.values + (parts.values * size_ns).astype("m8[ns]")
+            return [replace(c, values=fine) if c is clock else c for c in columns if c is not parts]
+    return columns
 
 
 def place(path: Path, found: Layout, row: int) -> str:

@@ -9,13 +9,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.record.heading import is_unit
+
 BLANKS = ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "#N/A", "-nan(ind)", "1.#QNAN")
 
-_NUMBER = re.compile(r"[+-]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?$|[+-]?(inf|infinity)$", re.IGNORECASE)
-_GROUPED = re.compile(r"[+-]?\d{1,3}(?P<group>[.,' ])\d{3}((?P=group)\d{3})*([.,]\d*)?$")
+_NUMBER = re.compile(r"[+\-\u2212]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?$|[+-]?(inf|infinity)$", re.IGNORECASE)
+_GROUPED = re.compile(r"[+\-\u2212]?\d{1,3}(?P<group>[.,' \u2019\u00a0\u202f])\d{3}((?P=group)\d{3})*([.,]\d*)?$")
 _DATE = re.compile(r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})$")
 _STAMP = re.compile(r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})[ T]+\d{1,2}:\d{2}")
-_CLOCK = re.compile(r"\d{1,3}:\d{2}(:\d{2})?([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE)
+_CLOCK = re.compile(r"\d{1,3}:\d{2}(:\d{2}(:\d{1,3})?)?([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE)
+_QUANTITY = re.compile(r"([+\-\u2212]?[\d.,]+([eE][+-]?\d+)?)\s*([^\d\s.,:;+-][^\s:]*)$")
+_FRACTION = re.compile(r"^(\d+:\d\d:\d\d):(\d{1,3})$")
 _DAY = np.timedelta64(1, "D")
 
 
@@ -27,6 +31,19 @@ def is_blank(field: str) -> bool:
 def is_number(field: str) -> bool:
     """Whether a field is a number, with a decimal point or comma, its thousands grouped or not."""
     return bool(_NUMBER.match(field) or _GROUPED.match(field))
+
+
+def unit_of(field: str) -> str:
+    """The unit that stands behind a number in a field, as in `12.5 bar`; empty where there is none."""
+    match = _QUANTITY.match(field)
+    return match[3] if match and is_number(match[1]) and is_unit(match[3]) else ""
+
+
+def as_numbers(fields: Sequence[str]) -> NDArray[np.float64]:
+    """Fields that are numbers (see `is_number`), as such."""
+    import pandas as pd
+
+    return numbers(pd.Series(fields, dtype=object), *decimal_and_thousands(fields))
 
 
 def is_stamp(field: str) -> bool:
@@ -43,6 +60,41 @@ def decimal_and_thousands(fields: Sequence[str]) -> tuple[str, str]:
     if any("," in field for field in numbers):
         return ",", "."
     return ".", ""
+
+
+def decimal_between_commas(fields: Sequence[str]) -> tuple[str, str]:
+    """The marks in numbers that commas separate: one that holds a comma stands in quotes.
+
+    A comma before anything but groups of three digits, or behind a lone 0, is a decimal mark.
+    """
+    quoted = [field for field in fields if "," in field and is_number(field)]
+    if not quoted:
+        return ".", ""
+    grouped = all(_GROUPED.match(field) and not field.lstrip("+-").startswith("0,") for field in quoted)
+    return (".", ",") if grouped or any("." in field for field in fields if is_number(field)) else (",", "")
+
+
+def numbers(texts: Any, decimal: str, thousands: str, unit: str = "") -> NDArray[np.float64]:
+    """Texts as numbers, however they are written; NaN for what is none.
+
+    A typographic minus, marks or blanks between thousands, an exponent after D, and a unit behind the number are read.
+
+    Args:
+        texts: a pandas Series of them.
+        decimal: the mark in them.
+        thousands: the mark between groups of them.
+        unit: that may stand behind each.
+    """
+    import pandas as pd
+
+    bare = texts.fillna("").astype(str).str.strip().str.replace("\u2212", "-", regex=False)
+    if unit:
+        bare = bare.str.removesuffix(unit)
+    for mark in (*("'", "\u2019", "\u00a0", "\u202f", " "), thousands):
+        bare = bare.str.replace(mark, "", regex=False) if mark else bare
+    bare = bare.str.replace(decimal, ".", regex=False).str.replace(r"(?<=\d)[dD](?=[+-]?\d)", "e", regex=True)
+    made: NDArray[np.float64] = pd.to_numeric(bare, errors="coerce").to_numpy(dtype=np.float64)
+    return made
 
 
 def stamps(texts: Sequence[str]) -> NDArray[Any]:
@@ -80,6 +132,7 @@ def _clock(pd: Any, texts: list[str]) -> NDArray[Any]:
         moments = pd.to_datetime(pd.Series(texts), format="mixed").to_numpy().astype("M8[ns]")
         found = moments - moments.astype("M8[D]")
     else:
+        texts = [_FRACTION.sub(lambda m: f"{m[1]}.{int(m[2]):03d}", text) for text in texts]
         whole = [text if text.count(":") == 2 else f"0:{text}" for text in texts]
         found = pd.to_timedelta(pd.Series(whole)).to_numpy().astype("m8[ns]")
     midnight = np.cumsum(np.diff(found, prepend=found[:1]) < -_DAY // 2)

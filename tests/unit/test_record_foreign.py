@@ -331,3 +331,37 @@ def test_an_unknown_ending_lists_the_known_ones(tmp_path: Path) -> None:
 def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:
     with pytest.raises(FileError, match=r"run.json: cannot be read: No such file or directory; a run folder needs it"):
         read_recording(tmp_path)
+
+
+def test_rates_of_groups_and_of_channels_are_used(tmp_path: Path) -> None:
+    nptdms, h5py = pytest.importorskip("nptdms"), pytest.importorskip("h5py")
+    with nptdms.TdmsWriter(tmp_path / "x.tdms") as file:
+        channels = [nptdms.ChannelObject("g", "flow", RAMP, {}), nptdms.ChannelObject("g", "u", RAMP, {})]
+        file.write_segment([nptdms.GroupObject("g", {"SampleRate": 200.0}), *channels])
+    assert read_recording(tmp_path / "x.tdms").time_s == pytest.approx(0.005 * np.arange(5))
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file.create_dataset("command", data=np.arange(3.0)).attrs["dt"] = 0.02
+        flow = file.create_dataset("flow", data=np.arange(8.0))
+        flow.attrs["sample_rate"], flow.attrs["t0"] = 200.0, 0.01
+    found = read_recording(tmp_path / "x.h5")
+    assert found.samples("flow").time_s == pytest.approx(0.01 + 0.005 * np.arange(8))
+    assert found.samples("command").time_s == pytest.approx(0.02 * np.arange(3))
+
+
+def test_numbers_and_stamps_that_are_texts_are_read(tmp_path: Path) -> None:
+    stamps = [f"2026-01-01T10:00:00.{k}00" for k in range(5)]
+    path = write_parquet(tmp_path / "x.parquet", **{"time": stamps, "flow [l/min]": ["1,5", "2", "-3", "4", "5e1"]})
+    found = read_recording(path)
+    assert found.time_s == pytest.approx(0.1 * np.arange(5))
+    assert found.values("flow").tolist() == [1.5, 2.0, -3.0, 4.0, 50.0]
+
+
+def test_samples_that_cannot_be_scaled_name_the_file(tmp_path: Path) -> None:
+    nptdms = pytest.importorskip("nptdms")
+    scaled = {"NI_Number_Of_Scales": 2, "NI_Scaling_Status": "unscaled", "NI_Scale[1]_Scale_Type": "Linear",
+              "NI_Scale[1]_Linear_Slope": 0.1, "NI_Scale[1]_Linear_Y_Intercept": 0.0,
+              "NI_Scale[1]_Linear_Input_Source": 0, "wf_increment": 0.1}  # fmt: skip
+    with nptdms.TdmsWriter(tmp_path / "x.tdms") as file:
+        file.write_segment([nptdms.ChannelObject("g", "flow", np.arange(5, dtype=np.int16), scaled)])
+    with pytest.raises(FileError, match=r"x.tdms: cannot be read as TDMS"):
+        read_recording(tmp_path / "x.tdms")

@@ -10,14 +10,13 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hil.errors import FileError
 from hil.record.about import KEY, about, parse_about
 from hil.record.assemble import assemble
-from hil.record.columns import Column, Table, by_length, even_table, from_matrix
+from hil.record.columns import Column, Table, by_length, even_table, from_matrix, numbers
 from hil.record.extra import library
 from hil.record.flat import flat
+from hil.record.heading import interval_of
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
@@ -58,7 +57,7 @@ def write(recording: Recording, path: Path) -> None:
 def tables(group: Any, name: str, channels: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:
     """The tables of a group and of all groups in it; `channels` says more about some of them (see `about`)."""
     columns: list[Column] = []
-    numbers = {key: float(value) for key, value in group.attrs.items() if np.ndim(value) == 0 and _is_real(value)}
+    stated = numbers(group.attrs)
     for key, item in _items(group):
         if _is_text(item):
             continue
@@ -66,12 +65,17 @@ def tables(group: Any, name: str, channels: Mapping[str, Mapping[str, Any]]) -> 
             yield from () if key in _MATLAB_INSIDES else tables(item, key, channels)
         elif item.dtype.names:
             values = item[...]
-            yield even_table(key, [Column(field, values[field]) for field in item.dtype.names], numbers)
+            yield even_table(key, [Column(field, values[field]) for field in item.dtype.names], stated)
         elif item.size == 1 and item.dtype.kind in "iuf":
-            numbers[key] = float(item[...].item())
+            stated[key] = float(item[...].item())
         else:
-            columns += _columns(key, item, channels)
-    yield from (even_table(name, found, numbers) for found in by_length(columns))
+            found = _columns(key, item, channels)
+            own = numbers(item.attrs)
+            if any(interval_of(key, value) for key, value in own.items()):  # a channel that states a rate of its own
+                yield even_table(key, found, own)
+            else:
+                columns += found
+    yield from (even_table(name, found, stated) for found in by_length(columns))
 
 
 def _items(group: Any) -> Iterator[tuple[str, Any]]:
@@ -91,10 +95,6 @@ def _columns(key: str, dataset: Any, channels: Mapping[str, Mapping[str, Any]]) 
 
 def _is_text(item: Any) -> bool:
     return _text(item.attrs.get("MATLAB_class")) in ("char", "cell", "function_handle")
-
-
-def _is_real(value: Any) -> bool:
-    return np.asarray(value).dtype.kind in "iuf"
 
 
 def _text(value: Any) -> str:

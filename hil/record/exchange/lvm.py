@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hil.errors import FileError
 from hil.record.assemble import assemble
@@ -27,7 +29,7 @@ _REMARK, _TIME = "Comment", "X_Value"
 
 
 def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
-    """Read a recording; where several were written one after another, the first.
+    """Read a recording; segments that were written one after another are joined at their times.
 
     Raises:
         FileError: no such file, or without a time and a signal; names line and column.
@@ -41,13 +43,65 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     ends = [i for i, line in enumerate(lines) if line.startswith(_END)]
     if not lines[0].startswith(_BEGINNING) or not ends:
         raise FileError(f"{path}: cannot be read as LVM: it does not begin with '{_BEGINNING}' and a header")
-    said = _Header.of(lines, ends)
-    found = _layout(encoding, lines, said)
-    read_columns, cut, found = columns(path, found, reading.gaps)
-    tables = _tables(path.stem, read_columns, said)
-    notes = [text for text in (cut, said.more) if text]
+    segments = [_segment(path, encoding, lines, said, reading) for said in _Header.all_of(lines, ends)]
+    first = segments[0]
+    tables, joined = joined_segments([segment.tables for segment in segments], [s.said.start for s in segments])
+    notes = [text for text in (first.cut, joined, "" if joined else first.said.more) if text]
     meta = {"assumed": notes} if notes else None
-    return assemble(str(path), tables, meta, reading, partial(place, path, found))
+    return assemble(str(path), tables, meta, reading, partial(place, path, first.layout))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Segment:
+    """What was written at one time: its header, how it is laid out, its tables, and what was left out of them."""
+
+    said: _Header
+    layout: Layout
+    tables: list[Table]
+    cut: str
+
+
+def _segment(path: Path, encoding: str, lines: Sequence[str], said: _Header, reading: Reading) -> _Segment:
+    read_columns, cut, found = columns(path, _layout(encoding, lines, said), reading.gaps)
+    return _Segment(said, found, _tables(path.stem, read_columns, said), cut)
+
+
+def joined_segments(segments: Sequence[list[Table]], starts: Sequence[NDArray[Any]]) -> tuple[list[Table], str]:
+    """The tables of all segments as one, at their times, and that they were joined; of the first where that cannot be.
+
+    Args:
+        segments: the tables of each, with the same headings in all.
+        starts: when each began, shape (1,); empty where its header does not say.
+    """
+    first = segments[0]
+    if len(segments) < 2 or any(_headings(tables) != _headings(first) for tables in segments):
+        return list(first), ""
+    known = all(len(at) for at in starts)
+    late = [float((at[0] - starts[0][0]) / np.timedelta64(1, "s")) if known else 0.0 for at in starts]
+    made = [_joined(pieces, late) for pieces in zip(*segments, strict=True)]
+    return (made, f"{len(segments)} segments joined at their times") if all(map(_goes_on, made)) else (list(first), "")
+
+
+def _headings(tables: Sequence[Table]) -> list[list[str]]:
+    return [[column.heading for column in table.columns if column.heading] for table in tables]
+
+
+def _joined(pieces: Sequence[Table], late: Sequence[float]) -> Table:
+    """Tables of one form one after another, each so many seconds late."""
+    own = [piece.time_s + by for piece, by in zip(pieces, late, strict=True) if piece.time_s is not None]
+    made = []
+    for same in zip(*(piece.columns for piece in pieces), strict=False):
+        clock = same[0].heading == _TIME
+        values = [c.values + by if clock else c.values for c, by in zip(same, late, strict=True)]
+        made.append(replace(same[0], values=np.concatenate(values)))
+    return replace(pieces[0], columns=made, time_s=np.concatenate(own) if own else None)
+
+
+def _goes_on(table: Table) -> bool:
+    """Whether every time in a table increases."""
+    clocks = [c.values for c in table.columns if c.heading == _TIME]
+    clocks += [] if table.time_s is None else [table.time_s]
+    return all(bool(np.all(np.diff(clock[~np.isnan(clock)]) > 0.0)) for clock in clocks)
 
 
 class _Header:
@@ -57,13 +111,25 @@ class _Header:
         self.single, self.rows, self.at, self.stop = single, rows, at, stop
 
     @classmethod
-    def of(cls, lines: Sequence[str], ends: Sequence[int]) -> _Header:
+    def all_of(cls, lines: Sequence[str], ends: Sequence[int]) -> list[_Header]:
+        """That of each segment; all share the first lines of the file."""
         mark = "," if any(line.startswith("Separator,Comma") for line in lines[: ends[0]]) else "\t"
         single = {cells[0]: cells[1] for line in lines[: ends[0]] if len(cells := split(line, mark)) > 1}
         last = ends[1] if len(ends) > 1 else ends[0]
-        rows = {cells[0]: cells for line in lines[ends[0] + 1 : last] if (cells := split(line, mark)) and cells[0]}
-        again = next((i for i in range(last + 2, len(lines)) if lines[i].startswith(("Channels", _END))), None)
-        return cls({**single, "mark": mark}, rows, last + 1, again)
+        begins = [ends[0] + 1, *(i for i in range(last + 2, len(lines)) if lines[i].startswith("Channels"))]
+        made = []
+        for begin, stop in zip(begins, [*begins[1:], None], strict=True):
+            end = next((i for i in ends[1:] if i > begin), ends[0]) if len(ends) > 1 else ends[0]
+            rows = {cells[0]: cells for line in lines[begin:end] if (cells := split(line, mark)) and cells[0]}
+            made.append(cls({**single, "mark": mark}, rows, end + 1, stop))
+        return made
+
+    @property
+    def start(self) -> NDArray[Any]:
+        """When the segment began; empty where that is not said."""
+        days, clocks = (self.rows.get(key, self.single.get(key, "")) for key in ("Date", "Time"))
+        day, clock = (text if isinstance(text, str) else "".join(text[1:2]) for text in (days, clocks))
+        return _stamps_of([(day, clock)]) if day and clock else np.empty(0, dtype="M8[ns]")
 
     @property
     def more(self) -> str:
@@ -134,12 +200,17 @@ def _last(values: Any) -> int:
 def _starts_s(said: _Header, count: int) -> dict[int, float]:
     """By how much channels begin after the first of them, where their dates say so."""
     texts = {i: (said.of_column("Date", i), said.of_column("Time", i)) for i in range(1, count)}
-    texts = {i: (day, clock.replace(",", ".")[:15]) for i, (day, clock) in texts.items() if day and clock}
+    texts = {i: both for i, both in texts.items() if all(both)}
     if len(set(texts.values())) < 2:
         return {}
-    found = stamps([f"{day.replace('/', '-')} {clock}" for day, clock in texts.values()])
+    found = _stamps_of(list(texts.values()))
     late = (found - found.min()) / np.timedelta64(1, "s")
     return dict(zip(texts, late.tolist(), strict=True))
+
+
+def _stamps_of(texts: Sequence[tuple[str, str]]) -> NDArray[Any]:
+    """Days and clocks, whose seconds may have more digits than a clock can hold, as stamps."""
+    return stamps([f"{day.replace('/', '-')} {clock.replace(',', '.')[:15]}" for day, clock in texts])
 
 
 def _later(column: Column, late_s: dict[int, float], i: int) -> Column:

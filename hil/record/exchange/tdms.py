@@ -14,7 +14,7 @@ import numpy as np
 from hil.errors import FileError
 from hil.record.about import KEY, about, parse_about
 from hil.record.assemble import assemble
-from hil.record.columns import Column, Table, by_length
+from hil.record.columns import Column, Table, by_length, even_table, numbers
 from hil.record.extra import library
 from hil.record.flat import flat
 from hil.record.reading import AS_IT_IS, Reading
@@ -36,11 +36,13 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     nptdms = library("nptdms", path)
     try:
         file = nptdms.TdmsFile.read(path)
-    except Exception as error:  # nptdms raises what its parser happens to stumble over
-        raise FileError(f"{path}: cannot be read as TDMS: {error}") from None
-    meta, channels = parse_about(file.properties.get(KEY))
-    first = _first_start(file)
-    tables = [table for group in file.groups() for table in _tables(group, channels, first)]
+        meta, channels = parse_about(file.properties.get(KEY))
+        first = _first_start(file)
+        stated = [numbers({**file.properties, **group.properties}) for group in file.groups()]
+        groups = zip(file.groups(), stated, strict=True)
+        tables = [table for group, own in groups for table in _tables(group, channels, first, own)]
+    except Exception as error:  # nptdms raises what its parser happens to stumble over, also where it scales samples
+        raise FileError(f"{path}: cannot be read as TDMS: {error!r}") from None
     return assemble(str(path), tables, meta, reading)
 
 
@@ -78,7 +80,10 @@ def _clock(wave: Any, first: np.datetime64 | None) -> tuple[float, float]:
     return float(wave.properties.get("wf_increment", 0.0)), float(wave.properties.get("wf_start_offset", 0.0)) + late_s
 
 
-def _tables(group: Any, channels: Mapping[str, Mapping[str, Any]], first: np.datetime64 | None) -> Iterator[Table]:
+def _tables(
+    group: Any, channels: Mapping[str, Mapping[str, Any]], first: np.datetime64 | None, stated: Mapping[str, float]
+) -> Iterator[Table]:
+    """The tables of a group; `stated`: numbers beside its channels, an interval or a rate perhaps among them."""
     waves = [channel for channel in group.channels() if len(channel)]
     columns = [_column(channel, channels) for channel in waves]
     if any(column.is_time for column in columns):
@@ -88,10 +93,11 @@ def _tables(group: Any, channels: Mapping[str, Mapping[str, Any]], first: np.dat
     for clock in dict.fromkeys(clocks):
         for found in by_length([column for column, own in zip(columns, clocks, strict=True) if own == clock]):
             interval_s, start_s = clock
-            time_s = (
-                start_s + interval_s * np.arange(len(found[0].values), dtype=np.float64) if interval_s > 0 else None
-            )
-            yield Table(group.name, found, time_s)
+            if interval_s > 0:
+                time_s = start_s + interval_s * np.arange(len(found[0].values), dtype=np.float64)
+                yield Table(group.name, found, time_s)
+            else:
+                yield even_table(group.name, found, stated)
 
 
 def _column(channel: Any, channels: Mapping[str, Mapping[str, Any]]) -> Column:

@@ -1,0 +1,209 @@
+"""Text files as loggers, scopes and spreadsheets write them: read with the same numbers, or refused with what helps."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.errors import FileError
+from hil.record.read import read_recording
+from hil.record.reading import Reading
+from hil.record.recording import Recording
+
+COUNT, INTERVAL_S = 80, 0.025
+TIME_S = INTERVAL_S * np.arange(COUNT)
+COMMAND = np.round(30.0 * np.sin(3.0 * TIME_S) - 5.0, 2)
+FLOW = np.round(0.7 * COMMAND + 0.1 * np.cos(40.0 * TIME_S), 3)
+
+Row = Callable[[float, float, float], str]
+
+
+def text(head: str, row: Row) -> str:
+    values = zip(TIME_S.tolist(), COMMAND.tolist(), FLOW.tolist(), strict=True)
+    return head + "".join(row(*one) + "\n" for one in values)
+
+
+def comma(t: float, u: float, y: float) -> str:
+    return f"{t:.3f},{u},{y}"
+
+
+def semicolon(t: float, u: float, y: float) -> str:
+    return f"{t:.3f};{u};{y}"
+
+
+def read(folder: Path, content: str, reading: Reading | None = None, name: str = "x.csv") -> Recording:
+    (folder / name).write_text(content, encoding="utf-8")
+    found = read_recording(folder / name, reading or Reading())
+    assert isinstance(found, Recording)
+    return found
+
+
+def is_as_written(found: Recording, time_s: np.ndarray = TIME_S, flow: np.ndarray = FLOW) -> None:
+    flow_samples = found.samples("flow")
+    assert flow_samples.time_s - flow_samples.time_s[0] == pytest.approx(time_s - time_s[0], abs=2e-5)
+    assert found.values("flow", "l/min") == pytest.approx(flow, abs=1e-9)
+    assert found.values("command", "%")[0] == pytest.approx(COMMAND[0])
+
+
+def clock(t: float, mark: str) -> str:
+    seconds = 86_399.0 + t
+    whole = int(seconds + 1e-9)
+    return f"{whole // 3600 % 24:02d}:{whole // 60 % 60:02d}:{whole % 60:02d}{mark}{round(1e3 * (seconds - whole)):03d}"
+
+
+def dated(t: float) -> str:
+    return f"{46_023 + t / 86_400:.12f}"
+
+
+HEADINGS = {
+    "after a slash": ("t/s;command/%;flow/(l/min)\n", semicolon),
+    "after a colon": ("time: s;command: %;flow: l/min\n", semicolon),
+    "after a dash": ("time - s,command - %,flow - l/min\n", comma),
+    "after a blank": ("Time s,command %,flow l/min\n", comma),
+    "in curly brackets": ("time {s},command {%},flow {l/min}\n", comma),
+    "in angle brackets": ("time <s>,command <%>,flow <l/min>\n", comma),
+    "capitals in a row": ("Time,command,flow\nSEC,PERCENT,L/MIN\n", comma),
+    "powers in a row": ("Time,command,flow\nSek.,Prozent,l min-1\n", comma),
+    "a row above the names": ("s,%,l/min\nTime,command,flow\n", comma),
+    "behind a remark's sign": ("# rig 7\n#time [s],command [%],flow [l/min]\n", comma),
+    "behind each number": ("time,command,flow\n", lambda t, u, y: f"{t:.3f} s,{u} %,{y} l/min"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("style", HEADINGS)
+def test_units_are_read_however_they_stand_in_headings(tmp_path: Path, style: str) -> None:
+    is_as_written(read(tmp_path, text(*HEADINGS[style])))
+
+
+def test_a_name_that_ends_like_a_unit_is_no_unit_where_others_have_brackets(tmp_path: Path) -> None:
+    found = read(tmp_path, text("time [s],command [%],Sensor A\n", comma))
+    assert list(found.channels) == ["command", "Sensor A"]
+
+
+TIMES = {
+    "a column of milliseconds beside a clock": ("Time,ms,command [%],flow [l/min]\n", lambda t, u, y:
+                                                f"{clock(t, ',')},{u},{y}"),
+    "parts of a second behind a colon": ("Time,command [%],flow [l/min]\n", lambda t, u, y: f"{clock(t, ':')},{u},{y}"),
+    "days of a spreadsheet": ("time,command [%],flow [l/min]\n", lambda t, u, y: f"{dated(t)},{u},{y}"),
+    "known by its unit": ("X [s],command [%],flow [l/min]\n", comma),
+    "a compound word": ("SimTime,command [%],flow [l/min]\n", comma),
+    "another language's second": ("Laufzeit [Sek.],command [%],flow [l/min]\n", comma),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", TIMES)
+def test_the_time_is_found_however_it_is_written(tmp_path: Path, kind: str) -> None:
+    is_as_written(read(tmp_path, text(*TIMES[kind])))
+
+
+def test_two_columns_of_time_without_the_name_time_each_keep_their_samples(tmp_path: Path) -> None:
+    """The second was taken for a channel, and the flow cut to the samples of the slower command."""
+    rows = [
+        f"{TIME_S[4 * i]:.3f};{COMMAND[4 * i]};{TIME_S[i]:.3f};{FLOW[i]}" if 4 * i < COUNT
+        else f";;{TIME_S[i]:.3f};{FLOW[i]}" for i in range(COUNT)
+    ]  # fmt: skip
+    found = read(tmp_path, "\n".join(["t_cmd [s];command [%];t_flow [s];flow [l/min]", *rows]))
+    is_as_written(found)
+    assert found.samples("command").values.tolist() == COMMAND[::4].tolist()
+    turned = [
+        ";".join((*row.split(";")[2:], *row.split(";")[:2])) for row in rows
+    ]  # the slower one last, in a row of units
+    found = read(tmp_path, "\n".join(["time;flow;time;command", "s;l/min;s;%", *turned]))
+    is_as_written(found)
+    assert found.samples("command").values.tolist() == COMMAND[::4].tolist()
+
+
+NUMBERS = {
+    "decimal commas in quotes": lambda t, u, y: ",".join(f'"{v}"'.replace(".", ",") for v in (f"{t:.3f}", u, y)),
+    "a typographic minus": lambda *values: comma(*values).replace("-", "\u2212"),
+    "exponents after D": lambda t, u, y: f"{t:.6e},{u:.6e},{y:.6e}".replace("e", "D"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", NUMBERS)
+def test_numbers_are_read_however_they_are_written(tmp_path: Path, kind: str) -> None:
+    is_as_written(read(tmp_path, text('"time [s]","command [%]","flow [l/min]"\n', NUMBERS[kind])))
+
+
+@pytest.mark.parametrize("mark", ["'", "\u2019", "\u00a0", ","])
+def test_thousands_are_read_whatever_stands_between_them(tmp_path: Path, mark: str) -> None:
+    rows = text("time [s];command [%];flow [ml/min]\n",
+                lambda t, u, y: f"{t:.3f};{u};{f'{1e3 * y:,.1f}'.replace(',', mark)}")  # fmt: skip
+    is_as_written(read(tmp_path, rows))
+
+
+HEAD = "time [s],command [%],flow [l/min]\n"
+
+
+@pytest.mark.parametrize("token", ["---", "OL", "#VALUE!", "Bad", "1.#INF", "inf", "-9999", "9.91e37"])
+def test_what_stands_for_no_value_is_refused_by_line_and_left_out_with_gaps(tmp_path: Path, token: str) -> None:
+    rows = text(HEAD, comma).splitlines()
+    for line in (17, 40):
+        rows[line] = rows[line].rpartition(",")[0] + f",{token}"
+    content = "\n".join(rows)
+    with pytest.raises(FileError, match=r"line 18, .*flow.*--gaps"):
+        read(tmp_path, content)
+    found = read(tmp_path, content, Reading(gaps=True))
+    kept = np.delete(np.arange(COUNT), [16, 39])
+    assert found.samples("flow").time_s == pytest.approx(TIME_S[kept])
+    assert found.samples("flow").values == pytest.approx(FLOW[kept])
+    assert any("flow" in sentence and "2 of 80 rows" in sentence for sentence in found.meta["assumed"])
+
+
+def test_a_large_number_among_states_is_a_state(tmp_path: Path) -> None:
+    rows = text("time [s],command [%],flow [l/min],fault\n", lambda t, u, y: f"{comma(t, u, y)},{9999 * (t > 1.0):g}")
+    assert read(tmp_path, rows).values("fault").max() == 9999.0
+
+
+def test_a_stamp_that_repeats_is_refused_and_left_out_with_gaps(tmp_path: Path) -> None:
+    rows = text(HEAD, comma).splitlines()
+    rows.insert(30, rows[29])
+    with pytest.raises(FileError, match=r"line 31: .* 1 of 81 samples have the stamp of the one before; --gaps"):
+        read(tmp_path, "\n".join(rows))
+    is_as_written(read(tmp_path, "\n".join(rows), Reading(gaps=True)))
+
+
+def test_rows_from_the_newest_to_the_oldest_are_turned_round_and_their_lines_named(tmp_path: Path) -> None:
+    rows = text(HEAD, comma).splitlines()
+    found = read(tmp_path, "\n".join([rows[0], *rows[:0:-1]]))
+    is_as_written(found)
+    assert any("newest" in sentence for sentence in found.meta["assumed"])
+    rows[2] = rows[2].rpartition(",")[0] + ","  # the second oldest, so the line before the last
+    with pytest.raises(FileError, match=r"line 80, channel 'flow': no value"):
+        read(tmp_path, "\n".join([rows[0], *rows[:0:-1]]))
+
+
+def segment(first: int, count: int, clock_text: str, start_s: float, names: str = "command\tflow") -> str:
+    head = (
+        f"Channels\t2\t\t\nSamples\t{count}\t{count}\t\nDate\t2026/01/01\t2026/01/01\t\nTime\t{clock_text}\t{clock_text}"
+        f"\t\nY_Unit_Label\t%\tl/min\t\nX0\t{start_s}\t{start_s}\t\nDelta_X\t0.01\t0.01\t\n***End_of_Header***\t\t\t\n"
+        f"X_Value\t{names}\tComment\n"
+    )
+    return head + "".join(f"{start_s + 0.01 * k:.2f}\t{first + k}\t{0.5 * k}\n" for k in range(count))
+
+
+LVM = (
+    "LabVIEW Measurement\t\nSeparator\tTab\nMulti_Headings\tYes\nX_Columns\tOne\nDate\t2026/01/01\nTime\t10:00:00.0\n"
+    "***End_of_Header***\t\n\t\n"
+)
+
+
+@pytest.mark.parametrize(("clock_text", "start_s"), [("10:00:00.5", 0.0), ("10:00:00.0", 0.5)])
+def test_segments_of_an_lvm_stand_at_their_times(tmp_path: Path, clock_text: str, start_s: float) -> None:
+    content = f"{LVM}{segment(0, 20, '10:00:00.0', 0.0)}\n{segment(20, 10, clock_text, start_s)}"
+    found = read(tmp_path, content, name="x.lvm")
+    assert found.values("command", "%").tolist() == list(range(30))
+    assert found.time_s == pytest.approx(np.concatenate((0.01 * np.arange(20), 0.5 + 0.01 * np.arange(10))))
+    assert found.meta["assumed"] == ["2 segments joined at their times"]
+
+
+def test_segments_of_an_lvm_that_cannot_be_joined_are_said(tmp_path: Path) -> None:
+    content = (
+        f"{LVM}{segment(0, 20, '10:00:00.0', 0.0)}\n{segment(20, 10, '10:00:01.0', 0.0, names='a' + chr(9) + 'b')}"
+    )
+    found = read(tmp_path, content, name="x.lvm")
+    assert len(found) == 20
+    assert found.meta["assumed"][0].startswith("only the first recording of the file is read; another begins at line")
