@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -16,17 +15,18 @@ from hil.identification.experiment import Experiment
 from hil.identification.first_reading import start_slope, with_free_start
 from hil.identification.lines import line_at
 from hil.identification.noise import channel_floors, white_floor, whiten
+from hil.physics.compose import kernel
 from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Plant
-from hil.physics.simulate import ActiveEffect, simulate
+from hil.physics.simulate import ActiveEffect, simulate, sub_steps
 from hil.record.recording import Array
 
 # A channel's own floor stands in for the model's noise when they differ by more than this factor.
 _SAME_NOISE = 1.25
 # A first look takes sub-steps this much coarser.
 _COARSE = 0.5
-# Recordings are short where one simulation of all of them takes no longer; the shorter of so many runs counts.
-_SHORT_S, _TIMED = 1.0e-3, 5
+# Recordings are short where one simulation of all of them works out no more than this: about a millisecond.
+_SHORT = 24e6
 # A hum is known up to this multiple of what it was.
 _SAME_HUM = 1.5
 
@@ -91,15 +91,12 @@ class Problem:
 
     @cached_property
     def is_short(self) -> bool:
-        """Whether fits are so quick that hundreds of them are affordable: by the time that a simulation takes."""
-        return min(self._simulation_s() for _ in range(_TIMED)) <= _SHORT_S
+        """Whether fits are so quick that hundreds of them are affordable: by what one simulation has to work out.
 
-    def _simulation_s(self) -> float:
-        """Processor time of one simulation of all recordings, one after another, at the plant's own sub-steps."""
-        started_s = time.thread_time()
-        for e in self.experiments:
-            e.respond(self.plant, self.model.values, self.model.active_effects)
-        return time.thread_time() - started_s
+        Not by the time that it takes: an answer must not depend on what else a machine is at.
+        """
+        steps = sum(e.drive.inputs.shape[1] * sub_steps(self.plant, e.drive.interval_s) for e in self.experiments)
+        return bool(steps * kernel(self.plant.name).operations <= _SHORT)
 
     @cached_property
     def intervals_s(self) -> tuple[float, ...]:

@@ -93,6 +93,11 @@ class Kernel:
         loaded: Callable[..., None] = _load(self.source, _stamp(self.plant, self.sites)).kernel
         return loaded
 
+    @cached_property
+    def operations(self) -> int:
+        """How much a sub-step works out, effects aside: nodes of the plant's page as a syntax tree."""
+        return sum(1 for _ in ast.walk(_Page(self).tree))
+
     @property
     def source(self) -> str:
         """The text of the generated module."""

@@ -17,7 +17,7 @@ from hil.diagnosis.search.around import around
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
 from hil.diagnosis.search.polish import roughly
 from hil.diagnosis.search.terms import all_terms
-from hil.identification.experiment import experiment
+from hil.identification.experiment import Experiment, experiment
 from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
@@ -37,6 +37,13 @@ def problem(
         channels = {definition.inputs[0].heading: command, definition.output.heading: output}
         made.append(experiment(recording(f"r{k}", time_s, channels), definition))
     return pose(typical_model(name), made)
+
+
+def test_recordings_are_short_by_what_they_hold_and_not_by_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The answer would depend on what else the machine is at: a fleet on a cluster was told otherwise than here."""
+    short, long = problem("brevini-hpv41", (30.0,)), problem("brevini-hpv41", (20.0, 25.0))
+    monkeypatch.setattr(Experiment, "respond", lambda *_, **__: pytest.fail("a simulation was timed"))
+    assert short.is_short and not long.is_short
 
 
 @pytest.mark.parametrize(
