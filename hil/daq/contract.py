@@ -49,6 +49,8 @@ class Promises:
         watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
         latency_s: measured delay of the link, where one is known.
         sample_s: how long a sample has taken of late, driving and reading; None where the device times samples.
+        blind_s: on a link that has fallen behind its rate, how long the next sample will take, as the last one
+            did; else 0.
         delays_s: by input, the measured time from the update of the outputs to its reading, where the link and
             not the sample clock decides it: the median of late.
         delay_channels: by input, the name under which every block has that time for each sample
@@ -66,6 +68,7 @@ class Promises:
     watchdog_s: float | None = None
     latency_s: float | None = None
     sample_s: float | None = None
+    blind_s: float = 0.0
     delays_s: Mapping[str, float] | None = None
     delay_channels: Mapping[str, str] | None = None
 

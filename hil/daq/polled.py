@@ -31,6 +31,7 @@ _FEWEST_PROBES, _PROBING_S = 3, 0.3  # but no longer than that once there are so
 _JUDGING_S = 0.05  # so long the next sample waits for what is thought of a block that came late
 _OF_LATE = 3  # samples that say how long one takes now
 _UNDISTURBED = 0.25  # quantile of them that is the link's own time: a busy host makes readings slower, never faster
+_BEHIND = 1.5  # a sample that takes longer, in intervals, makes the next one late
 _BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
 _SHORTEST_S = 1e-5  # no sample takes less
 _IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
@@ -152,9 +153,10 @@ class PolledDaq:
     played later instead.
 
     A block ends by the clock: when it has lasted as long as its samples were planned to take, what has been read is
-    handed over. A link on which samples take longer than half a block for more than a second (and longer than they
-    may by their rate) has become too slow and ends the task, and so does a sleep of the computer: where outputs stand
-    afterwards, nobody knows.
+    handed over; on a link that has fallen behind its rate, as soon as another sample would take longer than that. A
+    link on which samples take longer than half a block for more than a second (and longer than they may by their rate)
+    has become too slow and ends the task, and so does a sleep of the computer: where outputs stand afterwards, nobody
+    knows.
 
     Args:
         links: by name of the device; the DAQ closes them.
@@ -183,6 +185,7 @@ class PolledDaq:
         self._failed: HardwareError | None = None
         self._told_safe = False
         self._ended = threading.Event()
+        self._blind_s = 0.0
         self._zero_s = self._used_s = self._told_s = self._clock.now_s
         try:
             self.levels: Mapping[str, float] = _merged(member.standing() for member in self._members)
@@ -210,7 +213,7 @@ class PolledDaq:
             highest_rate_hz=_SHARE / self._cycle_s,
             watchdog_s=max(guarded) if guarded and len(guarded) == len(watchdogs) else None,
             latency_s=sum(float(np.median(member.read_for_s)) for member in self._members),
-            sample_s=float(np.median(self._samples_s)),
+            sample_s=float(np.median(self._samples_s)), blind_s=self._blind_s,
             delays_s={name: float(np.median(m.read_after_s)) for m in self._members for name in m.wiring.inputs},
             delay_channels={name: m.delay_name for m in self._members for name in m.wiring.inputs},
         )  # fmt: skip
@@ -384,7 +387,7 @@ class PolledDaq:
                 if self._clock.stopped_before(max(due_s, soonest_s), task.stop):
                     break
                 now_s = self._clock.now_s
-                if task.pace.is_over(taken.begun_s, now_s):
+                if task.pace.is_over(taken.begun_s, now_s + self._blind_s):
                     task.judged.clear()
                     task.done.put((taken.block(), False))
                     task.judged.wait(_JUDGING_S)  # a safe value shall not wait for an exchange that is under way
@@ -396,6 +399,7 @@ class PolledDaq:
                     due_s = now_s
                 with self._lock:
                     self._sample({**self.levels, **dict(zip(names, row, strict=True))}, taken, task)
+                self._blind_s = took_s if (took_s := self._samples_s[-1]) > _BEHIND * interval_s else 0.0
                 task.pace.check()
                 due_s += interval_s
                 soonest_s = now_s + 0.5 * interval_s

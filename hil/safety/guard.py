@@ -253,7 +253,7 @@ class Guard:
                 self._keep(block)
                 refuse_after_sleep(self._clock)
                 self._limits.seen()
-                for violation in self._watches.judge(block, self._blind_s(block)):
+                for violation in self._watches.judge(block, self._daq.promises.blind_s):
                     self._act(violation)
                 _refuse_no_number(block, self._watches.ended_by)
                 yield block
@@ -342,10 +342,6 @@ class Guard:
                     if violation.interlock.action == "trip":
                         self.latch.trip(violation.interlock.name, violation.text)
                         return
-
-    def _blind_s(self, block: Block) -> float:
-        """How long the next reading will take on a link that is slower than its sample rate."""
-        return self._daq.promises.sample_s or 0.0 if block.late else 0.0
 
     @property
     def _ramp_rate_hz(self) -> float:

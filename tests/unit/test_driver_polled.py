@@ -180,9 +180,17 @@ def test_blocks_end_by_the_clock_where_samples_come_late() -> None:
     device, link = timed()
     link.takes_s = 0.02  # slower than it was when it was opened: 40 ms for a sample, 5 ms are planned
     blocks = list(device.play(ramp(20), 20))  # a block for 0.1 s
-    assert [len(block) for block in blocks] == [3, 3, 3, 3, 3, 3, 2]
+    assert [len(block) for block in blocks] == [2] * 10  # a third would end after 0.12 s
     assert joined(blocks).late == 19 and joined(blocks).outputs["a"] == pytest.approx(ramp(20).outputs["a"])
     assert device.promises.sample_s == pytest.approx(0.04)
+
+
+def test_link_that_falls_behind_says_at_once_how_long_nothing_is_seen() -> None:
+    device, _ = timed(takes_s=0.001, slow_readings={20: 0.03})
+    list(device.play(ramp()))  # its last sample is the slow one
+    assert device.promises.blind_s == pytest.approx(0.032)
+    list(device.play(ramp()))
+    assert device.promises.blind_s == 0.0
 
 
 def test_whole_waveforms_are_counted_where_blocks_end_early() -> None:
