@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
+from drivers._edge import said_by
 from hil.description.can import CanDescription, CanTerminal, Message
 from hil.errors import LinkError
 
@@ -100,6 +101,7 @@ class Received:
     """A message that is read: the signals that came last, and whether it can be believed.
 
     Attributes:
+        counts: of each signal as they came last, by name.
         came_s: when a signal came last, by name.
         broken: why the last message was not believed; empty when it was.
     """
@@ -108,6 +110,7 @@ class Received:
     about: Message
     is_j1939: bool
     values: dict[str, float] = field(default_factory=dict)
+    counts: dict[str, float] = field(default_factory=dict)
     came_s: dict[str, float] = field(default_factory=dict)
     broken: str = ""
     still: int = 0
@@ -118,8 +121,15 @@ class Received:
         self.broken = self._fault(data)
         if self.broken:
             return
-        raw: Mapping[str, Any] = self.message.decode(data, scaling=False, decode_choices=False, allow_truncated=True)
+        try:
+            raw: Mapping[str, Any] = self.message.decode(
+                data, scaling=False, decode_choices=False, allow_truncated=True
+            )
+        except Exception as error:  # of the library: a page that the file does not have is none of ours
+            self.broken = said_by(error)
+            return
         for name, count in raw.items():
+            self.counts[name] = count
             signal = self.message.get_signal_by_name(name)
             value = float(count * signal.scale + signal.offset)
             self.values[name] = math.nan if self._is_none(signal, count) else value
@@ -140,11 +150,22 @@ class Received:
         if told.signal not in self.came_s or now_s - self.came_s[told.signal] > self.about.timeout_s:
             why = f"; the last one was not believed: {self.broken}" if self.broken else ""
             raise LinkError(f"no {name} for {self.about.timeout_s:g} s{why}")
-        value = self.values[told.signal]
+        value = math.nan if self.why_none(told) else self.values[told.signal]
         sign = self.about.sign
         if sign is not None:
             value *= {sign.above: 1.0, sign.below: -1.0, sign.zero: 0.0}.get(int(self.values[sign.signal]), math.nan)
         return value
+
+    def why_none(self, told: Any) -> str:
+        """Why what came last is no measurement, in words; empty where it is one."""
+        count = self.counts.get(told.signal, 0)
+        signal = self.message.get_signal_by_name(told.signal)
+        named: dict[int, str] = (
+            {} if signal.is_float else {int(key, 0): means for key, means in getattr(told, "invalid", {}).items()}
+        )
+        if count in named:
+            return named[int(count)]
+        return "the device says that it has none" if self._is_none(signal, count) else ""
 
     def _fault(self, data: bytes) -> str:
         if len(data) < self.message.length:

@@ -41,7 +41,7 @@ def _register(told: words.ModbusDescription, terminal: words.ModbusTerminal, i: 
         port.direction, port.kind, port.unit, port.low, port.high, table, address, form, slope, offset,
         None if back is None else back[1], None if back is None else back[0], terminal.byte_order, terminal.field,
         terminal.write or 0, back is not None, terminal.close, _invalid(terminal), _nan(terminal),
-        tuple(_flag(told, flag) for flag in terminal.status),
+        tuple(_flag(told, flag.of_row(i)) for flag in terminal.status),
     )  # fmt: skip
 
 

@@ -132,8 +132,8 @@ def _identifier(objects: Any, communication: int, node: int, way: str) -> int:
     number = communication - (0x1800 if way == "sent" else 0x1400)
     base = (0x180 if way == "sent" else 0x200) + 0x100 * (number % 4) + node
     found = variable(objects, (communication, 1))
-    said = None if found is None or found.default is None else int(found.default) & 0x7FF
-    if found is not None and said is not None:
+    if found is not None and (of_file := found.value if found.value is not None else found.default) is not None:
+        said = int(of_file) & 0x7FF
         return said + node if getattr(found, "relative", False) and said & 0x7F == 0 else said or base
     return base
 

@@ -295,7 +295,7 @@ def _all_flags(told: ModbusDescription) -> Iterator[Flag]:
     yield from told.faults.flags if told.faults else ()
     yield from [told.enable.ready] if told.enable and told.enable.ready else []
     for terminal in told.terminals.values():
-        yield from terminal.status
+        yield from (flag.of_row(i) for flag in terminal.status for i in range(terminal.count))
 
 
 def _all_writes(told: ModbusDescription) -> Iterator[Write]:

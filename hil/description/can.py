@@ -11,6 +11,7 @@ from pydantic import Field, FiniteFloat, PositiveFloat
 
 from hil.bench.lines import Place
 from hil.daq.channel import Terminal
+from hil.description.dbc import dbc_text
 from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
 from hil.errors import FileError
 from hil.extras import is_installed
@@ -32,11 +33,13 @@ class CanTerminal(DescribedTerminal):
     Attributes:
         message, signal: by their names in the DBC file.
         read_back: the signal that says where an output stands.
+        invalid: counts that are no measurement, and what they mean.
     """
 
     message: str
     signal: str
     read_back: Signal | None = None
+    invalid: dict[str, str] = Field(default_factory=dict)
     slope: FiniteFloat = 1.0
     offset: FiniteFloat = 0.0
 
@@ -138,7 +141,7 @@ class CanDescription(Strict):
 
 
 def database(path: str) -> Any:
-    """A DBC file as cantools reads it.
+    """A DBC file as cantools reads it; `left_out` says what in it was not taken as it stands.
 
     Raises:
         FileError: it cannot be read, or is none.
@@ -154,9 +157,14 @@ def _database(path: str, _changed: int) -> Any:
     import cantools
 
     try:
-        return cantools.database.load_file(path, strict=False)
+        told = dbc_text(Path(path).read_bytes())
+        found: Any = cantools.database.load_string(
+            told.text if told.text.strip() else 'VERSION ""\n', database_format="dbc", strict=False
+        )
     except Exception as error:  # the library raises what its parsers do
         raise FileError(f"{path}: not a DBC file: {' '.join(str(error).split())}") from None
+    found.left_out = tuple(told.left_out)
+    return found
 
 
 def can_faults(told: CanDescription) -> Iterator[tuple[Place, str]]:
@@ -175,6 +183,9 @@ def can_faults(told: CanDescription) -> Iterator[tuple[Place, str]]:
         yield from _signal(place, terminal.message, terminal.signal, known)
         if terminal.count > 1:
             yield (*place, "count"), "signals have names: describe each terminal"
+        yield from ((place, text) for text in _invalid(terminal))
+        if terminal.direction == "out":
+            yield from ((place, text) for text in _page(terminal, told.about(terminal.message), known))
         if terminal.direction == "in" and terminal.read_back is not None:
             yield (*place, "read_back"), "belongs to an output; take this away"
         if terminal.read_back is not None:
@@ -199,6 +210,38 @@ def can_faults(told: CanDescription) -> Iterator[tuple[Place, str]]:
         yield ("watchdog",), "there is no output that it could be for; take this away"
 
 
+def _invalid(terminal: CanTerminal) -> Iterator[str]:
+    for key in terminal.invalid:
+        try:
+            int(key, 0)
+        except ValueError:
+            yield f"invalid: '{key}' is no whole count such as 255 or 0xFF"
+
+
+def _page(terminal: CanTerminal, about: Message, known: dict[str, dict[str, Any]]) -> Iterator[str]:
+    """A multiplexed message is sent as one of its pages, the one with this signal on it."""
+    signals = known.get(terminal.message, {})
+    for name, selector in signals.items():
+        if not selector.is_multiplexer or not _is_sent(selector, about):
+            continue
+        pages = sorted(
+            {page for one in signals.values() if one.multiplexer_signal == name for page in one.multiplexer_ids}
+        )
+        if about.values.get(name) not in pages:
+            yield (
+                f"{terminal.message} has pages, told apart by {name}: say under [messages.{terminal.message}] "
+                f"values = {{ {name} = … }}, one of {_some(pages)}"
+            )
+            return
+    if terminal.signal in signals and not _is_sent(signals[terminal.signal], about):
+        pages = signals[terminal.signal].multiplexer_ids
+        yield f"{terminal.signal} is not on the page that values choose; it is on {_some(pages)}"
+
+
+def _is_sent(signal: Any, about: Message) -> bool:
+    return signal.multiplexer_ids is None or about.values.get(signal.multiplexer_signal) in signal.multiplexer_ids
+
+
 def _signal(place: Place, message: str, signal: str, known: dict[str, dict[str, Any]]) -> Iterator[tuple[Place, str]]:
     if message not in known:
         yield (*place, "message"), f"no message '{message}'; there are: {_some(known)}"
@@ -207,7 +250,7 @@ def _signal(place: Place, message: str, signal: str, known: dict[str, dict[str, 
 
 
 def _some(names: Any) -> str:
-    listed = list(names)
+    listed = [str(name) for name in names]
     return ", ".join(listed[:12]) + (", …" if len(listed) > 12 else "")
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from functools import lru_cache
+from io import StringIO
 from pathlib import Path
 from typing import Any, Literal
 
@@ -12,6 +13,7 @@ from pydantic import Field, FiniteFloat, field_validator
 
 from hil.bench.lines import Place
 from hil.daq.channel import Terminal
+from hil.description.eds import eds_text
 from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
 from hil.errors import FileError
 from hil.extras import is_installed
@@ -101,7 +103,7 @@ class CanopenDescription(Strict):
 
 
 def dictionary(path: str) -> Any:
-    """The object dictionary of an EDS or DCF.
+    """The object dictionary of an EDS or DCF; `node_id` is that of a DCF, `left_out` says what was not understood.
 
     Raises:
         FileError: it cannot be read, or is none.
@@ -116,15 +118,17 @@ def dictionary(path: str) -> Any:
 
 @lru_cache(maxsize=32)
 def _dictionary(path: str, _changed: int) -> Any:
-    import canopen
+    from canopen.objectdictionary.eds import import_eds
 
     try:
-        found = canopen.import_od(path, 0)  # identifiers without the node, which is added where they are used
-        found.node_id = canopen.import_od(path).node_id
+        told = eds_text(Path(path).read_bytes())
+        read: Any = import_eds
+        found = read(StringIO(told.text), 0)  # identifiers without the node, which is added where they are used
     except Exception as error:  # the library raises what its parser does
         raise FileError(f"{path}: not an EDS or DCF: {' '.join(str(error).split())}") from None
     if not len(found):
         raise FileError(f"{path}: not an EDS or DCF: no object in it")
+    found.node_id, found.left_out = told.node, tuple(told.left_out)
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -37,6 +38,10 @@ _TABLES = (
     ("coil", "coil"),
     ("discrete", "discrete"),
     ("input", "input"),
+)
+_NONE = re.compile(
+    r"(?<![a-z])(sna|n\.?/?a|not?[ _]?(avail|valid|used|defined)|unavail|invalid|undef|error|err|fault|init)",
+    re.IGNORECASE,
 )
 _SAME_UNITS = {"°c": "degC", "c": "degC", "°": "deg", "rpm": "1/min", "": "1", "-": "1", "none": "1", "lpm": "l/min"}
 
@@ -124,15 +129,30 @@ def _from_eds(path: Path) -> Iterator[str]:
     objects = dictionary(str(path))
     yield from _head(path, "canopen")
     yield f'eds = "{path.name}"'
+    yield from (f"# not understood: {text}" for text in objects.left_out)
+    own = [(entry, found) for entry in objects.values() for found in _variables(entry) if found.index >= 0x2000]
+    yield from (f'# {_called(entry, found)}: data type {found.data_type:#04x}, which is not read'
+                for entry, found in own if found.pdo_mappable and found.data_type not in FORMS)  # fmt: skip
+    more = sum(not found.pdo_mappable and found.data_type in FORMS and (found.subindex > 0 or found is entry)
+               for entry, found in own)  # fmt: skip
+    if more:
+        are = "object is" if more == 1 else "objects are"
+        yield f"# {more} more {are} in no PDO; a node of which inputs alone are used is asked for those too."
     names: set[str] = set()
-    for entry in objects.values():
-        members = list(entry.values()) if hasattr(entry, "subindices") else [entry]
-        for found in members:
-            if found.pdo_mappable and found.data_type in FORMS and found.index >= 0x2000:
-                yield from _object(entry, found, names)
+    for entry, found in own:
+        if found.pdo_mappable and found.data_type in FORMS:
+            yield from _object(entry, found, names)
     yield ""
     if 0x1016 in objects:
         yield f"{GAP} [watchdog] expires_to = …, where it has outputs: where they go when it misses our heartbeat"
+
+
+def _variables(entry: Any) -> list[Any]:
+    return [entry[sub] for sub in sorted(entry)] if hasattr(entry, "subindices") else [entry]
+
+
+def _called(entry: Any, found: Any) -> str:
+    return f"{found.index:04X}.{found.subindex} {found.name if found is entry else f'{entry.name}, {found.name}'}"
 
 
 def _object(entry: Any, found: Any, names: set[str]) -> Iterator[str]:
@@ -143,17 +163,22 @@ def _object(entry: Any, found: Any, names: set[str]) -> Iterator[str]:
     yield f'direction = "{"out" if out else "in"}"' + (
         f'   {GAP} may be written: "in" if the bench only reads it' if out else ""
     )
-    yield f'unit = "1"   {GAP} the file says none'
-    low, high = (None if limit is None else str(limit) for limit in (found.min, found.max))
-    yield from _range(low or "", high or "")
+    yield _unit_line(found.unit or "", bool(found.unit), "file")
+    slope = found.factor if found.factor != 1 else 1.0
+    low, high = (None if limit is None else f"{slope * limit:g}" for limit in (found.min, found.max))
+    for line in _range(low or "", high or ""):
+        yield line if GAP in line else f"{line}   {GAP} the limits of its counts: in the unit"
     yield f'object = "{found.index:04X}.{found.subindex}"'
-    yield f"slope = 1.0   {GAP} unit per count"
+    yield f"slope = {slope:g}   {GAP} unit per count"
 
 
 def _from_dbc(path: Path) -> Iterator[str]:
     found = database(str(path))
+    if not any(message.signals for message in found.messages):
+        raise FileError(f"{path}: no message with a signal in it, so there is nothing to describe")
     yield from _head(path, "can")
     yield f'dbc = "{path.name}"'
+    yield from (f"# not as it stands: {text}" for text in found.left_out)
     if any(message.is_extended_frame for message in found.messages):
         yield f"# j1939 = {{ device = 0x00, source = 0x26 }}   {GAP} is this J1939? Then whose messages are believed?"
     for message in found.messages:
@@ -163,6 +188,9 @@ def _from_dbc(path: Path) -> Iterator[str]:
         yield f"every_s = {cycle_s:g}" if cycle_s else f"# every_s = 0.1   {GAP} how often it is sent"
         yield f"timeout_s = {3.0 * cycle_s or 0.5:g}" + ("" if cycle_s else f"   {GAP} when it counts as none")
         yield f'{GAP} counter = "…", checksum = {{ signal = "…", kind = "…" }}, where it has them'
+        selectors = ", ".join(f"{signal.name} = 0" for signal in message.signals if signal.is_multiplexer)
+        if selectors:
+            yield f"# values = {{ {selectors} }}   {GAP} where the bench sends it: which of its pages"
     names: set[str] = set()
     for message in found.messages:
         for signal in message.signals:
@@ -175,8 +203,19 @@ def _from_dbc(path: Path) -> Iterator[str]:
             yield from _range(*("" if limit is None else f"{limit:g}" for limit in (signal.minimum, signal.maximum)))
             yield f'message = "{message.name}"'
             yield f'signal = "{signal.name}"'
+            yield from _none_by_name(signal)
     yield ""
     yield f"{GAP} [watchdog] time_s, expires_to, where the bench sends commands: where outputs go when these end"
+
+
+def _none_by_name(signal: Any) -> Iterator[str]:
+    """Counts of a quantity whose names say that they are no measurement; of a state every count has a name."""
+    names = {count: str(said) for count, said in (signal.choices or {}).items()}
+    none = {count: said for count, said in names.items() if _NONE.search(said)}
+    if none:
+        told = ", ".join(f'"{count}" = {json.dumps(said)}' for count, said in none.items())
+        is_quantity = signal.length >= 8 and len(names) <= 8
+        yield f"{'' if is_quantity else '# '}invalid = {{ {told} }}   {GAP} by their names: are they no measurement?"
 
 
 def _table(path: Path) -> tuple[list[list[str]], dict[str, int]]:
@@ -248,13 +287,13 @@ def _range(low: str, high: str) -> Iterator[str]:
         yield f"# range = [0, 0]   {GAP} lowest and highest value, in the unit"
 
 
-def _unit_line(said: str, there: bool) -> str:
+def _unit_line(said: str, there: bool, where: str = "table") -> str:
     unit = _SAME_UNITS.get(said.lower(), said)
     try:
         check_unit(unit)
     except UnitError:
         return f'unit = "1"   {GAP} {said!r} is no unit that is known here'
-    return f'unit = "{unit}"' if there else f'unit = "1"   {GAP} the table says none'
+    return f'unit = "{unit}"' if there else f'unit = "1"   {GAP} the {where} says none'
 
 
 def _unique(name: str, taken: set[str], more: str = "") -> str:

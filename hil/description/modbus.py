@@ -58,12 +58,18 @@ class Flag(Place):
         mask: bits that are looked at, where it is more than one.
         equals: what they are when it is so; not 0, or 1 for a coil, if not given.
         means: in words.
+        step: from the flag of one terminal of a row to that of the next, in registers.
     """
 
     bit: int | None = Field(None, ge=0, le=15)
     mask: int | None = Field(None, ge=1, le=0xFFFF)
     equals: int | None = Field(None, ge=0, le=0xFFFF)
     means: str = ""
+    step: int = Field(0, ge=0, le=1000)
+
+    def of_row(self, i: int) -> Self:
+        """That of the terminal `i` of a row, from 0."""
+        return self.model_copy(update={"address": self.address + i * self.step})
 
     @model_validator(mode="after")
     def _one_way(self) -> Self:
