@@ -63,6 +63,7 @@ def compose(
     dead_time: bool = typer.Option(False, "--dead-time/--no-dead-time", help="Whether they have one."),
     weights: str = typer.Option("", "--weights", metavar="relative|uniform", help="Of lines without uncertainty."),
     part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
+    as_json: bool = _Json,
 ) -> None:
     """A measured flow curve and a mean transfer function as one model: section 8 and figure 17 of the HPV41 paper."""
     from hil import api
@@ -80,8 +81,11 @@ def compose(
         ).model
     made = api.compose(curve, dynamics)
     api.save_model(made, out)
-    linear = formula(linear_of(dynamics, "the dynamics"))
-    typer.echo(f"{out}: {made.input} → {made.output}\n  dynamics {linear}")
+    linear = linear_of(dynamics, "the dynamics")
+    text = f"{out}: {made.input} → {made.output}\n  dynamics {formula(linear)}"
+    told = {"file": str(out), "input": made.input, "output": made.output, "numerator": linear.numerator.tolist(),
+            "denominator": linear.denominator.tolist(), "dead_time_s": linear.dead_time_s}  # fmt: skip
+    _show({"schema": "hil.composed/1", **told}, text, as_json)
 
 
 @group.command("corners")

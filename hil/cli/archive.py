@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.reading import Json
 from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ def _archive() -> None:
 def rebuild(
     archive: str = ARCHIVE,
     folders: list[Path] = typer.Option([], "--folder", metavar="DIR", help="Also search this folder for runs."),
+    as_json: Json = False,
 ) -> None:
     """Make the index anew from the run folders."""
     from hil.archive.archive import rebuild as rebuilt
@@ -36,6 +38,11 @@ def rebuild(
     count, left_out = rebuilt(place, [*([place.folder] if place.folder else []), *folders])
     for sentence in left_out:
         typer.echo(f"left out: {sentence}", err=True)
+    if as_json:
+        from hil.record.plain import to_json
+
+        typer.echo(to_json({"schema": "hil.rebuilt/1", "archive": str(place), "runs": count, "left_out": left_out}))
+        return
     typer.echo(f"{place}: {count} runs")
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.reading import Columns, Rename, Unit
+from hil.cli.reading import Columns, Gaps, Interval, Json, Rename, Time, Unit
 
 
 def command(
@@ -16,9 +16,13 @@ def command(
     out: Path = typer.Option(..., "--out", help="Table to write, .csv."),
     normalised: bool = typer.Option(False, "--normalised", help="Each over its gain at the lowest frequency first."),
     part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
+    time: Time = "",
+    interval: Interval = 0.0,
     unit: Unit = [],  # noqa: B006 — typer makes a new one
     rename: Rename = [],  # noqa: B006
     columns: Columns = "",
+    gaps: Gaps = False,
+    as_json: Json = False,
 ) -> None:
     """Write the mean of frequency responses on the same frequencies: mean dB and mean phase."""
     from hil import api
@@ -27,7 +31,13 @@ def command(
 
     check_distinct(responses)
     check_file(out, responses)
-    reading = reading_of("", 0.0, unit, rename, columns, False)
+    reading = reading_of(time, interval, unit, rename, columns, gaps)
     mean = api.average(responses, normalised=normalised, reading=reading, part=part)
     api.write(mean, out)
+    if as_json:
+        from hil.record.plain import to_json
+
+        told = {"file": out, "frequencies": len(mean), "unit": mean.unit, "assumed": mean.meta["assumed"]}
+        typer.echo(to_json({"schema": "hil.averaged/1", **told}))
+        return
     typer.echo(f"{out}: {len(mean)} frequencies, {mean.meta['assumed'][0]}")

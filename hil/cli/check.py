@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.reading import Json
+
 if TYPE_CHECKING:
     from hil.bench.read import BenchFile
 
@@ -16,7 +18,7 @@ def command(
     live: bool = typer.Option(
         False, "--live", help="Read every input too: delays, rates, noise, and what can be measured here."
     ),
-    as_json: bool = typer.Option(False, "--json", help="With --live: what was seen as JSON, schema hil.live/1."),
+    as_json: Json = False,
 ) -> None:
     """Check a bench file: every fault with its line, every missing net, and what to do about it. Nothing is driven."""
     from datetime import UTC, datetime
@@ -33,7 +35,9 @@ def command(
     warnings = missing_nets(found, datetime.now(UTC).date())
     if not as_json:
         typer.echo("\n".join([*_described(found), *(f"warning: {text}" for text in warnings)]))
-    if live or as_json:
+    elif not live:
+        typer.echo(_as_json(found, warnings))
+    if live:
         warnings += _looked_at(found, as_json)
     if strict and warnings:
         raise FileError(f"{path}: {len(warnings)} warning{'s' if len(warnings) > 1 else ''}, and --strict allows none")
@@ -57,12 +61,35 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
     return list(seen.remarks)
 
 
+def _as_json(found: BenchFile, warnings: list[str]) -> str:
+    from hil.record.plain import to_json
+
+    bench = found.bench
+    channels = [
+        {"name": name, "terminal": entry.terminal, "role": entry.role, "unit": entry.unit, "range": _range(found, name),
+         "limits": [entry.limits.low, entry.limits.high] if entry.limits else None,
+         "safe": entry.safe if entry.limits else None}
+        for name, entry in bench.channels.items()
+    ]  # fmt: skip
+    interlocks = [{"name": name, "action": entry.action} for name, entry in bench.interlocks.items()]
+    told = {"file": found.path, "bench": bench.name, "valve": bench.valve.name, "sample_rate_hz": bench.sample_rate_hz}
+    lists = {"channels": channels, "interlocks": interlocks, "warnings": warnings}
+    return to_json({"schema": "hil.check/1", **told, **lists})
+
+
+def _range(found: BenchFile, name: str) -> tuple[float, float]:
+    """What a channel can show, in its unit."""
+    entry = found.bench.channels[name]
+    terminal = found.devices[entry.device].terminals[entry.terminal]
+    low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
+    return low, high
+
+
 def _described(found: BenchFile) -> list[str]:
     bench = found.bench
     lines = [f"{found.path}: no faults", f"{bench.name}: {bench.valve.name}, {bench.sample_rate_hz:g} Hz"]
     for name, entry in bench.channels.items():
-        terminal = found.devices[entry.device].terminals[entry.terminal]
-        low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
+        low, high = _range(found, name)
         limits = entry.limits
         allowed = f", limits {limits.low:g} … {limits.high:g}, safe at {entry.safe:g}" if limits else ""
         role = "" if entry.role == "other" else f" ({entry.role})"

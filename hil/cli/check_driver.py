@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.reading import Json
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -30,6 +32,7 @@ def command(
     measured_by: list[str] = typer.Option(
         [], "--measured-by", metavar="OUTPUT=INPUT", help="An input that measures an output, such as one wired to it."
     ),
+    as_json: Json = False,
 ) -> None:  # fmt: skip
     """Check a driver against everything that the program expects of one. Exit status 1 if a check is not passed.
 
@@ -53,20 +56,29 @@ def command(
     file = read_bench(path)
     check_packages(file)
     counts = {"passed": 0, "broken": 0, "left out": 0}
+    checks: list[dict[str, str]] = []
+    left = ""
     with (
         leased(file) if hardware else nullcontext(),
         subject(file, path.parent, name, hardware, reach, _pairs(measured_by), device) as examined,
     ):
-        typer.echo(f"{name} on {path.name}, {'REAL HARDWARE' if hardware else 'simulated'}")
+        typer.echo(f"{name} on {path.name}, {'REAL HARDWARE' if hardware else 'simulated'}", err=as_json)
         try:
             for result in examine(examined):
                 counts[result.verdict] += 1
+                checks.append({"check": result.check, "verdict": result.verdict, "text": result.text})
                 said = f": {result.text}" if result.text else ""
-                typer.echo(f"  {result.verdict:8}  {result.check.replace('_', ' ')}{said}")
+                typer.echo(f"  {result.verdict:8}  {result.check.replace('_', ' ')}{said}", err=as_json)
         finally:
             if hardware and (left := left_safe(examined)):
-                typer.echo(left)
-    typer.echo(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+                typer.echo(left, err=as_json)
+    if as_json:
+        from hil.record.plain import to_json
+
+        told = {"driver": name, "bench": path, "hardware": hardware, "checks": checks, "counts": counts, "left": left}
+        typer.echo(to_json({"schema": "hil.driver-check/1", **told}))
+    else:
+        typer.echo(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
     raise typer.Exit(1 if counts["broken"] else 0)
 
 

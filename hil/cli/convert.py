@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
+from hil.cli.reading import Columns, Gaps, Interval, Json, Rename, Time, Unit
 
 if TYPE_CHECKING:
     from hil.record.reading import Reading
     from hil.record.recording import Recording
+    from hil.record.response_table import ResponseTable
 
 
 def command(
@@ -24,6 +25,7 @@ def command(
     columns: Columns = "",
     gaps: Gaps = False,
     overwrite: bool = typer.Option(False, "--overwrite", help="Replace DST if it exists."),
+    as_json: Json = False,
 ) -> None:
     """Convert a recording between formats; DST without an ending becomes a run folder."""
     from hil import api
@@ -40,14 +42,34 @@ def command(
     found = api.read(source, **options(reading))
     api.write(found, target)
     if isinstance(found, ResponseTable):
-        typer.echo(f"{target}: {len(found)} frequencies, {found.frequency_hz[0]:g} to {found.frequency_hz[-1]:g} Hz")
         notes = list(found.meta.get("assumed", ()))
+    else:
+        notes = _notes(found, source, reading)
+    if as_json:
+        from hil.record.plain import to_json
+
+        typer.echo(to_json({"schema": "hil.converted/1", "file": target, **_content(found), "assumed": notes}))
+        return
+    if isinstance(found, ResponseTable):
+        typer.echo(f"{target}: {len(found)} frequencies, {found.frequency_hz[0]:g} to {found.frequency_hz[-1]:g} Hz")
     else:
         channels = ", ".join(channel.heading for channel in found.channels.values())
         typer.echo(f"{target}: {len(found)} samples, {found.duration_s:g} s, {channels}")
-        notes = _notes(found, source, reading)
     for sentence in notes:
         typer.echo(f"note: {sentence}")
+
+
+def _content(found: Recording | ResponseTable) -> dict[str, object]:
+    from hil.record.response_table import ResponseTable
+
+    if isinstance(found, ResponseTable):
+        band = {"from_hz": found.frequency_hz[0], "to_hz": found.frequency_hz[-1], "unit": found.unit}
+        return {"kind": "frequency response", "frequencies": len(found), **band}
+    channels = [
+        {"name": channel.name, "unit": channel.unit, "samples": len(found.samples(channel.name).values)}
+        for channel in found.channels.values()
+    ]
+    return {"kind": "recording", "samples": len(found), "duration_s": found.duration_s, "channels": channels}
 
 
 def _notes(found: Recording, source: Path, reading: Reading) -> list[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.reading import Json
 from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
@@ -29,6 +30,7 @@ def command(
     ),
     archive: str = ARCHIVE,
     resets: list[str] = typer.Option([], "--reset", metavar="INTERLOCK", help="Reset a trip of this interlock."),
+    as_json: Json = False,
 ) -> None:
     """One output to a value and back, by hand: through limits, ramp, interlocks, watchdog and read-back.
 
@@ -61,9 +63,9 @@ def command(
     def run(known: Outputs) -> Outcome:
         with any_key() as pressed, shown() as progress:
             mine = to_be_ended(procedure, lambda: not pressed())
-            typer.echo(f"jog {channel} on {found.bench.name}, recording into {folder}; any key ends it")
+            typer.echo(f"jog {channel} on {found.bench.name}, recording into {folder}; any key ends it", err=as_json)
             return run_procedure(
                 mine, found, settings, folder, progress, resets, known=known, labels=labels, commanding=channel
             )
 
-    ended(run, folder, archive)
+    ended(run, folder, archive, as_json=as_json)

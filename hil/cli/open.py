@@ -6,10 +6,13 @@ from pathlib import Path
 
 import typer
 
+from hil.cli.reading import Json
+
 
 def command(
     file: Path = typer.Argument(..., metavar="FILE", help="Passport."),
     out: Path = typer.Option(..., "--out", metavar="DIR", help="Folder to make."),
+    as_json: Json = False,
 ) -> None:
     """Lay out the run folders, the model and the pages of a passport, ready for every command.
 
@@ -21,8 +24,16 @@ def command(
 
     check_folder(out)
     content, found = opened(file)
-    for run in lay_out(content, out):
+    runs = list(lay_out(content, out))
+    files = sorted(path for path in out.iterdir() if path.is_file())
+    if as_json:
+        from hil.record.plain import to_json
+
+        told = {"file": file, "sentence": found.sentence, "signer": found.signer, "runs": runs, "files": files}
+        typer.echo(to_json({"schema": "hil.opened/1", **told}))
+        return
+    for run in runs:
         typer.echo(f"run: {run}")
-    for path in sorted(path for path in out.iterdir() if path.is_file()):
+    for path in files:
         typer.echo(f"file: {path}")
     typer.echo(f"{file}: {found.sentence}: {found.signer}")

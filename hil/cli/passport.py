@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from hil.cli.language import Language
+from hil.cli.reading import Json
 
 
 def command(
@@ -21,6 +22,7 @@ def command(
         None, "--key", metavar="FILE", help="The lab's key with its certificate, PEM or PKCS #12; else this machine's."
     ),
     language: Language = "",  # noqa: ARG001 — its callback takes it
+    as_json: Json = False,
 ) -> None:
     """Put runs of one unit into one signed PDF: the certificate, the recordings, and the unit's model."""
     from hil.cli.places import check_distinct, check_file
@@ -38,6 +40,14 @@ def command(
     wanted = Wanted(not no_names, not no_model, kind)
     with shown() as progress:
         found = issue(runs, out, signing_key(key), wanted, progress)
+    if as_json:
+        from hil.record.plain import to_json
+
+        unit = {"valve": found.unit.valve, "serial": found.unit.serial, "verdict": found.unit.verdict}
+        signer = {"signer": found.signer.name, "fingerprint": found.signer.fingerprint}
+        told = {"file": found.path, **unit, **signer, "model": found.understood.says}
+        typer.echo(to_json({"schema": "hil.issued/1", **told}))
+        return
     typer.echo(f"passport: {found.path}")
     typer.echo(f"unit: {found.unit.valve}, {found.unit.serial}: {found.unit.verdict or 'not judged'}")
     typer.echo(f"signed by: {found.signer.name}, {found.signer.fingerprint}")

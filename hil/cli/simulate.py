@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
+from hil.cli.reading import Columns, Gaps, Interval, Json, Rename, Time, Unit
 
 
 def command(
@@ -23,6 +23,7 @@ def command(
     rename: Rename = [],  # noqa: B006
     columns: Columns = "",
     gaps: Gaps = False,
+    as_json: Json = False,
 ) -> None:
     """Simulate a model on a recording's input.
 
@@ -35,7 +36,13 @@ def command(
 
     check_file(out, (model, recording))
     reading = reading_of(time, interval, unit, rename, columns, gaps)
-    simulated = api.simulate(
-        model, recording, inputs=input_name, output=output_name, reading=reading, notes=teller()
-    )  # fmt: skip
+    assumed: list[str] = []
+    notes = teller(aside=as_json, kept=assumed)
+    simulated = api.simulate(model, recording, inputs=input_name, output=output_name, reading=reading, notes=notes)
     api.write(simulated, out)
+    if as_json:
+        from hil.record.plain import to_json
+
+        outputs = [{"name": channel.name, "unit": channel.unit} for channel in simulated.channels.values()]
+        told = {"file": out, "samples": len(simulated), "duration_s": simulated.duration_s, "outputs": outputs}
+        typer.echo(to_json({"schema": "hil.simulated/1", **told, "assumed": assumed}))
