@@ -15,7 +15,7 @@ import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import entry_points
+from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Literal
@@ -54,14 +54,17 @@ class Entry:
         """The imported module.
 
         Raises:
-            FileError: the module needs a package that is not installed (its name is in the message).
+            FileError: the module needs a package that is not installed (its name is in the message), or throws.
         """
         try:
             return importlib.import_module(self.module)
-        except ModuleNotFoundError as error:
-            if error.name and error.name.split(".")[0] == self.module.split(".")[0]:
-                raise
-            raise FileError(f"{_SINGULAR[self.kind]} '{self.name}' needs {lacking(error.name or '?')}") from error
+        except (Exception, SystemExit) as error:
+            missing = error.name or "?" if isinstance(error, ModuleNotFoundError) else ""
+            if missing and missing.split(".")[0] != self.module.split(".")[0]:
+                raise FileError(f"{_SINGULAR[self.kind]} '{self.name}' needs {lacking(missing)}") from error
+            raise FileError(
+                f"{_SINGULAR[self.kind]} '{self.name}' ({self.path}) cannot be loaded: {type(error).__name__}: {error}"
+            ) from error
 
 
 @cache
@@ -72,7 +75,7 @@ def entries(kind: Kind) -> tuple[Entry, ...]:
     for point in sorted(entry_points(group=group), key=lambda point: (point.name != "hil", point.name)):
         if point.name == "hil":
             _check_not_hidden(point.value)
-        for entry in _package_entries(kind, point.value):
+        for entry in _package_entries(kind, point):
             if entry.name in found and found[entry.name].module != entry.module:
                 raise FileError(
                     f"{_SINGULAR[kind]} '{entry.name}' is provided twice: "
@@ -128,10 +131,17 @@ def _check_not_hidden(package: str) -> None:
         )
 
 
-def _package_entries(kind: Kind, package: str) -> Iterator[Entry]:
-    spec = importlib.util.find_spec(package)
+def _package_entries(kind: Kind, point: EntryPoint) -> Iterator[Entry]:
+    package, why = point.value, ""
+    try:
+        spec = importlib.util.find_spec(package)
+    except (Exception, SystemExit) as error:  # of a package above it
+        spec, why = None, f" ({type(error).__name__}: {error})"
     if spec is None or spec.submodule_search_locations is None:
-        raise FileError(f"entry point '{package}' for {kind} is not an importable package")
+        whose = f" of the installed package '{point.dist.name}'" if point.dist else ""
+        raise FileError(
+            f"entry point '{package}' for {kind}{whose} is not an importable package{why}; repair or uninstall it"
+        )
     for folder in spec.submodule_search_locations:
         for module in pkgutil.iter_modules([folder]):
             if module.name.startswith("_") or module.ispkg:

@@ -24,6 +24,8 @@ from hil.errors import HardwareError, HilError, LinkError
 if TYPE_CHECKING:
     from hil.daq.polled import Link
 
+_WHATEVER = (Exception, SystemExit)  # that a driver may throw; Ctrl-C is not its own
+
 
 @dataclass(frozen=True, slots=True)
 class DeviceInUse:
@@ -88,12 +90,23 @@ def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[Device
     given = own_settings(device, folder) | (
         {"simulation": simulation_of([name], draft, folder)} if device.simulated else {}
     )
+    try:
+        found, faults = _made_of(name, module, given, place)
+    except HilError:
+        raise
+    except _WHATEVER as error:
+        return None, [Fault((*place, key), f"{module.__name__} is at fault: {type(error).__name__}: {error}")]
+    return found, [_at_home(fault, place) for fault in faults]
+
+
+def _made_of(
+    name: str, module: ModuleType, given: Mapping[str, Any], place: Place
+) -> tuple[DeviceInUse | None, list[Fault]]:
     settings, faults = sound_part(module.Settings, given, place)
     if settings is None:
-        return None, [_at_home(fault, place) for fault in faults]
+        return None, faults
     faults += [Fault((*place, *below), text) for below, text in module.faults(settings)]
-    found = DeviceInUse(name, module, settings, module.terminals(settings))
-    return found, [_at_home(fault, place) for fault in faults]
+    return DeviceInUse(name, module, settings, module.terminals(settings)), faults
 
 
 @contextmanager
@@ -107,7 +120,7 @@ def named(device: str) -> Iterator[None]:
         raise type(error)(f"{device}: {error}") from error
     except HilError:
         raise
-    except Exception as error:
+    except _WHATEVER as error:
         raise LinkError(f"{device}: cannot be opened: {type(error).__name__}: {error}") from error
 
 

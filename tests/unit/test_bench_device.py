@@ -29,7 +29,7 @@ class Opened:
 
 def device(name: str, opening: Any) -> DeviceInUse:
     def opened(_settings: Any, _wiring: Any) -> Any:
-        if isinstance(opening, Exception):
+        if isinstance(opening, BaseException):
             raise opening
         return opening
 
@@ -43,6 +43,7 @@ def device(name: str, opening: Any) -> DeviceInUse:
         (DeviceLostError("127.0.0.1:502: cannot be reached"), DeviceLostError, "io: 127.0.0.1:502: cannot be reached"),
         (LinkError("io: no answer"), LinkError, "io: no answer"),
         (OSError(5, "Input/output error"), LinkError, "io: cannot be opened: OSError: [Errno 5] Input/output error"),
+        (SystemExit(0), LinkError, "io: cannot be opened: SystemExit: 0"),
         (KeyError("x"), LinkError, "io: cannot be opened: KeyError: 'x'"),
         (SettingError("carrier_hz = 5"), SettingError, "carrier_hz = 5"),
     ],

@@ -227,3 +227,14 @@ def test_name_of_this_computer_is_a_listener_where_others_reach_it(
 def test_address_and_dates_that_cannot_be_are_faults(change: tuple[str, str], text: str, tmp_path: Path) -> None:
     with pytest.raises(HilError, match=text):
         changed(tmp_path, TCP, [change])
+
+
+def test_driver_that_throws_when_it_is_asked_is_a_fault_of_that_driver(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def terminals(_settings: object) -> dict[str, object]:
+        raise KeyError("x")
+
+    monkeypatch.setattr("drivers.modbus.terminals", terminals)
+    with pytest.raises(HilError, match=r"devices.io.driver: drivers\.modbus is at fault: KeyError: 'x'"):
+        changed(tmp_path, TCP, [])

@@ -88,12 +88,42 @@ def test_an_entry_that_lacks_a_package_says_which(install_package: Install) -> N
         entry.load()
 
 
+@pytest.mark.parametrize(
+    ("line", "text"),
+    [
+        ('raise ValueError("no licence")', "ValueError: no licence"),
+        ("def (:", "SyntaxError: invalid syntax"),
+        ("raise SystemExit(0)", "SystemExit: 0"),
+        ("from . import gone", "ImportError: cannot import name 'gone'"),
+    ],
+)
+def test_an_entry_that_throws_is_named(line: str, text: str, install_package: Install) -> None:
+    package = f"throws_{text.partition(':')[0].lower()}"  # imported once in this process
+    install_package("hil.drivers", package, {"acme.py": f'"""Acme."""\n{line}\n'})
+    with pytest.raises(FileError, match=rf"driver 'acme' \(.*acme\.py\) cannot be loaded: {text}"):
+        find("drivers", "acme").load()
+
+
+@pytest.mark.parametrize("value", ["no_such.drivers", "throws.drivers"])
+def test_an_entry_point_below_a_package_that_is_not_there_or_throws_is_named(
+    value: str, tmp_path: Path, install_package: Install
+) -> None:
+    install_package("hil.drivers", "throws", {"__init__.py": "raise RuntimeError('broken')\n"})
+    (tmp_path / "throws-1.0.dist-info" / "entry_points.txt").write_text(f"[hil.drivers]\nx = {value}\n")
+    with pytest.raises(
+        FileError, match=rf"'{value}' for drivers of the installed package 'throws' is not an import.*;"
+    ):
+        entries("drivers")
+
+
 def test_an_entry_point_that_names_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, install_package: Install
 ) -> None:
     install_package("hil.drivers", "ghost", {})
     (tmp_path / "ghost-1.0.dist-info" / "entry_points.txt").write_text("[hil.drivers]\nghost = ghastly\n")
-    with pytest.raises(FileError, match="entry point 'ghastly' for drivers is not an importable package"):
+    with pytest.raises(
+        FileError, match=r"entry point 'ghastly' for drivers of .* 'ghost' is not an importable package"
+    ):
         entries("drivers")
 
 

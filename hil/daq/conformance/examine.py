@@ -71,7 +71,7 @@ def verdict_of(function: Check, subject: Subject) -> tuple[Verdict, str]:
         return "broken", str(reason)
     except HilError as error:
         return "broken", f"raised {type(error).__name__}: {error}"
-    except Exception as error:
+    except (Exception, SystemExit) as error:
         return "broken", f"raised {type(error).__name__}, which is no error of `hil.errors`: {error}"
     finally:
         if subject.spoil is not None:
