@@ -31,6 +31,14 @@ def leak() -> Truth:
     return draw(5, LEAK)
 
 
+@pytest.fixture(scope="module")
+def written(leak: Truth, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the case, which nobody changes."""
+    folder = tmp_path_factory.mktemp("case") / leak.label.veiled(leak.seed)
+    write_case(leak, folder)
+    return folder
+
+
 def test_a_label_survives_being_written() -> None:
     assert parse(str(OFFSET)) == OFFSET
 
@@ -78,9 +86,8 @@ def test_an_offset_shows_as_large_as_it_is() -> None:
     assert 1.5 * 0.9 < truth.sigma[0] < 5.0 * 1.1  # half severity
 
 
-def test_a_case_tells_nothing_but_its_recordings(leak: Truth, tmp_path: Path) -> None:
-    folder = tmp_path / leak.label.veiled(leak.seed)
-    write_case(leak, folder)
+def test_a_case_tells_nothing_but_its_recordings(written: Path) -> None:
+    folder = written
     files = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
     assert files[0].startswith("baseline/")
     assert [f for f in files if not f.startswith(("baseline/", "changed/"))] == ["case.toml"]
@@ -92,10 +99,11 @@ def test_a_case_tells_nothing_but_its_recordings(leak: Truth, tmp_path: Path) ->
     )
 
 
-def test_recordings_are_the_same_each_time_and_hold_the_stated_noise(leak: Truth, tmp_path: Path) -> None:
-    for name in ("one", "two"):
-        write_case(leak, tmp_path / name)
-    first, second = (sorted((tmp_path / name / "changed").glob("*.csv")) for name in ("one", "two"))
+def test_recordings_are_the_same_each_time_and_hold_the_stated_noise(
+    leak: Truth, written: Path, tmp_path: Path
+) -> None:
+    write_case(leak, tmp_path)
+    first, second = (sorted((folder / "changed").glob("*.csv")) for folder in (written, tmp_path))
     assert [_digest(path) for path in first] == [_digest(path) for path in second]
     recorded = unseen(leak)
     residual = np.concatenate([r.channels[:, 0] - r.clean for r in recorded])
@@ -103,9 +111,8 @@ def test_recordings_are_the_same_each_time_and_hold_the_stated_noise(leak: Truth
     assert abs(residual.mean()) < 0.05
 
 
-def test_a_recording_repeats_what_was_played(leak: Truth, tmp_path: Path) -> None:
-    write_case(leak, tmp_path)
-    path = tmp_path / "baseline" / "step-response.csv"
+def test_a_recording_repeats_what_was_played(written: Path) -> None:
+    path = written / "baseline" / "step-response.csv"
     assert path.read_text().splitlines()[0] == "time [s],current [A],pressure [psi]"
     rows = np.loadtxt(path, delimiter=",", skiprows=1)
     assert np.diff(rows[:, 0]) == pytest.approx(0.004)

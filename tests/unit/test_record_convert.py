@@ -4,17 +4,40 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from hil.__main__ import main
 from hil.record.folder import RunWriter
 from hil.record.read import read_recording, write_recording
 from hil.record.recording import recording
 
 
-def hil(*arguments: object) -> subprocess.CompletedProcess[str]:
+@dataclass(frozen=True)
+class Told:
+    """How the command ended, and what it said."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def hil(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Callable[..., Told]:
+    def converted(*arguments: object) -> Told:
+        monkeypatch.setattr(sys, "argv", ["hil", "convert", *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return Told(int(ended.value.code or 0), *capsys.readouterr())
+
+    return converted
+
+
+def by_a_process(*arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-m", "hil", "convert", *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
@@ -27,22 +50,22 @@ def csv(tmp_path: Path) -> Path:
 
 
 def test_there_and_back_through_a_run_folder(csv: Path, tmp_path: Path) -> None:
-    there = hil(csv, tmp_path / "run")
+    there = by_a_process(csv, tmp_path / "run")
     assert there.returncode == 0, there.stderr
     assert "50 samples, 0.049 s, u [1], flow [l/min]" in there.stdout
-    back = hil(tmp_path / "run", tmp_path / "back.csv")
+    back = by_a_process(tmp_path / "run", tmp_path / "back.csv")
     assert back.returncode == 0, back.stderr
     assert (tmp_path / "back.csv").read_text() == csv.read_text()
 
 
-def test_a_unit_can_be_stated(csv: Path, tmp_path: Path) -> None:
+def test_a_unit_can_be_stated(hil: Callable[..., Told], csv: Path, tmp_path: Path) -> None:
     assert hil(csv, tmp_path / "x.h5", "--unit", "u=%").returncode == 0
     found = read_recording(tmp_path / "x.h5")
     assert found.channels["u"].unit == "%"
     assert np.array_equal(found.values("u"), read_recording(csv).values("u"))
 
 
-def test_what_was_assumed_is_said(tmp_path: Path) -> None:
+def test_what_was_assumed_is_said(hil: Callable[..., Told], tmp_path: Path) -> None:
     from scipy.io import savemat
 
     savemat(tmp_path / "x.mat", {"Ts": 0.01, "y": np.arange(5.0)})
@@ -65,7 +88,7 @@ def test_what_was_assumed_is_said(tmp_path: Path) -> None:
     ],
 )
 def test_bad_input_is_one_line_and_status_2(
-    csv: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
+    hil: Callable[..., Told], csv: Path, tmp_path: Path, arguments: tuple[str, ...], message: str
 ) -> None:
     done = hil(*(tmp_path / part if "." in part else part for part in arguments))
     assert done.returncode == 2
@@ -74,7 +97,7 @@ def test_bad_input_is_one_line_and_status_2(
     assert sorted(path.name for path in tmp_path.iterdir()) == ["made.csv"]
 
 
-def test_a_run_folder_is_never_replaced(csv: Path, tmp_path: Path) -> None:
+def test_a_run_folder_is_never_replaced(hil: Callable[..., Told], csv: Path, tmp_path: Path) -> None:
     with RunWriter.create(tmp_path / "run", {}, [("flow", "l/min")]) as run:
         run.append(np.arange(3.0), {"flow": np.arange(3.0)})
     done = hil(csv, tmp_path / "run", "--overwrite")
