@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
@@ -11,7 +10,7 @@ import numpy as np
 
 from hil.diagnosis.corrected import beyond_noise, corrected, standard_uncertainties
 from hil.diagnosis.coverage import Limit, limits
-from hil.diagnosis.decide import ALONE_BY, OPEN, has_drifted
+from hil.diagnosis.decide import OPEN, has_drifted
 from hil.diagnosis.diagnosis import (
     Candidate,
     ChangedParameter,
@@ -56,6 +55,7 @@ from hil.diagnosis.wording import (
     told_only_together,
     unlikely,
 )
+from hil.diagnosis.yardsticks import FEW, LISTED, MOST, PLAINLY
 from hil.identification.fit import fit_ceiling, fit_percent
 from hil.physics.compose import effect as installed_effect
 from hil.physics.compose import effects as installed_effects
@@ -64,18 +64,10 @@ from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
 # Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
-_MOST_SURE, _NOTHING_KNOWN, _WRONG_AT_TOLERANCE = 0.99, 0.95, 0.2
-_JUDGED = 4
-# What is less probable than this, and than that nothing known is the cause, is not named.
-_DOUBTED = 0.2
-# Where nothing can be named, so many of the closest descriptions are asked for what they were not fitted to; the best
-# one must close this share of the gap there, though the nominal model may have been identified on it.
-_DESCRIBES, _DESCRIPTIONS_TRIED = 0.05, 4
-_MOST_STEPS_LISTED = 12
-# Below this fit at most, noise is more than half of the variance of what the output does.
-_LEAST_CEILING = 100.0 * (1.0 - math.sqrt(0.5))
-# Of parameters that drifted those are told that show at least this share of what the one does that shows most.
-_SHOWS_MUCH = 0.5
+_MOST_SURE, _NOTHING_KNOWN, _ONE_IN_FIVE = 0.99, 0.95, 0.2
+# Where nothing can be named, the best description must close this share of the gap on data kept back, though the
+# nominal model may have been identified on them.
+_DESCRIBES = 0.05
 
 
 class Answer:
@@ -108,7 +100,7 @@ class Answer:
         """Whether what was chosen is improbable, as others are as good or data kept back speak against it."""
         names = self.choice.chosen.names
         likely = max((self._probability(name) for name in names), default=1.0)
-        return likely < min(_DOUBTED, self._none_of_these())
+        return likely < min(_ONE_IN_FIVE, self._none_of_these())
 
     def _used(self) -> tuple[Fitted, Fit]:
         """What the corrected model holds, with the fits on data kept back: never what predicts worse than the nominal
@@ -132,7 +124,7 @@ class Answer:
         A description that fails on data kept back would only mislead where nobody has looked yet.
         """
         if self.verdict == "unexplained" and self.choice.chosen.terms:
-            closest = (self.choice.chosen, *self.choice.descriptions)[:_DESCRIPTIONS_TRIED]
+            closest = (self.choice.chosen, *self.choice.descriptions)[:FEW]
             told = [cross_validated_fit(self.problem, f) for f in closest]
             best = int(np.argmax(told))
             noise = np.ones(len(closest[best].residuals))
@@ -146,11 +138,10 @@ class Answer:
         fits: list[Fitted] = [self.choice.chosen] if self.choice.chosen.terms else []
         names = {_name(f) for f in fits}
         for f in self.choice.candidates:
-            if len(fits) < _JUDGED and _name(f) not in names:
+            if len(fits) < FEW and _name(f) not in names:
                 names.add(_name(f))
                 fits.append(f)
-        least = min((f.chi2 for f in fits), default=0.0)
-        return [judge(self.problem, f, least) for f in fits]
+        return [judge(self.problem, f) for f in fits]
 
     @property
     def corrected(self) -> Model:
@@ -202,7 +193,7 @@ class Answer:
         if self.verdict == "consistent":
             return []
         least = self.choice.chosen.chi2
-        most = max(least + indistinguishable(least), least + (ALONE_BY - 1.0) * max(least - self.problem.size, 0.0))
+        most = max(least + indistinguishable(least), least + (PLAINLY - 1.0) * max(least - self.problem.size, 0.0))
         return [f for f in (*self.choice.candidates, *self.choice.descriptions) if f.chi2 <= most]
 
     # -- findings ----------------------------------------------------------------------------------------
@@ -261,7 +252,7 @@ class Answer:
         effect = next((e for e in installed_effects() if e.name == events.name), None)
         difference = self.problem.outputs_of(events.residuals - self.choice.baseline.residuals)
         where = locate(self.problem, difference)
-        spells = tuple((round(s.start_s, 3), round(s.stop_s, 3)) for s in events.spells)[:_MOST_STEPS_LISTED]
+        spells = tuple((round(s.start_s, 3), round(s.stop_s, 3)) for s in events.spells)[:LISTED]
         if spells:
             where = replace(where, time_s=spells, recording=events.spells[0].recording)
         return Finding(
@@ -357,7 +348,8 @@ class Answer:
         """What is said in the place of an agreement: that the model had that misfit before, or that noise hides all."""
         if self.standing:
             return self.standing
-        if self.held_out.ceiling >= _LEAST_CEILING and any(limit.visible for limit in unseen):
+        noise = (1.0 - self.held_out.ceiling / 100.0) ** 2  # as a share of the variance of what the output does
+        if noise <= MOST and any(limit.visible for limit in unseen):
             return ""
         return nothing_can_be_said(self.held_out.ceiling)
 
@@ -420,13 +412,13 @@ class Answer:
         return (*self.warnings, *said, *unlikely(changed))
 
     def _drifted(self) -> str:
-        """A word on the base parameters that had to move, those whose move shows most."""
+        """A word on the base parameters that had to move, those that show most of what the one does that shows most."""
         problem, model = self.problem, self.problem.model
         after = self.choice.baseline.parameters
         slopes = problem.base_jacobian(model.values, model.active_effects, problem.nominal_residuals)
         moves = np.array([after[p.name] - model.values[p.name] for p in problem.base])
         shown = np.abs(moves) * np.linalg.norm(slopes, axis=0)
-        told = [p for p, size in zip(problem.base, shown, strict=True) if size >= _SHOWS_MUCH * shown.max()]
+        told = [p for p, size in zip(problem.base, shown, strict=True) if size >= MOST * shown.max()]
         return drifted(told, model.values, after)
 
 
@@ -449,7 +441,7 @@ def _something_else(left: float, tolerance: float) -> float:
 
     `tolerance`: the share at which it would no longer have been accepted; one in five of those at it may be wrong.
     """
-    return float(np.clip(1.0 - _MOST_SURE + _WRONG_AT_TOLERANCE * left / tolerance, 0.0, 0.6))
+    return float(np.clip(1.0 - _MOST_SURE + _ONE_IN_FIVE * left / tolerance, 0.0, 0.6))
 
 
 def _name(f: Fitted) -> str:

@@ -8,12 +8,11 @@ import numpy as np
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.wording import quantity_text
+from hil.diagnosis.yardsticks import PLAINLY
 from hil.identification.mistaken.suspicion import is_of_its_origin
 
 # A model has a misfit of its own when it left this many times the noise (rms).
 _OF_ITS_OWN = 2.0
-# Recordings of one unit, driven otherwise, leave up to this many times what the worst of the first ones left.
-_NO_MORE = 1.5
 
 WHAT_IT_LACKS = "what the model itself lacks is found by a diagnosis of the recordings that it was identified from"
 
@@ -34,7 +33,7 @@ def with_inner_noise(problem: Problem) -> Problem:
 
 def as_before(problem: Problem) -> str:
     """In words that recordings leave no more than those that the model was identified from, where that was much more
-    than noise; empty where they leave more, or the model left nothing.
+    than noise; empty where they leave plainly more, or the model left nothing.
     """
     then, noise = float(problem.model.origin.get("misfit_rms") or 0.0), problem.model.noise
     if noise is None or then <= _OF_ITS_OWN * noise.std:
@@ -42,7 +41,7 @@ def as_before(problem: Problem) -> str:
     model = problem.model
     simulated = (e.respond(model.definition, model.values, model.active_effects)[0] for e in problem.experiments)
     left = [np.std((e.output - y)[e.told]) for e, y in zip(problem.experiments, simulated, strict=True)]
-    if max(left) > _NO_MORE * then:
+    if max(left) > PLAINLY * then:
         return ""
     unit = problem.plant.output.unit
     already = f"which already left {quantity_text(then, None, unit)} (rms)"

@@ -19,6 +19,7 @@ from hil.diagnosis.search.polish import fit, polish, roughly
 from hil.diagnosis.search.refine import LEAN, refine_all
 from hil.diagnosis.search.screen import Screened, screen
 from hil.diagnosis.search.terms import Term, all_terms
+from hil.diagnosis.yardsticks import A_GOOD_PART, AT_A_GLANCE, FAR, FEW, MANY, MOST
 from hil.identification.estimate import Unknown
 from hil.identification.far_starts import far_places
 
@@ -28,33 +29,21 @@ ALARM_GAIN = 60.0
 # So many causes may be named together; more of them describe, but anything can be described with enough of them. For
 # one more see `_Judge.is_third_named`.
 NAMEABLE = 2
-# A second cause must explain most of what the first one leaves. Where the first one is not the library's law to the
-# letter, what that leaves stays with any second cause: then this share suffices if both together explain what they
+# A second cause must leave no good part of what the first one leaves. Where the first one is not the library's law to
+# the letter, what that leaves stays with any second cause: then this share suffices if both together explain what they
 # should, and less is no cause beside the greater of the two.
-SECOND_SHARE, SECOND_BESIDE_A_LAW = 0.7, 0.4
+SECOND_BESIDE_A_LAW = 0.4
 # Where a first one leaves so little of a misfit, nature does not follow the library's law to the letter, and no more,
 # unless a second cause takes this share of it.
-_TO_THE_LETTER, _SECOND_BESIDE_NEARLY_ALL = 1e-3, 0.95
-# So many single explanations are fitted to their end; more, where one of them explains what it should, of those that
-# leave no more than so many times what the best left while all else adapted linearly: lags come in any order then.
-_POLISHED, _MOST_POLISHED, _MAY_BE_AS_GOOD = 2, 5, 4.0
-# The coarse grid of the screen must show this share of it before a second cause is fitted.
-_HOPE = 0.3
-_PAIR_SEEDS, _PAIR_TRIED, _NEAR = 2, 3, 0.5
-# So many pairs that were found at once are fitted, none that promises to leave so many times more than the best, and
-# each only so far that they can be compared.
-_COUPLES, _FAR_WORSE, _COUPLE_EVALUATIONS, _COUPLE_TOLERANCE = 8, 4.0, 5, 1e-3
-# Of those that then leave no more than so many times the least, so many are fitted to their end.
-_MAY_TURN_OUT_BEST, _FITTED_TO_THE_END = 2.0, 4
-# Beside an adequate first cause another one that leaves so many times as much is no first cause.
-_FAR_BEHIND = 5.0
+_TO_THE_LETTER, _NEARLY_ALL = 1e-3, 0.95
+# So many first causes are followed to their end.
+_FIRST = 2
+# What leaves no more than so many times the least may turn out best when it is fitted further.
+_MAY_TURN_OUT_BEST = 2.0
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
-_STEP_SHARE, _BEAM, _NARROW_BEAM, _TRIED_NEXT, _MOST_CAUSES = 0.2, 4, 2, 6, 3
-# A nominal model that leaves this share of the output's variance is no place to start from: so many others are
-# looked at, and the best few fitted a few steps for every cause.
-_NO_START, _FAR_PLACES, _FAR_STARTS, _FAR_EVALUATIONS = 0.5, 32, 4, 8
-# A rough fit may still be so much above its least χ².
-_SURELY = 0.95
+_STEP_SHARE = 0.2
+# A nominal model that leaves most of the output's variance is no place to start from: so many others are looked at.
+_FAR_PLACES = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,7 +91,7 @@ class Causes:
 
         No answer where all of them together, `free`, leave more than an effect does.
         """
-        if polished and _SURELY * free.chi2 > min(self.m.cost(f) for f in polished):
+        if polished and _NEARLY_ALL * free.chi2 > min(self.m.cost(f) for f in polished):
             return []
         names = self.m.problem.prior.moved(free.parameters)
         fitted = polish(self.m.problem, self._parameter_terms(free, names))
@@ -132,16 +121,16 @@ class Causes:
         for f in singles:
             distinct.setdefault(f.names[0] if f.names else f.terms[0].name, f)
         best_first = list(distinct.values())
-        found = [polish(self.m.problem, f) for f in best_first[:_POLISHED]]
+        found = [polish(self.m.problem, f) for f in best_first[:_FIRST]]
         if any(self.m.is_adequate(f) for f in found):
-            near = self._within(best_first, _MAY_BE_AS_GOOD)
-            found += [polish(self.m.problem, f) for f in near[_POLISHED:_MOST_POLISHED]]
+            near = self._within(best_first, FAR)
+            found += [polish(self.m.problem, f) for f in near[_FIRST:FEW]]
         return [f for f in found if is_present(f)]
 
     def seeds(self, best: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
         """First causes worth a second one: where an explanation is adequate, those that are not far behind it."""
         good = self.m.is_adequate(best) and are_themselves(best)
-        far = _FAR_BEHIND * self.m.excess(best) if good else np.inf
+        far = FAR * self.m.excess(best) if good else np.inf
         return [f for f in polished if self.m.excess(f) <= far]
 
     def couples(self, alone: Alone, best: Fitted) -> list[Fitted]:
@@ -149,15 +138,15 @@ class Causes:
 
         What leaves more than the best may only be in another valley of a rugged term that both have.
         """
-        found = joint(alone.place, alone.screened, alone.fitted, _COUPLES)
-        if not found or self._left(found[0]) > (1.0 - _HOPE) * self._left(alone.fitted[0]):
+        found = joint(alone.place, alone.screened, alone.fitted, MANY)
+        if not found or self._left(found[0]) > (1.0 - A_GOOD_PART) * self._left(alone.fitted[0]):
             return []
-        rough = self._further([self._compared(f) for f in self._within(found, _FAR_WORSE)])
+        rough = self._further([self._compared(f) for f in self._within(found, FAR)])
         self.second.extend(rough)
         by_cost = sorted(rough, key=self.m.cost)
         near = self._within(by_cost, _MAY_TURN_OUT_BEST)
         hopeful = [*near, *(f for f in by_cost[len(near) :] if self._in_valley_of(by_cost[0], f) != f.values)]
-        both = self._to_the_end(hopeful[:_FITTED_TO_THE_END])
+        both = self._to_the_end(hopeful[:FEW])
         return [both] if self._is_pair(both, best) else []
 
     def _to_the_end(self, pairs: Sequence[Fitted]) -> Fitted:
@@ -193,11 +182,11 @@ class Causes:
 
     def _compared(self, both: Fitted) -> Fitted:
         """A pair fitted so far that it can be compared with others."""
-        return fit(self.m.problem, both, evaluations=_COUPLE_EVALUATIONS, tolerance=_COUPLE_TOLERANCE)
+        return fit(self.m.problem, both, effort=AT_A_GLANCE)
 
     def _further(self, rough: Sequence[Fitted]) -> list[Fitted]:
         """Those that were still falling and may turn out best are carried on; a delay beside a lag falls slowly."""
-        most = _FAR_WORSE * min(self._left(f) for f in rough)
+        most = FAR * min(self._left(f) for f in rough)
         falls = [f.estimate is not None and not f.estimate.converged and self._left(f) <= most for f in rough]
         return [self._compared(f) if is_falling else f for f, is_falling in zip(rough, falls, strict=True)]
 
@@ -208,18 +197,18 @@ class Causes:
     def pairs(self, seeds: Sequence[Fitted]) -> list[Fitted]:
         """A second cause beside each of the best first ones, where it explains most of what they leave."""
         found: list[Fitted] = []
-        for seed in seeds[:_PAIR_SEEDS]:
+        for seed in seeds[:_FIRST]:
             if any(self.m.is_all(both) for both in found):
                 break
             place = around(self.m.problem, seed)
             screened = screen(place, self.others(seed))
-            if self.m.gain(seed, screened[0].chi2) < _HOPE:
+            if self.m.gain(seed, screened[0].chi2) < A_GOOD_PART:
                 continue
             near = self._near_best(seed, refine_all(place, screened, LEAN))
             rough = [self._compared(f) for f in near]
             self.second.extend(rough)
             best = self._most_economical(rough)
-            if self.m.gain(seed, best.chi2) >= _NEAR * SECOND_SHARE:
+            if self.m.gain(seed, best.chi2) >= MOST * (1.0 - A_GOOD_PART):
                 best = polish(self.m.problem, best)
                 found += [best] if self._is_pair(best, seed) else []
         return found
@@ -248,16 +237,16 @@ class Causes:
         most = self.m.gain(seed, refined[0].chi2)
         distinct: dict[str, Fitted] = {}
         for f in refined:
-            if self.m.gain(seed, f.chi2) >= _NEAR * most:
+            if self.m.gain(seed, f.chi2) >= MOST * most:
                 distinct.setdefault(f.names[-1] if f.names else "", f)
-        return list(distinct.values())[:_PAIR_TRIED]
+        return list(distinct.values())[:FEW]
 
     def _is_pair(self, both: Fitted, seed: Fitted) -> bool:
         """Whether a second cause explains most of what a first one leaves, and both are there."""
         closes = self.m.is_adequate(both) and not self.m.is_adequate(seed)
-        share = SECOND_BESIDE_A_LAW if closes else SECOND_SHARE
+        share = SECOND_BESIDE_A_LAW if closes else 1.0 - A_GOOD_PART
         if self.m.left(seed) < _TO_THE_LETTER:
-            share = _SECOND_BESIDE_NEARLY_ALL
+            share = _NEARLY_ALL
         better = self.m.gain(seed, both.chi2) >= share and seed.chi2 - both.chi2 > ALARM_GAIN
         return better and is_present(both)
 
@@ -278,10 +267,10 @@ class Causes:
         usual = place.accepted.parameters | {p.name: p.typical for p in self.m.problem.base}
         if usual != place.accepted.parameters and not self.m.problem.work.leaves_out("the usual unit as a start"):
             there = evaluated(self.m.problem, replace(place.accepted, parameters=usual))
-            found += self._levels(self._grown(around(self.m.problem, there), len(self.terms)), _NARROW_BEAM)
-        far = self.m.left_of_output(self.m.baseline) > _NO_START
+            found += self._levels(self._grown(around(self.m.problem, there), len(self.terms)), _FIRST)
+        far = self.m.left_of_output(self.m.baseline) > MOST
         if far and not self.m.problem.work.leaves_out("starts far from the model"):
-            found += self._levels(self._from_far(), _NARROW_BEAM)
+            found += self._levels(self._from_far(), _FIRST)
         return found
 
     def _from_far(self) -> list[Fitted]:
@@ -292,8 +281,8 @@ class Causes:
         places = [dict(zip(usual, place.tolist(), strict=True)) for place in far_places(unknowns, _FAR_PLACES)]
         terms = [term for term in self.terms if term.kind == "effect" and not term.by_clock]
         starts = [start for term in terms for start in self._promising(term, [usual, *places])]
-        rough = spread(partial(fit, problem, evaluations=_FAR_EVALUATIONS, tolerance=1e-3, from_here=True), starts)
-        return spread(partial(polish, problem, from_here=True), self._few(rough, _BEAM))
+        rough = spread(partial(fit, problem, effort=AT_A_GLANCE, from_here=True), starts)
+        return spread(partial(polish, problem, from_here=True), self._few(rough, FEW))
 
     def _promising(self, term: Term, places: Sequence[Mapping[str, float]]) -> list[Fitted]:
         """The best places to start one cause from, at its weakest start and its strongest: by shape, not by size."""
@@ -305,12 +294,12 @@ class Causes:
             for start in dict.fromkeys((term.starts[0], term.starts[-1]))
         ]
         seen = [f for f in spread(partial(evaluated, problem), tried) if np.isfinite(f.chi2)]
-        return sorted(seen, key=partial(_unlike, problem))[:_FAR_STARTS]
+        return sorted(seen, key=partial(_unlike, problem))[:FEW]
 
-    def _levels(self, first: Sequence[Fitted], beam: int = _BEAM) -> list[Fitted]:
+    def _levels(self, first: Sequence[Fitted], beam: int = FEW) -> list[Fitted]:
         level = self._few(first, beam)
         found = list(level)
-        for _ in range(1, _MOST_CAUSES):
+        for _ in range(1, NAMEABLE + 1):
             if not level or self.m.is_full(min(found, key=self.m.cost)):
                 break
             if self.m.problem.work.leaves_out("one more cause"):
@@ -320,7 +309,7 @@ class Causes:
         return found
 
     def _children(self, parent: Fitted) -> list[Fitted]:
-        grown = self._grown(around(self.m.problem, parent), _TRIED_NEXT)
+        grown = self._grown(around(self.m.problem, parent), MANY)
         return [f for f in grown if self.m.gain(parent, f.chi2) >= _STEP_SHARE]
 
     def _grown(self, place: Around, most: int) -> list[Fitted]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hil.diagnosis.yardsticks import SELDOM_BY_CHANCE
 from hil.errors import FileError
 from hil.identification.clipped import without_clipped
 from hil.identification.experiment import DEAD, Experiment, require_excitation
@@ -20,8 +21,6 @@ from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.record.recording import Array
 
-# A coarse channel that stands still may hide moves of this many of its steps.
-_MANY_STEPS = 3.0
 _TELLING = 0.02
 
 
@@ -71,11 +70,11 @@ def check(model: Model, experiments: Sequence[Experiment]) -> Checked:
 
 def _without_dead(model: Model, experiments: Sequence[Experiment]) -> tuple[list[Experiment], list[str]]:
     """Without recordings whose output stands still where it should move by more than a coarse channel could hide."""
-    hidden = _MANY_STEPS * max(resolution(e.output) for e in experiments)
+    hidden = SELDOM_BY_CHANCE * max(resolution(e.output) for e in experiments)
     kept, said = [], []
     for e in experiments:
         moves = float(np.ptp(expected(model, e))) if e.stands_still else 0.0
-        if moves <= max(hidden, _MANY_STEPS * _floor(model, e)):
+        if moves <= max(hidden, SELDOM_BY_CHANCE * _floor(model, e)):
             kept.append(e)
         else:
             where = f"{e.where_it_stands}, where the model moves by {moves:.3g}"

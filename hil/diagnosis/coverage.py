@@ -11,10 +11,8 @@ from hil.cores import spread
 from hil.diagnosis.search.around import Around, adapted_residuals
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.yardsticks import CERTAIN
 from hil.record.recording import Array
-
-# An effect of typical size must stand out by this many standard uncertainties, or the data cannot show it.
-_VISIBLE_SIGMAS = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +20,8 @@ class Limit:
     """The upper limit (95 %) on the first parameter of an effect that was not found.
 
     What is itself a limit (saturation, a rate) does nothing at infinity: `upper` is then the typical value where that
-    would have been seen, infinity where not. `visible`: whether an effect of typical size would have been seen; if
-    not, nothing can be said of it. Both sizes are distances from the value at which the effect does nothing.
+    would have been seen, infinity where not. `visible`: whether an effect of typical size would stand out for
+    certain; if not, nothing can be said of it. Sizes are distances from the value at which the effect does nothing.
     """
 
     effect: str
@@ -67,7 +65,7 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
     first = term.unknowns[0]
     if not np.isfinite(term.null):
         change = adapted_residuals(place, (term, [u.start for u in term.unknowns]), coarse=True) - without
-        seen = bool(np.linalg.norm(change) > _VISIBLE_SIGMAS)
+        seen = bool(np.linalg.norm(change) > CERTAIN)
         upper = first.start if seen else float("inf")
         return Limit(term.told, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
@@ -78,5 +76,5 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
         return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False)
     strength = -float(step @ without) / power
     upper = (max(strength, 0.0) + 1.645 / np.sqrt(power)) * size
-    visible = np.sqrt(power) * typical / size > _VISIBLE_SIGMAS
+    visible = np.sqrt(power) * typical / size > CERTAIN
     return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible))

@@ -27,25 +27,18 @@ from hil.diagnosis.refuted import refuted
 from hil.diagnosis.search.fitted import Fitted, change_without, nothing
 from hil.diagnosis.search.polish import finished, from_other_shapes, polish, roughly
 from hil.diagnosis.search.terms import Term, all_terms
+from hil.diagnosis.yardsticks import MOST, PLAINLY
 
 # An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
-# more than this share, and every other one leaves so many times more, …
-PART_TOLERANCE, ALONE_BY = 0.25, 1.5
+# more than this share, and every other one leaves plainly more, …
+PART_TOLERANCE = 0.25
 # … or when it leaves so little that another name for it would have to look much the same.
 NEARLY_ALL = 0.12
-# A third cause is alone where every other one takes less than this share of what it takes.
-_OTHER_THIRD = 0.5
 # Nearly as good is what leaves so many times as much; more where what is left is within the tolerance of laws.
 _NEARLY_AS_GOOD, _AS_GOOD_WITHIN_LAWS = 1.1, 2.0
-# Events are placed freely; they replace a law that can be named only where they leave no more than this share of what
-# it leaves: steps that a limit of rate rounds off look like commands that came late.
-_EVENTS_MUST_LEAVE = 0.5
-# Beyond this share of the noise variance a rugged term may have ended in the wrong valley.
-_ONLY_NOISE = 0.01
 # Base parameters that changed are told as the effects that they grow into unless another one shows so much more.
 _CHIEF_CHANGE = 3.0
-OPEN = ("unexplained", "partly_explained")
-_OPENNESS = {"partly_explained": 1, "unexplained": 2}
+OPEN = ("partly_explained", "unexplained")
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +146,7 @@ class _Judge:
         if self.most > 1 and not self.m.is_full(best) and not work.leaves_out("two causes"):
             work.at(0.25, "looking for two causes")
             best = self.of_two(best, polished, alone)
-        if self.m.excess(best) > _ONLY_NOISE:
+        if self.m.excess(best) > SMALL_EXCESS:  # a rugged term may have ended in the wrong valley
             best = from_other_shapes(self.problem, best)
         return self.least_strained(best, polished)
 
@@ -180,7 +173,7 @@ class _Judge:
             for f in firsts
             if self.is_third_named(f, best if verdict != "unexplained" else None, found)
         ]
-        return min([(best, verdict), *named], key=lambda each: (_OPENNESS.get(each[1], 0), self.m.cost(each[0])))
+        return min([(best, verdict), *named], key=lambda each: (_openness(each[1]), self.m.cost(each[0])))
 
     def others(self, best: Fitted, found: Sequence[Fitted]) -> tuple[Fitted, ...]:
         """Descriptions of other names than the best, those of each name once, the most economical first."""
@@ -194,12 +187,14 @@ class _Judge:
         return recognised(self.problem, (nominal, self.baseline), self.m.excess(self.baseline))
 
     def says_more(self, law: Fitted, events: Events) -> bool:
-        """Whether a law that can be named is to be preferred to events."""
-        return excess(self.problem, events.chi2) > _EVENTS_MUST_LEAVE * self.m.excess(law)
+        """Whether a law that can be named is to be preferred to events that leave most of what it leaves: they are
+        placed freely, and steps that a limit of rate rounds off look like commands that came late.
+        """
+        return excess(self.problem, events.chi2) > MOST * self.m.excess(law)
 
     def most_telling(self, found: Sequence[Fitted], polished: Sequence[Fitted]) -> Fitted:
         """Of explanations what can be named rather than what cannot, and then the most economical."""
-        return min(found, key=lambda f: (_OPENNESS.get(self.verdict(f, polished), 0), self.m.cost(f)))
+        return min(found, key=lambda f: (_openness(self.verdict(f, polished)), self.m.cost(f)))
 
     def followed(self) -> list[Fitted]:
         """What a search finds whose simulations are led back to the recordings; nothing where no observer leads them.
@@ -254,10 +249,10 @@ class _Judge:
         others = [o.chi2 for o in alike if len(o.terms) == len(f.terms) and set(o.names) != set(f.names)]
         closest = min(others, default=self.baseline.chi2)
         if self.m.is_full(f):
-            return excess(self.problem, closest) > ALONE_BY * max(self.m.excess(f), SMALL_EXCESS)
+            return excess(self.problem, closest) > PLAINLY * max(self.m.excess(f), SMALL_EXCESS)
         if two is None or len(two.names) != NAMEABLE or not set(two.names) < set(f.names):
             return False
-        alone = two.chi2 - closest < _OTHER_THIRD * (two.chi2 - f.chi2)
+        alone = two.chi2 - closest < MOST * (two.chi2 - f.chi2)
         return alone and self.m.left(f) <= NEARLY_ALL
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:
@@ -268,7 +263,7 @@ class _Judge:
             return True
         others = [other.chi2 for other in polished if not set(other.names) & set(f.names)]
         closest = min(others, default=self.baseline.chi2)
-        alone = excess(self.problem, closest) > ALONE_BY * self.m.excess(f)
+        alone = excess(self.problem, closest) > PLAINLY * self.m.excess(f)
         return self.m.left(f) <= PART_TOLERANCE and alone
 
     def least_strained(self, best: Fitted, polished: Sequence[Fitted]) -> Fitted:
@@ -313,6 +308,11 @@ def has_drifted(problem: Problem, nominal: Fitted, moved: Fitted) -> bool:
     """Whether the nominal model is consistent with the recordings only with base parameters moved."""
     off = excess(problem, nominal.chi2) >= CONSISTENT_EXCESS and nominal.chi2 - moved.chi2 >= ALARM_GAIN
     return off and excess(problem, moved.chi2) < CONSISTENT_EXCESS
+
+
+def _openness(verdict: Verdict) -> int:
+    """How much a verdict leaves open."""
+    return 1 + OPEN.index(verdict) if verdict in OPEN else 0
 
 
 def _is_something_else(f: Fitted) -> bool:

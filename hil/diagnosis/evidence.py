@@ -13,6 +13,7 @@ from hil.diagnosis.measures import is_strained
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import fit
+from hil.diagnosis.yardsticks import AT_A_GLANCE
 from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
@@ -24,8 +25,6 @@ _STRETCH_S, _STRETCH_SAMPLES = 4.0, 100
 # So many times another part of the stretches is kept back where an explanation has to stand for all that may come: what
 # half of a short recording leaves open says little of what the whole does.
 _FOLDS = 4
-# What leaves several times more than the best is refitted less well: only its rank is asked for.
-_REFIT_EVALUATIONS, _FEW_EVALUATIONS, _FAR_BEHIND = 8, 3, 2.0
 _WORTH = 4.0
 
 
@@ -62,7 +61,7 @@ def cross_validated_fit(problem: Problem, fitted: Fitted) -> float:
     fold = _stretches(problem) % _FOLDS
 
     def kept_back(k: int) -> Array:
-        refitted = fit(problem, fitted, keep=fold != k, evaluations=_REFIT_EVALUATIONS)
+        refitted = fit(problem, fitted, keep=fold != k, effort=AT_A_GLANCE)
         return np.where(fold == k, refitted.residuals, 0.0)
 
     return fit_of_all(problem, np.sum(spread(kept_back, list(np.unique(fold))), axis=0))
@@ -73,14 +72,10 @@ def fit_of_all(problem: Problem, residuals: Array) -> float:
     return held_out_fit(problem, residuals, np.ones(len(residuals), dtype=np.bool_))
 
 
-def judge(problem: Problem, fitted: Fitted, least: float) -> Judged:
-    """Refit on the training half, starting from the values that all data gave, and judge on the other half.
-
-    `least`: χ² of the best explanation.
-    """
+def judge(problem: Problem, fitted: Fitted) -> Judged:
+    """Refit on the training half, starting from the values that all data gave, and judge on the other half."""
     train = training_half(problem)
-    evaluations = _FEW_EVALUATIONS if fitted.chi2 > _FAR_BEHIND * least else _REFIT_EVALUATIONS
-    refitted = fit(problem, fitted, keep=train, evaluations=evaluations) if fitted.terms else fitted
+    refitted = fit(problem, fitted, keep=train, effort=AT_A_GLANCE) if fitted.terms else fitted
     r, held_out = refitted.residuals, ~train
     prior_cost = refitted.chi2 - float(r[train] @ r[train]) if fitted.terms else 0.0
     chi2 = float(r[held_out] @ r[held_out])

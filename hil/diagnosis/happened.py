@@ -12,13 +12,12 @@ from hil.diagnosis.events.undisturbed import undisturbed
 from hil.diagnosis.measures import LAW_TOLERANCE, SMALL_EXCESS, excess
 from hil.diagnosis.problem import Problem, pose
 from hil.diagnosis.search.fitted import Fitted, evaluated
+from hil.diagnosis.yardsticks import A_GOOD_PART
 from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 
 # Events and a law beside them are looked for so often.
 _LOOKS = 2
-# What events leave, in units of the noise's variance, from which a law that explains most of it is told beside them.
-_TELLING_EXCESS = 0.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +97,7 @@ def _beside_each_other(problem: Problem, choice: Choice) -> Happened | None:
         if found.verdict == "unexplained":
             return None
         if looks == _LOOKS:
-            large = excess(rest, found.baseline.chi2) >= _TELLING_EXCESS
+            large = excess(rest, found.baseline.chi2) >= A_GOOD_PART  # of the noise's variance
             return Happened((replace(events, residuals=found.chosen.residuals),), rest, found) if large else None
         events = _beside_law(problem, evaluated(problem, found.chosen))
     return None

@@ -12,12 +12,12 @@ from hil.diagnosis.evidence import Mask, held_out_fit
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import fit
+from hil.diagnosis.yardsticks import AT_A_GLANCE
 from hil.identification.time_constant import time_constant_s
 from hil.record.recording import Array
 
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
 _FORGOTTEN = 3.0
-_REFIT_EVALUATIONS = 8
 # So many parts of several recordings are predicted by the rest; more where recordings are short.
 _FOLDS, _FOLDS_OF_SHORT = 2, 4
 Folds = NDArray[np.int64]
@@ -66,7 +66,7 @@ def predicted(problem: Problem, f: Fitted, kept: KeptBack) -> Array:
     folds = [k for k in np.unique(kept.fold) if np.any(kept.scored[kept.fold == k])]
 
     def without(k: int) -> Array:
-        refitted = fit(problem, f, keep=kept.fold != k, evaluations=_REFIT_EVALUATIONS)
+        refitted = fit(problem, f, keep=kept.fold != k, effort=AT_A_GLANCE)
         return np.where(kept.fold == k, refitted.residuals, 0.0)
 
     made: Array = np.sum(spread(without, folds), axis=0)

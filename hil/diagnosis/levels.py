@@ -18,15 +18,12 @@ from hil.diagnosis.measures import LAW_TOLERANCE, SMALL_EXCESS, are_themselves, 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import fit
+from hil.diagnosis.yardsticks import MOST, ROUGHLY
 
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
-# Without a law the levels are further off than noise makes them by this share of that, and with it by this share less.
-_LEAST_OFF, _MOST_OFF = 0.5, 0.5
 # As good as the best is what is off by this share more, and by this share of what noise makes.
 _WORSE, _SAME = 0.25, 0.3
-# Fits that only need comparing.
-_EVALUATIONS, _TOLERANCE = 20, 1e-3
 
 
 def read_coarsely(found: Happened, step: float, std: float) -> Happened:
@@ -59,14 +56,14 @@ def _told_by_levels(found: Happened, step: float) -> tuple[Choice, float] | None
     if not choice.chosen.terms:
         return None
     without = levels.off(choice.baseline)
-    if without <= _LEAST_OFF * levels.by_noise:
+    if without <= MOST * levels.by_noise:
         return None
     others = [] if found.events else [f for f in choice.candidates if f.estimate is not None]
     tried = [choice.chosen, *(f for f in others if f.names != choice.chosen.names)]
     counted = list(zip(spread(levels.off, tried), tried, strict=True))
     sound = [(off, f) for off, f in counted if f is choice.chosen or _is_beyond_doubt(f)]
     least = min(off for off, _ in sound)
-    if least >= _MOST_OFF * without:
+    if least >= MOST * without:
         return None
     most = least + _WORSE * max(least, 0.0) + _SAME * levels.by_noise
     as_good = [(off, f) for off, f in sound if off <= most]
@@ -120,7 +117,7 @@ class Levels:
         """By how much an explanation, fitted to the levels, is further from them than noise makes the truth; what its
         base parameters had to move for it included.
         """
-        fitted = fit(self.read, f, evaluations=_EVALUATIONS, tolerance=_TOLERANCE, from_here=True)
+        fitted = fit(self.read, f, effort=ROUGHLY, from_here=True)
         return fitted.chi2 - self._expected
 
     @property

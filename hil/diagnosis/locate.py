@@ -11,6 +11,7 @@ from scipy.stats import chi2, false_discovery_control
 
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
+from hil.diagnosis.yardsticks import LISTED
 from hil.identification.experiment import Experiment
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
@@ -18,7 +19,6 @@ from hil.signals.runs import runs
 
 _BLOCK_S = 0.5
 _FALSE_DISCOVERIES = 0.01
-_MOST_INTERVALS = 8
 _REVERSAL_S = 0.3
 _KNOTS = 7
 
@@ -88,7 +88,7 @@ def _intervals(time_s: Array, d: Array) -> tuple[tuple[float, float], ...]:
         energy = float(sums[start:stop].sum())
         first, last = time_s[0] + start * _BLOCK_S, min(time_s[0] + stop * _BLOCK_S, time_s[-1])
         found.append((energy, (round(float(first), 3), round(float(last), 3))))
-    largest = sorted(found, reverse=True)[:_MOST_INTERVALS]
+    largest = sorted(found, reverse=True)[:LISTED]
     return tuple(sorted(interval for _, interval in largest))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.yardsticks import CERTAIN
 from hil.identification.estimate import Unknown
 from hil.identification.evidence import bic_of_known_noise
 
@@ -23,8 +24,6 @@ LAW_TOLERANCE = 0.04
 OUTPUT_TOLERANCE = 0.05
 # … below this share, and this variance in units of the noise's, nobody looks for a second cause.
 FULL_TOLERANCE, FULL_EXCESS = 0.003, 1.0
-# A value this many standard uncertainties from its null is there.
-PRESENT_SIGMAS = 5.0
 _INSIDE_SIGMAS = 2.0
 _NEW_PHYSICS = 10.0
 # An unknown costs so many times what it would if the laws of the library were those of nature (Schwarz: ln n).
@@ -123,7 +122,7 @@ def _is_there(f: Fitted, term: Term) -> bool:
     sizes = [first + k for k in term.sizes]
     shapes = [first + k for k in range(len(term.unknowns)) if k not in term.sizes]
     away = f.estimate.values[sizes] - [term.nulls[k] for k in term.sizes]
-    return not f.estimate.sigmas_away(sizes, away, held=shapes) < PRESENT_SIGMAS  # how large it is, not which shape
+    return not f.estimate.sigmas_away(sizes, away, held=shapes) < CERTAIN  # how large it is, not which shape
 
 
 def is_itself(f: Fitted, term: Term) -> bool:

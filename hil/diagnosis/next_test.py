@@ -29,9 +29,9 @@ from hil.signals.steps import step_sequence
 _SEPARATED = 10.0
 _ENOUGH = 30.0
 _COMPETITORS = 3
-_BOUND_MARGIN = 0.9
-# So far beyond what was recorded a part that integrates may go, as a share of its travel.
-_BEYOND = 0.1
+# A test keeps this share of the way to a limit of the bench away from it; a part that integrates may go this share of
+# its travel beyond what was recorded.
+_MARGIN = 0.1
 # The menu's tests last seconds: a plant that is sampled slower than this has no use for them.
 _SLOWEST_SAMPLING_S = 0.2
 
@@ -73,7 +73,7 @@ def span_within(low: float, high: float, neutral: float) -> Span:
     """A span that keeps a tenth away from the limits of a bench; neutral may be at one of them."""
     full = max(high - neutral, neutral - low)
     return Span(
-        neutral, full, neutral - _BOUND_MARGIN * (neutral - low), neutral + _BOUND_MARGIN * (high - neutral)
+        neutral, full, neutral - (1.0 - _MARGIN) * (neutral - low), neutral + (1.0 - _MARGIN) * (high - neutral)
     )  # fmt: skip
 
 
@@ -157,7 +157,7 @@ def _stays(problem: Problem, planned: Experiment) -> bool:
     rows = planned.respond(problem.plant, problem.model.values, problem.model.active_effects, factor=problem.factor)
     low = min(float(e.output.min()) for e in problem.experiments)
     high = max(float(e.output.max()) for e in problem.experiments)
-    margin = _BEYOND * (high - low)
+    margin = _MARGIN * (high - low)
     return bool(rows[0].min() >= low - margin and rows[0].max() <= high + margin)
 
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.diagnosis.yardsticks import SELDOM_BY_CHANCE
 from hil.physics.model import Model
 from hil.physics.plant import Parameter
 from hil.record.recording import Array
@@ -16,8 +17,6 @@ from hil.record.recording import Array
 # A unit that was identified once drifts a little without anything being wrong with it: this share of each
 # parameter's size, or what its plant says, beside its standard uncertainty, is not news.
 _DRIFT_SHARE = 0.005
-# A base parameter this many standard uncertainties from its nominal value may have changed.
-_MOVED_SIGMAS = 3.0
 # A parameter has a part in a direction that leads along it by more than this share of what it does along any.
 _HAS_A_PART = 0.03
 
@@ -122,12 +121,12 @@ class Prior:
         Of those that were told only together all that have moved, if they have done so together.
         """
         away = self._away(parameters)
-        far = np.abs(away) > _MOVED_SIGMAS * self.std
+        far = np.abs(away) > SELDOM_BY_CHANCE * self.std
         rest = np.flatnonzero(~far)
         together = away[rest] @ np.linalg.solve(self.of(rest.tolist()), away[rest])
-        if len(self._untold) and together > len(rest) * _MOVED_SIGMAS**2:
+        if len(self._untold) and together > len(rest) * SELDOM_BY_CHANCE**2:
             told = np.sqrt(np.diag(self.covariance - self._untold.T @ self._untold))
-            far |= np.any(self._has_part, axis=0) & (np.abs(away) > _MOVED_SIGMAS * told)
+            far |= np.any(self._has_part, axis=0) & (np.abs(away) > SELDOM_BY_CHANCE * told)
         return [name for name, moved in zip(self._names, far, strict=True) if moved]
 
     def _away(self, parameters: Mapping[str, float]) -> Array:

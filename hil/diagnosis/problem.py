@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.diagnosis.prior import Prior
 from hil.diagnosis.work import Work
+from hil.diagnosis.yardsticks import MUCH_THE_SAME, PLAINLY
 from hil.identification.estimate import jacobian, side_by_side
 from hil.identification.experiment import Experiment
 from hil.identification.first_reading import start_slope, with_free_start
@@ -21,14 +22,10 @@ from hil.physics.plant import Parameter, Plant
 from hil.physics.simulate import ActiveEffect, simulate, sub_steps
 from hil.record.recording import Array
 
-# A channel's own floor stands in for the model's noise when they differ by more than this factor.
-_SAME_NOISE = 1.25
 # A first look takes sub-steps this much coarser.
-_COARSE = 0.5
+COARSER = 0.5
 # Recordings are short where one simulation of all of them works out no more than this: about a millisecond.
 _SHORT = 24e6
-# A hum is known up to this multiple of what it was.
-_SAME_HUM = 1.5
 
 
 @dataclass(frozen=True)
@@ -78,7 +75,7 @@ class Problem:
     @property
     def coarse_factor(self) -> float:
         """How fine sub-steps are for a first look, and for slopes on the way of a fit."""
-        return _COARSE * self.factor
+        return COARSER * self.factor
 
     @cached_property
     def size(self) -> int:
@@ -217,7 +214,8 @@ def beyond_rounding(error: Array, step: float) -> Array:
 def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
     """Bind a nominal model and experiments, of which at least one output moves, and settle what noise is.
 
-    A hum that the model knows from the healthy unit is taken out of the recordings: it is no news.
+    A hum that the model knows from the healthy unit is taken out of the recordings: it is no news unless it is plainly
+    larger.
     """
     experiments = [_without_hum(model, e) for e in experiments]
     floors = channel_floors([{"output": e.told_output} for e in experiments])
@@ -231,7 +229,7 @@ def _noise(model: Model, floor: float) -> Noise:
     if known is None or known.std <= 0.0:
         return Noise(floor)
     expected = white_floor_of(known)
-    if 1.0 / _SAME_NOISE < floor / expected < _SAME_NOISE:
+    if 1.0 / MUCH_THE_SAME < floor / expected < MUCH_THE_SAME:
         return known
     return replace(known, std=known.std * floor / expected)
 
@@ -243,7 +241,7 @@ def _without_hum(model: Model, e: Experiment) -> Experiment:
         return e
     error = e.output - e.respond(model.definition, model.values, model.active_effects)[0]
     tone, amplitude = line_at(e.time_s, error, known.hum_hz)
-    share = min(1.0, _SAME_HUM * known.hum / max(amplitude, 1e-300))
+    share = min(1.0, PLAINLY * known.hum / max(amplitude, 1e-300))
     return replace(e, output=e.output - share * tone)
 
 

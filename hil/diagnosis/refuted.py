@@ -9,16 +9,14 @@ import numpy as np
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.yardsticks import MOST
 from hil.identification.lines import is_commanded
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
 # A part that is pushed against its stop stays there: most of the time at it passes in stretches of so many samples. A
 # model that has drifted there is held for a sample or two, whenever its noisy inputs would take it further.
-_STAYS, _MOST = 10, 0.5
-# While a model rests at a stop, the recording rests too: it goes no more than this share of the way that the model
-# would have gone without the stop.
-_AT_REST = 0.5
+_STAYS = 10
 
 Key = tuple[str, str]
 
@@ -45,7 +43,8 @@ def _commanded(problem: Problem, f: Fitted, k: int) -> bool:
 def _never_reached(problem: Problem, f: Fitted, k: int) -> bool:
     """Whether the recordings go on where the model is held by a stop, or the model has only drifted there.
 
-    Only a stop in the output's own unit can be compared with it.
+    While the model rests at a stop, the recording must not go most of the way that the model would have gone without
+    it. Only a stop in the output's own unit can be compared with it.
     """
     term = f.terms[k]
     if problem.plant.hook(term.hook).unit != problem.plant.output.unit:
@@ -64,7 +63,7 @@ def _never_reached(problem: Problem, f: Fitted, k: int) -> bool:
             long, all_of_it = long + (stop - start) * (stop - start >= _STAYS), all_of_it + stop - start
             recorded += max(_way(e.output[start:stop]) - _noise_way(noise.std, stop - start), 0.0)
             free += _way(goes_on[start:stop])
-    return recorded > _AT_REST * free or long < _MOST * all_of_it
+    return recorded > MOST * free or long < MOST * all_of_it
 
 
 def _without(f: Fitted, k: int) -> Fitted:

@@ -10,8 +10,8 @@ from hil.diagnosis.happened import Happened
 from hil.diagnosis.locate import StageShare
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.verdict import Hypothesis, Kind, Question, Weighed, anything, marginal, question, verdict_of, weighed
+from hil.diagnosis.yardsticks import LISTED
 
-_LISTED = 12
 _UNKNOWN: frozenset[Kind] = frozenset({"unknown"})
 # Unknowns of an event: where it begins and how long it lasts; of a tone its frequency, and in each recording two waves
 # of three harmonics, two that grow, and what dies out.
@@ -53,7 +53,7 @@ def as_dict(ranked: Sequence[Weighed]) -> dict[str, Any]:
                 "name": w.hypothesis.label, "unknowns": w.hypothesis.unknowns, "chi2": round(w.hypothesis.chi2, 1),
                 "causes": w.hypothesis.causes, "evidence": round(w.score, 2), "probability": round(w.probability, 4),
             }
-            for w in ranked[:_LISTED]
+            for w in ranked[:LISTED]
         ],
     }  # fmt: skip
 

@@ -8,14 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 
-from hil.diagnosis.problem import Problem
+from hil.diagnosis.problem import COARSER, Problem
+from hil.diagnosis.yardsticks import FAR
 
 # A finer step may change the simulation by this share of the noise before the step counts as too coarse.
 _HARMLESS = 0.1
-_FINER = (4.0, 16.0)
+_FINER = (FAR, FAR**2)
 # Coarser steps than the plant asks for are taken where they change the simulation by next to nothing, in rms over the
 # noise and in χ²: a sixth of what the likeliest alarm would need.
-_COARSER, _NEXT_TO_NOTHING, _LEAST_CHI2 = 0.5, 0.02, 10.0
+_NEXT_TO_NOTHING, _LEAST_CHI2 = 0.02, 10.0
 
 
 def settled(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
@@ -25,7 +26,7 @@ def settled(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
     with half of them.
     """
     if not problem.is_short:
-        coarser = replace(problem, factor=_COARSER)
+        coarser = replace(problem, factor=COARSER)
         change = coarser.nominal_residuals - problem.nominal_residuals
         if float(change @ change) <= min(_LEAST_CHI2, _NEXT_TO_NOTHING**2 * len(change)):
             return coarser, ()

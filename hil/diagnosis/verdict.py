@@ -19,17 +19,16 @@ from typing import Literal
 import numpy as np
 
 from hil.diagnosis.diagnosis import Verdict
+from hil.diagnosis.measures import CONSISTENT_EXCESS, LAW_TOLERANCE
 from hil.identification.evidence import odds
 
 # How true the library's laws are to nature's, as a share of the rms that they explain.
 LAW_ERROR = 0.03
 # So many independent pieces has what laws leave.
 PIECES = 100.0
-# A law that is not written down yet would leave no more of a misfit than this share, with so many unknowns; so many
+# A law that is not written down yet would leave no more of a misfit than laws may, with so many unknowns; so many
 # units with a misfit have one, before anything is seen.
-UNKNOWN_LEAVES, UNKNOWN_UNKNOWNS, PRIOR_UNKNOWN = 0.04, 4, 0.05
-# The noise's variance is known to this share: where the best hypothesis leaves no more, that is the noise.
-NOISE_KNOWN = 0.06
+UNKNOWN_UNKNOWNS, PRIOR_UNKNOWN = 4, 0.05
 
 Kind = Literal["nothing", "parameters", "effects", "events", "unknown"]
 
@@ -81,8 +80,11 @@ class Question:
 
 
 def question(samples: int, nominal_chi2: float, least_chi2: float, terms: int) -> Question:
-    """The question of so many residuals, of which the best explanation leaves `least_chi2`."""
-    return Question(float(np.clip(least_chi2, samples, (1.0 + NOISE_KNOWN) * samples)), nominal_chi2, terms)
+    """The question of so many residuals, of which the best explanation leaves `least_chi2`.
+
+    Where that is no more than what is consistent leaves, it is the noise.
+    """
+    return Question(float(np.clip(least_chi2, samples, (1.0 + CONSISTENT_EXCESS) * samples)), nominal_chi2, terms)
 
 
 def score(asked: Question, h: Hypothesis) -> float:
@@ -107,7 +109,7 @@ def _log_prior(asked: Question, h: Hypothesis) -> float:
 
 def anything(asked: Question) -> Hypothesis:
     """Something that nobody has written down, which would leave as little as a law of nature does."""
-    left = asked.count + UNKNOWN_LEAVES * max(asked.nominal_chi2 - asked.count, 0.0)
+    left = asked.count + LAW_TOLERANCE * max(asked.nominal_chi2 - asked.count, 0.0)
     return Hypothesis(frozenset({"unknown"}), (), left, UNKNOWN_UNKNOWNS, 1)
 
 

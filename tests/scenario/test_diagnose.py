@@ -19,6 +19,7 @@ from hil.diagnosis.search.fitted import nothing
 from hil.diagnosis.search.polish import fit, from_other_shapes
 from hil.diagnosis.search.screen import screen
 from hil.diagnosis.search.terms import all_terms
+from hil.diagnosis.yardsticks import Effort
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import DURATION_S, RATE_HZ, bound, commands, nominal, records
 
@@ -100,7 +101,7 @@ def test_a_sticking_spool_is_fitted_in_the_right_valley() -> None:
     problem = pose(nominal(), bound(nominal(), records((sticking,), seed=15)))
     start = nothing(problem)
     term = next(t for t in all_terms(problem, start.residuals) if t.name == "friction")
-    stuck = fit(problem, replace(start, terms=(term,), values=((1.9, 1.3, 4.7, 1.0),)), evaluations=5)
+    stuck = fit(problem, replace(start, terms=(term,), values=((1.9, 1.3, 4.7, 1.0),)), effort=Effort(5, 1e-5))
     lowest = from_other_shapes(problem, stuck)
     assert stuck.chi2 > 1.05 * problem.size
     assert lowest.chi2 < 1.01 * problem.size

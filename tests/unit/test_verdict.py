@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hil.diagnosis.measures import CONSISTENT_EXCESS, LAW_TOLERANCE
 from hil.diagnosis.verdict import (
-    NOISE_KNOWN,
-    UNKNOWN_LEAVES,
     Hypothesis,
     Kind,
     Question,
@@ -113,12 +112,12 @@ def test_every_member_of_a_set_has_its_own_probability() -> None:
 
 def test_noise_is_what_the_best_explanation_leaves_if_that_is_little_more() -> None:
     assert question(COUNT, 2.0 * COUNT, 1.03 * COUNT, 25).count == pytest.approx(1.03 * COUNT)
-    assert question(COUNT, 2.0 * COUNT, 1.5 * COUNT, 25).count == pytest.approx((1.0 + NOISE_KNOWN) * COUNT)
+    assert question(COUNT, 2.0 * COUNT, 1.5 * COUNT, 25).count == pytest.approx((1.0 + CONSISTENT_EXCESS) * COUNT)
     assert question(COUNT, 2.0 * COUNT, 0.9 * COUNT, 25).count == COUNT
 
 
 @pytest.mark.parametrize("times", [0.5, 2.0])
 def test_a_law_gives_way_to_something_unknown_where_it_leaves_more_than_that_would(times: float) -> None:
     beyond = 1e6
-    said = told(beyond, law("friction", leaves=times * UNKNOWN_LEAVES, of=beyond))
+    said = told(beyond, law("friction", leaves=times * LAW_TOLERANCE, of=beyond))
     assert said == ("explained" if times < 1.0 else "unexplained")

@@ -8,12 +8,12 @@ import numpy as np
 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.yardsticks import FAR
 from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
 BLOCK_S = 0.1  # so long is a block that is far beyond the noise, or not
-_BURST = 4.0  # times the noise variance
 _SPARSE_SHARE, _SPARSE_TIME = 0.6, 0.45
 
 Burst = tuple[int, int]
@@ -30,7 +30,7 @@ def bursts_of(problem: Problem, residuals: Array, k: int) -> list[Burst]:
     e = problem.experiments[k]
     size, power = block_size(e), block_power(e, residuals[problem.output_slices()[k]])
     merged: list[Burst] = []
-    for start, stop in runs(power > _BURST):
+    for start, stop in runs(power > FAR):
         if merged and start - merged[-1][1] <= 1:
             merged[-1] = merged[-1][0], stop
         else:

@@ -6,24 +6,26 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import linregress
+from scipy.stats import linregress, norm
 
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem, beyond_rounding
 from hil.diagnosis.search.fitted import Fitted, output_of
+from hil.diagnosis.yardsticks import FAR, SELDOM_BY_CHANCE
 from hil.identification.experiment import Experiment
 from hil.identification.noise import resolution
 from hil.record.recording import Array
 
 # A line and its uncertainty take so many levels.
 _LEAST_LEVELS = 3
-# A step so many times the one that the model was identified with, and this share of the noise, is a coarser channel.
-_COARSER, _TELLING_STEP = 4.0, 0.5
+# A step far from the one that the model was identified with, and this share of the noise, is a coarser channel.
+_TELLING_STEP = 0.5
 # An offset of half a step, to within this share of a step, is the converter's own.
 _HALF_A_STEP = 0.1
 # Nearly all samples of a unit that is only read coarsely are no further than so many steps, and so much noise, from its
 # model, which is itself not exact; and about as many above as below.
-_NO_FURTHER, _NOISE_SIGMAS, _NEARLY_ALL, _CENTRED = 0.75, 3.0, 0.997, 0.25
+_NO_FURTHER, _CENTRED = 0.75, 0.25
+_NEARLY_ALL = 1.0 - 2.0 * float(norm.sf(SELDOM_BY_CHANCE))
 
 
 def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float, float] | None:
@@ -37,7 +39,7 @@ def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float
         return None
     steps = [resolution(e.output) for e in recorded]
     step = float(np.median(steps))
-    if not (step > _COARSER * before and step > _TELLING_STEP * known.std):
+    if not (step > FAR * before and step > _TELLING_STEP * known.std):
         return None
     return lattice(np.unique(np.concatenate([e.output for e in recorded])), step, before)
 
@@ -56,7 +58,7 @@ def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
         residuals[part] = e.telling(beyond_rounding(by, step) / noise.std)
         off.append(by[e.told])
     every = np.concatenate(off)
-    near = np.abs(every) <= _NO_FURTHER * step + _NOISE_SIGMAS * known.std
+    near = np.abs(every) <= _NO_FURTHER * step + SELDOM_BY_CHANCE * known.std
     if not (np.mean(near) > _NEARLY_ALL and abs(np.median(every)) < _CENTRED * step):
         return None
     return replace(unit, residuals=residuals, chi2=float(residuals @ residuals))

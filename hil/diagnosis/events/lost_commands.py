@@ -13,17 +13,16 @@ from hil.diagnosis.events.bursts import BLOCK_S, Burst, all_bursts, is_sparse
 from hil.diagnosis.events.event import Events, Spell, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, residuals_of
+from hil.diagnosis.yardsticks import A_GOOD_PART
 from hil.identification.experiment import Experiment
 from hil.identification.repeated import LEAST_SPELLS
 from hil.record.recording import Array
 
 # A jump is this share of the command's range; what comes with so many of them, and hardly without, has a law.
 _JUMP, _NEARLY_ALL = 0.1, 0.75
-# The first look must take this share of the misfit in the bursts that it is made at.
-_HOPE = 0.25
 _LOOK_BACK_S = 0.4
 _BACK_S = 0.024
-_LASTING_S = (0.03, 0.05, 0.08, 0.12, 0.16, 0.21, 0.27, 0.34, 0.43, 0.55, 0.75, 1.0, 1.4)
+_LASTING_S = np.geomspace(0.03, 1.4, 13)
 
 Holds = list[list[Burst]]
 Bursts = Sequence[Sequence[Burst]]
@@ -90,7 +89,7 @@ def _jumps(e: Experiment) -> tuple[NDArray[np.int64], Array]:
 def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds | None:
     """For every burst the held stretch that explains most of it: a coarse look, then finer ones around the best.
 
-    None where the first look, at every other burst, finds next to nothing.
+    None where the first look, at every other burst, takes no good part of the misfit there.
     """
     chosen: Holds = [[(start, start) for start, _ in own] for own in bursts]
     step = [e.drive.interval_s for e in problem.experiments]
@@ -124,10 +123,10 @@ def _best_holds(problem: Problem, around: Fitted, bursts: Bursts) -> Holds | Non
     ]
     nothing_held = _of_every_other(best, bursts)
     keep_better(coarse_look, 0)
-    if _of_every_other(best, bursts) > (1.0 - _HOPE) * nothing_held:
+    if _of_every_other(best, bursts) > (1.0 - A_GOOD_PART) * nothing_held:
         return None
     keep_better(coarse_look, 1)
-    for fine_s in (0.016, 0.008, 0.004):
+    for fine_s in (_BACK_S / 2.0, _BACK_S / 4.0, _BACK_S / 8.0):
         for moves in ((-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, 1)) * 2:
             for parity in (0, 1):
                 keep_better([_moved(chosen, bursts, step, fine_s, moves)], parity)

@@ -11,18 +11,18 @@ from hil.diagnosis.events.tone import tone
 from hil.diagnosis.measures import SMALL_EXCESS, excess, share_left
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.yardsticks import A_GOOD_PART
 
 # Events may leave so much: a tone has more harmonics, a held command a start between two samples; of what is of no
 # practical size this share.
 TOLERANCE_OF_EVENTS, _OF_A_SMALL_MISFIT = {"periodic_disturbance": 0.1, "dropout": 0.15}, 0.25
-# The share of the misfit that events must take before the rest is looked at again without them.
-_WORTH_A_SECOND_LOOK = 0.3
 
 
 def recognised(
     problem: Problem, models: Sequence[Fitted], beyond: float, *, commands: bool = True
 ) -> tuple[Events | None, Events | None]:
-    """Events that explain, beside one of these models, a misfit given as variance beyond the noise; or a part of it.
+    """Events that explain, beside one of these models, a misfit given as variance beyond the noise; or a good part
+    of it.
 
     Args:
         problem: the question.
@@ -41,6 +41,6 @@ def recognised(
             small = excess(problem, found.chi2) <= SMALL_EXCESS
             if left <= (_OF_A_SMALL_MISFIT if small else TOLERANCE_OF_EVENTS[found.name]):
                 return found, None
-            if left <= 1.0 - _WORTH_A_SECOND_LOOK and (part is None or found.chi2 < part.chi2):
+            if left <= 1.0 - A_GOOD_PART and (part is None or found.chi2 < part.chi2):
                 part = found
     return None, part

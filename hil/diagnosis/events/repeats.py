@@ -11,6 +11,7 @@ from hil.diagnosis.events.bursts import Burst, bursts_of
 from hil.diagnosis.events.event import Events, Spell, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of, residuals_of
+from hil.diagnosis.yardsticks import MOST
 from hil.identification.experiment import Experiment
 from hil.identification.noise import white_floor
 from hil.identification.repeated import LEAST_SPELLS, STALE_RUN, longer_than_by_chance, same_again
@@ -22,9 +23,9 @@ Mask = NDArray[np.bool_]
 
 # In bursts of misfit a run is telling already when chance makes so few of them there, in a channel that seldom repeats.
 _CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
-# A run at whose end the output catches up at once, to within a half, with so many steps or noise deviations that the
-# model went on by meanwhile: what sticks comes loose, but not within a sample.
-_CAUGHT_UP, _AT_ONCE = 6.0, 0.5
+# A run at whose end the output catches up at once, with most of so many steps or noise deviations that the model went
+# on by meanwhile: what sticks comes loose, but not within a sample.
+_CAUGHT_UP = 6.0
 # A channel with less noise repeats its readings by itself wherever the unit is slow.
 _REPEATS_BY_ITSELF = 0.6
 
@@ -101,7 +102,7 @@ def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[in
             continue
         jump, went = values[last + 1] - values[last], simulated[last + 1] - simulated[start]
         goes = abs(simulated[last + 1] - simulated[last])
-        if abs(went) >= least and max(abs(jump - went), goes) <= _AT_ONCE * abs(went):
+        if abs(went) >= least and max(abs(jump - went), goes) <= MOST * abs(went):
             found.append((start, last + 1))
     return found
 

@@ -14,13 +14,11 @@ from hil.diagnosis.events.bursts import block_power, block_size
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import fit
+from hil.diagnosis.yardsticks import A_GOOD_PART, AT_A_GLANCE, FEW
 from hil.record.recording import Array
 
-# This share of the time is undisturbed, as far as it is asked for; events take less than the rest.
-_UNDISTURBED = 0.7
-# So many laws are looked at, then the best is fitted again to what it leaves undisturbed, so often.
-_LAWS, _ROUNDS = 4, 3
-_EVALUATIONS, _TOLERANCE = 8, 1e-3
+# The best law is fitted again to what it leaves undisturbed, so often.
+_ROUNDS = 3
 
 
 def undisturbed(problem: Problem, laws: Sequence[Fitted]) -> Fitted | None:
@@ -32,7 +30,7 @@ def undisturbed(problem: Problem, laws: Sequence[Fitted]) -> Fitted | None:
     for f in laws:
         if f.names:
             distinct.setdefault(f.names, f)
-    tried = spread(partial(_refitted, problem), list(distinct.values())[:_LAWS])
+    tried = spread(partial(_refitted, problem), list(distinct.values())[:FEW])
     if not tried:
         return None
     best = min(tried, key=lambda f: _misfit_when_quiet(problem, f))
@@ -44,7 +42,7 @@ def undisturbed(problem: Problem, laws: Sequence[Fitted]) -> Fitted | None:
 
 def _refitted(problem: Problem, f: Fitted) -> Fitted:
     keep = quiet(problem, f.residuals)
-    return fit(problem, f, keep=keep, evaluations=_EVALUATIONS, tolerance=_TOLERANCE, from_here=True)
+    return fit(problem, f, keep=keep, effort=AT_A_GLANCE, from_here=True)
 
 
 def _misfit_when_quiet(problem: Problem, f: Fitted) -> float:
@@ -52,11 +50,11 @@ def _misfit_when_quiet(problem: Problem, f: Fitted) -> float:
 
 
 def quiet(problem: Problem, residuals: Array) -> NDArray[np.bool_]:
-    """Which residuals lie in the quieter blocks of their recording, shape (n,)."""
+    """Which residuals lie in the quieter blocks of their recording, shape (n,): events take no good part of time."""
     keep = np.zeros(len(residuals), dtype=np.bool_)
     for e, channels in zip(problem.experiments, problem.channel_slices(), strict=True):
         power = np.sum([block_power(e, residuals[part]) for part in channels], axis=0)
-        is_quiet = np.repeat(power <= np.quantile(power, _UNDISTURBED), block_size(e))
+        is_quiet = np.repeat(power <= np.quantile(power, 1.0 - A_GOOD_PART), block_size(e))
         for part in channels:
             keep[part.start : part.start + len(is_quiet)] = is_quiet
     return keep

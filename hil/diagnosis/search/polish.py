@@ -12,12 +12,10 @@ from numpy.typing import NDArray
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, evaluated, simulated, starting
+from hil.diagnosis.yardsticks import ROUGHLY, SELDOM_BY_CHANCE, TO_THE_END, Effort
 from hil.identification.estimate import Unknown, estimate
 from hil.record.recording import Array
 
-_ROUGH, _ROUGH_EVALUATIONS = 1e-4, 15
-# What is left is much more than noise from so many times it (rms).
-_FAR_BEYOND = 3.0
 # So many other valleys are tried where a misfit has many.
 _VALLEYS = 2
 
@@ -43,8 +41,7 @@ def fit(
     *,
     base_free: bool = False,
     keep: NDArray[np.bool_] | None = None,
-    evaluations: int = 40,
-    tolerance: float = 1e-5,
+    effort: Effort = TO_THE_END,
     from_here: bool = False,
 ) -> Fitted:
     """Fit terms and base parameters together from one start, nothing linearised.
@@ -54,8 +51,7 @@ def fit(
         fitted: terms and where to start.
         base_free: let base parameters go as far as they like instead of as far as their prior lets them.
         keep: which residuals count, shape (n,); the others are for judging.
-        evaluations: at most.
-        tolerance: relative fall of χ² at which to stop.
+        effort: how far to go.
         from_here: start with base parameters as they are, even where their nominal values would be a better start.
     """
     taken = {term.name for term in fitted.terms if term.kind == "parameter"}
@@ -86,8 +82,8 @@ def fit(
         residuals,
         unknowns if from_here else _better_start(residuals, unknowns, nominal),
         sketch=partial(residuals, factor=problem.coarse_factor),
-        max_evaluations=evaluations,
-        tolerance=tolerance,
+        max_evaluations=effort.evaluations,
+        tolerance=effort.tolerance,
     )
     parameters, own = split(found.values)
     r = simulated(problem, parameters, fitted.terms, own)
@@ -116,7 +112,7 @@ def with_known_start(problem: Problem, f: Fitted) -> Fitted:
     bend to them for nothing.
     """
     beyond = float(np.sqrt(f.chi2 / problem.size))
-    if beyond < _FAR_BEYOND or all(slope is None for slope in problem.start_slopes) or not f.terms:
+    if beyond < SELDOM_BY_CHANCE or all(slope is None for slope in problem.start_slopes) or not f.terms:
         return f
     again = fit(replace(problem, beyond=beyond), f)
     moving = again.chi2 - float(again.residuals @ again.residuals)
@@ -126,7 +122,7 @@ def with_known_start(problem: Problem, f: Fitted) -> Fitted:
 
 def roughly(problem: Problem, start: Fitted, *, base_free: bool = False) -> Fitted:
     """A first look, which need not creep along a valley to its end."""
-    return fit(problem, start, base_free=base_free, tolerance=_ROUGH, evaluations=_ROUGH_EVALUATIONS)
+    return fit(problem, start, base_free=base_free, effort=ROUGHLY)
 
 
 def from_other_shapes(problem: Problem, f: Fitted) -> Fitted:

@@ -62,9 +62,7 @@ def refine_all(place: Around, screened: Sequence[Screened], effort: Effort = THO
     return sorted([*best.values(), *(f for f, _ in rest)], key=lambda f: f.chi2)
 
 
-def refine(
-    place: Around, term: Term, start: tuple[float, ...], *, evaluations: int = 25, coarse: bool = False
-) -> Fitted:
+def refine(place: Around, term: Term, start: tuple[float, ...], *, evaluations: int, coarse: bool = False) -> Fitted:
     """Fit one term from a start, everything else adapting linearly."""
 
     def residuals(values: Array, coarse: bool = coarse) -> Array:

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from hil.cores import spread
 from hil.diagnosis.search.around import Around, adapted_residuals
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.yardsticks import MUCH_THE_SAME
 from hil.record.recording import Array
 
-# A start is corrected when the line from nothing to it is lowest so far from it, and it is tried at this many times its
-# strength at most.
-_AS_STRONG, MOST_STRONGER = (0.8, 1.25), 3.0
+# A start is tried at this many times its strength at most.
+MOST_STRONGER = 3.0
 # Of so many residuals at most is remembered what each term changes.
 _SKETCHED = 80_000
 
@@ -80,7 +80,7 @@ def _tried(place: Around, term: Term, start: tuple[float, ...], remember: bool) 
     length = float(change @ change)
     share = float(np.clip(-(place.residuals_without @ change) / length, 0.0, MOST_STRONGER)) if length else 0.0
     better = term.scaled(start, share)
-    if share == 0.0 or _AS_STRONG[0] < share < _AS_STRONG[1] or better == start:
+    if share == 0.0 or 1.0 / MUCH_THE_SAME < share < MUCH_THE_SAME or better == start:
         return _Tried(term, start, chi2, sketched, (), chi2)
     there = place.residuals_without + share * change
     return _Tried(term, start, chi2, sketched, better, float(there @ there))

@@ -9,6 +9,7 @@ from typing import Literal
 import numpy as np
 
 from hil.diagnosis.problem import Problem
+from hil.diagnosis.yardsticks import FEW, MUCH_THE_SAME
 from hil.identification.estimate import Unknown
 from hil.identification.lines import between_bins, prominence
 from hil.physics.compose import Site, kernel
@@ -17,8 +18,9 @@ from hil.physics.plant import Parameter
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
-# Starts of a base parameter, as factors of its value.
-_FACTORS = (0.5, 0.8, 1.25, 2.0)
+# Starts of a base parameter, as factors of its value: twice as large or much the same, and as much smaller.
+_LARGER = (MUCH_THE_SAME, 2.0)
+_FACTORS = (*_LARGER, *(1.0 / factor for factor in _LARGER))
 
 
 @dataclass(frozen=True, slots=True)
@@ -200,7 +202,7 @@ def _seen(
 _Line = tuple[float, float, tuple[float, float, float]]
 
 
-def _tones(problem: Problem, left: Array, most: int = 4) -> tuple[tuple[float, float, float], ...]:
+def _tones(problem: Problem, left: Array) -> tuple[tuple[float, float, float], ...]:
     """The strongest lines in the residuals, and the one that stands out most: (frequency in Hz, amplitude in the
     output's unit, phase).
     """
@@ -221,4 +223,4 @@ def _tones(problem: Problem, left: Array, most: int = 4) -> tuple[tuple[float, f
             found.append((float(of[k]), 1.0 / duration_s, tone))
     first = max(standing_out, key=lambda item: item[0])
     others = [item for item in sorted(strongest, key=lambda item: -item[0]) if abs(item[2][0] - first[2][0]) > item[1]]
-    return tuple(tone for _, _, tone in [first, *others][:most])
+    return tuple(tone for _, _, tone in [first, *others][:FEW])
