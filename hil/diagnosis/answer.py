@@ -34,7 +34,7 @@ from hil.diagnosis.evidence import (
     probabilities,
     training_half,
 )
-from hil.diagnosis.false_alarms import false_alarms
+from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
 from hil.diagnosis.happened import Happened
 from hil.diagnosis.kept_back import fit_kept_back, kept_back, predicted
 from hil.diagnosis.locate import StageShare, Where, locate, stages
@@ -181,7 +181,7 @@ class Answer:
             left=left,
             limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
             warnings=self._all_warnings(changed),
-            false_alarms=false_alarms(plant.name),
+            false_alarms=self._false_alarms(),
             seconds=round(seconds, 3),
             shadow=shadow(self.found, shares, left.stages),
             strips=drawn,
@@ -352,6 +352,12 @@ class Answer:
         if noise <= MOST and any(limit.visible for limit in unseen):
             return ""
         return nothing_can_be_said(self.held_out.ceiling)
+
+    def _false_alarms(self) -> FalseAlarms:
+        problem = self.problem
+        coloured = any(noise.colour or noise.hum_hz for noise in problem.noises)
+        lasting_s = sum(e.duration_s for e in problem.experiments)
+        return false_alarms(problem.plant.name, "coloured" if coloured else "white", lasting_s)
 
     # -- fits --------------------------------------------------------------------------------------------
 

@@ -1,19 +1,20 @@
-"""How often a healthy unit is called anything but consistent: counted by plant, and unknown for any other."""
+"""How often a healthy unit is called anything but consistent: counted by plant, noise and length, else unknown."""
 
 from __future__ import annotations
 
+import csv
 from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Literal
 
 from scipy.stats import binomtest
 
-# Alarms and healthy units by plant: cases of the concealment proof without an effect (own equations, four recordings,
-# white and coloured noise), and for the HPV41 300 short recordings more (docs/explanation/proof.md).
-_COUNTED = {
-    "brevini-hpv41": (0, 360),
-    "cummins-efc": (0, 57),
-    "hydraforce-sp08-47c": (0, 63),
-    "linear-axis": (0, 57),
-}
+Colour = Literal["white", "coloured"]
+
+# Cases of the concealment proof without an effect (own equations, four recordings), and for the HPV41 300 units of
+# three short ones (docs/explanation/proof.md).
+_COUNTED = Path(__file__).with_name("false_alarms.csv")
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,10 +30,45 @@ class FalseAlarms:
     scope: str
 
 
-def false_alarms(plant: str) -> FalseAlarms:
-    """The rate for a plant of the library; nothing is known of others."""
-    if plant not in _COUNTED:
+@dataclass(frozen=True, slots=True)
+class Counted:
+    """Alarms among healthy units of a plant whose recordings lasted so long in all; `noise` with or without colour."""
+
+    plant: str
+    noise: Colour
+    lasting_s: float
+    alarms: int
+    units: int
+
+    def is_like(self, lasting_s: float) -> bool:
+        """Whether recordings are neither twice as long nor half as long."""
+        return 0.5 < lasting_s / self.lasting_s < 2.0
+
+
+def false_alarms(plant: str, noise: Colour, lasting_s: float) -> FalseAlarms:
+    """The rate for a plant of the library, for noise of a kind and recordings that last so long in all.
+
+    Nothing is known of other plants, and of recordings that are much longer or shorter than those that were counted.
+    """
+    rows = [row for row in _counted() if row.plant == plant and row.noise == noise]
+    if not rows:
         return FalseAlarms(None, f"not counted for the plant '{plant}'")
-    alarms, units = _COUNTED[plant]
+    alike = [row for row in rows if row.is_like(lasting_s)]
+    if not alike:
+        lengths = " and ".join(f"{row.lasting_s:g} s" for row in rows)
+        return FalseAlarms(None, f"counted for recordings of {lengths} in all, not for {lasting_s:.3g} s")
+    alarms, units = sum(row.alarms for row in alike), sum(row.units for row in alike)
+    lengths = " and ".join(f"{row.lasting_s:g} s" for row in alike)
     high = float(binomtest(alarms, units).proportion_ci().high)
-    return FalseAlarms(round(high, 4), f"{alarms} alarms of {units} healthy simulated units of the plant '{plant}'")
+    of = f"healthy simulated units of the plant '{plant}', {noise} noise, recorded for {lengths} in all"
+    return FalseAlarms(round(high, 4), f"{alarms} alarms of {units} {of}")
+
+
+@cache
+def _counted() -> tuple[Counted, ...]:
+    with _COUNTED.open(encoding="utf-8", newline="") as file:
+        return tuple(
+            Counted(row["plant"], "white" if row["noise"] == "white" else "coloured",
+                    float(row["lasting [s]"]), int(row["alarms"]), int(row["units"]))
+            for row in csv.DictReader(file)
+        )  # fmt: skip
