@@ -98,8 +98,8 @@ class ModbusLine:
         try:
             answer = self.client.read_device_information(device_id=self._settings.unit_id)
             told: Mapping[int, bytes] = {} if answer.isError() else answer.information
-        except (ModbusException, OSError):  # the next question begins on a new connection
-            self.client.close()
+        except (ModbusException, OSError, AttributeError):  # none, or one to another question
+            self.client.close()  # the next question begins on a new connection
             return ""
         return " ".join(part.decode("ascii", "replace").strip() for part in told.values() if isinstance(part, bytes))
 

@@ -53,6 +53,8 @@ class ModbusLink:
         self._driven: dict[str, tuple[int, ...]] = {}
         self._around: dict[int, list[int]] = {}
         self._before: dict[str, float] = {}
+        self._looked_at = wiring.looked_at
+        self.unmeasured: dict[str, str] = {}
         self._checked_s = time.monotonic()
         self._enabled = False
         settings = settings.model_copy(
@@ -94,6 +96,7 @@ class ModbusLink:
             said |= stretch.split(self._ask(stretch.function, stretch.first, count=stretch.count))
         flags = self._flags(flag for register in self._inputs.values() for flag in register.status)
         self._line.has_read = True
+        self.unmeasured = {}
         readings = {name: self._measured(name, r, said[name], flags) for name, r in self._inputs.items()}
         if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
             self._outputs_stand()
@@ -264,15 +267,18 @@ class ModbusLink:
         """A reading, NaN when it is none.
 
         Raises:
-            LinkError: it is none from the first on: then the bench file is wrong, or the sensor dead.
+            LinkError: it is none from the first on, and something is to be run: the bench file is wrong, or the sensor
+                dead.
         """
         why = register.said_invalid(words, self._order)
         why = why or next((flag.means or "its status says so" for flag in register.status if flags[flag]), None)
         said = register.value_of(words, self._order)
         value = math.nan if why else register.measured(said, self._before.get(name))
-        if math.isnan(value) and name not in self._before:
+        if math.isnan(value):
             cause = why or f"a dead sensor, or check word_order (now {self._order})"
-            raise LinkError(f"{name} reads {said:.3g} {register.unit}, no measurement: {cause}")
+            if name not in self._before and not self._looked_at:
+                raise LinkError(f"{name} reads {said:.3g} {register.unit}, no measurement: {cause}")
+            self.unmeasured[name] = why or f"reads {said:.3g} {register.unit}: {cause}"
         self._before[name] = value
         return value
 

@@ -118,6 +118,7 @@ class CanLink:
         self.reading_age_s = max(ages, default=0.0) / 2.0
         self._driven_s: float | None = None
         self._stands: dict[str, float] = {}
+        self.unmeasured: dict[str, str] = {}
         self._away_s: dict[str, float] = {}
         self._quiet_until_s = 0.0
         self._echoes: list[tuple[int, bytes]] = []
@@ -184,6 +185,8 @@ class CanLink:
         now_s = time.monotonic()
         try:
             self._outputs_stand(now_s)
+            self.unmeasured = {name: why for name, t in self._inputs.items()
+                               if (why := self._received[t.message].why_none(t))}  # fmt: skip
             return {name: t.slope * self._received[t.message].value(t, now_s) + t.offset
                     for name, t in self._inputs.items()}  # fmt: skip
         except LinkError:

@@ -124,6 +124,7 @@ class ScpiLink:
         )  # fmt: skip
         self._outputs = {c.terminal: told.whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: told.whole[c.terminal] for c in wiring.inputs.values()}
+        self.unmeasured: dict[str, str] = {}
         self._driven: dict[str, float] = {}
         self._checked_s = time.monotonic()
         try:
@@ -162,7 +163,10 @@ class ScpiLink:
         """
         if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
             self._outputs_stand()
-        return self._numbers(self._inputs)
+        readings = self._numbers(self._inputs)
+        self.unmeasured = {name: f"the instrument answers {self._said[self._inputs[name].ask]}"
+                           for name, value in readings.items() if math.isnan(value)}  # fmt: skip
+        return readings
 
     def close(self) -> None:
         """Close the line."""
@@ -187,7 +191,7 @@ class ScpiLink:
         texts = self._asked(queries)
         if len(texts) != len(queries):
             raise self._line.failed(f"{len(texts)} answers to {len(queries)} questions: {';'.join(texts)}")
-        said = dict(zip(queries, texts, strict=True))
+        said = self._said = dict(zip(queries, texts, strict=True))
         numbers = {name: self._number_in(said[place.ask], place) for name, place in places.items()}
         if None in numbers.values():
             raise self._line.failed(f"no number in the answer {';'.join(texts)}")

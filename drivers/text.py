@@ -134,6 +134,8 @@ class TextLink:
         self._inputs = {c.terminal: whole[c.terminal] for c in wiring.inputs.values()}
         self._driven: dict[str, float] = {}
         self._before: set[str] = set()
+        self._looked_at = wiring.looked_at
+        self.unmeasured: dict[str, str] = {}
         self._checked_s = time.monotonic()
         self._line = Line(
             settings.address, settings.baud, ENDS[talk.end], settings.timeout_s, settings.longest_reply_s,
@@ -175,8 +177,10 @@ class TextLink:
         if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
             self._outputs_stand()
         readings = self._asked(self._inputs)
+        self.unmeasured = {name: f"the device answers {self._said[self._inputs[name].ask]!r}"
+                           for name, value in readings.items() if math.isnan(value)}  # fmt: skip
         for name, value in readings.items():
-            if math.isnan(value) and name not in self._before:
+            if math.isnan(value) and name not in self._before and not self._looked_at:
                 raise LinkError(
                     f"{name} reads no measurement from the first on: a dead sensor, or look at its description"
                 )
@@ -240,6 +244,7 @@ class TextLink:
     def _asked(self, terminals: Mapping[str, TextTerminal]) -> dict[str, float]:
         """The values of terminals; those that share a question are asked at once."""
         answers: dict[str, str] = {}
+        self._said = answers
         found: dict[str, float] = {}
         for name, told in terminals.items():
             if told.ask not in answers:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -36,10 +36,15 @@ class DeviceInUse:
     settings: BaseModel
     terminals: Mapping[str, Terminal]
 
-    def open(self, channels: Mapping[str, ChannelEntry]) -> Daq:
-        """Open it with these channels, the outputs where they were found."""
+    def open(self, channels: Mapping[str, ChannelEntry], *, looked_at: bool = False) -> Daq:
+        """Open it with these channels, the outputs where they were found.
+
+        Args:
+            channels: of the bench.
+            looked_at: nothing is run: an input without a measurement is shown as such, not refused.
+        """
         with named(self.name):
-            daq: Daq = self.module.open_daq(self.settings, self.wiring(channels))
+            daq: Daq = self.module.open_daq(self.settings, replace(self.wiring(channels), looked_at=looked_at))
         return daq
 
     def open_to_make_safe(self, channels: Mapping[str, ChannelEntry]) -> Daq:

@@ -20,7 +20,7 @@ class PinnedDevice(DeviceInUse):
     port: Port = field(default_factory=lambda: Port(""))
     answered: dict[str, str] = field(default_factory=dict)
 
-    def open(self, channels: Mapping[str, ChannelEntry]) -> Daq:
+    def open(self, channels: Mapping[str, ChannelEntry], *, looked_at: bool = False) -> Daq:
         """Open it.
 
         Raises:
@@ -28,7 +28,7 @@ class PinnedDevice(DeviceInUse):
                 else when the device has said what it is.
         """
         self.port.path()
-        daq = DeviceInUse.open(self, channels)
+        daq = DeviceInUse.open(self, channels, looked_at=looked_at)
         for name, identity in getattr(daq, "identities", {}).items():
             if identity and self.answered.setdefault(name, identity) != identity:
                 daq.close()

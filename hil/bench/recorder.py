@@ -48,7 +48,7 @@ class Recorder:
             self._zero_s = float(block.time_s[0]) - self._first_s
         self._writer.append(self.time_of(block), block.columns)
         for name, channel in self._inputs.items():
-            self._follow(channel, block.inputs[name], self.time_of(block))
+            self._follow(channel, block.inputs[name], self.time_of(block), block.unmeasured.get(name, ""))
         if block.late:
             self.note("late samples", count=block.late)
 
@@ -64,7 +64,7 @@ class Recorder:
         """Samples kept inside belong to a part of the procedure, if it is described."""
         return nullcontext() if details is None else self._writer.part(details)
 
-    def _follow(self, channel: InputChannel, values: Any, time_s: Any) -> None:
+    def _follow(self, channel: InputChannel, values: Any, time_s: Any, why: str) -> None:
         """Write when an input stops being measured, and the first block in which it is measured throughout again."""
         lacking = ~np.isfinite(values)
         if not lacking.any():
@@ -74,5 +74,6 @@ class Recorder:
         if channel.name not in self._lacking:
             at = int(np.argmax(lacking))
             event = NONE if np.isnan(values[at]) else AT_END
-            self.note(event, channel=channel.name, from_s=time_s[at], low=channel.low, high=channel.high)
+            said = {"why": why} if why else {}
+            self.note(event, channel=channel.name, from_s=time_s[at], low=channel.low, high=channel.high, **said)
         self._lacking[channel.name] = self._lacking.get(channel.name, 0) + int(np.count_nonzero(lacking))

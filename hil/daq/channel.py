@@ -80,7 +80,12 @@ class InputChannel:
 
 @dataclass(frozen=True, slots=True)
 class Wiring:
-    """Every channel that a bench uses of one device; inputs in the order in which they are scanned."""
+    """Every channel that a bench uses of one device; inputs in the order in which they are scanned.
+
+    Attributes:
+        looked_at: nothing is run: an input without a measurement is shown as such, not refused.
+    """
 
     outputs: Mapping[str, OutputChannel]
     inputs: Mapping[str, InputChannel]
+    looked_at: bool = False

@@ -52,7 +52,8 @@ class Link(Protocol):
 
     A device that tells its readings without being asked may say `reading_age_s`: how old one is on average. One that
     says what it is (a serial number) may keep that as `identity`, empty when it has not: who answers to its address
-    with another one later is another device.
+    with another one later is another device. One that says why an input has no measurement may keep that after each
+    `read` as `unmeasured`, in words by terminal.
     """
 
     watchdog_s: float | None
@@ -114,6 +115,11 @@ class _Member:
         values = self._named(self.link.read)
         self.read_for_s.append(self.clock.now_s - begun_s)
         return {name: float(values[channel.terminal]) for name, channel in self.wiring.inputs.items()}
+
+    def unmeasured(self) -> dict[str, str]:
+        """Why inputs have no measurement, as far as the device says so."""
+        said: Mapping[str, str] = getattr(self.link, "unmeasured", {})
+        return {name: said[c.terminal] for name, c in self.wiring.inputs.items() if c.terminal in said} if said else {}
 
     def standing(self) -> dict[str, float]:
         if not self.wiring.outputs:
@@ -424,6 +430,7 @@ class PolledDaq:
                 return
             asked_s = self._clock.now_s
             readings |= member.read()
+            taken.unmeasured |= member.unmeasured()
             delay_s = 0.5 * (asked_s + self._clock.now_s) - updated_s - member.reading_age_s
             member.read_after_s.append(delay_s)
             delays_s[member.delay_name] = delay_s
@@ -560,6 +567,7 @@ class _Taken:
 
     def __init__(self, outputs: Iterable[str], inputs: Iterable[str], delays: Iterable[str]) -> None:
         self.late = 0
+        self.unmeasured: dict[str, str] = {}
         self.begun_s: float | None = None
         self.time_s: list[float] = []
         self._columns: tuple[dict[str, list[float]], ...] = tuple(
@@ -579,7 +587,7 @@ class _Taken:
         outputs, inputs, delays_s = (
             {name: np.array(values) for name, values in columns.items()} for columns in self._columns
         )
-        return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s)
+        return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s, self.unmeasured)
 
 
 def _answer(at: float, rescue: str) -> ReadBack:

@@ -361,4 +361,6 @@ def _refuse_no_number(block: Block, watched: frozenset[str]) -> None:
         wrong = np.isnan(values)
         if name not in watched and wrong.any():
             at_s = float(block.time_s[int(np.argmax(wrong))])
-            raise LinkError(f"'{name}' has no measurement at {at_s:.3f} s: dead sensor or device")
+            raise LinkError(
+                f"'{name}' has no measurement at {at_s:.3f} s: {block.unmeasured.get(name, 'dead sensor or device')}"
+            )

@@ -164,18 +164,24 @@ class Watch:
         lock = self.interlock
         lasted = f" for {lock.for_s:g} s" if lock.for_s else ""
         condition = f" while {lock.only_while}" if lock.only_while else ""
-        return f"{_reading(float(lock.allowed.values(block)[at]))}{lasted}{condition}; allowed: {lock.allowed}"
+        said = (block.unmeasured.get(name or "", "") for name in (lock.allowed.channel, lock.allowed.minus))
+        reading = _reading(float(lock.allowed.values(block)[at]), next(filter(None, said), ""))
+        return f"{reading}{lasted}{condition}; allowed: {lock.allowed}"
 
     def _stale_text(self, block: Block, at: int) -> str:
         lock = self.interlock
         value = float(block.values(lock.allowed.channel)[at])
-        stood = f"has stood at {value:.6g}" if np.isfinite(value) else f"has had {_reading(value)}"
+        stood = (
+            f"has stood at {value:.6g}"
+            if np.isfinite(value)
+            else f"has had {_reading(value, block.unmeasured.get(lock.allowed.channel, ''))}"
+        )
         return f"{lock.allowed.channel} {stood} for {lock.stale_s:g} s: dead sensor, broken wire or hanging device"
 
 
-def _reading(value: float) -> str:
+def _reading(value: float, why: str) -> str:
     if np.isnan(value):
-        return "no measurement"
+        return f"no measurement ({why})" if why else "no measurement"
     if np.isinf(value):
         return f"no measurement (beyond the {'upper' if value > 0.0 else 'lower'} end of its range)"
     return f"{value:.6g}"

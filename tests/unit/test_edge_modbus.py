@@ -309,6 +309,19 @@ def test_what_a_device_says_of_itself(said: str) -> None:
         link.close()
 
 
+def test_an_answer_to_another_question_is_no_identity() -> None:
+    device = Tables(inputs={0: 453})
+    other = bytes.fromhex("000000000005010402ffff")
+
+    def answer(frame: bytes) -> bytes:
+        return frame[:4] + other[4:] if frame[7] == 43 else device.on_tcp(frame)
+
+    with ForeignLine(answer) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"))
+        assert link.identity == "" and link.read()["t"] == 453.0
+        link.close()
+
+
 def test_frames_are_logged_for_who_listens_and_nobody_else(
     caplog: pytest.LogCaptureFixture, capfd: pytest.CaptureFixture[str]
 ) -> None:

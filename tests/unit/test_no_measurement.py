@@ -96,13 +96,14 @@ def test_a_channel_that_never_reads_anything_is_stale_too() -> None:
 class Dead(Wire):
     """A wire of which one input has no measurement."""
 
-    def __init__(self, reading: float) -> None:
+    def __init__(self, reading: float, says_why: bool = False) -> None:
         super().__init__()
-        self.reading = reading
+        self.reading, self.says_why = reading, says_why
 
     def _run(self, waveform: object) -> Block:
         made = super()._run(waveform)  # type: ignore[arg-type]
-        return replace(made, inputs={**made.inputs, "b read": np.full(len(made), self.reading)})
+        inputs = {**made.inputs, "b read": np.full(len(made), self.reading)}
+        return replace(made, inputs=inputs, unmeasured={"b read": "open wire"} if self.says_why else {})
 
 
 def guarded(reading: float, *locks: Interlock) -> Guard:
@@ -112,6 +113,14 @@ def guarded(reading: float, *locks: Interlock) -> Guard:
 def test_without_an_interlock_a_dead_channel_ends_the_task() -> None:
     with pytest.raises(LinkError, match="'b read' has no measurement at"):
         guarded(np.nan).ready()
+
+
+def test_why_there_is_none_is_said_in_the_devices_words() -> None:
+    with pytest.raises(LinkError, match=r"'b read' has no measurement at .* s: open wire"):
+        Guard(Dead(np.nan, says_why=True), Protection(rate_hz=100.0)).ready()
+    watch = Watch(Interlock("p", "trip", Band("pressure", high=1.0)))
+    found = watch.judge(replace(block([0.0, np.nan]), unmeasured={"pressure": "sensor broken"}))
+    assert found is not None and "no measurement (sensor broken); allowed" in found.text
 
 
 def test_an_interlock_decides_how_long_its_channel_may_be_dead() -> None:

@@ -6,7 +6,9 @@ import csv
 import json
 import math
 import re
-from collections.abc import Iterable
+import struct
+from collections.abc import Callable, Generator, Iterable
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +22,8 @@ from hil.bench.read import read_bench
 from hil.cli.app import _assembled
 from hil.errors import LinkError, SettingError
 from sim_devices._quirks import Quirks
+from tests.described import bench, input_, output, written
+from tests.foreign_line import ForeignLine
 from tests.links import bench_text, served
 from tests.recorded_line import RecordedLine
 
@@ -77,6 +81,100 @@ def test_a_device_that_does_not_answer_is_stale_and_then_back(tmp_path: Path) ->
             device.behaviour.quirks = Quirks()
             assert any(looked.look(0.3)[0].state == "ok" for _ in range(12))
             assert not looked.failures
+
+
+_MODULE = """\
+protocol = "modbus"
+summary = "two inputs"
+[modbus]
+addresses = "wire"
+[terminals."in{n}"]
+count = 2
+direction = "in"
+unit = "V"
+range = [0, 10]
+table = "input"
+address = 0
+slope = 0.001
+invalid = { "0x8000" = "open wire", "0x8001" = "sensor fault" }
+[terminals.command]
+direction = "out"
+unit = "V"
+range = [-10, 10]
+table = "holding"
+address = 0
+type = "s16"
+slope = 0.001
+"""
+_METER = """\
+protocol = "scpi"
+summary = "two inputs"
+[terminals."in{n}"]
+count = 2
+direction = "in"
+unit = "V"
+range = [0, 10]
+ask = "READ{n}?"
+[terminals.command]
+direction = "out"
+unit = "V"
+range = [-10, 10]
+tell = "SOUR {value:.3f}"
+"""
+
+
+def _looked_at(folder: Path, description: str, device: str, answer: Callable[[bytes], bytes]) -> Generator[list[str]]:
+    """The states of both inputs, look by look."""
+    written(folder, "two.toml", description)
+    with ForeignLine(answer) as line:
+        entry = device.format(line.port)
+        channels = (
+            output("command", "command", role="command")
+            + input_("flow", "in0", role="response")
+            + input_("pressure", "in1")
+        )
+        path = written(folder, "bench.toml", bench(f'{entry}\nmodel = "two.toml"', channels, "flow"))
+        with inputs_of(read_bench(path), ["flow", "pressure"]) as looked:
+            while True:
+                states = [reading.state for reading in looked.look(0.06)]
+                if not any("no sample yet" in state for state in states):
+                    yield states
+
+
+def test_words_of_a_count_are_those_of_now_from_the_first_look_on(tmp_path: Path) -> None:
+    counts = [5000, 0x8000]
+
+    def answer(came: bytes) -> bytes:
+        counts[0] ^= 1
+        if came[7] == 43:
+            return came[:4] + struct.pack(">HBBB", 3, came[6], 43 | 0x80, 1)
+        return came[:4] + struct.pack(">HBBBHH", 7, came[6], 4, 4, *counts)
+
+    entry = 'driver = "modbus"\naddress = "127.0.0.1:{}"'
+    with closing(_looked_at(tmp_path, _MODULE, entry, answer)) as states:
+        assert next(states) == ["ok", "no measurement: open wire"]
+        counts[1] = 4000
+        assert next(states) == ["ok", "ok"]
+        counts[1] = 0x8001
+        assert next(states) == ["ok", "no measurement: sensor fault"]
+
+
+def test_words_of_an_answer_are_those_of_now(tmp_path: Path) -> None:
+    said = ["1.5", "9.91E37"]
+
+    def answer(came: bytes) -> bytes:
+        text = came.decode()
+        if "*IDN" in text:
+            return b'A,B,1,1;0,"No error"\n' if "SYST" in text else b"A,B,1,1\n"
+        return f'{said[0]};{said[1]};0,"No error"\n'.encode() if "READ" in text else b'0,"No error"\n'
+
+    entry = 'driver = "scpi"\naddress = "socket://127.0.0.1:{}"'
+    with closing(_looked_at(tmp_path, _METER, entry, answer)) as states:
+        assert next(states) == ["ok", "no measurement: the instrument answers 9.91E37"]
+        said[1] = "-9.9E37"
+        assert next(states) == ["ok", "over-range: at the lower end"]
+        said[:] = "NAN", "2.0"
+        assert next(states) == ["no measurement: the instrument answers NAN", "ok"]
 
 
 def test_what_cannot_be_looked_at() -> None:

@@ -125,7 +125,7 @@ class _Looked:
             time.sleep(duration_s)
             return
         try:
-            self.daq = self.daq or self._device.open(self._channels)
+            self.daq = self.daq or self._device.open(self._channels, looked_at=True)
             for block in self.daq.play(self._waveform(self.daq, duration_s)):
                 self._take(block)
         except HardwareError as error:
@@ -167,5 +167,5 @@ class _Looked:
         if not len(block):
             raise DeviceLostError(f"{self._device.name}: no samples came")
         for name, followed in self._followed.items():
-            followed.take(block.time_s, block.inputs[name])
+            followed.take(block.time_s, block.inputs[name], block.unmeasured.get(name, ""))
         self._came_s = time.monotonic()

@@ -59,9 +59,11 @@ class Followed:
         self._longest_s = min(stale, default=_UNCHANGED_S)
         self._samples: deque[tuple[float, float]] = deque()
         self._changed_s = -math.inf
+        self._why = ""
 
-    def take(self, time_s: Array, raw: Array) -> None:
-        """Samples that came: their stamps, and what the terminal read, shape (n,)."""
+    def take(self, time_s: Array, raw: Array, why: str = "") -> None:
+        """Samples that came: their stamps, what the terminal read, shape (n,), and why some are no measurement."""
+        self._why = why
         for at_s, value in zip(time_s.tolist(), raw.tolist(), strict=True):
             if not self._samples or not _same(value, self._samples[-1][1]):
                 self._changed_s = at_s
@@ -107,7 +109,7 @@ class Followed:
 
     def _state(self, raw: float, marked: float) -> str:
         if math.isnan(raw):
-            return "no measurement"
+            return f"no measurement: {self._why}" if self._why else "no measurement"
         if raw < self._open_below:
             return f"open wire: below {self._open_below:.3g} {self._raw_unit}"
         if math.isinf(marked):
