@@ -52,11 +52,12 @@ def _assembled() -> typer.Typer:
 
 def main() -> int:
     """Run the command line; returns the exit status of the contract (0, 1, 2, 3)."""
-    silent = len(sys.argv) == 1  # the help is shown, and nothing was done
+    silent, said.ended = len(sys.argv) == 1, False  # without a word the help is shown, and nothing was done
     try:
         app = _assembled()
         status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
-        if status == _CTRL_C and (signalled := raised()) is not None and status_of(signalled) != _CTRL_C:
+        signalled = None if said.ended or status != _CTRL_C else raised()
+        if signalled is not None and status_of(signalled) != _CTRL_C:
             return _stopped(signalled)  # typer takes every signal that was raised for Ctrl-C
         return 2 if silent else int(status or 0)
     except BrokenPipeError:  # the reader of our output went away, as `head` does

@@ -14,9 +14,14 @@ from hil.safety.interrupt import Halted
 debug = False
 """Whether the traceback is shown too."""
 
+ended = False
+"""Whether it has been said why the program ends: it is said once."""
+
 
 def say(error: BaseException, *more: str) -> int:
     """Print why the program ends, as far as anybody reads it; returns the exit status."""
+    global ended
+    ended = True
     status = exit_status_of(error)
     with suppress(OSError, ValueError):  # stderr may be closed, full, or a terminal that is gone
         if debug:

@@ -7,9 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 
 from hil.__main__ import main
+from hil.cli.said import say
+from hil.errors import marked
 from hil.physics.model import save_model, typical_model
+from hil.safety.interrupt import Terminated
 
 FLOW_PER_COMMAND = 0.5
 
@@ -205,6 +209,18 @@ def test_ctrl_c_is_exit_status_130(hil, monkeypatch: pytest.MonkeyPatch) -> None
 
     monkeypatch.setattr("hil.cli.list_.entries", stopped)
     assert hil("list", "plants")[0] == 130
+
+
+def test_a_second_signal_says_no_second_end(hil, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(_kind: str) -> None:
+        ended = KeyboardInterrupt()
+        marked(ended, 130, "outputs are safe (read back)")
+        raise typer.Exit(say(ended))
+
+    monkeypatch.setattr("hil.cli.list_.entries", stopped)
+    monkeypatch.setattr("hil.cli.app.raised", Terminated)  # it came in the same moment
+    status, _, said = hil("list", "plants")
+    assert (status, said) == (130, "hil: stopped; outputs are safe (read back)\n")
 
 
 def test_a_parameter_where_a_recording_should_be_is_told(hil) -> None:
