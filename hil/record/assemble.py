@@ -18,7 +18,13 @@ from hil.record.named import named
 from hil.record.not_taken import is_even, not_taken
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Array, Channel, Recording, Samples, check
-from hil.record.response_table import ResponseTable, looks_like_responses, refuse_mislabelled, response_table
+from hil.record.response_table import (
+    ResponseTable,
+    looks_like_responses,
+    refuse_mislabelled,
+    response_table,
+    without_phase,
+)
 from hil.units import check_unit
 
 _SAME_STAMP = 1e-3  # of an interval
@@ -52,7 +58,7 @@ def assemble(
         return response_table(name, read, meta)
     timed = [one for one in _timed(name, read, reading) if len(one.time_s)]
     if not timed:
-        raise FileError(f"{name}: {_nothing(read)}")
+        raise FileError(f"{name}: {without_phase(read) or _nothing(read)}")
     refuse_mislabelled(name, [column for one in timed for column in one.signals])
     taken, assumed = _without_blanks(name, timed, place, reading.gaps)
     base = max(taken, key=lambda one: len(one.time_s))

@@ -6,7 +6,7 @@ import csv
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +33,7 @@ _WORDS = {
 _STD = re.compile(r"\b(std|sigma|sd|uncertainty|std dev|u)\b")
 _FREQUENCY_UNITS = frozenset({"Hz", "kHz", "mHz", "MHz", "rad/s", "hertz", "1/s", "rpm"})
 _ANGLES = frozenset({"deg", "°", "rad", "mrad", "degree", "degrees", "grad", "Deg"})
+_GERMAN_DEGREES = ("Grad", "grad")  # 1/360 of a turn there, 1/400 in English, where nobody measures phases in it
 _DECIBEL = frozenset({"db", "decibel"})
 _DB = 20.0 / math.log(10.0)
 
@@ -89,7 +90,7 @@ class ResponseTable:
 
 def looks_like_responses(tables: Sequence[Table]) -> bool:
     """Whether the tables hold no samples in time but lines of a frequency response."""
-    return any(_parts(table.columns) for table in tables)
+    return any(_parts(_with_names(table.columns)) for table in tables)
 
 
 def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] | None = None) -> ResponseTable:
@@ -98,7 +99,8 @@ def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] |
     Raises:
         FileError: a unit is missing or no unit of what it should be, or lines that are no frequency response.
     """
-    table = next(table for table in tables if _parts(table.columns))
+    named = [replace(table, columns=_with_names(table.columns)) for table in tables]
+    table = next(table for table in named if _parts(table.columns))
     parts = _parts(table.columns)
     said = [table.assumed] if table.assumed else []
     frequency_hz = _frequency_hz(name, parts["frequency"])
@@ -120,12 +122,31 @@ def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] |
         why = f"frequency {twice[0]:g} Hz stands in it twice" if twice.size else f"{len(found)} frequencies"
         raise FileError(f"{name}: {why}; a frequency response has at least two, each once")
     gain_std = _gain_std(stds.get("gain"), np.abs(response), in_db)
-    phase_std = None if "phase" not in stds else _angle(name, stds["phase"])
+    phase_std = None if "phase" not in stds else _angle(name, stds["phase"], said)
     about = {**(meta or {}), **({"assumed": said} if said else {})}
     return ResponseTable(
         name, found, np.asarray(response[kept], dtype=np.complex128), unit, in_db,
         None if gain_std is None else gain_std[kept], None if phase_std is None else phase_std[kept], about,
     )  # fmt: skip
+
+
+def without_phase(tables: Sequence[Table]) -> str:
+    """What a table with frequencies and gains alone lacks, in words; empty for any other."""
+    for table in tables:
+        found = {_what(column) for column in _with_names(table.columns) if column.is_number}
+        if {"frequency", "gain"} <= found and "phase" not in found:
+            return "frequencies and gains without a phase; a frequency response needs both, or real and imaginary part"
+    return ""
+
+
+def _with_names(columns: Sequence[Column]) -> list[Column]:
+    """Columns that are called by their unit alone (`dB`, `deg`) with the names of what these units measure."""
+    named = {**dict.fromkeys(_DECIBEL, "gain"), "deg": "phase", "°": "phase", "degrees": "phase"}
+    what = [named.get(column.heading.strip().casefold(), "") for column in columns]
+    return [
+        replace(column, heading=name, unit=column.heading.strip()) if name else column
+        for column, name in zip(columns, what, strict=True)
+    ]
 
 
 def refuse_mislabelled(name: str, columns: Sequence[Column]) -> None:
@@ -242,15 +263,18 @@ def _gain(name: str, column: Column, said: list[str]) -> tuple[Array, str, bool]
 
 def _phase_rad(name: str, column: Column, said: list[str]) -> Array:
     label, _ = column.name_and_unit
-    values = _angle(name, column)
+    values = _angle(name, column, said)
     if "lag" in headings.plain_name(label) and np.nanmedian(values) > 0.0:
         said.append(f"'{label}' is positive and taken as a lag, so its sign is turned")
         return -values
     return values
 
 
-def _angle(name: str, column: Column) -> Array:
+def _angle(name: str, column: Column, said: list[str]) -> Array:
     label, unit = column.name_and_unit
+    if unit in _GERMAN_DEGREES:
+        said.append(f"'{label}' is in {unit}, taken as degrees of 360 to a turn; --unit '{label}=gon' says otherwise")
+        unit = "deg"
     if not unit:
         raise FileError(
             f"{name}: no unit is stated for '{label}'; say it with --unit {label}=deg or --unit {label}=rad"
