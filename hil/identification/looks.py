@@ -23,6 +23,8 @@ from hil.physics.transfer_function import from_parameters
 from hil.record.recording import Array
 
 _SAME_FREQUENCY, _LEAST_PERIODS, _LINE_WIDTH, _ALL_POWER = 1.05, 3, 3, 0.999  # of a command that is one sine
+_GROWS, _LEAST_GROWN = 2.0, 40  # times from quarter to quarter: an integrator's grows by 3/2 or less; samples
+_TOLD = 3.0  # standard deviations
 _LINEAR = "transfer-function"
 
 
@@ -84,7 +86,23 @@ def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, f
         for name, fit in fits.items()
         if fit < 0.0
     ]
-    return (*below, *_beyond_nyquist(model, experiments), *_integrates(model))
+    away = [sentence for e in experiments for sentence in _runs_away(model, e)]
+    return (*below, *away, *_beyond_nyquist(model, experiments), *_integrates(model), *runs_the_other_way(model))
+
+
+def _runs_away(model: Model, e: Experiment) -> list[str]:
+    """What is said of a response that grows and grows while its command does not: faster than any integrator's."""
+    if model.plant != _LINEAR or len(e.output) < _LEAST_GROWN:
+        return []
+
+    def sizes(values: Array) -> Array:
+        return np.array([float(np.abs(part - values[0]).max()) for part in np.array_split(values, 4)])
+
+    out, given = sizes(e.output), sizes(e.on_grid_input())
+    if not np.all(out[1:] > _GROWS * out[:-1]) or given[-1] > _GROWS * given[:-1].max():
+        return []
+    seen = "the output grows ever faster while the input does not: the plant is unstable, and no stable form fits it"
+    return [f"{e.name}: {seen}; record it in the loop that holds it"]
 
 
 def _too_slow(model: Model, e: Experiment) -> list[str]:
@@ -133,6 +151,14 @@ def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> tuple[st
     shown = f"what samples {fastest_s:.3g} s apart can show ({limit:.4g} rad/s)"
     beyond = [f"{name} at {value:.4g} rad/s" for name, value in corners.items() if value > limit]
     return tuple(f"{what} lies beyond {shown}: it is no measurement" for what in beyond)
+
+
+def runs_the_other_way(model: Model) -> tuple[str, ...]:
+    """What is said of a transfer function with a gain below zero, beyond its uncertainty."""
+    gains = [model.parameters[name] for name in ("gain", "integrator_gain")] if model.plant == _LINEAR else []
+    if not any(gain.value < -_TOLD * gain.std for gain in gains if gain.std):
+        return ()
+    return ("the output falls where the input rises: is its sign right, or that of the input?",)
 
 
 def _integrates(model: Model) -> tuple[str, ...]:

@@ -12,6 +12,7 @@ from hil.errors import FileError, InputError, SettingError
 from hil.identification.factored import model_of
 from hil.identification.frequency_response import FrequencyResponse, average, from_polar
 from hil.identification.linear_evidence import doubts
+from hil.identification.looks import runs_the_other_way
 from hil.identification.order_choice import fit_transfer_function
 from hil.identification.transfer_function import TransferFunctionFit, Weights, fit_percent
 from hil.physics.model import Covariance, Model, Value
@@ -103,7 +104,8 @@ def fit_tables(
         PLANT.name, values, (), given, answer, covariance=Covariance(names, tuple(map(tuple, covariance.tolist()))),
         origin=origin,
     )  # fmt: skip
-    return TableFit(model, fit, tuple(f"the lines do not bear it out: {why}" for why in doubts(fit)))
+    unborne = (f"the lines do not bear it out: {why}" for why in doubts(fit))
+    return TableFit(model, fit, (*unborne, *runs_the_other_way(model)))
 
 
 def averaged(tables: Sequence[ResponseTable], *, normalised: bool = False) -> ResponseTable:

@@ -29,7 +29,7 @@ _LOOSE = (
 _TIMES = frozenset({
     "time", "t", "timestamp", "timestamps", "zeit", "x value", "relative time", "elapsed time", "elapsed", "time stamp",
     "datetime", "date time", "absolute time", "clock", "zeitstempel", "uhrzeit", "temps", "tiempo", "tempo", "rel time",
-    "abs time", "run time", "test time", "seconds", "sec", "master time", "time axis",
+    "abs time", "run time", "test time", "timer", "times", "seconds", "sec", "master time", "time axis",
 })  # fmt: skip
 _DATES = frozenset({"date", "datum", "day", "fecha"})
 _TIME_WORDS = frozenset({"time", "zeit", "t", "timestamp", "temps", "tiempo"})

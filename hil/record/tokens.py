@@ -15,8 +15,12 @@ BLANKS = ("", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "
 
 _NUMBER = re.compile(r"[+\-\u2212]?(\d+([.,]\d*)?|[.,]\d+)([eEdD][+-]?\d+)?$|[+-]?(inf|infinity)$", re.IGNORECASE)
 _GROUPED = re.compile(r"[+\-\u2212]?\d{1,3}(?P<group>[.,' \u2019\u00a0\u202f])\d{3}((?P=group)\d{3})*([.,]\d*)?$")
-_DATE = re.compile(r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})$")
-_STAMP = re.compile(r"(\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{2,4})[ T]+\d{1,2}:\d{2}")
+_MONTH = r"(jan|feb|mar|apr|may|jun|jul|aug|sep|oct|nov|dec)[a-z]*"
+_DAYS = (
+    rf"(\d{{4}}[-/.]\d{{1,2}}[-/.]\d{{1,2}}|\d{{1,2}}[-/.]\d{{1,2}}[-/.]\d{{2,4}}|\d{{1,2}}[- ]{_MONTH}[- ]\d{{2,4}})"
+)
+_DATE = re.compile(rf"{_DAYS}$", re.IGNORECASE)
+_STAMP = re.compile(rf"{_DAYS}[ T]+\d{{1,2}}:\d{{2}}", re.IGNORECASE)
 _CLOCK = re.compile(r"\d{1,3}:\d{2}(:\d{2}(:\d{1,3})?)?([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE)
 _QUANTITY = re.compile(r"([+\-\u2212]?[\d.,]+([eE][+-]?\d+)?)\s*([^\d\s.,:;+-][^\s:]*)$")
 _FRACTION = re.compile(r"^(\d+:\d\d:\d\d):(\d{1,3})$")

@@ -10,9 +10,10 @@ import pytest
 
 from hil.diagnosis.check import check
 from hil.errors import FileError
+from hil.identification.experiment import experiment
 from hil.identification.fit import fit_percent
 from hil.identification.grey_box import fit_plant
-from hil.identification.looks import Looked, believed, look
+from hil.identification.looks import Looked, believed, doubts, look, runs_the_other_way
 from hil.identification.mistaken.suspicion import Suspicion
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect
@@ -141,3 +142,24 @@ def test_what_identify_took_is_not_refused_afterwards(mistake: str) -> None:
 def test_too_few_samples_are_refused() -> None:
     with pytest.raises(FileError, match="at least 20 are needed"):
         fit_plant(typical_model(PLANT), bound(typical_model(PLANT), [with_rows(made_steps(), slice(10))]))
+
+
+@pytest.mark.parametrize(("gain", "std", "said"), [(-2.0, 0.1, 1), (-0.2, 0.1, 0), (2.0, 0.1, 0), (-2.0, None, 0)])
+def test_a_transfer_function_whose_output_falls_is_told_of(gain: float, std: float | None, said: int) -> None:
+    one = typical_model("transfer-function")
+    turned = replace(one, parameters={**one.parameters, "gain": replace(one.parameters["gain"], value=gain, std=std)})
+    assert len(runs_the_other_way(turned)) == said
+
+
+@pytest.mark.parametrize(("rate", "said"), [(1.5, True), (0.0, False), (-1.5, False)])
+def test_an_output_that_runs_away_is_called_unstable(rate: float, said: bool) -> None:
+    """A pole at that rate; 0 is an integrator, which grows with its input's sum alone."""
+    time_s = np.arange(0.0, 4.0, 0.01)
+    command = np.where(time_s > 0.1, 1.0, 0.0) + 0.2 * np.sin(7.0 * time_s)
+    output = np.zeros_like(time_s)
+    for k in range(1, len(time_s)):
+        output[k] = output[k - 1] + 0.01 * (rate * output[k - 1] + command[k - 1])
+    one = recording("away", time_s, {"u [V]": command, "y [mm]": output})
+    start = typical_model("transfer-function")
+    found = doubts(start, [experiment(one, start.definition, "u", "y", 0.0)], {})
+    assert any("unstable" in sentence for sentence in found) == said

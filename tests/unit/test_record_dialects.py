@@ -88,6 +88,7 @@ TIMES = {
                                                 f"{clock(t, ',')},{u},{y}"),
     "parts of a second behind a colon": ("Time,command [%],flow [l/min]\n", lambda t, u, y: f"{clock(t, ':')},{u},{y}"),
     "days of a spreadsheet": ("time,command [%],flow [l/min]\n", lambda t, u, y: f"{dated(t)},{u},{y}"),
+    "months by name": ("Date,command [%],flow [l/min]\n", lambda t, u, y: f"01-Jan-2026 10:00:0{t:.3f},{u},{y}"),
     "known by its unit": ("X [s],command [%],flow [l/min]\n", comma),
     "a compound word": ("SimTime,command [%],flow [l/min]\n", comma),
     "another language's second": ("Laufzeit [Sek.],command [%],flow [l/min]\n", comma),
