@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+import json
+import math
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from hil.session.procedure import load_procedure
 from tests.coverage_study.cases import Case, truthful
 from tests.coverage_study.recordings import driven, noisy
-from tests.coverage_study.score import Tally
+from tests.coverage_study.score import Tally, Truth
 from tests.coverage_study.situations import Situation
+
+_LEAST = 5  # runs of a case in a situation
 
 
 @dataclass
@@ -24,15 +29,21 @@ class Outcome:
     strange: set[str] = field(default_factory=set)
 
 
-def tried(case: Case, situation: Situation, seeds: range, at: Path, said: Callable[[str], None] = print) -> Outcome:
-    """Evaluate the recordings of all seeds."""
+def tried(
+    case: Case, situation: Situation, seeds: range, at: Path, said: Callable[[str], None] = print,
+    limit_s: float = math.inf,
+) -> Outcome:  # fmt: skip
+    """Evaluate the recordings of all seeds, or of as many as `limit_s` of processor time gives, five at least."""
     procedure = load_procedure(case.procedure)
     clean = driven(procedure, case.bench, case.settings, situation, at / "driven")
     honest = truthful(situation)
     told = clean if honest == situation else driven(procedure, case.bench, case.settings, honest, at / "truth")
     truths = case.truth(told, case.bench, honest)
     made = Outcome(case, situation, 0, {name: Tally(truth, situation.drawn) for name, truth in truths.items()})
-    for seed in seeds[: max(5, round(case.share * len(seeds)))]:
+    began_s = time.process_time()
+    for seed in seeds[: max(_LEAST, round(case.share * len(seeds)))]:
+        if made.runs >= _LEAST and time.process_time() - began_s > limit_s:
+            break
         findings = procedure.evaluate(noisy(clean, case.bench, situation, seed))
         made.runs += 1
         missing = dict.fromkeys(made.tallies)
@@ -48,6 +59,24 @@ def tried(case: Case, situation: Situation, seeds: range, at: Path, said: Callab
     return made
 
 
-def settings_of(case: Case, situation: Situation) -> Mapping[str, str]:
-    """As the procedure gets them."""
-    return {**case.settings, **situation.settings.get(case.procedure, {})}
+def kept(file: Path, case: Case, situation: Situation) -> Outcome | None:
+    """The outcome that a file of this name holds, if it is there."""
+    if not file.exists():
+        return None
+    told = json.loads(file.read_text(encoding="utf-8"))
+    tallies = {name: Tally(**one | {"truth": _truth(one["truth"])}) for name, one in told["tallies"].items()}
+    return Outcome(case, situation, told["runs"], tallies, set(told["strange"]))
+
+
+def keep(file: Path, outcome: Outcome) -> None:
+    """Write an outcome, so that a study that ends early goes on where it was."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    told = {
+        "runs": outcome.runs, "strange": sorted(outcome.strange),
+        "tallies": {name: asdict(tally) for name, tally in outcome.tallies.items()},
+    }  # fmt: skip
+    file.write_text(json.dumps(told, default=float), encoding="utf-8")
+
+
+def _truth(told: float | list[float]) -> Truth:
+    return (told[0], told[1]) if isinstance(told, list) else told

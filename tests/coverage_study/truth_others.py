@@ -71,7 +71,9 @@ def of_leakage_check(_clean: Recording, _bench: str, _situation: Situation) -> T
 
 def of_electrical_check(clean: Recording, _bench: str, _situation: Situation) -> Truths:
     """2.1 Ω at 72 °F and 90 mH; temperature and voltage as they are read without noise."""
-    warm_c = float(clean.values("coil temperature").mean())
+    (part,) = (part for part in clean.meta["parts"] if part["kind"] == "coil")
+    rows = slice(part["first"], part["first"] + part["count"])  # the coil is colder on the way there
+    warm_c = float(clean.values("coil temperature")[rows].mean())
     at_warm = 1.0 + 0.00393 * (warm_c - 20.0)
     at_reference = 1.0 + 0.00393 * ((72.0 - 32.0) / 1.8 - 20.0)
     current_a = float(clean.meta["settings"]["test_current"])

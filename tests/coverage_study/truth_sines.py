@@ -17,6 +17,8 @@ from tests.coverage_study.situations import OPEN, Situation
 from tests.coverage_study.truth_static import Truths
 
 _HARMONICS = 5
+_ANSWERED = 1e-3  # of the response at the lowest line: less is no response
+_DRAWN = 200  # pairs of periods
 _SAME_A = 1e-4  # two writings of one current
 
 
@@ -45,7 +47,7 @@ def of_frequency_response(clean: Recording, bench: str, _situation: Situation) -
         frequency_hz, response, thd = (np.array(column) for column in zip(*lines, strict=True))
         label = _label(clean, bias, amplitude)
         found |= _crossings(frequency_hz, response / _chain(clean, bench, frequency_hz), label)
-        found[f"thd, {label}"] = 100.0 * float(thd.max())
+        found[f"thd, {label}"] = 100.0 * float(thd[_answered(response)].max())
     return found
 
 
@@ -67,7 +69,8 @@ def of_multisine(clean: Recording, bench: str, situation: Situation) -> Truths:
         label = _label(clean, part["bias"], part["amplitude"])
         frequency_hz = excited * part["base_hz"]
         found |= _crossings(frequency_hz, response / _chain(clean, bench, frequency_hz), label)
-        found[f"noise, {label}"] = 100.0 * float(np.median(_noise(clean, bench, situation, periods * samples) / size))
+        noise = _noise(clean, bench, situation, part) / math.sqrt(periods)
+        found[f"noise, {label}"] = 100.0 * float(np.median(noise[excited] / size))
         for name in ("odd", "even"):
             level = _silent(given, answer, np.asarray(part[f"{name}_detection"]), excited, response)
             found[f"{name}_distortion, {label}"] = 100.0 * float(np.median(level / size))
@@ -138,6 +141,8 @@ def _crossings(frequency_hz: Array, response: Any, label: str) -> Truths:
     found: Truths = {f"gain, {label}": float(abs(response[0]))}
     decibel = 20.0 * np.log10(np.abs(response / response[0]))
     degrees = np.degrees(np.unwrap(np.angle(response)))
+    # where backlash lets nothing through, there is neither phase nor distortion
+    frequency_hz, decibel, degrees = (of[_answered(response)] for of in (frequency_hz, decibel, degrees))
     for name, values, level in (("bandwidth_3db", decibel, -3.0), ("bandwidth_90deg", degrees, -90.0)):
         if values.min() > level:
             found[f"{name}, {label}"] = (float(frequency_hz[-1]), math.inf)
@@ -149,6 +154,10 @@ def _crossings(frequency_hz: Array, response: Any, label: str) -> Truths:
     return found
 
 
+def _answered(response: Any) -> Any:
+    return np.abs(response) > _ANSWERED * np.abs(response[0])
+
+
 def _silent(given: Any, answer: Any, silent: Any, excited: Any, response: Any) -> Array:
     """Level on silent lines that the input's own leakage does not explain, rms over those nearest."""
     linear = np.interp(silent, excited, response.real) + 1j * np.interp(silent, excited, response.imag)
@@ -157,16 +166,22 @@ def _silent(given: Any, answer: Any, silent: Any, excited: Any, response: Any) -
     return np.array([math.sqrt(power[np.argsort(np.abs(silent - line))[:count]].mean()) for line in excited])
 
 
-def _noise(clean: Recording, bench: str, situation: Situation, samples: int) -> float:
-    """Of an amplitude in the mean spectrum, both parts together."""
+def _noise(clean: Recording, bench: str, situation: Situation, part: dict[str, Any]) -> Array:
+    """Of an amplitude of the spectrum of one period, both parts together, by drawing the noise before the converter."""
     told = tomllib.loads(benches()[bench].read_text(encoding="utf-8"))
     name = clean.meta["roles"]["response"]
     slope = float(told["channels"][name]["calibration"]["slope"])
-    noise = math.hypot(
+    noise = situation.noise * math.hypot(
         float(told["devices"]["daq"]["noise_v"]) * slope, told["simulation"]["instruments"][name]["noise"]
     )
-    rounding = slope * 20.0 / 2.0**situation.bits / math.sqrt(12.0)
-    return 2.0 * math.hypot(situation.noise * noise, rounding) / math.sqrt(samples)
+    samples = round(1.0 / (part["base_hz"] * clean.interval_s))
+    period, lsb = _rows(clean, part, "response")[1][:samples], slope * 20.0 / 2.0**situation.bits
+    rng = np.random.default_rng(1)
+    codes = period / lsb + rng.random((_DRAWN, 1))
+    read = lsb * np.rint(codes[:, None] + noise / lsb * rng.standard_normal((_DRAWN, 2, samples)))
+    apart = np.fft.rfft(read[:, 0] - read[:, 1], axis=1) * 2.0 / samples  # of two periods that are rounded alike
+    made: Array = np.sqrt(np.mean(np.abs(apart) ** 2, axis=0) / 2.0)
+    return made
 
 
 def _sine(clean: Recording, part: dict[str, Any], place: str, drift: bool = False) -> Truths:
