@@ -262,7 +262,7 @@ def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measuremen
     at_half = abs(float(np.interp(half[0], estimate.command, estimate.slope)))
     ends_std = math.hypot(swept_.low.std, swept_.high.std, math.sqrt(2.0) * swept_.rounding, swept_.drifted) / 2.0
     half = half[0], math.hypot(half[1], ends_std / at_half)
-    (gain, gain_std), steepest = largest_slope(estimate)
+    (gain, gain_std), steepest = largest_slope(estimate, swept_.speeds)
     share = math.hypot(calibration_share(response), calibration_share(command))
     found = [
         of["command_half"].at(unit=command.unit).of(*half, calibration=calibration_std(command)),

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.characteristic import largest_slope, level_at, over_all, polyline
+from hil.identification.characteristic import averaged_over, largest_slope, level_at, over_all, polyline
 from hil.identification.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.sweep_estimate import Sweep
 from hil.record.measurement import Findings, Measured, Measurement
@@ -106,16 +106,16 @@ def evaluate(recording: Recording) -> Findings:
     curve = curve_of(recording.name, pieces, command.name, response.name)
     span = direction * curve.span
     estimate, share = curve.estimate, calibration_share(response)
+    speeds = [speed for speed, _ in pieces]
     # the branches are shifted by the mean delay; how far the delays of the valve lie apart bends the curve a little
-    swept_s = sum(1.0 / speed for speed, _ in pieces)
-    bent = curve.lag_s**2 * sum(speed for speed, _ in pieces) / swept_s / math.sqrt(12.0)
+    bent = averaged_over(estimate, speeds) ** 2 / math.sqrt(12.0)
     noise_std = float(np.median(estimate.std * np.sqrt(estimate.points.count)))
     level_std = mean_rounding_std(noise_std, rounding_step(response.values))
     span_std = math.hypot(curve.span_std, level_std * math.sqrt(2.0))
     measured = [SPAN.of(span, span_std, calibration=share * abs(span))]
     notes = list(_notes(curve, span, direction))
     if abs(span) > 10.0 * curve.span_std:
-        (steepest, steepest_std), _ = largest_slope(estimate)
+        (steepest, steepest_std), _ = largest_slope(estimate, speeds)
         half = over_all(estimate, lambda p, _slope: level_at(estimate.command, p, (p[0] + p[-1]) / 2.0))
         points = [
             PRESSURE.at(f"{i:g} A").of(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,6 +18,7 @@ GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gai
 _GAIN_POINTS = 200
 _EDGE_DRAWS = 12
 _STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
+_AVERAGED = 101  # places at which a slope is averaged
 _CLEAR = 10.0  # times its standard uncertainty: a response that can be read
 _FOOT_TO = 0.4  # of the response at the end, up to which the edge of the dead band is read
 _STICTION = (
@@ -131,12 +132,31 @@ def level_at(levels: Array, values: Array, wanted: float) -> float:
     return float(levels[i - 1] + share * (levels[i] - levels[i - 1]))
 
 
-def largest_slope(estimate: SweepEstimate) -> tuple[Read, float]:
-    """(steepest slope, the level at which it is)."""
+def largest_slope(estimate: SweepEstimate, speeds: Sequence[float]) -> tuple[Read, float]:
+    """(steepest slope, the level at which it is) of sweeps with these speeds.
+
+    What is late by more than one delay averages the curve over the commands that were just before: by none, if all of
+    the lag is one dead time, by those that a first order of this lag averages, at most. Half of what that takes from
+    the steepest slope is given back, and as much is granted.
+    """
     steepest = int(np.argmax(np.abs(estimate.slope)))
     sign = math.copysign(1.0, float(estimate.slope[steepest]))
     value, std = over_all(estimate, lambda _response, slope: float(np.max(sign * slope)))
-    return (sign * value, std), float(estimate.command[steepest])
+    reach = math.sqrt(3.0) * averaged_over(estimate, speeds)
+    places = np.clip(estimate.command[steepest] + np.linspace(-reach, reach, _AVERAGED), *estimate.command[[0, -1]])
+    lost = max(value - float(np.mean(np.interp(places, estimate.command, sign * estimate.slope))), 0.0)
+    return (sign * (value + lost / 2.0), math.hypot(std, lost / math.sqrt(12.0))), float(estimate.command[steepest])
+
+
+def averaged_over(estimate: SweepEstimate, speeds: Sequence[float]) -> float:
+    """Standard deviation, in the command's unit, of the commands over which a first order of the sweeps' lag averages.
+
+    The mean square over the sweeps, each for as long as it takes; of one sweep, all that keeps its branches apart.
+    """
+    if math.isnan(estimate.lag_s):
+        return abs(float(estimate.half_widths[0]))
+    lasted = [1.0 / speed for speed in speeds]
+    return abs(estimate.lag_s) * math.sqrt(sum(speeds) / sum(lasted))
 
 
 def polyline(count: int = 121) -> NDArray[np.int64]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.characteristic import loop, side
+from hil.identification.characteristic import largest_slope, loop, side
 from hil.identification.flow_curve import polynomial, spline
 from hil.identification.sweep_estimate import Sweep, sweep_estimate
 from hil.signals.ramps import triangle
@@ -102,3 +102,21 @@ def test_what_is_no_sweep_is_said():
     noise = 1e-3 * np.random.default_rng(0).normal(size=len(dead))
     with pytest.raises(InputError, match="no flow beyond the noise"):
         side(sweep_estimate("r", [Sweep(dead, noise, 1.0)]), 0.0, 0.0, 1e-4, 1)
+
+
+def test_what_a_slow_lag_takes_from_the_steepest_slope_is_granted():
+    def swept(cycle_s, noise):
+        command = triangle(0.0, 2.0, cycle_s, RATE_HZ)
+        keep, late, state = np.exp(-1.0 / RATE_HZ / 0.1), np.empty_like(command), 0.0
+        for i, given in enumerate(command):
+            state = keep * state + (1.0 - keep) * given
+            late[i] = state
+        pressure = 200.0 / (1.0 + np.exp(-(late - 1.0) / 0.1))
+        return Sweep(command, pressure + noise * np.random.default_rng(1).normal(size=len(command)), 4.0 / cycle_s)
+
+    for noise in (0.02, 0.5):
+        sweeps = [swept(10.0, noise), swept(20.0, noise)]
+        (slope, std), at = largest_slope(sweep_estimate("sweep", sweeps), [s.speed_per_s for s in sweeps])
+        assert slope == pytest.approx(200.0 / 4.0 / 0.1, abs=2.0 * std)
+        assert at == pytest.approx(1.0, abs=0.05)
+        assert std < 8.0
