@@ -133,6 +133,11 @@ def moves_once(response: Array, start: float, final: float) -> bool:
     return bool(over.size) and not over[0] and int(np.sum(over[1:] != over[:-1])) <= 1
 
 
+def leaves(time_s: Array, response: Array, start: float, final: float) -> float:
+    """The dead time alone, as `step_figures` reads it."""
+    return _leaves(time_s, (response - start) / (final - start))
+
+
 def _leaves(time_s: Array, share: Array) -> float:
     """Time from which on it has moved, seen back from half its change."""
     half = int(np.argmax(share >= 0.5))

@@ -88,8 +88,8 @@ class Smoother:
             basis, filter_, known, knots, places, heard / scale**0.5, turn, np.maximum(cost, 0.0), scale**0.5, twice
         )
 
-    def curves(self, samples: Array) -> Curves:
-        """One curve for each row of samples, shape (m, n), each as stiff as it asks for."""
+    def curves(self, samples: Array, looser: float = 1.0) -> Curves:
+        """One curve for each row of samples, shape (m, n), each as stiff as it asks for, or `looser` times less."""
         white = _whitened(np.atleast_2d(samples) * self.weights, self.whitener, axis=1)
         loads = (white @ self._heard) @ self._turn
         power = np.sum(white**2, axis=1)
@@ -99,7 +99,7 @@ class Smoother:
         left = np.maximum(power[:, None] - loads**2 @ (1.0 / (1.0 + paid)).T, 1e-12 * power[:, None] + 1e-300)
         price = np.sum(np.log1p(paid), axis=1) - bent * np.log(_STIFFNESSES)
         chosen = np.argmin(dof * np.log(left) + price, axis=1)
-        kept = 1.0 / (1.0 + paid[chosen])
+        kept = 1.0 / (1.0 + paid[chosen] / looser)
         if self._twice:
             kept = kept * (2.0 - kept)
         coefficients = (loads * kept) @ self._turn.T / self._unit

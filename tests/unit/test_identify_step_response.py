@@ -114,3 +114,20 @@ def test_a_dead_time_that_noise_alone_could_make_is_not_told():
     assert told[0.02].figures.dead_time_s == pytest.approx(0.0606, abs=2.0 * told[0.02].std.dead_time_s)
     assert told[0.02].std.dead_time_s < 3e-4
     assert math.isinf(told[3.0].std.dead_time_s)
+
+
+def test_a_foot_that_a_smooth_estimate_rounds_is_timed_as_well_as_is_said():
+    time_s, command = np.arange(4000) / 1000.0, np.repeat([0.0, 1.0], 2000)
+    late = np.maximum(time_s - 2.02, 0.0)
+    # an integrator behind a valve: the way begins with the cube of time
+    clean = 24.0 * (1.0 - np.exp(-late / 0.3) * (1.0 + late / 0.3 + late**2 / 0.18))
+    truth = 0.02 + float(np.interp(0.02 * 24.0, clean[2000:3000], np.maximum(late[2000:3000], 0.0)))
+    off = []
+    for seed in range(6):
+        values = clean + 0.1 * np.random.default_rng(seed).normal(size=len(time_s))
+        (found,) = measured_steps(
+            recording("steps", time_s, {"command [A]": command, "way [mm]": values}), "command", "way"
+        )
+        off.append((found.figures.dead_time_s - truth) / found.std.dead_time_s)
+    assert np.sqrt(np.mean(np.square(off))) < 1.6
+    assert np.max(np.abs(off)) < 3.0
