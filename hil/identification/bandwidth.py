@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from scipy.interpolate import BSpline
 
 _GRID = 2000
+_HEARD = {"dB": 3.0, "°": 20.0}  # standard uncertainty up to which a line is heard: a third of it is noise
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,11 +122,17 @@ def _crossing(frequency_hz: Array, values: Array, own: Array, shared: Array, lev
     """First fall to a level of the cubic spline through the values over log frequency.
 
     The spline is linear in the values, so its uncertainty at the crossing follows from theirs exactly; over
-    the slope there it is that of the frequency. `own` errors of the lines are independent, `shared` ones common.
+    the slope there it is that of the frequency. `own` errors of the lines are independent, `shared` ones common. Lines
+    that are hardly heard are left out.
     """
     top = float(frequency_hz[-1])
+    heard = own <= _HEARD[unit]
+    if heard.sum() > 1 and np.any(
+        values[heard] <= level
+    ):  # noise on a line that is hardly heard would bend the whole curve
+        frequency_hz, values, own, shared = (of[heard] for of in (frequency_hz, values, own, shared))
     spline = _spline(frequency_hz, values)
-    grid = np.linspace(math.log(frequency_hz[0]), math.log(top), _GRID)
+    grid = np.linspace(math.log(frequency_hz[0]), math.log(frequency_hz[-1]), _GRID)
     below = spline(grid) <= level
     if not below.any():
         return Crossing(level, unit, None, math.nan, top)

@@ -1,4 +1,5 @@
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hil.identification.bandwidth import (
     magnitude_crossing,
     phase_crossing,
 )
-from hil.identification.frequency_response import average, from_fits, from_table
+from hil.identification.frequency_response import average, from_fits, from_polar, from_table
 from hil.identification.measuring_chain import MeasuringChain, check_chain, corrected
 from hil.identification.sine_segments import declared_segments, found_segments, frequency_responses, hum_beneath
 from hil.physics.compose import plant
@@ -191,6 +192,19 @@ def test_crossings_come_with_uncertainty_or_say_not_reached():
     assert never.frequency_hz is None
     assert str(never) == "-3 dB: not reached up to 0.3 Hz"
     assert str(phase_crossing(table(), -90.0)).startswith("-90 °: 1.0")
+
+
+def test_lines_that_nothing_passes_do_not_bend_a_crossing():
+    frequencies = np.array([0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0])
+    heard = MODEL.at(frequencies)
+    for lost in (1e-3, 1e-6):
+        response = np.concatenate((heard, lost * heard[:1] * np.exp([1.0j, 3.0j])))
+        made = from_polar("bench", np.append(frequencies, [14.0, 20.0]), response)
+        noisy = replace(made, covariance=np.tile(1e-4 * np.eye(2), (10, 1, 1)))
+        alone = noisy.select(np.arange(10) < 8)
+        assert magnitude_crossing(noisy, -3.0).frequency_hz == magnitude_crossing(alone, -3.0).frequency_hz
+        assert phase_crossing(noisy, -90.0).frequency_hz == phase_crossing(alone, -90.0).frequency_hz
+        assert magnitude_crossing(noisy, -60.0).beyond_hz == 20.0  # none that is heard is so low: all lines count
 
 
 def test_the_smaller_bandwidth_is_quoted_and_the_reference_rule_held():
