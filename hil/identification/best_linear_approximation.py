@@ -20,6 +20,7 @@ from hil.errors import InputError
 from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.redrawn import DRAWS
 from hil.record.recording import Array, Recording
+from hil.signals.rounding import mean_rounding_std, rounding_step
 
 Complex = NDArray[np.complex128]
 Lines = NDArray[np.int64]
@@ -94,27 +95,34 @@ def best_linear_approximation(
         samples = round(1.0 / (float(part["base_hz"]) * recording.interval_s))
         rows = slice(int(part["first"]), int(part["first"]) + int(part["count"]))
         given, answer = (_periods(recording.name, c.values[rows], samples, settle_periods) for c in (u, y))
-        found = approximate(recording.name, given, _level(answer), part, (u.unit, y.unit))
+        grid = rounding_step(y.values[rows])
+        found = approximate(recording.name, given, _level(answer), part, (u.unit, y.unit), grid)
         delay_s = float(np.mean((recording.stamps(y.name) - recording.time_s)[rows]))
         made.append(_read_later(found, delay_s) if delay_s else found)
     return tuple(made)
 
 
 def approximate(
-    name: str, inputs: Array, outputs: Array, part: Mapping[str, Any], units: tuple[str, str] = ("1", "1")
-) -> BestLinearApproximation:
-    """From periods in steady state, shape (periods, samples of one period), and the lines of the multisine."""
+    name: str, inputs: Array, outputs: Array, part: Mapping[str, Any], units: tuple[str, str] = ("1", "1"),
+    grid: float = 0.0,
+) -> BestLinearApproximation:  # fmt: skip
+    """From periods in steady state, shape (periods, samples of one period), and the lines of the multisine.
+
+    `grid` is the distance of the codes of the converter that read the outputs, 0 for none: where noise is smaller,
+    every period is rounded alike, which is no distortion of the valve.
+    """
     excited = np.asarray(part["excited"], dtype=np.int64)
     odd, even = (np.asarray(part[key], dtype=np.int64) for key in ("odd_detection", "even_detection"))
     given, answer = _spectrum(inputs), _spectrum(outputs)
     response, seen = _ratio(given[:, excited], answer[:, excited])
     pooled = _pooled(seen)
     noise = np.maximum(seen, pooled)  # a line of its own stands out of its neighbours, a chance does not hide
+    rounded = _rounded(outputs, grid)
     (odd_level, odd_again), (even_level, even_again) = (
-        _distortion(given, answer, silent, excited, response) for silent in (odd, even)
+        _distortion(given, answer, silent, excited, response, rounded) for silent in (odd, even)
     )  # fmt: skip
     size = np.abs(given[:, excited].mean(axis=0))
-    variance = (noise + odd_level) / size**2 / 2.0
+    variance = (noise + rounded + odd_level) / size**2 / 2.0
     amplitudes = np.abs(answer[:, excited].mean(axis=0))
     lines_hz = np.asarray(excited * float(part["base_hz"]), dtype=np.float64)
     made = FrequencyResponse(
@@ -185,12 +193,19 @@ def _level(periods: Array) -> Array:
     return made
 
 
-def _distortion(
-    given: Complex, answer: Complex, silent: Lines, excited: Lines, response: Complex
-) -> tuple[Array, Array]:
-    """Power on silent lines beyond noise and the input's own leakage, averaged around each excited line, shape (n,).
+def _rounded(outputs: Array, grid: float) -> float:
+    """Power on each line of what rounding makes alike in every period: white, as a sine of many codes leaves it."""
+    periods, samples = outputs.shape
+    noise_std = float(np.sqrt(np.mean(np.var(outputs, axis=0, ddof=1))))
+    return 4.0 * mean_rounding_std(noise_std, grid) ** 2 / samples if periods > 1 else 0.0
 
-    The second is the root of it with the noise redrawn, shape (draws, n).
+
+def _distortion(
+    given: Complex, answer: Complex, silent: Lines, excited: Lines, response: Complex, rounded: float
+) -> tuple[Array, Array]:
+    """Power on silent lines beyond noise, rounding and the input's own leakage, averaged around each excited line.
+
+    Shape (n,). The second is the root of it with the noise redrawn, shape (draws, n).
     """
     if not silent.size:
         return np.zeros(len(excited)), np.zeros((DRAWS, len(excited)))
@@ -198,12 +213,14 @@ def _distortion(
     rest = answer[:, silent] - linear * given[:, silent]
     noise, mean = _noise(rest), rest.mean(axis=0)
     near = _near(silent, excited)
-    power = np.maximum((np.abs(mean) ** 2 - noise) @ near, 0.0)
-    # redrawn about answers as large as they are without the noise in them
+    power = np.maximum((np.abs(mean) ** 2 - noise - rounded) @ near, 0.0)
+    # redrawn about answers as large as they are without the noise in them; few periods tell the noise badly as well
     level = np.sqrt(np.interp(silent, excited, power)) * np.exp(1j * np.angle(mean))
-    parts = np.random.default_rng(0).normal(size=(2, DRAWS, len(silent)))
-    drawn = np.abs(level + (parts[0] + 1j * parts[1]) * np.sqrt(noise / 2.0)) ** 2
-    return power, np.sqrt(np.maximum((drawn - np.mean(noise)) @ near, 0.0))
+    rng, pooled, freed = np.random.default_rng(0), _pooled(noise), 2 * (len(rest) - 1)
+    parts = rng.normal(size=(2, DRAWS, len(silent)))
+    drawn = np.abs(level + (parts[0] + 1j * parts[1]) * np.sqrt((pooled + rounded) / 2.0)) ** 2
+    seen = rng.chisquare(freed, drawn.shape) / freed * pooled
+    return power, np.sqrt(np.maximum((drawn - seen - rounded) @ near, 0.0))
 
 
 def _near(silent: Lines, excited: Lines) -> Array:

@@ -5,6 +5,7 @@ import pytest
 
 from hil.errors import InputError
 from hil.identification.best_linear_approximation import best_linear_approximation
+from hil.identification.redrawn import about
 from hil.physics.transfer_function import transfer_function
 from hil.record.recording import recording
 from hil.signals.multisine import odd_multisine
@@ -91,3 +92,17 @@ def test_what_is_missing_is_said():
         best_linear_approximation(plain, "command", "flow")
     with pytest.raises(InputError, match="two must remain"):
         best_linear_approximation(bench(lambda v: v, 0.0), "command", "flow", settle_periods=7)
+
+
+def test_rounding_that_is_alike_in_every_period_is_no_distortion(monkeypatch):
+    step = 0.5  # of the converter, beside which the noise is small
+    made = bench(lambda v: v, 0.01)
+    read = step * np.round(made.values("flow") / step)
+    rounded = recording("bench", made.time_s, {"command [%]": made.values("command"), "flow [l/min]": read}, made.meta)
+    (found,) = best_linear_approximation(rounded, "command", "flow")
+    level = float(np.median(found.odd_std))
+    assert level < 4.0 * about(np.median(found.redrawn_odd, axis=1), level)  # a bound, where it would be a value
+    monkeypatch.setattr("hil.identification.best_linear_approximation.rounding_step", lambda _values: 0.0)
+    (taken,) = best_linear_approximation(rounded, "command", "flow")
+    level = float(np.median(taken.odd_std))
+    assert level > 4.0 * about(np.median(taken.redrawn_odd, axis=1), level)
