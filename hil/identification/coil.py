@@ -87,7 +87,7 @@ def fit_coil(readings: CoilReadings) -> Coil:
     tops = [level[1] for level in levels if abs(level[0]) > 0.5 * abs(asked)]
     (ohm, henry), spread = found[:, :2].mean(axis=0), found[:, :2].std(axis=0, ddof=1) / math.sqrt(len(found))
     spread[0] *= math.sqrt(2.0)  # neighbouring changes share a rest
-    grain = float(found[:, 2].mean()) / math.sqrt(len(found))
+    grain = float(found[:, 2].mean()) / math.sqrt(2.0)  # alike in every rise, and in every fall
     return Coil(
         float(ohm), float(spread[0]), float(henry), math.hypot(float(spread[1]), grain), voltage, current, asked,
         float(np.std(tops, ddof=1)) if len(tops) > 1 else 0.0,
