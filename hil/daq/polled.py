@@ -317,7 +317,8 @@ class PolledDaq:
         """Nothing is driven on as if nothing had been when a device must have made its outputs safe meanwhile.
 
         A program that stood still (stopped, swapped out, on a paused virtual machine) may have done so anywhere, also
-        between a request and its answer: what counts is when it last began to say something.
+        between a request and its answer: what counts is when it last began to say something. Whoever wakes first hears
+        of it, and whoever comes next too, until the outputs were made safe.
         """
         silent_s = self._clock.now_s - self._told_s - self._cycle_s
         for member in self._members:
@@ -325,7 +326,6 @@ class PolledDaq:
             if watchdog_s is None or member.link.keep_alive_s is None or silent_s <= watchdog_s:
                 continue
             if any(self.levels[name] != channel.safe for name, channel in outputs.items()):
-                self._told_s = self._clock.now_s
                 raise LinkError(
                     f"{member.name}: nothing was said to it for {silent_s:.3g} s, longer than its own watchdog of "
                     f"{watchdog_s:g} s, and where its outputs stood meanwhile is not known"

@@ -257,8 +257,11 @@ def test_nothing_is_driven_on_after_the_device_has_made_itself_safe(stands_still
     ):
         list(frozen.play(ramp()))
     assert len(link.written) == (6 if stands_still == "stalls" else 5)
+    with pytest.raises(LinkError, match="nothing was said to it"):  # also who comes later, until they are safe
+        list(frozen.play(ramp()))
     frozen.make_safe()
     assert link.value == -1.0
+    assert len(joined(list(frozen.play(ramp())))) == 20
 
 
 def test_short_silence_and_one_at_safe_values_end_nothing() -> None:
