@@ -18,12 +18,15 @@ from hil.units import check_unit
 
 GAP = "# GAP:"
 _COLUMNS: Mapping[str, tuple[str, ...]] = {
-    "name": ("name", "parameter", "description", "signal", "variable", "function", "meaning", "quantity"),
+    "name": ("name", "parameter", "description", "signal", "variable", "function", "meaning", "quantity",
+             "item"),
+    "channel": ("channel", "ch", "ch."), "reference": ("reference", "ref", "ref."),
     "address": ("address", "register", "addr", "modbus address", "register address", "reg", "offset address"),
     "type": ("type", "data type", "datatype", "format"), "unit": ("unit", "units"),
     "scale": ("scale", "factor", "multiplier", "gain", "resolution", "scaling"), "offset": ("offset",),
     "low": ("min", "low", "minimum", "range min", "from"), "high": ("max", "high", "maximum", "range max", "to"),
-    "access": ("access", "r/w", "rw", "read/write", "mode"), "table": ("table", "register type", "object type", "area"),
+    "access": ("access", "r/w", "rw", "read/write", "mode", "attribute"),
+    "table": ("table", "register type", "object type", "area"),
 }  # fmt: skip
 _TYPES = (
     (r"f(loat)?64|double|lreal", "f64"), (r"f(loat)?(32)?|real|ieee.*|single", "f32"),
@@ -77,6 +80,8 @@ def _head(path: Path, protocol: str) -> Iterator[str]:
 
 def _from_table(path: Path) -> Iterator[str]:
     rows, columns = _table(path)
+    if _by_number([a for row in rows if (a := _address(_cell(row, columns, "reference"))) is not None]):
+        columns["address"] = columns["reference"]  # it says the table too
     addresses = [_address(row[columns["address"]]) for row in rows]
     by_number = _by_number([a for a in addresses if a is not None])
     yield from _head(path, "modbus")
@@ -100,7 +105,8 @@ def _from_table(path: Path) -> Iterator[str]:
 def _row(
     row: Sequence[str], columns: Mapping[str, int], address: int, by_number: bool, names: set[str]
 ) -> Iterator[str]:
-    name = _unique(_cell(row, columns, "name") or f"register {address}", names)
+    said, channel = _cell(row, columns, "name") or f"register {address}", _cell(row, columns, "channel")
+    name = _unique(f"{said} {channel}" if channel else said, names)
     access = _cell(row, columns, "access").lower()
     yield ""
     yield f'[terminals."{name}"]'
@@ -114,8 +120,9 @@ def _row(
         yield f'table = "{table}"' if table else f'table = "holding"   {GAP} holding (function 3) or input (4)?'
     yield f"address = {address}"
     form = _type(_cell(row, columns, "type"))
-    told = f'type = "{form or "u16"}"'
-    yield told if form else f"{told}   {GAP} the table says {_cell(row, columns, 'type') or 'nothing'!r}"
+    told = f'type = "{form or _wide(_cell(row, columns, "type"))}"'
+    said = _cell(row, columns, "type")
+    yield told if form else f"{told}   {GAP} the table says {repr(said) if said else 'nothing'}"
     scale, said = _number(_cell(row, columns, "scale")), _cell(row, columns, "scale")
     if scale is not None:
         yield f"slope = {scale:g}" + ("" if scale < 1 else f"   {GAP} or divide by it?")
@@ -233,7 +240,8 @@ def _table(path: Path) -> tuple[list[list[str]], dict[str, int]]:
     ]
     for i, row in enumerate(rows):
         columns = _columns(row)
-        if {"address", "name"} <= set(columns):
+        columns.setdefault("address", columns.get("reference", -1))
+        if columns["address"] >= 0 and "name" in columns:
             return [r + [""] * (len(row) - len(r)) for r in rows[i + 1 :]], columns
     known = "; ".join(f"{key}: {', '.join(words[:4])}" for key, words in _COLUMNS.items())
     raise FileError(f"{path}: no heading with a name and an address; columns are known by these words: {known}")
@@ -241,8 +249,18 @@ def _table(path: Path) -> tuple[list[list[str]], dict[str, int]]:
 
 def _columns(row: Sequence[str]) -> dict[str, int]:
     said = [re.sub(r"[\[(].*", "", cell).strip().lower() for cell in row]
-    return {key: said.index(word) for key, words in _COLUMNS.items()
-            if (word := next((word for word in words if word in said), None)) is not None}  # fmt: skip
+    found: dict[str, int] = {}
+    for is_it in (str.__eq__, _begins):  # a heading of one word goes before one that only begins with it
+        for key, words in _COLUMNS.items():
+            free = [i for i in range(len(said)) if i not in found.values()]
+            at = next((i for word in words for i in free if is_it(said[i], word)), None)
+            if at is not None:
+                found.setdefault(key, at)
+    return found
+
+
+def _begins(cell: str, word: str) -> bool:
+    return re.match(rf"{re.escape(word)}[ /:]", cell) is not None
 
 
 def _cell(row: Sequence[str], columns: Mapping[str, int], key: str) -> str:
@@ -268,6 +286,12 @@ def _by_number(addresses: Sequence[int]) -> bool:
 def _type(text: str) -> str:
     word = text.strip().lower().replace("_", "")
     return next((form for pattern, form in _TYPES if word and re.fullmatch(pattern, word)), "")
+
+
+def _wide(text: str) -> str:
+    """A type as wide as a table says that does no more than that."""
+    found = re.match(r"([1-4])[ -]?(words?|reg)", text.strip().lower())
+    return {"2": "u32", "4": "u64"}.get(found[1], "u16") if found else "u16"
 
 
 def _number(text: str) -> float | None:

@@ -77,6 +77,23 @@ def test_a_table_that_counts_from_nobody_knows_where(tmp_path: Path) -> None:
     assert set(tomllib.loads(text)["terminals"]) == {"Pressure", "Pressure 2"}
 
 
+@pytest.mark.parametrize(
+    ("table", "name", "expected"),
+    [  # as the manuals of an ADAM-6024, an ioLogik E1241 and a Promass print them
+        ("ADDR 4X,Channel,Item,Attribute,Memo\n40001,0,AI Value,Read,\n40011,1,AO Value,R/W,\n", "AO Value 1",
+         {"address": 40011, "type": "u16", "unit": "1"}),
+        ("Reference,Address,Data Type,Description\n30017,0x0010,2 words,Scaled\n40001,0x0000,1 word,Write\n", "Scaled",
+         {"address": 30017, "type": "u32", "unit": "1"}),
+        ("Parameter\tRegister\tData type\tAccess\tUnit / selection\nFlow\t2007\tFloat\tRead\tkg/h\n", "Flow",
+         {"table": "holding", "address": 2007, "type": "f32", "unit": "kg/h"}),
+        ("Reference,Name\n30001,Flow\n", "Flow", {"address": 30001, "type": "u16", "unit": "1"}),
+    ],
+)  # fmt: skip
+def test_headings_as_manuals_print_them(tmp_path: Path, table: str, name: str, expected: dict[str, object]) -> None:
+    made = tomllib.loads(first_description(written(tmp_path, "manual.csv", table)))["terminals"][name]
+    assert made == {"direction": "in", "slope": 1.0} | expected
+
+
 def test_a_filled_table_is_described_as_manuals_count(tmp_path: Path) -> None:
     text = first_description(written(tmp_path, "acme.csv", TABLE))
     filled = re.sub(r"# range = \[0, 0\]", "range = [0, 1000]", text).replace(
