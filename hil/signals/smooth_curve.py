@@ -151,19 +151,23 @@ def whitener_of(rest: Array, orders: tuple[int, ...] = (1, 2, 4, 8, 16)) -> Arra
 
 def coloured(noise: Array, whitener: Array) -> Array:
     """White noise, shape (m, n), with the colour that a whitener takes away."""
-    from scipy.signal import lfilter
+    if len(whitener) == 1:
+        return noise
+    from scipy.signal import lfilter  # takes half a second to import
 
-    made: Array = lfilter([1.0], whitener, noise, axis=-1) if len(whitener) > 1 else noise
+    made: Array = lfilter([1.0], whitener, noise, axis=-1)
     return made
 
 
 def _whitened(values: Array, whitener: Array, axis: int) -> Array:
-    from scipy.signal import lfilter
-
+    """Values less what those before them foretell; what was before the first is taken for 0."""
     if len(whitener) == 1:
         return values
-    made: Array = np.asarray(lfilter(whitener, [1.0], values, axis=axis), dtype=np.float64)
-    return made
+    along = np.moveaxis(values, axis, 0)
+    made = whitener[0] * along
+    for k, weight in enumerate(whitener[1:], start=1):
+        made[k:] += weight * along[:-k]
+    return np.moveaxis(made, 0, axis)
 
 
 def _knots(low: float, high: float, count: int) -> Array:
