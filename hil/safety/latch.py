@@ -10,6 +10,8 @@ import platformdirs
 
 from hil.errors import StorageError, TrippedError, UnknownNameError
 
+_ENDS = "find the cause; this trip ends with its run, as on every simulated bench, and needs no reset"
+
 
 class Latch:
     """Trips by the name of their interlock. With a path they outlive the program.
@@ -50,7 +52,8 @@ class Latch:
         """Raise `TrippedError` while anything is tripped."""
         if self._trips:
             name, why = next(iter(self._trips.items()))
-            raise TrippedError(f"{why}; find the cause, then reset it with --reset '{name}'")
+            kept = f"find the cause, then reset it with --reset '{name}'" if self._path else _ENDS
+            raise TrippedError(f"{why}; {kept}")
 
     def _keep(self) -> None:
         if self._path is None:

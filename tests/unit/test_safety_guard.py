@@ -65,7 +65,7 @@ def test_trip_makes_safe_within_the_block_and_latches() -> None:
     wire = Wire()
     guard = Guard(wire, protection(high("trip"), ramps={"a": 10.0}))
     with pytest.raises(
-        TrippedError, match=r"'high': 7; allowed: a read ≤ 6 at 0\.250 s; find the cause.*--reset 'high'"
+        TrippedError, match=r"'high': 7; allowed: a read ≤ 6 at 0\.250 s; find the cause; this trip ends with its run"
     ):
         list(guard.play(wave(1.0, 7.0, 7.0, 7.0, samples=15)))
     assert driven(wire)[-1] == 0.0 and driven(wire)[-2] == 7.0  # a jump, whatever the ramp
