@@ -16,6 +16,7 @@ from hil.bench.hand.reading import Followed, Reading
 from hil.bench.protection import envelopes_of, interlock_of
 from hil.bench.read import BenchFile
 from hil.daq.contract import Block
+from hil.errors import UnknownNameError
 from hil.record.recording import Recording
 from hil.record.tail import Tail
 from hil.safety.interlock import Interlock
@@ -140,6 +141,13 @@ def _kept(lock: Interlock, values: Mapping[str, float]) -> str:
 def trips_of(file: BenchFile) -> dict[str, str]:
     """What has tripped on this bench and was not reset, with the reason."""
     return {} if file.is_simulated else Latch(latch_path(file.bench.name)).trips
+
+
+def check_tripped(file: BenchFile, name: str) -> None:
+    """Raise `UnknownNameError` unless an interlock of that name has tripped here."""
+    trips = trips_of(file)
+    if name not in trips:
+        raise UnknownNameError("tripped interlock", name, trips)
 
 
 def reset_trip(file: BenchFile, name: str) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 import os
 import re
@@ -15,7 +16,7 @@ import pytest
 from hil.archive.place import archive_place
 from hil.bench.read import read_bench
 from hil.cli.app import main
-from hil.console import page
+from hil.console import board, page
 from hil.console import underway as underway_module
 from hil.console.board import RunReader, interlocks_of, lines_of
 from hil.console.bode import bode_point
@@ -24,11 +25,13 @@ from hil.console.envelope import Envelope
 from hil.console.follow import Follower
 from hil.console.form import faults_of, fields_of, given_of, setting_named_in
 from hil.console.process import start
+from hil.console.routes import bench as bench_routes
+from hil.console.routes import run as run_routes
 from hil.console.routes.run import _asked
 from hil.console.script_words import SAID_BY_SCRIPTS
 from hil.console.site import Site
 from hil.console.underway import Underway, run_of
-from hil.errors import FileError, SettingError, UnknownNameError
+from hil.errors import FileError, SettingError, StorageError, UnknownNameError
 from hil.record.folder import RunWriter
 from hil.record.header import new_header
 from hil.session.procedure import load_procedure
@@ -235,3 +238,48 @@ def test_a_certificate_needs_a_serial_number_on_the_form(site: Site) -> None:
         _asked(console, {"procedure": "efc_acceptance", "bench": "own"})
     _procedure, _file, arguments = _asked(console, {"procedure": "step_response", "bench": "own", "serial": "SN 1\r"})
     assert arguments[-1] == "--serial=SN 1"
+
+
+def _refusing(site: Site) -> Console:
+    def full(_request: object, _act: str, _details: object) -> None:
+        raise StorageError("the audit trail cannot be written: disk full")
+
+    return Console(site, Underway(site.runs), audit=full)
+
+
+def test_a_run_that_cannot_be_written_down_is_not_started(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    async def form(_request: object) -> dict[str, str]:
+        return {"procedure": "jog", "bench": "own"}
+
+    started: list[str] = []
+    console = _refusing(site)
+    monkeypatch.setattr(Console, "of", lambda _request: console)
+    monkeypatch.setattr(Console, "start", lambda _self, _arguments, name: started.append(name))
+    monkeypatch.setattr(run_routes, "_form", form)
+    with pytest.raises(StorageError, match="audit trail"):
+        asyncio.run(run_routes.begin(None))  # type: ignore[arg-type]
+    assert started == []
+
+
+def test_a_reset_that_cannot_be_written_down_is_not_done(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    class Request:
+        def __init__(self) -> None:
+            self.path_params = {"bench": "own"}
+
+        async def form(self) -> dict[str, str]:
+            return {"interlock": "over-pressure"}
+
+    done: list[str] = []
+    console = _refusing(site)
+    monkeypatch.setattr(Console, "of", lambda _request: console)
+    monkeypatch.setattr(board, "trips_of", lambda _file: {"over-pressure": "150 bar"})
+    monkeypatch.setattr(bench_routes, "reset_trip", lambda _file, name: done.append(name))
+    with pytest.raises(StorageError, match="audit trail"):
+        asyncio.run(bench_routes.reset(Request()))  # type: ignore[arg-type]
+    assert done == []
+
+
+def test_the_form_says_how_far_each_output_may_go(site: Site) -> None:
+    console = Console(site, Underway(site.runs))
+    assert run_routes._allowed(console, "own") == ["command −100 … 100 %"]
+    assert run_routes._allowed(console, "none") == []

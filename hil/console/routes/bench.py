@@ -12,7 +12,7 @@ from starlette.routing import Route
 
 from hil.bench.hand.reading import Reading
 from hil.bench.read import BenchFile
-from hil.console.board import RunReader, interlocks_of, lines_of, reset_trip, trips_of
+from hil.console.board import RunReader, check_tripped, interlocks_of, lines_of, reset_trip, trips_of
 from hil.console.console import Console
 from hil.console.page import page
 from hil.console.underway import Run
@@ -55,8 +55,9 @@ async def reset(request: Request) -> Response:
     console, name = Console.of(request), request.path_params["bench"]
     interlock = str((await request.form()).get("interlock", ""))
     file = console.site.bench(name)
+    check_tripped(file, interlock)
+    console.audit(request, "reset", {"bench": file.bench.name, "interlock": interlock})  # else it is not done
     reset_trip(file, interlock)
-    console.audit(request, "reset", {"bench": file.bench.name, "interlock": interlock})
     return JSONResponse({"reset": interlock})
 
 

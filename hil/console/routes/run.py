@@ -24,6 +24,7 @@ from hil.console.page import page
 from hil.console.process import Started
 from hil.errors import HilError, InUseError, SettingError
 from hil.record.folder import read
+from hil.report.number import number
 from hil.session.labels import folder_name, labelled, labels_of
 from hil.session.procedure import Procedure, load_procedure
 
@@ -37,12 +38,25 @@ def show(request: Request) -> Response:
     files = list(console.site.bench_files())
     procedure = load_procedure(asked.get("procedure") or _FIRST)
     given = {key.removeprefix("set."): value for key, value in asked.items() if key.startswith("set.")}
+    bench = asked.get("bench") or next(iter(files), "")
     fields = [{**asdict(field), "value": given.get(field.name, field.default)} for field in fields_of(procedure)]
     return page(
-        request, "run.html", benches=files, bench=asked.get("bench") or next(iter(files), ""),
+        request, "run.html", benches=files, bench=bench, allowed=_allowed(console, bench),
         procedures=_listed(), procedure=procedure, fields=fields,
         serial=asked.get("serial", ""), operator=asked.get("operator", ""), why=asked.get("why", ""),
     )  # fmt: skip
+
+
+def _allowed(console: Console, bench: str) -> list[str]:
+    """The range of each output of a bench, as its file has it; nothing of a file that cannot be read."""
+    try:
+        file = console.site.bench(bench).bench
+        return [
+            f"{name} {number(limits.low, 6)} … {number(limits.high, 6)} {file.channels[name].unit}"
+            for name, limits in envelopes_of(file).items()
+        ]
+    except HilError:
+        return []
 
 
 async def check(request: Request) -> Response:
@@ -77,9 +91,10 @@ def rehearsal(request: Request) -> Response:
 async def begin(request: Request) -> Response:
     """Start the run, in a process of its own; answers with its name."""
     console, form = Console.of(request), await _form(request)
-    name, about = await run_in_threadpool(_begin, console, form)
-    console.audit(request, "run", about)
-    return JSONResponse({"run": name})
+    folder, about, arguments = await run_in_threadpool(_prepared, console, form)
+    console.audit(request, "run", about)  # before anything moves: what cannot be written down is not done
+    await run_in_threadpool(console.start, arguments, folder.name)
+    return JSONResponse({"run": folder.name})
 
 
 def _begin_rehearsal(console: Console, form: Mapping[str, str]) -> dict[str, str]:
@@ -92,7 +107,8 @@ def _begin_rehearsal(console: Console, form: Mapping[str, str]) -> dict[str, str
     return {"rehearsal": name, "procedure": procedure.name}
 
 
-def _begin(console: Console, form: Mapping[str, str]) -> tuple[str, dict[str, Any]]:
+def _prepared(console: Console, form: Mapping[str, str]) -> tuple[Path, dict[str, Any], list[str]]:
+    """The folder of a run that may begin, what the audit trail says of it, and its arguments."""
     procedure, file, arguments = _asked(console, form)
     if not file.is_simulated and (driving := console.run_on(file.bench.name)) is not None:
         raise InUseError(f"bench '{file.bench.name}': run {driving.folder.name} drives it now", None)
@@ -100,8 +116,8 @@ def _begin(console: Console, form: Mapping[str, str]) -> tuple[str, dict[str, An
     console.site.runs.mkdir(parents=True, exist_ok=True)
     folder = _free(console.site.runs / folder_name(procedure.name, form.get("serial", "").strip()))
     archive = str(console.site.place.folder or console.site.place.url)
-    console.start([*arguments, "--out", str(folder), "--archive", archive], folder.name)
-    return folder.name, {"run": folder.name, "bench": file.bench.name, "arguments": arguments}
+    about = {"run": folder.name, "bench": file.bench.name, "arguments": arguments}
+    return folder, about, [*arguments, "--out", str(folder), "--archive", archive]
 
 
 def _free(folder: Path) -> Path:
