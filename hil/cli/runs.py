@@ -11,6 +11,9 @@ if TYPE_CHECKING:
 
     from hil.archive.entry import Entry
 
+_ENDINGS = {"TrippedError": "tripped", "StoppedError": "stopped"}
+_LONGEST_ENDING = 24
+
 ARCHIVE = typer.Option("", "--archive", metavar="DIR|URL", help="The archive; else HIL_ARCHIVE, else ./runs.")
 
 
@@ -52,6 +55,15 @@ def _json(found: Sequence[Entry]) -> str:
     return json.dumps(rows, indent=1, ensure_ascii=False)
 
 
+def _ending(outcome: str) -> str:
+    """`(tripped)`: how a run ended otherwise than planned, in a word; its report has the sentence."""
+    if outcome in ("completed", "written"):
+        return ""
+    kind, colon, _ = outcome.partition(":")
+    word = _ENDINGS.get(kind, "failed") if colon else outcome[:_LONGEST_ENDING]
+    return f"({word})"
+
+
 def _none(archive: str) -> str:
     from hil.archive.place import archive_place
 
@@ -65,7 +77,7 @@ def _table(found: Sequence[Entry]) -> str:
     rows = [("started", "serial", "procedure", "verdict", "operator", "run")]
     for run in found:
         started = local_text(run.started_utc)
-        ended = run.verdict or ("" if run.outcome == "completed" else run.outcome)
-        rows.append((started, run.serial, run.procedure, ended, run.operator, str(run.folder)))
+        told = " ".join(filter(None, (run.verdict, _ending(run.outcome))))
+        rows.append((started, run.serial, run.procedure, told, run.operator, str(run.folder)))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     return "\n".join("  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows)

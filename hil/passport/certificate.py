@@ -9,12 +9,12 @@ from typing import Any
 from hil.language.words import _, spoken
 from hil.passport.template_words import template_words
 from hil.passport.unit import Unit, UnitRun
-from hil.record.measurement import COVERAGE_FACTOR, Measured
+from hil.record.measurement import COVERAGE_FACTOR, Measured, ended_as_planned
 from hil.report.local_time import local_text
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus
 from hil.report.provenance import stated_or_measured
-from hil.report.results import value_text, verdict_box
+from hil.report.results import value_text, verdict_box, verdict_words
 
 _ON_PAGE_ONE, _DEVIATIONS_ON_PAGE_ONE, _LONGEST = 16, 5, 160
 
@@ -31,14 +31,15 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
     """Everything that page one says, and the tables of the annex."""
     found = unit.findings
     boxes = [verdict_box(run.findings, run.recording.meta) for run in unit.runs]
-    whole = verdict_box(found, {})
+    finished = all(ended_as_planned(run.recording.meta) for run in unit.runs)
+    whole = verdict_words(found.verdict, finished=finished)
     details = list(dict.fromkeys(str(detail) for box in boxes for detail in box["details"]))
     judged = sorted((m for m in found.measured if m.verdict), key=lambda m: m.verdict == "pass")
     others = [m for m in found.measured if not m.verdict]
     return {
         "title": _("Valve passport: {valve}, {serial}").format(valve=unit.valve, serial=unit.serial),
         "date": [unit.dates[1].year, unit.dates[1].month, unit.dates[1].day],
-        "tone": whole["tone"], "word": whole["word"], "sentence": whole["sentence"],
+        **whole,
         "details": [with_minus(text) for text in details[:4]], "beside": _beside(boxes),
         "facts": _facts(unit, names), "conditions": _conditions(unit),
         "limits": [_limit_row(m) for m in judged[:_ON_PAGE_ONE]],

@@ -29,16 +29,25 @@ _WORDS = {
 }
 
 
+_UNFINISHED = ("open", marked("Not finished"), marked("The test did not end as planned, so it proves nothing."))
+
+
+def verdict_words(verdict: str | None, *, finished: bool) -> dict[str, str]:
+    """Tone, word and sentence of a verdict; of a test that was not finished nothing but a miss is one."""
+    tone, word, sentence = _WORDS[verdict] if finished or verdict == "fail" else _UNFINISHED
+    return {"tone": tone, "word": _(word), "sentence": _(sentence)}
+
+
 def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
     """The verdict in words, with every limit that is not met for certain and whatever went wrong."""
-    tone, word, sentence = _WORDS[findings.verdict]
-    details = [verdict_sentence(m) for m in findings.open_or_missed]
-    if missing := meta.get("incomplete"):
-        details.append(_("The recording is incomplete: {missing}.").format(missing=missing))
+    details = []
     if ending := ending_of(meta):
         details.append(_("The run did not end as planned: {outcome}.").format(outcome=_(ending)))
-    beside = beside_good(findings)
-    return {"tone": tone, "word": _(word), "sentence": _(sentence), "details": details, "beside": beside}
+    if missing := meta.get("incomplete"):
+        details.append(_("The recording is incomplete: {missing}.").format(missing=missing))
+    words = verdict_words(findings.verdict, finished=not details)
+    details += [verdict_sentence(m) for m in findings.open_or_missed]
+    return {**words, "details": details, "beside": beside_good(findings)}
 
 
 def beside_good(findings: Findings) -> list[str]:

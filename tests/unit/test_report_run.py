@@ -223,10 +223,19 @@ def test_the_verdict_is_set_in_letters_for_two_metres() -> None:
     assert int(printed) >= 28
 
 
+@pytest.mark.parametrize(("value", "word"), [(3.0, "Not finished"), (9.0, "Fail")])
+def test_of_a_run_that_was_stopped_nothing_but_a_miss_is_a_verdict(tmp_path: Path, value: float, word: str) -> None:
+    found = Findings((Measurement("rise", "ms", "", high=5.0).of(value, 0.1),))
+    assert page_of(found, tmp_path, {"outcome": "StoppedError: by hand"}).text.partition(" the run ")[0].count(word)
+
+
 def test_a_broken_off_run_says_so_on_top(tmp_path: Path) -> None:
     meta = {"outcome": "TrippedError: over-pressure", "incomplete": "of 9 rows only 5"}
     text = page_of(Findings(), tmp_path, meta).text
-    assert "did not end as planned: TrippedError: over-pressure" in text
+    assert (
+        "Not finished The test did not end as planned, so it proves nothing. The run did not end as planned: Trip"
+        in text
+    )
     assert "The recording is incomplete: of 9 rows only 5" in text
 
 
