@@ -4,16 +4,36 @@ from __future__ import annotations
 
 import socket
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
 from drivers._edge import wire_log
+from drivers._start_up import once_started
 from hil.daq.address import Port, address_fault
 from hil.errors import DeviceLostError, LinkError
 
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
 _LOOK_S = 0.02  # how often the clock is looked at while an answer is waited for
 _LONGEST = 4096  # an answer without an end
+
+
+def answering(opened: Callable[[], Line], hello: str, startup_s: float) -> tuple[Line, str]:
+    """A line whose device has answered to `hello`, and what it said; only open where there is nothing to ask.
+
+    Raises:
+        LinkError: it did not, in the time of its start-up.
+    """
+
+    def asked() -> tuple[Line, str]:
+        line = opened()
+        try:
+            return line, line.ask_first(hello).strip() if hello else ""
+        except BaseException:
+            line.close()
+            raise
+
+    return once_started(startup_s, asked)
 
 
 class Line:

@@ -11,13 +11,13 @@ from drivers._edge import edge
 from drivers._modbus_line import LineSettings, ModbusLine
 from drivers._modbus_model import PER_SECOND, Model, Step, check_level, safe_of
 from drivers._registers import Flag, Register, WordOrder
+from drivers._start_up import once_started
 from drivers._stretches import Stretch, stretches, written
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Wiring
 from hil.errors import LinkError
 
 _CHECK_S = 0.5  # how often outputs are read back: another master, or a device that restarted
-_AGAIN_S = 0.25  # how often a device is asked that is starting up
 _LOOK_S = 0.02  # how often a flag is looked at that is waited for
 _ADDRESSES = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
 
@@ -63,7 +63,7 @@ class ModbusLink:
         )  # fmt: skip
         self._line = ModbusLine(settings, self._watchdog.heard)
         try:
-            self._wait_for_it(settings.startup_s)
+            once_started(settings.startup_s, lambda: self._reached(settings.startup_s))
             if wiring.outputs:  # a device whose inputs alone are read is left as it is
                 self._made_ready()
             self.identity = self._line.identity()
@@ -111,27 +111,16 @@ class ModbusLink:
         finally:
             self._line.close()
 
-    def _wait_for_it(self, startup_s: float) -> None:
-        """Connect; a device that has a start-up is asked until it answers.
-
-        Raises:
-            LinkError: it did not, in its time.
-        """
-        begun_s = time.monotonic()
-        while True:
-            try:
-                self._line.connect()
-                if startup_s:
-                    stretch = next(iter(self._in or self._back or self._out))
-                    self._ask(stretch.function, stretch.first, count=stretch.count)
-                return
-            except LinkError as error:
-                waited_s = time.monotonic() - begun_s
-                if waited_s >= startup_s:
-                    after = f"after {waited_s:.3g} s of its start-up: " if startup_s else ""
-                    raise type(error)(f"{after}{error}") from error
-                self._line.close()
-                time.sleep(min(_AGAIN_S, startup_s))
+    def _reached(self, startup_s: float) -> None:
+        """Connect; a device that has a start-up is asked something too."""
+        try:
+            self._line.connect()
+            if startup_s:
+                stretch = next(iter(self._in or self._back or self._out))
+                self._ask(stretch.function, stretch.first, count=stretch.count)
+        except BaseException:
+            self._line.close()
+            raise
 
     def _made_ready(self) -> None:
         """Faults cleared, watchdog armed, outputs obeying: from the safe values on where they did not."""

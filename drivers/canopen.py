@@ -15,6 +15,7 @@ from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 from drivers._can import bus_fault, open_bus
 from drivers._edge import edge, wire_log
 from drivers._pdo_mapping import Pdo, configure, pdos_for
+from drivers._start_up import once_started
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.canopen import FORMS, CanopenDescription, CanopenTerminal, place_of, variable
@@ -35,6 +36,7 @@ class Settings(Described):
         bitrate: of the bus.
         timeout_s: an answer that takes longer counts as none.
         longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
+        startup_s: at opening the device is waited for so long, where it answers only after a start-up of its own.
         watchdog_s: the node makes its outputs safe when it misses our heartbeat for so long.
     """
 
@@ -45,6 +47,7 @@ class Settings(Described):
     bitrate: PositiveInt = 250_000
     timeout_s: PositiveFloat = 0.1
     longest_reply_s: PositiveFloat = 0.25
+    startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
     watchdog_s: PositiveFloat | None = Field(default=None, le=65.5)
 
 
@@ -138,7 +141,7 @@ class CanopenLink:
             self._network.subscribe(0x080 + self._number, self._on_emergency)
             for pdo in self._sent:
                 self._network.subscribe(pdo.identifier, self._on_pdo)
-            self.identity = self._recognised()
+            self.identity = once_started(settings.startup_s, self._recognised)
             if self._outputs:
                 self._set_up(told)
         except BaseException:

@@ -16,7 +16,7 @@ from typing import Any, Literal
 from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
-from drivers._line import Line
+from drivers._line import Line, answering
 from drivers._templates import Numbers, filled, matched
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -44,6 +44,7 @@ class Settings(Described):
         step: in which outputs are set, in their unit, where the instrument has no finer ones.
         echo: what is sent comes back before the answer.
         pause_s: so long nothing is asked after an answer.
+        startup_s: at opening the device is waited for so long, where it answers only after a start-up of its own.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -56,6 +57,7 @@ class Settings(Described):
     step: float = Field(default=0.0, ge=0.0)
     echo: bool = False
     pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
+    startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
 
 
 def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
@@ -118,9 +120,11 @@ class ScpiLink:
         told = description_of(settings, "scpi")
         self._step, self._setup = settings.step, told.text.setup
         self._written = Numbers(told.text.decimal, told.text.no_measurement)
-        self._line = Line(
-            settings.address, settings.baud, ENDS[settings.end], settings.timeout_s, settings.longest_reply_s,
-            driver="scpi", echo=settings.echo or told.text.echo, pause_s=max(settings.pause_s, told.text.pause_s),
+        self._line, self.identity = answering(
+            lambda: Line(
+                settings.address, settings.baud, ENDS[settings.end], settings.timeout_s, settings.longest_reply_s,
+                driver="scpi", echo=settings.echo or told.text.echo, pause_s=max(settings.pause_s, told.text.pause_s),
+            ), "*CLS;*IDN?", settings.startup_s,
         )  # fmt: skip
         self._outputs = {c.terminal: told.whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: told.whole[c.terminal] for c in wiring.inputs.values()}
@@ -128,7 +132,6 @@ class ScpiLink:
         self._driven: dict[str, float] = {}
         self._checked_s = time.monotonic()
         try:
-            self.identity = self._line.ask_first("*CLS;*IDN?").strip()
             if self.identity.count(",") != 3:
                 raise LinkError(
                     f"'{self.identity}' is not the identity of a SCPI instrument (maker,model,serial,version)"

@@ -10,7 +10,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
-from drivers._line import Line
+from drivers._line import Line, answering
 from drivers._templates import Numbers, filled, matched, names_safe
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
@@ -33,6 +33,7 @@ class TextSettings(BaseModel):
         longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
         echo: what is sent comes back before the answer.
         pause_s: so long nothing is asked after an answer.
+        startup_s: at opening the device is waited for so long, where it answers only after a start-up of its own.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -43,6 +44,7 @@ class TextSettings(BaseModel):
     longest_reply_s: PositiveFloat = 1.0
     echo: bool = False
     pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
+    startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
 
 
 class Settings(TextSettings, Described):
@@ -137,12 +139,13 @@ class TextLink:
         self._looked_at = wiring.looked_at
         self.unmeasured: dict[str, str] = {}
         self._checked_s = time.monotonic()
-        self._line = Line(
-            settings.address, settings.baud, ENDS[talk.end], settings.timeout_s, settings.longest_reply_s,
-            driver="text", echo=settings.echo or talk.echo, pause_s=max(settings.pause_s, talk.pause_s),
-            answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
+        self._line, self.identity = answering(
+            lambda: Line(
+                settings.address, settings.baud, ENDS[talk.end], settings.timeout_s, settings.longest_reply_s,
+                driver="text", echo=settings.echo or talk.echo, pause_s=max(settings.pause_s, talk.pause_s),
+                answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
+            ), talk.hello, settings.startup_s,
         )  # fmt: skip
-        self.identity = ""
         try:
             if talk.hello:
                 self._recognise()
@@ -203,7 +206,6 @@ class TextLink:
                 )
 
     def _recognise(self) -> None:
-        self.identity = self._line.ask_first(self._talk.hello).strip()
         self._watchdog.heard()
         if matched(self._talk.identity, self.identity, self._numbers) is None:
             raise LinkError(f"to {self._talk.hello} it says '{self.identity}', not '{self._talk.identity}'")

@@ -10,9 +10,13 @@ import can
 import pytest
 
 from drivers import can as can_driver
+from drivers import scpi as scpi_driver
+from drivers import text as text_driver
+from drivers._start_up import once_started
 from drivers.modbus import LineSettings, ModbusLink, Model, Register
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, LinkError
+from tests.described import written
 from tests.foreign_line import ForeignLine, Tables
 from tests.links import free_port
 
@@ -26,6 +30,19 @@ WIRING = Wiring(
     {"q": OutputChannel("q", "q", "value", "bar", 0.0, 500.0)},
     {"t": InputChannel("t", "t", "value", "degC", -50.0, 500.0)},
 )
+
+METER = """\
+protocol = "{protocol}"
+summary = "one input"
+[text]
+hello = "*IDN?"
+identity = "{{any}}"
+[terminals.in]
+direction = "in"
+unit = "V"
+range = [0, 10]
+ask = "READ?"
+"""
 
 
 def link_to(address: str, **more: object) -> ModbusLink:
@@ -74,6 +91,69 @@ def test_a_device_that_answers_only_after_its_start_up() -> None:
         link_to(f"127.0.0.1:{line.port}", startup_s=0.3)
     with pytest.raises(DeviceLostError, match="cannot be reached"):
         link_to(f"127.0.0.1:{free_port()}")
+
+
+@pytest.mark.parametrize("protocol", ["text", "scpi"])
+def test_a_line_of_text_waits_for_a_start_up_too(protocol: str, tmp_path: Path) -> None:
+    written(tmp_path, "meter.toml", METER.format(protocol=protocol))
+    module, on_s = (text_driver if protocol == "text" else scpi_driver), time.monotonic() + 0.3
+    answers = {b"*CLS;*IDN?\n": b"A,B,1,1\n", b"*IDN?\n": b"A,B,1,1\n"}
+    with ForeignLine(lambda came: answers.get(came) if time.monotonic() > on_s else b"") as line:
+        settings = {"model": str(tmp_path / "meter.toml"), "timeout_s": 0.05, "longest_reply_s": 0.05,
+                    "address": f"socket://127.0.0.1:{line.port}"}  # fmt: skip
+        wiring = Wiring({}, {"in": InputChannel("in", "in", "voltage", "V", 0.0, 10.0)})
+        with pytest.raises(LinkError, match="no answer within"):
+            module.open_link(module.Settings.model_validate(settings), wiring)
+        link = module.open_link(module.Settings.model_validate(settings | {"startup_s": 5.0}), wiring)
+        assert link.identity == "A,B,1,1"
+        link.close()
+
+
+def test_what_is_gone_at_first_is_waited_for_and_then_told() -> None:
+    failures: list[Exception] = [DeviceLostError("cannot be reached"), LinkError("no answer")]
+
+    def ask() -> str:
+        if failures:
+            raise failures.pop(0)
+        return "here"
+
+    assert once_started(5.0, ask) == "here"
+    failures += [DeviceLostError("cannot be reached")] * 9
+    with pytest.raises(DeviceLostError, match=r"after 0\.\d+ s of its start-up: cannot be reached"):
+        once_started(0.02, ask)
+    with pytest.raises(DeviceLostError, match=r"^cannot be reached"):
+        once_started(0.0, ask)
+
+
+def test_a_gateway_that_no_longer_reaches_its_device() -> None:
+    device, refused = Tables(inputs={0: 20}, holding={8: 0}), [False]
+
+    def answer(frame: bytes) -> bytes | None:
+        return frame[:4] + bytes([0, 3, frame[6], frame[7] | 0x80, 11]) if refused[0] else device.on_tcp(frame)
+
+    with ForeignLine(answer) as line:
+        link = link_to(f"127.0.0.1:{line.port}")
+        assert link.read() == {"t": 20.0}
+        refused[0] = True
+        for call in (link.read, link.standing):
+            with pytest.raises(LinkError, match=r"exception 11 \(gateway: the device behind it does not answer; check"):
+                call()
+        link.close()
+
+
+def test_an_answer_of_a_function_that_is_none() -> None:
+    device, odd = Tables(inputs={0: 20}, holding={8: 0}), [False]
+
+    def answer(frame: bytes) -> bytes | None:
+        said = device.on_tcp(frame)
+        return said[:7] + bytes([66]) + said[8:] if said and odd[0] else said
+
+    with ForeignLine(answer) as line:
+        link = link_to(f"127.0.0.1:{line.port}")
+        odd[0] = True
+        with pytest.raises(LinkError, match=r"no valid answer within .* s: what came is none \(.* 42 "):
+            link.read()
+        link.close()
 
 
 def test_error_frames_of_a_wrong_bit_rate_or_an_overrun_are_no_readings(tmp_path: Path) -> None:
