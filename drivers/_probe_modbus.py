@@ -67,9 +67,9 @@ def who(options: Options, progress: Progress) -> list[Found]:
     answered: list[tuple[int, Mapping[str, str]]] = []
     try:
         for i, unit in enumerate(options.units):
-            progress((i + 1) / len(options.units), f"unit {unit}; {len(answered)} answered")
             if (told := _told(client, unit)) is not None:
                 answered.append((unit, told))
+            progress((i + 1) / len(options.units), f"unit {unit}; {len(answered)} answered")
     finally:
         client.close()
     return list(_together(answered))

@@ -9,6 +9,8 @@ import pytest
 from click.testing import Result
 from typer.testing import CliRunner
 
+from hil.bench.file import CalibrationLine
+from hil.bench.hand.write import changed
 from hil.bench.read import read_bench
 from hil.cli.app import _assembled
 from hil.errors import SettingError
@@ -43,6 +45,16 @@ def test_an_output_is_driven_to_each_point_and_the_line_written(tmp_path: Path) 
     held = [part for part in run.meta["parts"] if part["kind"] == "held"]
     assert [part["to"] for part in held] == [-90.0, -45.0, 0.0, 45.0, 90.0]
     assert run.meta["outputs"]["command"]["state"] == "safe" and (tmp_path / "run" / "report.html").is_file()
+
+
+def test_the_line_is_written_as_a_person_would_with_comments_kept() -> None:
+    text = '[channels.a]\nunit = "bar"\ncalibration = { offset = 1.0, slope = 25.0, uncertainty = 3.0 }   # old gauge\n'
+    old, new = (CalibrationLine.model_validate(line) for line in (
+        {"slope": 25.0, "offset": 1.0}, {"slope": 25.25, "offset": 0.5, "date": "2026-11-25", "source": "gauge 7"},
+    ))  # fmt: skip
+    assert changed(text, "a", new, old, {}).splitlines()[2] == (
+        'calibration = {offset = 0.5, slope = 25.25, date = 2026-11-25, source = "gauge 7"}   # old gauge'
+    )
 
 
 def test_not_confirmed_is_not_written_and_json_says_so(tmp_path: Path) -> None:

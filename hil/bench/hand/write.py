@@ -77,6 +77,7 @@ def changed(
 ) -> str:
     """The text of a bench file with another calibration and limits of a channel, the old line in its history."""
     import tomlkit
+    from tomlkit.items import InlineTable
 
     content: Any = tomlkit.parse(text)
     channels = content.setdefault("channels", tomlkit.table(is_super_table=True))
@@ -86,6 +87,11 @@ def changed(
     if "calibration" not in entry:
         entry["calibration"] = tomlkit.inline_table()
     calibration = entry["calibration"]
+    if isinstance(calibration, InlineTable):  # made anew: what is put into one that is there runs together
+        kept = [key for key in calibration if key in _told(new)]
+        calibration = tomlkit.inline_table()
+        calibration.update({key: _told(new)[key] for key in [*kept, *_told(new)]})
+        entry["calibration"] = calibration
     for key, value in _told(new).items():
         calibration[key] = value
     for key in [key for key in calibration if key not in _told(new)]:
