@@ -171,7 +171,7 @@ def plant_section(found: Plant, summary: str) -> Iterator[str]:
     yield from ("", "| place for effects | stage | unit | effects |", "|---|---|---|---|")
     for hook in found.hooks:
         here = ", ".join(f"[{e.name}](effects.md#{e.name})" for e in effects() if hook.name in e.hooks)
-        yield f"| `{hook.name}` | {hook.stage} | {hook.unit} | {here or '–'} |"
+        yield f"| `{hook.name}` | {hook.stage} | {of_channel(hook.unit)} | {here or '–'} |"
     yield from slowness(found)
 
 
@@ -181,12 +181,17 @@ def slowness(found: Plant) -> Iterator[str]:
         yield from ("", f"Times of effects are {number(times)} times those of the library here, rates as much smaller.")
 
 
+def of_channel(unit: str) -> str:
+    """A unit of a page of equations, where it is that of a channel."""
+    return unit.replace("{input}", "input").replace("{output}", "output")
+
+
 def parameter_row(parameter: Parameter) -> str:
     """A parameter of a plant."""
-    unit = parameter.unit.replace("{input}", "input").replace("{output}", "output")
     bounds = f"{number(parameter.low)} … {number(parameter.high)}"
-    held = "; held" if parameter.fixed else ""
-    return f"| `{parameter.name}` | {unit} | {number(parameter.typical)} | {bounds} | {parameter.meaning}{held} |"
+    meaning = f"{parameter.meaning}{'; held' if parameter.fixed else ''}"
+    unit = of_channel(parameter.unit)
+    return f"| `{parameter.name}` | {unit} | {number(parameter.typical)} | {bounds} | {meaning} |"
 
 
 EFFECTS = """\

@@ -48,7 +48,10 @@ class Home:
         for place in (self.root / below, self.root / "src" / below):
             if place.is_dir():
                 return place
-        raise FileError(f"{self.root / below}: no such folder; say --in with the folder that has it")
+        raise FileError(
+            f"{self.root.resolve() / below}: no such folder; --in takes a package (`hil new package NAME` begins "
+            f"one) or a folder that has a folder '{below}'"
+        )
 
     @property
     def tests(self) -> Path:

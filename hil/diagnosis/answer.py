@@ -384,7 +384,7 @@ class Answer:
         open_question = self.verdict in OPEN
         where: Where | None = locate(problem, self.problem.outputs_of(r)) if open_question else None
         curves = self._stage_shares(self.used) if open_question else ()
-        return Left(round(share, 4), rms, noise.std, problem.plant.output.unit, where, curves)
+        return Left(round(share, 4), rms, noise.std, problem.model.output_unit, where, curves)
 
     def _stage_shares(self, f: Fitted) -> tuple[StageShare, ...]:
         effects: list[ActiveEffect] = [*self.problem.model.active_effects, *f.effects]

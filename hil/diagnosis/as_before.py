@@ -43,6 +43,5 @@ def as_before(problem: Problem) -> str:
     left = [np.std((e.output - y)[e.told]) for e, y in zip(problem.experiments, simulated, strict=True)]
     if max(left) > PLAINLY * then:
         return ""
-    unit = problem.plant.output.unit
-    already = f"which already left {quantity_text(then, None, unit)} (rms)"
+    already = f"which already left {quantity_text(then, None, model.output_unit)} (rms)"
     return f"The unit is as it was when the model was identified, {already}."

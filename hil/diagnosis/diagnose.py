@@ -129,5 +129,5 @@ def _known_hum(model: Model) -> tuple[str, ...]:
     noise = model.noise
     if noise is None or noise.hum_hz is None:
         return ()
-    size = quantity_text(noise.hum, None, model.definition.output.unit)
+    size = quantity_text(noise.hum, None, model.output_unit)
     return (f"a hum of {noise.hum_hz:.4g} Hz ({size}) that the healthy unit had too was taken out of the recordings",)

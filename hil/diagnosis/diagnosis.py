@@ -243,7 +243,7 @@ class Diagnosis:
         if self.next_test is not None:
             settings = " ".join(f"--set {name}={_setting(value)}" for name, value in self.next_test.settings.items())
             rows.append(f"  next: hil run {self.next_test.procedure} {settings}")
-            rows.append(f"        {self.next_test.why} ({self.next_test.bench_s:g} s)")
+            rows.append(f"        {self.next_test.why} (bench time {self.next_test.bench_s:g} s)")
         return "\n".join([*rows, *(f"  warning: {text}" for text in self.warnings)])
 
 

@@ -224,7 +224,8 @@ def _stage(at: _Point, k: int, traces: Sequence[Array]) -> StageShare:
     gained = float(left @ left - remaining @ remaining) - int(used.sum())
     share = max(0.0, gained / max(float(left @ left) - len(left), float(np.sqrt(2 * len(left)))))
     n = len(knots)
-    return StageShare(hook.name, hook.stage, hook.unit, min(share, 1.0), knots, solution[:n], solution[n:])
+    unit = at.problem.model.told_unit(hook.unit)
+    return StageShare(hook.name, hook.stage, unit, min(share, 1.0), knots, solution[:n], solution[n:])
 
 
 def _hat(values: Array, knots: Array, j: int, rising: bool) -> Array:

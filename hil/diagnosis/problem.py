@@ -64,8 +64,9 @@ class Problem:
 
     @cached_property
     def base(self) -> tuple[Parameter, ...]:
-        """Base parameters that the plant lets free."""
-        return tuple(p for p in self.plant.parameters if not p.fixed)
+        """Base parameters that the plant lets free, in the units of the model's channels."""
+        told = self.model.told_unit
+        return tuple(replace(p, unit=told(p.unit)) for p in self.plant.parameters if not p.fixed)
 
     @cached_property
     def prior(self) -> Prior:

@@ -47,7 +47,7 @@ def _never_reached(problem: Problem, f: Fitted, k: int) -> bool:
     it. Only a stop in the output's own unit can be compared with it.
     """
     term = f.terms[k]
-    if problem.plant.hook(term.hook).unit != problem.plant.output.unit:
+    if problem.model.told_unit(problem.plant.hook(term.hook).unit) != problem.model.output_unit:
         return False
     place = [hook.name for hook in problem.plant.hooks].index(term.hook)
     stops = _values(term, f.values[k])

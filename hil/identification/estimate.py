@@ -174,7 +174,8 @@ def estimate(
         new = r if still else residuals(moved)
         evaluations += not secants
         foretold = r + slopes @ (moved - values)
-        gain, promise = float(r @ r - new @ new), float(r @ r - foretold @ foretold)
+        with np.errstate(over="ignore", invalid="ignore"):  # a step may lead to where the plant runs away
+            gain, promise = float(r @ r - new @ new), float(r @ r - foretold @ foretold)
         fell = gain > 0.0  # also False when the new residuals are not finite
         converged = still or (fell and gain < tolerance * float(r @ r))
         if fell:

@@ -111,6 +111,16 @@ class Model:
             rows += [_row(f"{effect.name}.{name}", value) for name, value in effect.parameters.items()]
         return table_html(("parameter", "value", "unit"), rows, f"{self.plant}: {self.input} → {self.output}")
 
+    def told_unit(self, unit: str) -> str:
+        """A unit of its plant's page for a reader: that of its own channels where the plant takes any."""
+        any_channel = "any [any]"
+        return self.definition.in_units(unit, self.input or any_channel, self.output or any_channel)
+
+    @property
+    def output_unit(self) -> str:
+        """In which its output is told."""
+        return self.told_unit(self.definition.output.unit)
+
     def to_pandas(self) -> Any:
         """Every parameter with its standard uncertainty and unit as a pandas DataFrame, indexed by name."""
         from hil.record.show import needed

@@ -64,7 +64,8 @@ class Hook:
     Attributes:
         name: as in `hook.NAME(...)` on the page; effects list the names where they belong.
         stage: the stage of the chain, in the words of a fitter.
-        unit, full_scale: of the value that passes; effects scale their bounds and typical values by it.
+        unit, full_scale: of the value that passes; effects scale their bounds and typical values by it. Where the
+            plant takes any channel, `unit` is `{input}` or `{output}`, as in its parameters.
         extra: what else the page hands over at this hook. `mobility` marks a force hook: effects return a
             force, each takes its share of the free velocity, and the hook returns their sum.
         motion_unit, motion_scale: of the travel of the part that a force acts on, where it is not counted in the
@@ -171,10 +172,15 @@ class Plant:
         """A parameter by its name; `KeyError` if there is none."""
         return {parameter.name: parameter for parameter in self.parameters}[name]
 
+    @staticmethod
+    def in_units(unit: str, input_heading: str, output_heading: str) -> str:
+        """A unit of the plant's page when it drives these channels (`name [unit]`)."""
+        of_output = split_heading(output_heading)[1]
+        return of_output if unit == "any" else unit.format(input=split_heading(input_heading)[1], output=of_output)
+
     def units(self, input_heading: str, output_heading: str) -> dict[str, str]:
         """Units of all parameters by name when the plant drives these channels (`name [unit]`)."""
-        found = {"input": split_heading(input_heading)[1], "output": split_heading(output_heading)[1]}
-        return {parameter.name: parameter.unit.format(**found) for parameter in self.parameters}
+        return {p.name: self.in_units(p.unit, input_heading, output_heading) for p in self.parameters}
 
     def stage(self, parameter: str) -> str:
         """The stage of the chain on which a parameter acts; empty when it is no single one."""

@@ -74,6 +74,9 @@ def test_other_kinds_and_folders_are_told(folder: Path, tmp_path: Path) -> None:
         hil("new", "valve", "acme_7", "--in", str(folder))
     with pytest.raises(FileError, match="no such folder"):
         hil("new", "driver", "acme_7", "--in", str(tmp_path / "nowhere"))
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FileError, match=r"empty/plants: no such folder; --in takes a package \(`hil new package NAME`"):
+        hil("new", "plant", "acme_7", "--in", str(tmp_path / "empty"))
     with pytest.raises(SettingError, match="installed already; take another name"):
         hil("new", "package", "hil", "--in", str(folder))
 

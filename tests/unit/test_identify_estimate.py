@@ -106,3 +106,12 @@ def test_what_is_no_more_certain_than_its_bounds_is_not_told() -> None:
     found = estimate(lambda v: np.concatenate([residuals(v), 50.0 * (v[1:] - 0.0)]), [weak, strong])
     assert found.std[0] == np.inf  # ± 1 by the samples, where its bounds leave ± 0.29
     assert found.std[1] < 0.05
+
+
+def test_a_step_to_where_the_plant_runs_away_is_taken_back_without_a_word() -> None:
+    def residuals(values: Array) -> Array:
+        far = np.full(2, 1e200)
+        return far if values[0] < -3.0 else np.array([np.arctan(values[0]), 0.0])
+
+    found = estimate(residuals, [Unknown("a", "1", 2.0, -10.0, 10.0, 1.0)])
+    assert found.values[0] == pytest.approx(0.0, abs=1e-3)

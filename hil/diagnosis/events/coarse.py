@@ -69,7 +69,7 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals:
 
     A converter that cuts off what is below its level reads half a step too little: no offset of the sensor.
     """
-    last, unit = problem.plant.hooks[-1], problem.plant.output.unit
+    last, unit = problem.plant.hooks[-1], problem.model.output_unit
     offset, cut = _offset(chosen), cuts_off(chosen, step)
     how = (
         f", and reads {abs(offset):.3g} {unit} too {'little' if offset < 0.0 else 'much'}: it does not round"

@@ -43,7 +43,7 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
     ]
     if np.mean(growing) > np.mean(amplitudes):
         return None
-    unit = problem.plant.output.unit
+    unit = problem.model.output_unit
     size, spread = float(np.mean(amplitudes)), float(np.std(amplitudes) / np.sqrt(len(amplitudes)))
     longest = max(e.duration_s for e in problem.experiments)
     noise = problem.noises[0].std

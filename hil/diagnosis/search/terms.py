@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -111,7 +111,8 @@ def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
     seen = signals_seen(problem, left)
     sites = kernel(problem.plant.name).sites
     present = {effect.key for effect in problem.model.active_effects} | problem.refuted
-    effects = [_effect_term(site, seen[site.hook.name]) for site in sites if site.key not in present]
+    told = problem.model.told_unit
+    effects = [_effect_term(site, seen[site.hook.name], told) for site in sites if site.key not in present]
     parameters = [_parameter_term(p, problem.model.values[p.name], problem.plant.stage(p.name)) for p in problem.base]
     return tuple(parameters + [term for term in effects if term.starts])
 
@@ -133,7 +134,7 @@ def _parameter_term(parameter: Parameter, value: float, stage: str) -> Term:
     )
 
 
-def _effect_term(site: Site, seen: Seen) -> Term:
+def _effect_term(site: Site, seen: Seen, told_unit: Callable[[str], str]) -> Term:
     there = [_as_far_as_seen(p, site, seen) for p in site.effect.parameters]
     typical = {p.name: p.typical for p in there}
     starts = tuple(
@@ -141,7 +142,7 @@ def _effect_term(site: Site, seen: Seen) -> Term:
         for start in site.effect.starts_at(site.hook, seen)
     )
     unknowns = tuple(
-        Unknown(p.name, p.unit, p.typical, p.low, p.high, _size(p, starts, k)) for k, p in enumerate(there)
+        Unknown(p.name, told_unit(p.unit), p.typical, p.low, p.high, _size(p, starts, k)) for k, p in enumerate(there)
     )
     scale = {p.name: p.scale_at(site.hook) for p in site.effect.parameters}
     nulls = tuple(float("nan") if p.null is None else p.null * scale[p.name] for p in site.effect.parameters)
