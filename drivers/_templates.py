@@ -86,6 +86,18 @@ def matched(template: str, text: str, numbers: Numbers) -> float | None:
     return value
 
 
+def remedy(text: str, numbers: Numbers) -> str:
+    """What a description may lack where an answer is of another form than it says; empty where nothing does."""
+    bare, other = text.strip(), "," if numbers.decimal == "." else "."
+    if re.fullmatch(rf"[+-]?\d+{re.escape(other)}\d+(?:[eE][+-]?\d+)?", bare):
+        return f'; a decimal {"comma" if other == "," else "point"}? Then say decimal = "{other}"'
+    if found := re.fullmatch(rf"{_NUMBER}(\s*)([A-Za-z%°µ/]+)", bare):
+        return f'; a unit behind the number? Then say answer = "{{value}}{found[1]}{found[2]}"'
+    if bare and not any(letter.isdigit() for letter in bare):
+        return f'; a word for no measurement? Then say no_measurement = ["{bare}"]'
+    return ""
+
+
 def _pattern(template: str, none: tuple[str, ...]) -> str:
     number = "|".join([*(re.escape(word) for word in none), _NUMBER, _WORD])
     parts, at = [], 0

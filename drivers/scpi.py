@@ -17,7 +17,7 @@ from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line, answering
-from drivers._templates import Numbers, filled, matched
+from drivers._templates import Numbers, filled, matched, remedy
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.named import Described, description_faults, description_of, ports_of
@@ -196,8 +196,11 @@ class ScpiLink:
             raise self._line.failed(f"{len(texts)} answers to {len(queries)} questions: {';'.join(texts)}")
         said = self._said = dict(zip(queries, texts, strict=True))
         numbers = {name: self._number_in(said[place.ask], place) for name, place in places.items()}
-        if None in numbers.values():
-            raise self._line.failed(f"no number in the answer {';'.join(texts)}")
+        for name, number in numbers.items():
+            if number is None:
+                text, place = said[places[name].ask], places[name]
+                hint = remedy(text, self._written)
+                raise self._line.failed(f"{text!r} is no answer to {place.ask}; it should be '{place.answer}'{hint}")
         return {name: places[name].slope * number + places[name].offset
                 for name, number in numbers.items() if number is not None}  # fmt: skip
 

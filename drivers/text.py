@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, P
 
 from drivers._edge import edge
 from drivers._line import Line, answering
-from drivers._templates import Numbers, filled, matched, names_safe
+from drivers._templates import Numbers, filled, matched, names_safe, remedy
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -256,15 +256,19 @@ class TextLink:
             if number is None:
                 raise self._line.failed(
                     f"'{answers[told.ask]}' is no answer to {told.ask}; it should be '{told.answer}'"
+                    f"{remedy(self._part_of(answers[told.ask], told), self._numbers)}"
                 )
             found[name] = told.slope * number + told.offset
         return found
 
     def _number_in(self, answer: str, told: TextTerminal) -> float | None:
-        if told.field is None:
-            return matched(told.answer, answer, self._numbers)
-        fields = answer.split(self._talk.separator)
-        return matched(told.answer, fields[told.field], self._numbers) if told.field < len(fields) else None
+        part = self._part_of(answer, told)
+        return matched(told.answer, part, self._numbers) if part else None
+
+    def _part_of(self, answer: str, told: TextTerminal) -> str:
+        """What of an answer is this terminal's; empty where there is no such field."""
+        fields = [answer] if told.field is None else answer.split(self._talk.separator)
+        return fields[at] if (at := told.field or 0) < len(fields) else ""
 
     def _outputs_stand(self) -> None:
         self._checked_s = time.monotonic()

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers import scpi, text
-from drivers._templates import Numbers, filled, matched
+from drivers._templates import Numbers, filled, matched, remedy
 from hil.bench.fault import BenchError
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.description.read import read_description
@@ -128,6 +128,18 @@ def test_what_is_told_and_asked_is_what_the_file_says(tmp_path: Path) -> None:
         link._checked_s = 0.0  # as after half a second
         with pytest.raises(LinkError, match=r"set stands at -2.4 V, not at -2.5 as it was driven"):
             link.read()
+
+
+@pytest.mark.parametrize(
+    ("text", "decimal", "hint"),
+    [("1,5", ".", '; a decimal comma? Then say decimal = ","'),
+     ("1.5e3", ",", '; a decimal point? Then say decimal = "."'),
+     ("1.5 bar", ".", '; a unit behind the number? Then say answer = "{value} bar"'),
+     ("1.5V", ".", '; a unit behind the number? Then say answer = "{value}V"'),
+     ("----", ".", '; a word for no measurement? Then say no_measurement = ["----"]'), ("#12", ".", ""), ("", ".", "")],
+)  # fmt: skip
+def test_an_answer_of_another_form_is_told_with_what_may_help(text: str, decimal: str, hint: str) -> None:
+    assert remedy(text, Numbers(decimal)) == hint
 
 
 @pytest.mark.parametrize(
