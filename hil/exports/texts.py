@@ -95,13 +95,22 @@ def _python(functions: Sequence[FittedFunction]) -> str:
 
 
 def _matlab(functions: Sequence[FittedFunction]) -> str:
-    lines = ["% Transfer functions: coefficients from the highest power of s down, time in seconds."]
+    lines = [
+        "% Transfer functions: coefficients from the highest power of s down, time in seconds.",
+        "in_octave = exist('OCTAVE_VERSION', 'builtin') > 0;  % its tf holds no dead time: multiply by exp(-s T) there",
+        "if in_octave",
+        "  pkg load control",
+        "end",
+    ]
     for number, one in enumerate(functions, 1):
-        late = f"'InputDelay', {one.dead_time_s!r}"
         covariance = "; ".join(" ".join(map(_matlab_number, row)) for row in one.covariance)
         lines += [
             f"% {one.name} [{one.unit}]",
-            f"G{number} = tf({', '.join(map(_matlab_row, (one.numerator, one.denominator)))}, {late});",
+            f"G{number} = tf({', '.join(map(_matlab_row, (one.numerator, one.denominator)))});",
+            f"T{number} = {one.dead_time_s!r};  % dead time, s",
+            "if ~in_octave",
+            f"  G{number}.InputDelay = T{number};",
+            "end",
             f"% covariance of {', '.join(one.coefficients) or 'nothing: no uncertainty is known'}",
             f"C{number} = [{covariance}];",
         ]
