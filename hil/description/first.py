@@ -137,18 +137,24 @@ def _from_eds(path: Path) -> Iterator[str]:
     yield from _head(path, "canopen")
     yield f'eds = "{path.name}"'
     yield from (f"# not understood: {text}" for text in objects.left_out)
-    own = [(entry, found) for entry in objects.values() for found in _variables(entry) if found.index >= 0x2000]
-    yield from (f'# {_called(entry, found)}: data type {found.data_type:#04x}, which is not read'
+    own = [(entry, found) for entry in objects.values() for found in _variables(entry)
+           if found.index >= 0x2000 and (found.subindex > 0 or found is entry)]  # fmt: skip
+    yield from (f"# {_called(entry, found)}: data type {found.data_type:#04x}, which is not read"
                 for entry, found in own if found.pdo_mappable and found.data_type not in FORMS)  # fmt: skip
-    more = sum(not found.pdo_mappable and found.data_type in FORMS and (found.subindex > 0 or found is entry)
-               for entry, found in own)  # fmt: skip
-    if more:
+    numbers = [(entry, found) for entry, found in own if found.data_type in FORMS]
+    mapped = [(entry, found) for entry, found in numbers if found.pdo_mappable]
+    if not numbers:
+        raise FileError(
+            f"{path}: no object with a number beyond those of communication, so there is nothing to describe"
+        )
+    if not mapped:
+        yield "# None of its objects can be in a PDO: a node of which inputs alone are used is asked for them."
+    elif more := len(numbers) - len(mapped):
         are = "object is" if more == 1 else "objects are"
         yield f"# {more} more {are} in no PDO; a node of which inputs alone are used is asked for those too."
     names: set[str] = set()
-    for entry, found in own:
-        if found.pdo_mappable and found.data_type in FORMS:
-            yield from _object(entry, found, names)
+    for entry, found in mapped or numbers:
+        yield from _object(entry, found, names)
     yield ""
     if 0x1016 in objects:
         yield f"{GAP} [watchdog] expires_to = …, where it has outputs: where they go when it misses our heartbeat"

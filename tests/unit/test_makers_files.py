@@ -210,6 +210,16 @@ def test_a_file_without_a_section_is_no_eds(tmp_path: Path) -> None:
         dictionary(str(written(tmp_path, "a.eds", "nothing\n")))
 
 
+def test_an_eds_without_an_object_for_a_pdo_has_those_that_can_be_asked_for(tmp_path: Path) -> None:
+    text = "[DeviceInfo]\n[1000]\nParameterName=Type\nDataType=7\n"
+    with pytest.raises(FileError, match="no object with a number beyond those of communication"):
+        first_description(written(tmp_path, "none.eds", text))
+    own = "[3000]\nParameterName=Temperature\nDataType=6\nUnit=degC\n"
+    said = first_description(written(tmp_path, "some.eds", text + own))
+    assert "# None of its objects can be in a PDO" in said
+    assert tomllib.loads(said)["terminals"]["Temperature"]["object"] == "3000.0"
+
+
 def test_a_dbc_with_the_faults_of_the_trade_is_read(tmp_path: Path) -> None:
     path = written(tmp_path, "odd.dbc", DBC)
     found = database(str(path))
