@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
+from contextlib import suppress
 from dataclasses import dataclass
-from threading import Event
+from queue import Empty, SimpleQueue
 from typing import Literal, Protocol
 
 from hil.errors import StoppedError
@@ -13,6 +14,41 @@ TimeKind = Literal["virtual", "real"]
 
 _LEAST_SLEEP_S = 0.05  # no computer falls asleep and wakes in less
 _LOOKS = 5  # at both clocks at once; the least disturbed counts
+
+
+class Flag:
+    """Set and cleared by one thread or several, waited for by one: an event that no signal can leave locked.
+
+    A signal that raises within `threading.Event.set` may leave its lock taken for ever, and whoever waits for the event
+    stands still. Each step here is one of the interpreter's own, which no signal divides.
+    """
+
+    def __init__(self) -> None:
+        self._is_set = False
+        self._rung: SimpleQueue[None] = SimpleQueue()
+
+    def is_set(self) -> bool:
+        """Whether it is set."""
+        return self._is_set
+
+    def set(self) -> None:
+        """Set it, and wake who waits."""
+        self._is_set = True
+        self._rung.put(None)
+
+    def clear(self) -> None:
+        """Take it back."""
+        self._is_set = False
+        while not self._rung.empty():
+            with suppress(Empty):
+                self._rung.get_nowait()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until it is set, but no longer than so long; whether it is."""
+        if not self._is_set:
+            with suppress(Empty):
+                self._rung.get(timeout=timeout_s)
+        return self._is_set
 
 
 class Clock(Protocol):
@@ -32,7 +68,7 @@ class Clock(Protocol):
         """Return at `deadline_s` or later, at once when it has passed."""
         ...
 
-    def stopped_before(self, deadline_s: float, stop: Event) -> bool:
+    def stopped_before(self, deadline_s: float, stop: Flag) -> bool:
         """Wait as `sleep_until` does, but no longer than until somebody stops it; returns whether somebody did."""
         ...
 
@@ -51,7 +87,7 @@ class VirtualClock:
         """Be at `deadline_s`, without waiting."""
         self.now_s = max(self.now_s, deadline_s)
 
-    def stopped_before(self, deadline_s: float, stop: Event) -> bool:
+    def stopped_before(self, deadline_s: float, stop: Flag) -> bool:
         """Be at `deadline_s`, without waiting."""
         self.sleep_until(deadline_s)
         return stop.is_set()
@@ -79,7 +115,7 @@ class RealClock:
         while (left := deadline_s - time.monotonic()) > 0.0:
             time.sleep(left)
 
-    def stopped_before(self, deadline_s: float, stop: Event) -> bool:
+    def stopped_before(self, deadline_s: float, stop: Flag) -> bool:
         """Wait for the deadline or the stop, whichever comes first."""
         return stop.wait(max(0.0, deadline_s - time.monotonic()))
 

@@ -18,7 +18,7 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
-from hil.clock import Clock, RealClock, refuse_after_sleep
+from hil.clock import Clock, Flag, RealClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Waveform
@@ -190,7 +190,7 @@ class PolledDaq:
         self._task: _Task | None = None
         self._failed: HardwareError | None = None
         self._told_safe = False
-        self._ended = threading.Event()
+        self._ended = Flag()
         self._blind_s = 0.0
         self._zero_s = self._used_s = self._told_s = self._clock.now_s
         try:
@@ -501,7 +501,7 @@ class _Task:
         self.todo: SimpleQueue[Waveform | None] = SimpleQueue()
         self.done: SimpleQueue[tuple[Block, bool] | BaseException | None] = SimpleQueue()
         self.pace = _Pace()
-        self.judged, self.stop = threading.Event(), threading.Event()
+        self.judged, self.stop = Flag(), Flag()
         self.thread: threading.Thread | None = None
 
     def next(self) -> Waveform | None:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import signal
+import threading
 import time
 
 import pytest
 
-from hil.clock import RealClock, VirtualClock, refuse_after_sleep
+from hil.clock import Flag, RealClock, VirtualClock, refuse_after_sleep
 from hil.errors import StoppedError
 
 pytestmark = pytest.mark.skipif(not hasattr(time, "CLOCK_BOOTTIME"), reason="nothing tells of a sleep here")
@@ -44,3 +46,38 @@ def test_where_nothing_tells_nothing_is_said(monkeypatch: pytest.MonkeyPatch) ->
     monkeypatch.delattr(time, "CLOCK_BOOTTIME")
     refuse_after_sleep(RealClock())
     refuse_after_sleep(VirtualClock())
+
+
+def test_flag_is_waited_for_and_taken_back() -> None:
+    flag = Flag()
+    assert not flag.wait(0.0)
+    threading.Timer(0.02, flag.set).start()
+    assert flag.wait(5.0) and flag.wait(0.0) and flag.is_set()
+    flag.clear()
+    assert not flag.is_set() and not flag.wait(0.001)
+
+
+def test_no_signal_leaves_a_flag_locked() -> None:
+    """An event of the library is locked for ever after a few of these."""
+    flag, came = Flag(), 0
+
+    def stop(*_: object) -> None:
+        raise InterruptedError
+
+    before = signal.signal(signal.SIGALRM, stop)
+    try:
+        while came < 200:
+            try:
+                signal.setitimer(signal.ITIMER_REAL, 3e-5)
+                while True:
+                    flag.set()
+            except InterruptedError:
+                came += 1
+                flag.clear()
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    waits = threading.Thread(target=flag.wait, args=(0.01,), daemon=True)
+    waits.start()
+    waits.join(5.0)
+    assert not waits.is_alive()
