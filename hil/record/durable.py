@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from io import FileIO
 from pathlib import Path
 
+from hil.clock import Flag
+
 SYNC_INTERVAL_S = 1.0
 
 
@@ -82,8 +84,7 @@ class Syncer:
     def __init__(self, descriptors: Sequence[int], interval_s: float = SYNC_INTERVAL_S) -> None:
         self._descriptors = tuple(descriptors)
         self._interval_s = interval_s
-        self._written = threading.Event()
-        self._stop = threading.Event()
+        self._written, self._stop = Flag(), Flag()  # set where signals raise
         self._error: OSError | None = None
         self._thread = threading.Thread(target=self._run, name="hil-sync", daemon=True)
         self._thread.start()
