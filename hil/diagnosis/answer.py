@@ -27,8 +27,6 @@ from hil.diagnosis.events.event import Events
 from hil.diagnosis.events.recognise import TOLERANCE_OF_EVENTS
 from hil.diagnosis.evidence import (
     Judged,
-    cross_validated_fit,
-    fit_of_all,
     indistinguishable,
     judge,
     probabilities,
@@ -36,7 +34,7 @@ from hil.diagnosis.evidence import (
 )
 from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
 from hil.diagnosis.happened import Happened
-from hil.diagnosis.kept_back import fit_kept_back, kept_back, predicted
+from hil.diagnosis.kept_back import NOTHING, fit_kept_back, kept_back, predicted
 from hil.diagnosis.locate import StageShare, Where, locate, stages
 from hil.diagnosis.measures import LAW_TOLERANCE, excess, share_left
 from hil.diagnosis.next_test import Span, next_test
@@ -106,32 +104,30 @@ class Answer:
         """What the corrected model holds, with the fits on data kept back: never what predicts worse than the nominal
         model. A name that leads to nothing better is not told.
         """
-        proposed, nominal = self._proposed(), self.choice.nominal
+        nominal = self.choice.nominal
         before = fit_kept_back(self.problem, nominal.residuals, self.kept)
         most = fit_kept_back(self.problem, np.ones(len(nominal.residuals)), self.kept)
-        after = before
-        if proposed is not nominal:
-            after = fit_kept_back(self.problem, predicted(self.problem, proposed, self.kept), self.kept)
+        proposed, after = self._description() if self.verdict == "unexplained" else (nominal, before)
+        if after - before < _DESCRIBES * (most - before):
+            proposed = self.named if self.named.terms or self.has_drifted else nominal
+            after = before if proposed is nominal else self._predicts(proposed)
         if after >= before:
             return proposed, _rounded(before, after, most)
         if self.verdict not in ("consistent", "unexplained") and not self.events:
             self.verdict, self.named = "unexplained", self.choice.baseline
         return nominal, _rounded(before, before, most)
 
-    def _proposed(self) -> Fitted:
-        """What was named, or, where nothing can be named, the one of the closest descriptions that predicts best.
-
-        A description that fails on data kept back would only mislead where nobody has looked yet.
+    def _description(self) -> tuple[Fitted, float]:
+        """Of the closest descriptions the one that predicts best what was kept back, and how well; the nominal model
+        where nothing was: a description would only mislead where nobody has looked yet.
         """
-        if self.verdict == "unexplained" and self.choice.chosen.terms:
-            closest = (self.choice.chosen, *self.choice.descriptions)[:FEW]
-            told = [cross_validated_fit(self.problem, f) for f in closest]
-            best = int(np.argmax(told))
-            noise = np.ones(len(closest[best].residuals))
-            before, most = (fit_of_all(self.problem, r) for r in (self.choice.nominal.residuals, noise))
-            if told[best] - before >= _DESCRIBES * (most - before):
-                return closest[best]
-        return self.named if self.named.terms or self.has_drifted else self.choice.nominal
+        closest = (self.choice.chosen, *self.choice.descriptions)[:FEW] if self.kept.said != NOTHING else ()
+        told = [(f, self._predicts(f)) for f in closest if f.terms]
+        return max(told, key=lambda each: each[1], default=(self.choice.nominal, -np.inf))
+
+    def _predicts(self, f: Fitted) -> float:
+        """Fit % of an explanation on what was kept back."""
+        return fit_kept_back(self.problem, predicted(self.problem, f, self.kept), self.kept)
 
     def _judged(self) -> list[Judged]:
         """The chosen explanation and its closest competitors on data kept back, the chosen one first."""

@@ -11,9 +11,6 @@ from hil.diagnosis.wording import quantity_text
 from hil.diagnosis.yardsticks import PLAINLY
 from hil.identification.mistaken.suspicion import is_of_its_origin
 
-# A model has a misfit of its own when it left this many times the noise (rms).
-_OF_ITS_OWN = 2.0
-
 WHAT_IT_LACKS = "what the model itself lacks is found by a diagnosis of the recordings that it was identified from"
 
 
@@ -32,11 +29,11 @@ def with_inner_noise(problem: Problem) -> Problem:
 
 
 def as_before(problem: Problem) -> str:
-    """In words that recordings leave no more than those that the model was identified from, where that was much more
-    than noise; empty where they leave plainly more, or the model left nothing.
+    """In words that recordings leave no more than those that the model was identified from, where that was twice the
+    noise; empty where they leave plainly more, or the model left nothing.
     """
     then, noise = float(problem.model.origin.get("misfit_rms") or 0.0), problem.model.noise
-    if noise is None or then <= _OF_ITS_OWN * noise.std:
+    if noise is None or then <= 2.0 * noise.std:
         return ""
     model = problem.model
     simulated = (e.respond(model.definition, model.values, model.active_effects)[0] for e in problem.experiments)

@@ -19,7 +19,7 @@ from hil.diagnosis.search.polish import fit, polish, roughly
 from hil.diagnosis.search.refine import LEAN, refine_all
 from hil.diagnosis.search.screen import Screened, screen
 from hil.diagnosis.search.terms import Term, all_terms
-from hil.diagnosis.yardsticks import A_GOOD_PART, AT_A_GLANCE, FAR, FEW, MANY, MOST
+from hil.diagnosis.yardsticks import A_GOOD_PART, AT_A_GLANCE, FAR, FEW, LEADING, MANY, MOST
 from hil.identification.estimate import Unknown
 from hil.identification.far_starts import far_places
 
@@ -36,10 +36,6 @@ SECOND_BESIDE_A_LAW = 0.4
 # Where a first one leaves so little of a misfit, nature does not follow the library's law to the letter, and no more,
 # unless a second cause takes this share of it.
 _TO_THE_LETTER, _NEARLY_ALL = 1e-3, 0.95
-# So many first causes are followed to their end.
-_FIRST = 2
-# What leaves no more than so many times the least may turn out best when it is fitted further.
-_MAY_TURN_OUT_BEST = 2.0
 # In short recordings every term is fitted, and more causes are tried while each takes this share of what is left.
 _STEP_SHARE = 0.2
 # A nominal model that leaves most of the output's variance is no place to start from: so many others are looked at.
@@ -121,10 +117,10 @@ class Causes:
         for f in singles:
             distinct.setdefault(f.names[0] if f.names else f.terms[0].name, f)
         best_first = list(distinct.values())
-        found = [polish(self.m.problem, f) for f in best_first[:_FIRST]]
+        found = [polish(self.m.problem, f) for f in best_first[:LEADING]]
         if any(self.m.is_adequate(f) for f in found):
             near = self._within(best_first, FAR)
-            found += [polish(self.m.problem, f) for f in near[_FIRST:FEW]]
+            found += [polish(self.m.problem, f) for f in near[LEADING:FEW]]
         return [f for f in found if is_present(f)]
 
     def seeds(self, best: Fitted, polished: Sequence[Fitted]) -> list[Fitted]:
@@ -144,21 +140,21 @@ class Causes:
         rough = self._further([self._compared(f) for f in self._within(found, FAR)])
         self.second.extend(rough)
         by_cost = sorted(rough, key=self.m.cost)
-        near = self._within(by_cost, _MAY_TURN_OUT_BEST)
+        near = self._within(by_cost, 2.0)  # what leaves more hardly turns out best
         hopeful = [*near, *(f for f in by_cost[len(near) :] if self._in_valley_of(by_cost[0], f) != f.values)]
         both = self._to_the_end(hopeful[:FEW])
         return [both] if self._is_pair(both, best) else []
 
     def _to_the_end(self, pairs: Sequence[Fitted]) -> Fitted:
         """The most economical of pairs, fitted one after another, each from the valley of a rugged term that the best
-        so far has in common with it, where that is lower. What then leaves much more is given up.
+        so far has in common with it, where that is lower. What then leaves twice as much is given up.
         """
         best = polish(self.m.problem, pairs[0])
         for f in (*pairs[1:], pairs[0]):
             if f.terms == best.terms:
                 continue
             near = self._from_valley_of(best, f)
-            if self._left(near) <= _MAY_TURN_OUT_BEST * self._left(best):
+            if self._left(near) <= 2.0 * self._left(best):
                 best = min(best, polish(self.m.problem, near), key=self.m.cost)
         return best
 
@@ -197,7 +193,7 @@ class Causes:
     def pairs(self, seeds: Sequence[Fitted]) -> list[Fitted]:
         """A second cause beside each of the best first ones, where it explains most of what they leave."""
         found: list[Fitted] = []
-        for seed in seeds[:_FIRST]:
+        for seed in seeds[:LEADING]:
             if any(self.m.is_all(both) for both in found):
                 break
             place = around(self.m.problem, seed)
@@ -267,10 +263,10 @@ class Causes:
         usual = place.accepted.parameters | {p.name: p.typical for p in self.m.problem.base}
         if usual != place.accepted.parameters and not self.m.problem.work.leaves_out("the usual unit as a start"):
             there = evaluated(self.m.problem, replace(place.accepted, parameters=usual))
-            found += self._levels(self._grown(around(self.m.problem, there), len(self.terms)), _FIRST)
+            found += self._levels(self._grown(around(self.m.problem, there), len(self.terms)), LEADING)
         far = self.m.left_of_output(self.m.baseline) > MOST
         if far and not self.m.problem.work.leaves_out("starts far from the model"):
-            found += self._levels(self._from_far(), _FIRST)
+            found += self._levels(self._from_far(), LEADING)
         return found
 
     def _from_far(self) -> list[Fitted]:

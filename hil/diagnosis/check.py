@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hil.diagnosis.yardsticks import SELDOM_BY_CHANCE
+from hil.diagnosis.yardsticks import NEXT_TO_NOTHING, SELDOM_BY_CHANCE
 from hil.errors import FileError
 from hil.identification.clipped import without_clipped
 from hil.identification.experiment import DEAD, Experiment, require_excitation
@@ -20,8 +20,6 @@ from hil.identification.repeated import without_held
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 from hil.record.recording import Array
-
-_TELLING = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +145,7 @@ class _Timed:
     def vote(self, lag: int) -> int:
         """1 when this shift makes the recording fit better, −1 when worse, 0 when it is too slow to tell."""
         before, after = self.error(0), self.error(lag)
-        if self.experiment.grid_s is not None or abs(after - before) < _TELLING * max(before, self.floor):
+        if self.experiment.grid_s is not None or abs(after - before) < NEXT_TO_NOTHING * max(before, self.floor):
             return 0
         return 1 if after < before else -1
 

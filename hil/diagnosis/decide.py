@@ -15,6 +15,7 @@ from hil.diagnosis.events.recognise import recognised
 from hil.diagnosis.evidence import indistinguishable
 from hil.diagnosis.measures import (
     CONSISTENT_EXCESS,
+    PART_TOLERANCE,
     SMALL_EXCESS,
     Measures,
     are_themselves,
@@ -27,15 +28,11 @@ from hil.diagnosis.refuted import refuted
 from hil.diagnosis.search.fitted import Fitted, change_without, nothing
 from hil.diagnosis.search.polish import finished, from_other_shapes, polish, roughly
 from hil.diagnosis.search.terms import Term, all_terms
-from hil.diagnosis.yardsticks import MOST, PLAINLY
+from hil.diagnosis.yardsticks import MOST, MUCH_THE_SAME, PLAINLY
 
-# An explanation that leaves more than the tolerance of laws is still named as part of the truth when it leaves no
-# more than this share, and every other one leaves plainly more, …
-PART_TOLERANCE = 0.25
-# … or when it leaves so little that another name for it would have to look much the same.
+# An explanation that leaves more than the tolerance of laws is still named as part of the truth when every other one
+# leaves plainly more, or when it leaves so little that another name for it would have to look much the same.
 NEARLY_ALL = 0.12
-# Nearly as good is what leaves so many times as much; more where what is left is within the tolerance of laws.
-_NEARLY_AS_GOOD, _AS_GOOD_WITHIN_LAWS = 1.1, 2.0
 # Base parameters that changed are told as the effects that they grow into unless another one shows so much more.
 _CHIEF_CHANGE = 3.0
 OPEN = ("partly_explained", "unexplained")
@@ -269,10 +266,10 @@ class _Judge:
     def least_strained(self, best: Fitted, polished: Sequence[Fitted]) -> Fitted:
         """Instead of an explanation that is not what its name says, or is strained to its end, one nearly as good."""
         if self.m.is_adequate(best):
-            wrong, most = _is_something_else, _AS_GOOD_WITHIN_LAWS * self.m.left(best)
+            wrong, most = _is_something_else, 2.0 * self.m.left(best)  # laws are no more exact than that
             others = [f for f in polished if self.m.is_adequate(f)]
         else:
-            wrong, most = is_strained, min(NEARLY_ALL, _NEARLY_AS_GOOD * self.m.left(best))
+            wrong, most = is_strained, min(NEARLY_ALL, MUCH_THE_SAME * self.m.left(best))
             others = list(polished)
         if not wrong(best):
             return best

@@ -8,12 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.cores import spread
 from hil.diagnosis.measures import is_strained
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import fit
-from hil.diagnosis.yardsticks import AT_A_GLANCE
+from hil.diagnosis.yardsticks import AT_A_GLANCE, SELDOM_BY_CHANCE
 from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
@@ -22,9 +21,6 @@ Mask = NDArray[np.bool_]
 # slowly as it moves, so that the stretches are news; short against a recording, so that both halves see every kind of
 # excitation.
 _STRETCH_S, _STRETCH_SAMPLES = 4.0, 100
-# So many times another part of the stretches is kept back where an explanation has to stand for all that may come: what
-# half of a short recording leaves open says little of what the whole does.
-_FOLDS = 4
 _WORTH = 4.0
 
 
@@ -48,28 +44,9 @@ class Judged:
 
 def training_half(problem: Problem) -> Mask:
     """Which residuals are fitted; the others are for judging. Shape (n,), True and False."""
-    half: Mask = _stretches(problem) % 2 == 0
+    stretches = problem.block_labels(max(_STRETCH_S, _STRETCH_SAMPLES * max(problem.intervals_s)))
+    half: Mask = stretches % 2 == 0
     return half
-
-
-def _stretches(problem: Problem) -> Array:
-    return problem.block_labels(max(_STRETCH_S, _STRETCH_SAMPLES * max(problem.intervals_s)))
-
-
-def cross_validated_fit(problem: Problem, fitted: Fitted) -> float:
-    """Fit % over all samples, each simulated by an explanation refitted without the stretches around it."""
-    fold = _stretches(problem) % _FOLDS
-
-    def kept_back(k: int) -> Array:
-        refitted = fit(problem, fitted, keep=fold != k, effort=AT_A_GLANCE)
-        return np.where(fold == k, refitted.residuals, 0.0)
-
-    return fit_of_all(problem, np.sum(spread(kept_back, list(np.unique(fold))), axis=0))
-
-
-def fit_of_all(problem: Problem, residuals: Array) -> float:
-    """Fit % of the output over all samples, every recording's mean taken off by itself."""
-    return held_out_fit(problem, residuals, np.ones(len(residuals), dtype=np.bool_))
 
 
 def judge(problem: Problem, fitted: Fitted) -> Judged:
@@ -124,4 +101,4 @@ def _no_better(f: Fitted, chosen: Fitted) -> bool:
 
 def indistinguishable(chi2: float) -> float:
     """How far above the least χ² an explanation is as good: chance, and laws that are not exact."""
-    return 9.0 + 0.01 * chi2
+    return SELDOM_BY_CHANCE**2 + 0.01 * chi2

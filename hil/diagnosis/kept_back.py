@@ -12,14 +12,12 @@ from hil.diagnosis.evidence import Mask, held_out_fit
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import fit
-from hil.diagnosis.yardsticks import AT_A_GLANCE
+from hil.diagnosis.yardsticks import AT_A_GLANCE, FEW
 from hil.identification.time_constant import time_constant_s
 from hil.record.recording import Array
 
 # After so many time constants a plant has forgotten nineteen twentieths of where it was.
 _FORGOTTEN = 3.0
-# So many parts of several recordings are predicted by the rest; more where recordings are short.
-_FOLDS, _FOLDS_OF_SHORT = 2, 4
 Folds = NDArray[np.int64]
 OTHER_RECORDINGS = "other recordings than those fitted"
 OTHER_HALVES = "the half of each recording that was not fitted, but for what the plant remembers of the other"
@@ -79,9 +77,9 @@ def fit_kept_back(problem: Problem, residuals: Array, kept: KeptBack) -> float:
 
 
 def _by_recording(problem: Problem) -> Folds:
-    """Every so-manyth recording together; as many folds as fits are affordable for."""
+    """Every other recording together; in a few folds where recordings are short, and fits affordable."""
     sizes = [sum(part.stop - part.start for part in parts) for parts in problem.channel_slices()]
-    return np.repeat(np.arange(len(sizes)) % (_FOLDS_OF_SHORT if problem.is_short else _FOLDS), sizes)
+    return np.repeat(np.arange(len(sizes)) % (FEW if problem.is_short else 2), sizes)
 
 
 def _tiled(problem: Problem, values: Mask) -> Mask:

@@ -18,12 +18,10 @@ from hil.diagnosis.measures import LAW_TOLERANCE, SMALL_EXCESS, are_themselves, 
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import fit
-from hil.diagnosis.yardsticks import MOST, ROUGHLY
+from hil.diagnosis.yardsticks import A_GOOD_PART, MOST, MUCH_THE_SAME, ROUGHLY
 
 # Rounding is no white noise: what a coarse channel leaves beyond its floor is not taken for more.
 _COARSE_EXCESS = 0.1
-# As good as the best is what is off by this share more, and by this share of what noise makes.
-_WORSE, _SAME = 0.25, 0.3
 
 
 def read_coarsely(found: Happened, step: float, std: float) -> Happened:
@@ -65,7 +63,7 @@ def _told_by_levels(found: Happened, step: float) -> tuple[Choice, float] | None
     least = min(off for off, _ in sound)
     if least >= MOST * without:
         return None
-    most = least + _WORSE * max(least, 0.0) + _SAME * levels.by_noise
+    most = max(least, MUCH_THE_SAME * least) + A_GOOD_PART * levels.by_noise
     as_good = [(off, f) for off, f in sound if off <= most]
     _, best = min(as_good, key=lambda c: (not cuts_off(c[1], step), is_strained(c[1]), len(c[1].terms), c[0]))
     worse = {f.names for off, f in counted if off > most}

@@ -12,7 +12,7 @@ from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.yardsticks import CERTAIN
 from hil.identification.estimate import Unknown
-from hil.identification.evidence import bic_of_known_noise
+from hil.identification.evidence import VERY_STRONG, bic_of_known_noise
 
 # A misfit below this share of the noise variance is of no practical size.
 SMALL_EXCESS = 0.03
@@ -20,12 +20,13 @@ SMALL_EXCESS = 0.03
 CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 # Laws of nature are not the laws of the library: an explanation may leave this share of the misfit, …
 LAW_TOLERANCE = 0.04
+# … where most of the truth is told this share of it, …
+PART_TOLERANCE = 0.25
 # … and this share (rms) of the swing of the output, …
 OUTPUT_TOLERANCE = 0.05
-# … below this share, and this variance in units of the noise's, nobody looks for a second cause.
-FULL_TOLERANCE, FULL_EXCESS = 0.003, 1.0
+# … below this share, and the noise's own variance, nobody looks for a second cause.
+FULL_TOLERANCE = 0.003
 _INSIDE_SIGMAS = 2.0
-_NEW_PHYSICS = 10.0
 # An unknown costs so many times what it would if the laws of the library were those of nature (Schwarz: ln n).
 _PRICE = 2.0
 # No law is so exact that an unknown of it is worth this share of the misfit: beside an end stop that throws a carriage
@@ -70,11 +71,11 @@ class Measures:
         return share_left(self.problem, f.chi2, self.excess(self.baseline))
 
     def cost(self, f: Fitted) -> float:
-        """χ² and the price of unknowns; physics that the nominal model lacks costs more than what it has."""
+        """χ² and the price of unknowns; for physics that the nominal model lacks evidence must be very strong."""
         added = [term for term in f.terms if term.kind == "effect"]
         size = self.problem.size
         shapes = sum(len(term.unknowns) for term in added) * _EXACT * self.excess(self.baseline) * size
-        return bic_of_known_noise(f.chi2, size, _PRICE * f.unknowns) + shapes + len(added) * _NEW_PHYSICS
+        return bic_of_known_noise(f.chi2, size, _PRICE * f.unknowns) + shapes + len(added) * VERY_STRONG
 
     def burden(self, f: Fitted) -> float:
         """Variance that an explanation leaves beyond the noise, and what it costs, as a share of it."""
@@ -89,7 +90,7 @@ class Measures:
         if self.excess(f) <= SMALL_EXCESS:
             return True
         beyond = max(self.excess(f), self._excess_of_output(f))  # inner signals with much noise would hide it
-        return beyond <= FULL_EXCESS and self.left(f) <= FULL_TOLERANCE
+        return beyond <= 1.0 and self.left(f) <= FULL_TOLERANCE
 
     def is_all(self, f: Fitted) -> bool:
         """Whether an explanation leaves nothing to look for, and is what its names say."""
@@ -112,10 +113,11 @@ class Measures:
 
 def is_present(f: Fitted) -> bool:
     """Whether every effect is really there: its sizes together differ from their nulls beyond doubt (Wald)."""
-    return all(_is_there(f, term) for term in f.terms)
+    return all(is_there(f, term) for term in f.terms)
 
 
-def _is_there(f: Fitted, term: Term) -> bool:
+def is_there(f: Fitted, term: Term) -> bool:
+    """The same of one of its effects; a limit is there wherever it is."""
     if not term.scales or f.estimate is None:
         return True
     first = f.estimate_index(term)

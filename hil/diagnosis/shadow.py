@@ -13,9 +13,6 @@ from hil.diagnosis.verdict import Hypothesis, Kind, Question, Weighed, anything,
 from hil.diagnosis.yardsticks import LISTED
 
 _UNKNOWN: frozenset[Kind] = frozenset({"unknown"})
-# Unknowns of an event: where it begins and how long it lasts; of a tone its frequency, and in each recording two waves
-# of three harmonics, two that grow, and what dies out.
-_OF_A_SPELL, _OF_A_TONE = 2, 11
 
 
 def shadow(found: Happened, nominal_stages: Sequence[StageShare], left_stages: Sequence[StageShare]) -> dict[str, Any]:
@@ -32,7 +29,7 @@ def shadow(found: Happened, nominal_stages: Sequence[StageShare], left_stages: S
         Hypothesis(frozenset({"nothing"}), (), choice.baseline.chi2, 0, 0),
         anything(asked),
         *(_law(f) for f in fits if f.terms),
-        *(_events(e, len(problem.experiments)) for e in (choice.events, choice.part) if e is not None),
+        *(_events(e) for e in (choice.events, choice.part) if e is not None),
         *_curves(asked, choice.baseline, nominal_stages),
         *(_curves(asked, choice.chosen, left_stages) if choice.chosen.terms else ()),
     ])  # fmt: skip
@@ -65,9 +62,8 @@ def _law(f: Fitted) -> Hypothesis:
     return Hypothesis(kinds, tuple(dict.fromkeys(names)), f.chi2, f.unknowns, added)
 
 
-def _events(events: Events, recordings: int) -> Hypothesis:
-    unknowns = _OF_A_SPELL * len(events.spells) if events.spells else 1 + _OF_A_TONE * recordings
-    return Hypothesis(frozenset({"events"}), (events.name,), events.chi2, unknowns, 1)
+def _events(events: Events) -> Hypothesis:
+    return Hypothesis(frozenset({"events"}), (events.name,), events.chi2, events.unknowns, 1)
 
 
 def _curves(asked: Question, beside: Fitted, stages: Sequence[StageShare]) -> Iterable[Hypothesis]:

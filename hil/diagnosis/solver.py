@@ -9,26 +9,25 @@ from dataclasses import replace
 import numpy as np
 
 from hil.diagnosis.problem import COARSER, Problem
-from hil.diagnosis.yardsticks import FAR
+from hil.diagnosis.yardsticks import FAR, NEXT_TO_NOTHING
+from hil.identification.evidence import VERY_STRONG
 
 # A finer step may change the simulation by this share of the noise before the step counts as too coarse.
 _HARMLESS = 0.1
-_FINER = (FAR, FAR**2)
-# Coarser steps than the plant asks for are taken where they change the simulation by next to nothing, in rms over the
-# noise and in χ²: a sixth of what the likeliest alarm would need.
-_NEXT_TO_NOTHING, _LEAST_CHI2 = 0.02, 10.0
+_FINER = (FAR, FAR * FAR)
 
 
 def settled(problem: Problem) -> tuple[Problem, tuple[str, ...]]:
     """The problem with sub-steps no finer than needed, so that finer ones change nothing; what had to be done about it.
 
     Equations of second order, which most plants have, are so exact at the plant's own sub-steps that a search can do
-    with half of them.
+    with half of them: where these change the simulation by next to nothing of the noise, and χ² by less than what would
+    be very strong evidence.
     """
     if not problem.is_short:
         coarser = replace(problem, factor=COARSER)
         change = coarser.nominal_residuals - problem.nominal_residuals
-        if float(change @ change) <= min(_LEAST_CHI2, _NEXT_TO_NOTHING**2 * len(change)):
+        if float(change @ change) <= min(VERY_STRONG, NEXT_TO_NOTHING**2 * len(change)):
             return coarser, ()
     coarse = problem.nominal_residuals
     for finer in _FINER:

@@ -6,12 +6,13 @@ from dataclasses import dataclass
 
 # Standard uncertainties: from so many on nobody doubts it, and so many seldom come by chance.
 CERTAIN, SELDOM_BY_CHANCE = 5.0, 3.0
-# Shares: most of something, and a good part of it.
-MOST, A_GOOD_PART = 0.5, 0.3
+# Shares: most of something, a good part of it, and next to nothing.
+MOST, A_GOOD_PART, NEXT_TO_NOTHING = 0.5, 0.3, 0.02
 # Ratios: within it two sizes are much the same, from it on one is plainly larger, far larger, or another thing.
 MUCH_THE_SAME, PLAINLY, FAR = 1.25, 1.5, 4.0
-# So many of the best are looked at closely, so many more roughly, and so many lines of a list are read.
-FEW, MANY, LISTED = 4, 8, 12
+# So many of the best are followed to the end, so many looked at closely, so many roughly; so many lines of a list are
+# read.
+LEADING, FEW, MANY, LISTED = 2, 4, 8, 12
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,10 @@ import pytest
 
 from hil.diagnosis.answer import Answer
 from hil.diagnosis.diagnosis import Fit
+from hil.diagnosis.kept_back import NOTHING
+
+# Fits of the nominal model, and of the noise alone, by their first residual.
+_FITS = {5.0: 61.0, 1.0: 99.0}
 
 
 @pytest.mark.parametrize(
@@ -24,16 +28,24 @@ from hil.diagnosis.diagnosis import Fit
 def test_the_description_that_predicts_best_is_kept(
     predicted: tuple[float, ...], used: int | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    described = [SimpleNamespace(terms=("a term",), residuals=[], predicted=each) for each in predicted]
-    nominal = SimpleNamespace(terms=(), residuals="those of the nominal model")
-    monkeypatch.setattr("hil.diagnosis.answer.cross_validated_fit", lambda _problem, f: f.predicted)
-    monkeypatch.setattr("hil.diagnosis.answer.fit_of_all", lambda _problem, r: 61.0 if r is nominal.residuals else 99.0)
+    described = [SimpleNamespace(terms=("a term",), predicted=each) for each in predicted]
+    nominal = SimpleNamespace(terms=(), residuals=np.full(3, 5.0))
+    monkeypatch.setattr("hil.diagnosis.answer.fit_kept_back", lambda _problem, r, _kept: _FITS.get(float(r[0]), r[0]))
+    monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda _problem, f, _kept: np.full(3, f.predicted))
     monkeypatch.setattr(Answer, "has_drifted", False)
     answer: Any = object.__new__(Answer)
-    answer.problem, answer.verdict = None, "unexplained"
+    answer.problem, answer.verdict, answer.kept = None, "unexplained", SimpleNamespace(said="")
     answer.choice = SimpleNamespace(chosen=described[0], descriptions=tuple(described[1:]), nominal=nominal)
     answer.named = nominal
-    assert answer._proposed() is (nominal if used is None else described[used])
+    assert answer._used()[0] is (nominal if used is None else described[used])
+
+
+def test_no_description_is_kept_that_nothing_was_kept_back_from() -> None:
+    answer: Any = object.__new__(Answer)
+    nominal = SimpleNamespace(terms=())
+    answer.problem, answer.kept = None, SimpleNamespace(said=NOTHING)
+    answer.choice = SimpleNamespace(chosen=SimpleNamespace(terms=("a term",)), descriptions=(), nominal=nominal)
+    assert answer._description() == (nominal, -np.inf)
 
 
 @pytest.mark.parametrize(("after", "verdict", "is_used"), [(70.0, "explained", True), (60.9, "unexplained", False)])
@@ -42,12 +54,11 @@ def test_what_predicts_worse_than_the_nominal_model_is_neither_used_nor_named(
 ) -> None:
     nominal = SimpleNamespace(terms=(), residuals=np.full(3, 5.0))
     named = SimpleNamespace(terms=("a term",), residuals=np.full(3, 2.0))
-    fits = {5.0: 61.0, 1.0: 99.0, 7.0: after}
+    fits = {**_FITS, 7.0: after}
     monkeypatch.setattr("hil.diagnosis.answer.fit_kept_back", lambda _problem, r, _kept: fits[float(r[0])])
     monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda _problem, _f, _kept: np.full(3, 7.0))
-    monkeypatch.setattr(Answer, "_proposed", lambda _self: named)
     answer: Any = object.__new__(Answer)
-    answer.problem, answer.kept, answer.verdict, answer.events = None, None, "explained", ()
+    answer.problem, answer.kept, answer.verdict, answer.events, answer.named = None, None, "explained", (), named
     answer.choice = SimpleNamespace(nominal=nominal, baseline=nominal)
     used, fit = answer._used()
     assert used is (named if is_used else nominal)

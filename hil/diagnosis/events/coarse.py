@@ -11,21 +11,18 @@ from scipy.stats import linregress, norm
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem, beyond_rounding
 from hil.diagnosis.search.fitted import Fitted, output_of
-from hil.diagnosis.yardsticks import FAR, SELDOM_BY_CHANCE
+from hil.diagnosis.yardsticks import FAR, MOST, SELDOM_BY_CHANCE
 from hil.identification.experiment import Experiment
 from hil.identification.noise import resolution
 from hil.record.recording import Array
 
 # A line and its uncertainty take so many levels.
 _LEAST_LEVELS = 3
-# A step far from the one that the model was identified with, and this share of the noise, is a coarser channel.
-_TELLING_STEP = 0.5
 # An offset of half a step, to within this share of a step, is the converter's own.
 _HALF_A_STEP = 0.1
 # Nearly all samples of a unit that is only read coarsely are no further than so many steps, and so much noise, from its
 # model, which is itself not exact; and about as many above as below.
 _NO_FURTHER, _CENTRED = 0.75, 0.25
-_NEARLY_ALL = 1.0 - 2.0 * float(norm.sf(SELDOM_BY_CHANCE))
 
 
 def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float, float] | None:
@@ -39,7 +36,7 @@ def coarse_step(problem: Problem, recorded: Sequence[Experiment]) -> tuple[float
         return None
     steps = [resolution(e.output) for e in recorded]
     step = float(np.median(steps))
-    if not (step > FAR * before and step > _TELLING_STEP * known.std):
+    if not (step > FAR * before and step > MOST * known.std):
         return None
     return lattice(np.unique(np.concatenate([e.output for e in recorded])), step, before)
 
@@ -59,7 +56,7 @@ def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
         off.append(by[e.told])
     every = np.concatenate(off)
     near = np.abs(every) <= _NO_FURTHER * step + SELDOM_BY_CHANCE * known.std
-    if not (np.mean(near) > _NEARLY_ALL and abs(np.median(every)) < _CENTRED * step):
+    if not (np.mean(near) > 1.0 - 2.0 * norm.sf(SELDOM_BY_CHANCE) and abs(np.median(every)) < _CENTRED * step):
         return None
     return replace(unit, residuals=residuals, chi2=float(residuals @ residuals))
 
@@ -80,6 +77,7 @@ def coarse(problem: Problem, step: float, std: float, chosen: Fitted, residuals:
         "quantisation", last.stage, last.name, (), {"step": (step, std, unit)}, residuals, problem.experiments,
         f"The signal comes in steps of {step:.3g} {unit}, far coarser than when the model was identified{how}.",
         "y = q·⌊u/q⌋" if cut and offset < 0.0 else "y = q·⌈u/q⌉" if cut else "y = q·round(u/q)",
+        waves=1,
         shows_as="sensor_offset" if cut else "",
     )  # fmt: skip
 

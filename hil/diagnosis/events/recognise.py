@@ -8,14 +8,13 @@ from hil.diagnosis.events.event import Events
 from hil.diagnosis.events.lost_commands import comes_every_time, held_commands
 from hil.diagnosis.events.repeats import held_outputs
 from hil.diagnosis.events.tone import tone
-from hil.diagnosis.measures import SMALL_EXCESS, excess, share_left
+from hil.diagnosis.measures import PART_TOLERANCE, SMALL_EXCESS, excess, share_left
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.yardsticks import A_GOOD_PART
 
-# Events may leave so much: a tone has more harmonics, a held command a start between two samples; of what is of no
-# practical size this share.
-TOLERANCE_OF_EVENTS, _OF_A_SMALL_MISFIT = {"periodic_disturbance": 0.1, "dropout": 0.15}, 0.25
+# Events may leave so much: a tone has more harmonics, a held command a start between two samples.
+TOLERANCE_OF_EVENTS = {"periodic_disturbance": 0.1, "dropout": 0.15}
 
 
 def recognised(
@@ -39,7 +38,7 @@ def recognised(
                 continue
             left = share_left(problem, found.chi2, beyond)
             small = excess(problem, found.chi2) <= SMALL_EXCESS
-            if left <= (_OF_A_SMALL_MISFIT if small else TOLERANCE_OF_EVENTS[found.name]):
+            if left <= (PART_TOLERANCE if small else TOLERANCE_OF_EVENTS[found.name]):
                 return found, None
             if left <= 1.0 - A_GOOD_PART and (part is None or found.chi2 < part.chi2):
                 part = found

@@ -11,7 +11,7 @@ from hil.diagnosis.events.bursts import Burst, bursts_of
 from hil.diagnosis.events.event import Events, Spell, how_often
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, output_of, residuals_of
-from hil.diagnosis.yardsticks import MOST
+from hil.diagnosis.yardsticks import A_GOOD_PART, CERTAIN, MOST
 from hil.identification.experiment import Experiment
 from hil.identification.noise import white_floor
 from hil.identification.repeated import LEAST_SPELLS, STALE_RUN, longer_than_by_chance, same_again
@@ -21,11 +21,8 @@ from hil.signals.runs import runs
 
 Mask = NDArray[np.bool_]
 
-# In bursts of misfit a run is telling already when chance makes so few of them there, in a channel that seldom repeats.
-_CHANCE_IN_BURSTS, _TELLING_REPEAT = 0.3, 0.3
-# A run at whose end the output catches up at once, with most of so many steps or noise deviations that the model went
-# on by meanwhile: what sticks comes loose, but not within a sample.
-_CAUGHT_UP = 6.0
+# In bursts of misfit a run is telling already when chance makes so few of them there.
+_CHANCE_IN_BURSTS = 0.3
 # A channel with less noise repeats its readings by itself wherever the unit is slow.
 _REPEATS_BY_ITSELF = 0.6
 
@@ -79,7 +76,7 @@ def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int
     steps = np.abs(np.diff(values))
     looked_at = sum(stop - start for start, stop in bursts)
     chance = same_again(steps, white_floor(values))
-    if not looked_at or chance > _TELLING_REPEAT:
+    if not looked_at or chance > A_GOOD_PART:
         return []
     least = max(STALE_RUN - 1, 1 + int(np.ceil(np.log(_CHANCE_IN_BURSTS / looked_at) / np.log(chance))))
     inside = np.zeros(len(steps), dtype=np.bool_)
@@ -89,11 +86,13 @@ def _repeats_in_bursts(values: Array, bursts: Sequence[Burst]) -> list[tuple[int
 
 
 def _caught_up(problem: Problem, around: Fitted, e: Experiment) -> list[tuple[int, int]]:
-    """Runs of identical values after which the output is, within a sample, where the model went meanwhile."""
+    """Runs of identical values after which the output catches up at once with most of the way, beyond doubt in steps or
+    noise deviations, that the model went meanwhile: what sticks comes loose, but not within a sample.
+    """
     values, steps, floor = e.output, np.abs(np.diff(e.output)), white_floor(e.output)
     if same_again(steps, floor) > _REPEATS_BY_ITSELF:
         return []
-    least = _CAUGHT_UP * max(float(steps[steps > 0.0].min()), floor)
+    least = CERTAIN * max(float(steps[steps > 0.0].min()), floor)
     shortest = longer_than_by_chance(steps, floor)
     simulated = output_of(problem, around, e)
     found = []

@@ -56,7 +56,8 @@ def tone(problem: Problem, around: Fitted) -> Events | None:
         residuals, without_tone(problem, around, frequency),
         f"A disturbance of {frequency:.4g} Hz with amplitude {size:.3g} {unit} runs through everything, whatever the "
         "command does.",
-        "y = y₀ + a·sin(2πft + φ), φ by chance in each recording", gives_way=True,
+        "y = y₀ + a·sin(2πft + φ), φ by chance in each recording",
+        waves=1 + sum(map(len, waves)), gives_way=True,
     )  # fmt: skip
 
 

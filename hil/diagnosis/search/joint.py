@@ -17,9 +17,6 @@ from hil.diagnosis.search.screen import MOST_STRONGER, Screened, sketch
 from hil.diagnosis.search.terms import Term
 from hil.record.recording import Array
 
-# What changes less than so many noise deviations in all is not there to be added to anything.
-_LEAST = 1.0
-
 
 @dataclass(frozen=True, slots=True)
 class _Look:
@@ -85,7 +82,8 @@ def _looks(place: Around, screened: Sequence[Screened], refined: Sequence[Fitted
         if f.terms[-1].kind == "effect":
             adapted = adapted_residuals(place, (f.terms[-1], f.values[-1]))
             looks.append(_Look(f.terms[-1], f.values[-1], sketch(adapted - place.residuals_without)))
-    return [look for look in looks if float(look.change @ look.change) > _LEAST]
+    # what changes less than one noise deviation in all is not there to be added to anything
+    return [look for look in looks if float(look.change @ look.change) > 1.0]
 
 
 def _gains(changes: NDArray[np.float32], r: NDArray[np.float32], most: Array) -> tuple[Array, Array, Array]:

@@ -12,12 +12,9 @@ from numpy.typing import NDArray
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted, evaluated, simulated, starting
-from hil.diagnosis.yardsticks import ROUGHLY, SELDOM_BY_CHANCE, TO_THE_END, Effort
+from hil.diagnosis.yardsticks import LEADING, ROUGHLY, SELDOM_BY_CHANCE, TO_THE_END, Effort
 from hil.identification.estimate import Unknown, estimate
 from hil.record.recording import Array
-
-# So many other valleys are tried where a misfit has many.
-_VALLEYS = 2
 
 
 def polish(problem: Problem, fitted: Fitted, *, from_here: bool = False) -> Fitted:
@@ -154,6 +151,6 @@ def _lowest_valley(problem: Problem, f: Fitted, k: int) -> Fitted:
         r = simulated(problem, f.parameters, f.terms, values)
         return float(r @ r)
 
-    nearest = [values for _, values in sorted(zip(spread(chi2, tried), tried, strict=True))[:_VALLEYS]]
+    nearest = [values for _, values in sorted(zip(spread(chi2, tried), tried, strict=True))[:LEADING]]
     best = min((roughly(problem, replace(f, values=values)) for values in nearest), key=lambda other: other.chi2)
     return min(f, polish(problem, best), key=lambda other: other.chi2) if best.chi2 < f.chi2 else f

@@ -13,17 +13,16 @@ from hil.diagnosis.search.around import Around, adapt, adapted_residuals, with_t
 from hil.diagnosis.search.fitted import Fitted, starting
 from hil.diagnosis.search.screen import Screened
 from hil.diagnosis.search.terms import Term
+from hil.diagnosis.yardsticks import AT_A_GLANCE, FEW, LEADING, MANY, ROUGHLY, Effort
 from hil.identification.estimate import estimate
 from hil.record.recording import Array
 
-# How the effort of refining is spread (see `refine_all`): evaluations, and how many terms and starts get more.
-_SHORT, _LONG = 5, 30
-_FAVOURITES = 2
+# What gains so much of what the best gains is worth a try, and worth more (see `refine_all`).
 _WORTH_A_TRY, _WORTH_MORE = 0.25, 0.75
 
 
 @dataclass(frozen=True, slots=True)
-class Effort:
+class Width:
     """How much is tried when terms are refined.
 
     Attributes:
@@ -36,24 +35,24 @@ class Effort:
     other_starts: int
 
 
-THOROUGH, LEAN = Effort(16, 5, 3), Effort(8, 3, 1)
+THOROUGH, LEAN = Width(2 * MANY, FEW, 3), Width(MANY, FEW, 1)
 
 
-def refine_all(place: Around, screened: Sequence[Screened], effort: Effort = THOROUGH) -> list[Fitted]:
+def refine_all(place: Around, screened: Sequence[Screened], width: Width = THOROUGH) -> list[Fitted]:
     """Fit the screened terms beside what is accepted, everything else adapting linearly. Best first.
 
     The promising ones get a few steps from their best start. Those whose gain comes near the best one's get more,
     and the best few also try other starts: a sticking part has local optima.
     """
-    promising = screened[: _count(place, [s.chi2 for s in screened], _WORTH_A_TRY, effort.tried)]
-    tried = _refine_many(place, [(s, s.starts[0]) for s in promising], _SHORT, coarse=True)
+    promising = screened[: _count(place, [s.chi2 for s in screened], _WORTH_A_TRY, width.tried)]
+    tried = _refine_many(place, [(s, s.starts[0]) for s in promising], AT_A_GLANCE, coarse=True)
     by_chi2 = sorted(zip(tried, promising, strict=True), key=lambda pair: pair[0].chi2)
-    count = _count(place, [f.chi2 for f, _ in by_chi2], _WORTH_MORE, effort.leading)
+    count = _count(place, [f.chi2 for f, _ in by_chi2], _WORTH_MORE, width.leading)
     leading, rest = by_chi2[:count], by_chi2[count:]
     again = [(s, f.values[-1]) for f, s in leading]
-    again += [(s, start) for _, s in leading[:_FAVOURITES] for start in s.starts[1 : effort.other_starts]]
-    longer = _refine_many(place, again, _LONG)
-    longer += _refine_many(place, _off_bounds(longer[: len(leading)], leading), _LONG)
+    again += [(s, start) for _, s in leading[:LEADING] for start in s.starts[1 : width.other_starts]]
+    longer = _refine_many(place, again, ROUGHLY)
+    longer += _refine_many(place, _off_bounds(longer[: len(leading)], leading), ROUGHLY)
     best: dict[int, Fitted] = {}
     for f in longer:
         key = id(f.terms[-1])
@@ -62,7 +61,7 @@ def refine_all(place: Around, screened: Sequence[Screened], effort: Effort = THO
     return sorted([*best.values(), *(f for f, _ in rest)], key=lambda f: f.chi2)
 
 
-def refine(place: Around, term: Term, start: tuple[float, ...], *, evaluations: int, coarse: bool = False) -> Fitted:
+def refine(place: Around, term: Term, start: tuple[float, ...], *, effort: Effort, coarse: bool = False) -> Fitted:
     """Fit one term from a start, everything else adapting linearly."""
 
     def residuals(values: Array, coarse: bool = coarse) -> Array:
@@ -72,8 +71,8 @@ def refine(place: Around, term: Term, start: tuple[float, ...], *, evaluations: 
         residuals,
         starting(term.unknowns, start),
         sketch=None if coarse else partial(residuals, coarse=True),
-        max_evaluations=evaluations,
-        tolerance=1e-4,
+        max_evaluations=effort.evaluations,
+        tolerance=effort.tolerance,
     )
     values = tuple(float(v) for v in found.values)
     r = with_term(place, term, values, coarse)
@@ -86,7 +85,7 @@ def _off_bounds(
 ) -> list[tuple[Screened, tuple[float, ...]]]:
     """Where a fit ran into the bound of a shape parameter, another try from well inside."""
     jobs = []
-    for f, (_, screened) in zip(fits, leading[:_FAVOURITES], strict=False):
+    for f, (_, screened) in zip(fits, leading[:LEADING], strict=False):
         moved = [
             u.low + 0.3 * (u.high - u.low) if k > 0 and u.at_bound(v) else v
             for k, (v, u) in enumerate(zip(f.values[-1], screened.term.unknowns, strict=True))
@@ -107,10 +106,10 @@ def _count(place: Around, chi2: Sequence[float], share: float, most: int) -> int
 
 
 def _refine_many(
-    place: Around, jobs: Sequence[tuple[Screened, tuple[float, ...]]], evaluations: int, *, coarse: bool = False
+    place: Around, jobs: Sequence[tuple[Screened, tuple[float, ...]]], effort: Effort, *, coarse: bool = False
 ) -> list[Fitted]:
     def one(job: tuple[Screened, tuple[float, ...]]) -> Fitted:
-        return refine(place, job[0].term, job[1], evaluations=evaluations, coarse=coarse)
+        return refine(place, job[0].term, job[1], effort=effort, coarse=coarse)
 
     return spread(one, jobs)
 

@@ -19,8 +19,7 @@ from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
 # Starts of a base parameter, as factors of its value: twice as large or much the same, and as much smaller.
-_LARGER = (MUCH_THE_SAME, 2.0)
-_FACTORS = (*_LARGER, *(1.0 / factor for factor in _LARGER))
+_FACTORS = (MUCH_THE_SAME, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +119,11 @@ def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
 def _parameter_term(parameter: Parameter, value: float, stage: str) -> Term:
     unknown = Unknown(parameter.name, parameter.unit, value, parameter.low, parameter.high, parameter.scale)
     size = max(abs(value), parameter.scale)
-    starts = {float(np.clip(value + (factor - 1.0) * size, parameter.low, parameter.high)) for factor in _FACTORS}
+    starts = {
+        float(np.clip(value + (factor - 1.0) * size, parameter.low, parameter.high))
+        for larger in _FACTORS
+        for factor in (larger, 1.0 / larger)
+    }
     return Term(
         "parameter",
         parameter.name,
