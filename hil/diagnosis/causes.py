@@ -10,7 +10,7 @@ import numpy as np
 
 from hil.cores import spread
 from hil.diagnosis.evidence import indistinguishable
-from hil.diagnosis.measures import SMALL_EXCESS, Measures, are_themselves, is_present
+from hil.diagnosis.measures import SMALL_EXCESS, Measures, are_themselves, is_present, is_there
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.around import Around, around
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing
@@ -143,7 +143,7 @@ class Causes:
         near = self._within(by_cost, 2.0)  # what leaves more hardly turns out best
         hopeful = [*near, *(f for f in by_cost[len(near) :] if self._in_valley_of(by_cost[0], f) != f.values)]
         both = self._to_the_end(hopeful[:FEW])
-        return [both] if self._is_pair(both, best) else []
+        return self._kept(both, best)
 
     def _to_the_end(self, pairs: Sequence[Fitted]) -> Fitted:
         """The most economical of pairs, fitted one after another, each from the valley of a rugged term that the best
@@ -206,7 +206,7 @@ class Causes:
             best = self._most_economical(rough)
             if self.m.gain(seed, best.chi2) >= MOST * (1.0 - A_GOOD_PART):
                 best = polish(self.m.problem, best)
-                found += [best] if self._is_pair(best, seed) else []
+                found += self._kept(best, seed)
         return found
 
     def needed(self, both: Fitted) -> Fitted:
@@ -237,14 +237,28 @@ class Causes:
                 distinct.setdefault(f.names[-1] if f.names else "", f)
         return list(distinct.values())[:FEW]
 
+    def _kept(self, both: Fitted, seed: Fitted) -> list[Fitted]:
+        """A pair that explains most of what a first cause leaves. Where one of the two is not there, the other one
+        alone from where it ended: it found its valley only so.
+        """
+        if not self._takes_most(both, seed):
+            return []
+        there = [k for k, term in enumerate(both.terms) if is_there(both, term)]
+        if len(there) == len(both.terms):
+            return [both]
+        return [polish(self.m.problem, self.without_the_other(both, k), from_here=True) for k in there]
+
     def _is_pair(self, both: Fitted, seed: Fitted) -> bool:
         """Whether a second cause explains most of what a first one leaves, and both are there."""
+        return self._takes_most(both, seed) and is_present(both)
+
+    def _takes_most(self, both: Fitted, seed: Fitted) -> bool:
+        """Whether two causes together explain most of what a first one leaves."""
         closes = self.m.is_adequate(both) and not self.m.is_adequate(seed)
         share = SECOND_BESIDE_A_LAW if closes else 1.0 - A_GOOD_PART
         if self.m.left(seed) < _TO_THE_LETTER:
             share = _NEARLY_ALL
-        better = self.m.gain(seed, both.chi2) >= share and seed.chi2 - both.chi2 > ALARM_GAIN
-        return better and is_present(both)
+        return self.m.gain(seed, both.chi2) >= share and seed.chi2 - both.chi2 > ALARM_GAIN
 
     def others(self, f: Fitted) -> list[Term]:
         """The terms that an explanation does not have yet, with starts from what it leaves."""

@@ -163,3 +163,16 @@ def test_what_cannot_be_told_from_either_of_two_causes_is_said(first: int) -> No
     as_good, worse = explanation("coil_lag", "end_stop", chi2=1e4), explanation("end_stop", "backlash", chi2=2e4)
     judge.causes.second = [as_good, worse, explanation("friction", "backlash", chi2=1e4)]
     assert judge.rivals(best, ()) == (("dead_time", "coil_lag"),)
+
+
+@pytest.mark.parametrize(("chi2", "kept"), [(10_150.0, ("rate_limit",)), (11_900.0, ())])
+def test_of_two_causes_of_which_one_is_not_there_the_other_one_is_kept(
+    monkeypatch: pytest.MonkeyPatch, chi2: float, kept: tuple[str, ...]
+) -> None:
+    """A faint limit inside a stage was found only beside a dead time of nothing, and then thrown away with it."""
+    monkeypatch.setattr(causes, "is_there", lambda _f, term: term.name != "dead_time")
+    monkeypatch.setattr(causes, "evaluated", lambda _problem, f: f)
+    monkeypatch.setattr(causes, "polish", lambda _problem, f, *, from_here: f)
+    of = Causes(Stand(), ())  # type: ignore[arg-type]
+    found = of._kept(explanation("dead_time", "rate_limit", chi2=chi2), explanation("coil_lag", chi2=12_000.0))
+    assert tuple(name for f in found for name in f.names) == kept
