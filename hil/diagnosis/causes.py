@@ -70,11 +70,13 @@ class Causes:
         m: what explanations are measured by.
         terms: everything that is looked for.
         second: pairs that were fitted roughly on the way, for what cannot be told from the chosen one.
+        ended: pairs that were fitted to their end.
     """
 
     m: Measures
     terms: tuple[Term, ...]
     second: list[Fitted] = field(default_factory=list)
+    ended: list[Fitted] = field(default_factory=list)
 
     def alone(self) -> Alone:
         """Look at every term alone: around the nominal model, as the baseline has bent to a misfit that is not its."""
@@ -241,6 +243,7 @@ class Causes:
         """A pair that explains most of what a first cause leaves. Where one of the two is not there, the other one
         alone from where it ended: it found its valley only so.
         """
+        self.ended.append(both)
         if not self._takes_most(both, seed):
             return []
         there = [k for k, term in enumerate(both.terms) if is_there(both, term)]

@@ -54,6 +54,7 @@ class Choice:
         events: what happened at moments that no law foresees, if that explains what the library does not.
         part: such events that take a good part of the misfit and leave the rest open.
         descriptions: what else comes near where nothing can be named, the closest first.
+        pairs: two causes that were fitted together, as far as they were.
     """
 
     verdict: Verdict
@@ -67,6 +68,7 @@ class Choice:
     events: Events | None = None
     part: Events | None = None
     descriptions: tuple[Fitted, ...] = ()
+    pairs: tuple[Fitted, ...] = ()
 
 
 def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -> Choice:
@@ -134,6 +136,7 @@ class _Judge:
         return Choice(
             verdict, best, self.baseline, nominal, candidates,
             rivals, self.causes.terms, self.m.left(best), events, part, self.others(best, descriptions),
+            (*self.causes.second, *self.causes.ended),
         )  # fmt: skip
 
     def best_law(self, known: Sequence[Fitted], polished: Sequence[Fitted], alone: Alone) -> Fitted:

@@ -21,7 +21,7 @@ def shadow(found: Happened, nominal_stages: Sequence[StageShare], left_stages: S
     `nominal_stages`, `left_stages`: what a free curve at each stage explains beside the nominal and the chosen model.
     """
     choice, problem = found.choice, found.problem
-    fits = [choice.chosen, *choice.candidates, *choice.descriptions]
+    fits = [there(f) for f in (choice.chosen, *choice.candidates, *choice.descriptions, *choice.pairs)]
     least = min(f.chi2 for f in (choice.baseline, *fits))
     causes = len({t.told for t in choice.terms if t.kind == "effect"})
     asked = question(problem.size, choice.baseline.chi2, least, causes)
@@ -53,6 +53,11 @@ def as_dict(ranked: Sequence[Weighed]) -> dict[str, Any]:
             for w in ranked[:LISTED]
         ],
     }  # fmt: skip
+
+
+def there(f: Fitted) -> Fitted:
+    """An explanation without the effects that have ended at nothing: it leaves the same."""
+    return f.only([k for k, (t, v) in enumerate(zip(f.terms, f.values, strict=True)) if not t.is_nothing(v)])
 
 
 def _law(f: Fitted) -> Hypothesis:

@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 
 from hil.diagnosis.measures import CONSISTENT_EXCESS, LAW_TOLERANCE
+from hil.diagnosis.search.fitted import Fitted
+from hil.diagnosis.search.terms import Term
+from hil.diagnosis.shadow import there
 from hil.diagnosis.verdict import (
     Hypothesis,
     Kind,
@@ -19,6 +22,7 @@ from hil.diagnosis.verdict import (
     verdict_of,
     weighed,
 )
+from hil.identification.estimate import Unknown
 
 COUNT = 20_000
 
@@ -121,3 +125,13 @@ def test_a_law_gives_way_to_something_unknown_where_it_leaves_more_than_that_wou
     beyond = 1e6
     said = told(beyond, law("friction", leaves=times * LAW_TOLERANCE, of=beyond))
     assert said == ("explained" if times < 1.0 else "unexplained")
+
+
+def test_what_ended_at_nothing_is_no_part_of_a_hypothesis() -> None:
+    """A pair of which one member does nothing is the other one alone, and costs as much."""
+    width = Unknown("width", "%", 1.0, 0.0, 10.0, 1.0)
+    play = Term("effect", "backlash", "position", "spool", (width,), ((1.0,),), nulls=(0.0,))
+    lag = replace(play, name="coil_lag")
+    both = Fitted((play, lag), ((0.0005,), (0.3,)), {}, 1.0, np.zeros(0))
+    assert there(both).names == ("coil_lag",)
+    assert there(replace(both, values=((0.3,), (0.3,)))).names == ("backlash", "coil_lag")

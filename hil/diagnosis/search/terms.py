@@ -77,6 +77,10 @@ class Term:
             sized[k] = float(np.clip(null + share * (values[k] - null), u.low, u.high))
         return tuple(sized)
 
+    def is_nothing(self, values: Sequence[float]) -> bool:
+        """Whether it does nothing at these values, as near as a fit comes to that."""
+        return self.scales and all(abs(values[k] - self.nulls[k]) <= 1e-3 * self.unknowns[k].scale for k in self.sizes)
+
     @property
     def label(self) -> str:
         """For messages: `friction at spool`, `pilot_rate`."""
