@@ -107,8 +107,8 @@ class Answer:
         nominal = self.choice.nominal
         before = fit_kept_back(self.problem, nominal.residuals, self.kept)
         most = fit_kept_back(self.problem, np.ones(len(nominal.residuals)), self.kept)
-        proposed, after = self._description() if self.verdict == "unexplained" else (nominal, before)
-        if after - before < _DESCRIBES * (most - before):
+        proposed, after = self._description()
+        if self.verdict != "unexplained" or after - before < _DESCRIBES * (most - before):
             proposed = self.named if self.named.terms or self.has_drifted else nominal
             after = before if proposed is nominal else self._predicts(proposed)
         if after >= before:
@@ -121,7 +121,8 @@ class Answer:
         """Of the closest descriptions the one that predicts best what was kept back, and how well; the nominal model
         where nothing was: a description would only mislead where nobody has looked yet.
         """
-        closest = (self.choice.chosen, *self.choice.descriptions)[:FEW] if self.kept.said != NOTHING else ()
+        asked = self.verdict == "unexplained" and self.kept.said != NOTHING
+        closest = (self.choice.chosen, *self.choice.descriptions)[:FEW] if asked else ()
         told = [(f, self._predicts(f)) for f in closest if f.terms]
         return max(told, key=lambda each: each[1], default=(self.choice.nominal, -np.inf))
 

@@ -11,6 +11,7 @@ from hil.diagnosis.locate import StageShare
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.verdict import Hypothesis, Kind, Question, Weighed, anything, marginal, question, verdict_of, weighed
 from hil.diagnosis.yardsticks import LISTED
+from hil.signals.colour import colour_factor
 
 _UNKNOWN: frozenset[Kind] = frozenset({"unknown"})
 
@@ -22,9 +23,10 @@ def shadow(found: Happened, nominal_stages: Sequence[StageShare], left_stages: S
     """
     choice, problem = found.choice, found.problem
     fits = [there(f) for f in (choice.chosen, *choice.candidates, *choice.descriptions, *choice.pairs)]
-    least = min(f.chi2 for f in (choice.baseline, *fits))
+    least = min((choice.baseline, *fits), key=lambda f: f.chi2)
     causes = len({t.told for t in choice.terms if t.kind == "effect"})
-    asked = question(problem.size, choice.baseline.chi2, least, causes)
+    colour = colour_factor(least.residuals)
+    asked = question(problem.size, choice.baseline.chi2, least.chi2, causes, colour)
     ranked = weighed(asked, [
         Hypothesis(frozenset({"nothing"}), (), choice.baseline.chi2, 0, 0),
         anything(asked),

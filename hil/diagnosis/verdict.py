@@ -4,7 +4,8 @@ A hypothesis is worth what it leaves of the misfit, on a logarithmic scale, and 
 
     S = m·ln(1 + (E + ρ²·explained)/m) + k·ln n_eff − 2·ln(prior)
 
-with E = χ² − n, at least 0, and `explained` what the nominal model leaves more than it. Laws of a library are true to a
+with E = (χ² − n)/c, at least 0, and `explained` what the nominal model leaves more than it, over c: where the best
+explanation leaves noise, c neighbouring samples of it say the same. Laws of a library are true to a
 share ρ of what they explain, and what they leave has about m independent pieces, however many samples there are. A
 hypothesis weighs exp(−S/2).
 """
@@ -72,27 +73,36 @@ class Question:
 
     Attributes:
         count: χ² that noise alone leaves. `nominal_chi2`: of the unit as it was. `terms`: number of causes looked for.
+        alike: so many neighbouring samples of the noise say the same.
     """
 
     count: float
     nominal_chi2: float
     terms: int
+    alike: float = 1.0
 
 
-def question(samples: int, nominal_chi2: float, least_chi2: float, terms: int) -> Question:
+def question(samples: int, nominal_chi2: float, least_chi2: float, terms: int, colour: float = 1.0) -> Question:
     """The question of so many residuals, of which the best explanation leaves `least_chi2`.
 
-    Where that is no more than what is consistent leaves, it is the noise.
+    Where that is no more than what is consistent leaves, it is the noise, and `colour` says how many samples of it say
+    the same.
     """
-    return Question(float(np.clip(least_chi2, samples, (1.0 + CONSISTENT_EXCESS) * samples)), nominal_chi2, terms)
+    most = (1.0 + CONSISTENT_EXCESS) * samples
+    alike = colour if least_chi2 <= most else 1.0
+    return Question(float(np.clip(least_chi2, samples, most)), nominal_chi2, terms, alike)
 
 
 def score(asked: Question, h: Hypothesis) -> float:
     """S of a hypothesis; the least is the best."""
     beyond = max(h.chi2 - asked.count, 0.0)
     explained = max(asked.nominal_chi2 - h.chi2, 0.0)
-    off = (beyond + LAW_ERROR**2 * explained) / PIECES
-    return PIECES * math.log1p(off) + h.unknowns * _log_samples(asked.count, off) - 2.0 * _log_prior(asked, h)
+    off = (beyond + LAW_ERROR**2 * explained) / (asked.alike * PIECES)
+    return (
+        PIECES * math.log1p(off)
+        + h.unknowns * _log_samples(asked.count / asked.alike, off)
+        - 2.0 * _log_prior(asked, h)
+    )
 
 
 def _log_samples(count: float, off: float) -> float:

@@ -43,7 +43,7 @@ def test_the_description_that_predicts_best_is_kept(
 def test_no_description_is_kept_that_nothing_was_kept_back_from() -> None:
     answer: Any = object.__new__(Answer)
     nominal = SimpleNamespace(terms=())
-    answer.problem, answer.kept = None, SimpleNamespace(said=NOTHING)
+    answer.problem, answer.verdict, answer.kept = None, "unexplained", SimpleNamespace(said=NOTHING)
     answer.choice = SimpleNamespace(chosen=SimpleNamespace(terms=("a term",)), descriptions=(), nominal=nominal)
     assert answer._description() == (nominal, -np.inf)
 

@@ -135,3 +135,12 @@ def test_what_ended_at_nothing_is_no_part_of_a_hypothesis() -> None:
     both = Fitted((play, lag), ((0.0005,), (0.3,)), {}, 1.0, np.zeros(0))
     assert there(both).names == ("coil_lag",)
     assert there(replace(both, values=((0.3,), (0.3,)))).names == ("backlash", "coil_lag")
+
+
+@pytest.mark.parametrize(("colour", "said"), [(1.0, "explained"), (3.3, "consistent")])
+def test_what_slow_noise_does_is_no_cause(colour: float, said: str) -> None:
+    """A healthy EFC whose noise had a memory of 100 samples: a slow tone gained 72 in χ²."""
+    tone = Hypothesis(frozenset({"effects"}), ("periodic_disturbance",), 33_307.0, 3, 1)
+    posed = question(33_294, 33_379.0, tone.chi2, 20, colour)
+    as_it_was = Hypothesis(frozenset({"nothing"}), (), 33_379.0, 0, 0)
+    assert verdict_of(weighed(posed, [as_it_was, anything(posed), tone])[0].hypothesis) == said
