@@ -14,6 +14,9 @@ from hil.diagnosis.search.terms import Term
 from hil.diagnosis.yardsticks import CERTAIN
 from hil.record.recording import Array
 
+# Standard uncertainties of an upper limit (95 %).
+_ONE_SIDED = 1.645
+
 
 @dataclass(frozen=True, slots=True)
 class Limit:
@@ -49,15 +52,22 @@ def limits(place: Around, terms: Sequence[Term], twins: Sequence[Fitted] = ()) -
     for f in twins:
         for term, values in zip(f.terms, f.values, strict=True):
             if term.kind == "effect" and term.told in found:
-                found[term.told] = _as_large_as(found[term.told], term, values)
+                found[term.told] = _as_large_as(found[term.told], term, values, _std(f, term))
     return tuple(found[name] for name in sorted(found))
 
 
-def _as_large_as(limit: Limit, term: Term, values: Sequence[float]) -> Limit:
-    """A limit that does not exclude what an explanation says: of a limit itself, or elsewhere, it excludes nothing."""
-    if not np.isfinite(term.null) or term.unknowns[0].name != limit.parameter or term.stage != limit.stage:
+def _std(f: Fitted, term: Term) -> float:
+    """Standard uncertainty of the first unknown of a term; 0 where an explanation was not fitted to its end."""
+    return 0.0 if f.estimate is None else float(f.estimate.std[f.estimate_index(term)])
+
+
+def _as_large_as(limit: Limit, term: Term, values: Sequence[float], std: float) -> Limit:
+    """A limit that does not exclude what an explanation says: of a limit itself, elsewhere, or where it is not told, it
+    excludes nothing.
+    """
+    if not np.isfinite(term.null + std) or term.unknowns[0].name != limit.parameter or term.stage != limit.stage:
         return replace(limit, upper=float("inf"), visible=False)
-    return replace(limit, upper=max(limit.upper, abs(values[0] - term.null)))
+    return replace(limit, upper=max(limit.upper, abs(values[0] - term.null) + _ONE_SIDED * std))
 
 
 def _limit(place: Around, term: Term, without: Array) -> Limit:
@@ -75,6 +85,6 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
     if power < 1e-12 or size == 0.0:
         return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False)
     strength = -float(step @ without) / power
-    upper = (max(strength, 0.0) + 1.645 / np.sqrt(power)) * size
+    upper = (max(strength, 0.0) + _ONE_SIDED / np.sqrt(power)) * size
     visible = np.sqrt(power) * typical / size > CERTAIN
     return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible))

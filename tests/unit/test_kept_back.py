@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -94,6 +96,9 @@ def test_no_cause_is_excluded_that_would_do_as_well() -> None:
     beside = {limit.effect: limit for limit in limits(place, [term], [twin])}
     assert alone["friction"].upper < 7.0
     assert beside["friction"].upper == 7.0
+    told = SimpleNamespace(std=np.array([0.5, 0.0, 0.0, 0.0]), unknowns=range(4))
+    fitted = {limit.effect: limit for limit in limits(place, [term], [replace(twin, estimate=told)])}
+    assert fitted["friction"].upper == pytest.approx(7.0 + 1.645 * 0.5)  # it may be larger than it was fitted
 
 
 def test_a_rate_of_false_alarms_is_that_of_a_plant_that_was_counted() -> None:
