@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from hil.cli.reading import Columns, Interval, Rename, Time, Unit
+from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
 
 if TYPE_CHECKING:
     from hil.physics.transfer_function import TransferFunction
@@ -40,11 +40,12 @@ def step(
     unit: Unit = [],  # noqa: B006 — typer makes a new one
     rename: Rename = [],  # noqa: B006
     columns: Columns = "",
+    gaps: Gaps = False,
 ) -> None:
     """Two first-order models and a second-order one from rise and settling time: eqs 9 to 22 of the HPV41 paper."""
     from hil import api
 
-    read = None if recording is None else _read(recording, time, interval, unit, rename, columns)
+    read = None if recording is None else _read(recording, time, interval, unit, rename, columns, gaps)
     found = api.step_models(
         read, rise_s=rise, settling_s=settling, input=input_name, output=output_name, beside=beside, band=band / 100.0
     )
@@ -132,12 +133,13 @@ def recursive(
     unit: Unit = [],  # noqa: B006
     rename: Rename = [],  # noqa: B006
     columns: Columns = "",
+    gaps: Gaps = False,
 ) -> None:
     """Recursive least squares, sample by sample: eqs 3.7 to 3.15 of the EFC thesis."""
     from hil.identification.recursive_least_squares import ArxForm
     from hil.session.analyses import channels_of, estimated_online
 
-    read = _read(recording, time, interval, unit, rename, columns)
+    read = _read(recording, time, interval, unit, rename, columns, gaps)
     found = estimated_online(
         read, *channels_of(read, input_name, output_name), ArxForm(poles, inputs, delay, difference), memory=memory,
         forgetting="exponential" if exponential else "directional", prior_std=prior,
@@ -195,6 +197,7 @@ def error(
     unit: Unit = [],  # noqa: B006
     rename: Rename = [],  # noqa: B006
     columns: Columns = "",
+    gaps: Gaps = False,
 ) -> None:
     """Eq. 4.1 of the EFC thesis, its crisp class and the degrees of eqs 4.2 to 4.7."""
     from hil.errors import SettingError
@@ -202,16 +205,18 @@ def error(
 
     if level not in ("low", "high"):
         raise SettingError(f"--level {level}: there are low (1.4 A) and high (1.6 A)")
-    measured, good = (_read(p, time, interval, unit, rename, columns) for p in (recording, reference))
+    measured, good = (_read(p, time, interval, unit, rename, columns, gaps) for p in (recording, reference))
     found = error_between(measured, good, "low" if level == "low" else "high", output_name)
     _show(found.as_dict(), found.as_text(), as_json)
 
 
-def _read(path: Path, time: str, interval: float, unit: list[str], rename: list[str], columns: str) -> Recording:
+def _read(
+    path: Path, time: str, interval: float, unit: list[str], rename: list[str], columns: str, gaps: bool
+) -> Recording:
     from hil.cli.reading import reading_of, teller
     from hil.session.sources import notes_on, samples_of
 
-    found = samples_of(path, reading_of(time, interval, unit, rename, columns, False))
+    found = samples_of(path, reading_of(time, interval, unit, rename, columns, gaps))
     for note in notes_on([found]):
         teller(aside=True)(note)
     return found

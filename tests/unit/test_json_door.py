@@ -45,6 +45,15 @@ def test_every_schema_that_the_code_writes_is_in_the_reference():
     assert written and written <= SCHEMAS
 
 
+def test_every_command_that_states_how_a_recording_is_read_takes_all_reading_options():
+    every = dict(commands(typer.main.get_command(app._assembled())))
+    taken = {name: {option for one in command.params for option in one.opts} for name, command in every.items()}
+    readers = {name for name, options in taken.items() if "--rename" in options}
+    assert {"convert", "identify", "compare", "simulate", "diagnose", "average", "analyse recursive"} <= readers
+    asked = {"--time", "--interval", "--unit", "--rename", "--columns", "--gaps"}
+    assert {name: asked - taken[name] for name in readers if asked - taken[name]} == {}
+
+
 def refuse(constant):
     raise AssertionError(f"{constant} is no JSON")
 
