@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import threading
 from collections.abc import Callable, Iterator
@@ -108,7 +109,7 @@ def test_modbus_modules_against_registers_on_a_socket() -> None:
     with ForeignLine(inputs.on_tcp) as line, opened("iologik-e1240", f"127.0.0.1:{line.port}", "ai3") as link:
         assert link.read() == pytest.approx({"ai3": 5.0}, abs=1e-3)
 
-    adam = WithCoils({0: 1, 1: 0, 16: 0}, holding={0: 0xFFFF, 5: 0x8000, 11: 0})
+    adam = WithCoils({0: 1, 1: 0, 16: 0}, holding={0: 0xFFFF, 5: 0x8000, 11: 0, 20: 0, 25: 0})
     with (
         ForeignLine(adam.on_tcp) as line,
         opened("adam-6024", f"127.0.0.1:{line.port}", "ai0", "ai5", "ao1", "di0", "di1", "do0") as link,
@@ -117,6 +118,8 @@ def test_modbus_modules_against_registers_on_a_socket() -> None:
         assert adam.holding[11] == 1024 and adam.coils[16] == 1
         assert link.read() == pytest.approx({"ai0": 10.0, "ai5": 0.0, "di0": 1.0, "di1": 0.0}, abs=1e-3)
         assert link.standing() == pytest.approx({"ao1": 2.5, "do0": 1.0}, abs=3e-3)
+        adam.holding[25] = 4  # AI status of channel 5, 40026: over low
+        assert math.isnan(link.read()["ai5"]) and link.unmeasured == {"ai5": "over low"}
 
 
 def answering(answers: Callable[[str], str], end: str, answer_end: str) -> Callable[[bytes], bytes]:
