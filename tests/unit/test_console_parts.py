@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from starlette.requests import Request
 
 from hil.archive.place import archive_place
 from hil.bench.read import read_bench
@@ -26,14 +27,17 @@ from hil.console.follow import Follower
 from hil.console.form import faults_of, fields_of, given_of, setting_named_in
 from hil.console.process import start
 from hil.console.routes import bench as bench_routes
+from hil.console.routes import results as results_routes
 from hil.console.routes import run as run_routes
 from hil.console.routes.run import _asked
 from hil.console.script_words import SAID_BY_SCRIPTS
 from hil.console.site import Site
 from hil.console.underway import Underway, run_of
 from hil.errors import FileError, SettingError, StorageError, UnknownNameError
+from hil.findings.results import RESULTS_FILE, Results
 from hil.record.folder import RunWriter
 from hil.record.header import new_header
+from hil.record.measurement import Verdict
 from hil.session.procedure import load_procedure
 
 
@@ -283,3 +287,22 @@ def test_the_form_says_how_far_each_output_may_go(site: Site) -> None:
     console = Console(site, Underway(site.runs))
     assert run_routes._allowed(console, "own") == ["command −100 … 100 %"]
     assert run_routes._allowed(console, "none") == []
+
+
+@pytest.mark.parametrize(
+    ("verdict", "word"),
+    [("cannot tell", "Did not end as planned"), (None, "Did not end as planned"), ("fail", "Fail")],
+)
+def test_results_of_a_run_that_tripped_say_so_in_place_of_a_verdict(
+    site: Site, monkeypatch: pytest.MonkeyPatch, verdict: Verdict | None, word: str
+) -> None:
+    console = Console(site, Underway(site.runs))
+    monkeypatch.setattr(Console, "of", lambda _request: console)
+    writer = written(site.runs / "tripped")
+    writer.close("TrippedError: over-pressure")
+    found = Results(run="tripped", procedure="jog", serial=None, verdict=verdict, values=())
+    (site.runs / "tripped" / RESULTS_FILE).write_text(found.as_json(), encoding="utf-8")
+    scope = {"type": "http", "method": "GET", "path": "/results/tripped", "query_string": b"", "headers": [],
+             "server": ("127.0.0.1", 1), "scheme": "http", "path_params": {"run": "tripped"}}  # fmt: skip
+    text = bytes(results_routes.one(Request(scope)).body).decode()
+    assert f'<span class="word">{word}</span>' in text

@@ -205,7 +205,7 @@ def _facts(folder: Path) -> dict[str, str]:
         "outcome": meta.get("outcome", "not closed"),
         "started": meta.get("started_utc"),
     }
-    return {name: str(text) for name, text in told.items() if text}
+    return {name: str(text or "") for name, text in told.items()}
 
 
 def _serials(console: Console) -> list[str]:
