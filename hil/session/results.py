@@ -20,6 +20,7 @@ from hil.session.outcome import REPORT_FILE, Outcome, write_findings
 from hil.session.procedure import Procedure, load_procedure
 from hil.session.responses import write_responses
 from hil.session.resting import measured_findings
+from hil.session.setting import Setting, value_text
 
 
 def results_of_run(folder: Path) -> Results:
@@ -64,7 +65,8 @@ def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, L
         InputError: a run that was completed does not hold what its evaluation needs.
     """
     try:
-        found = measured_findings(procedure.evaluate, recording)
+        found = measured_findings(procedure.evaluate, _completed(procedure, recording))
+        found = _with_assumed(found, procedure, recording)
     except InputError as error:
         if recording.meta.get("outcome") == "completed":
             raise
@@ -74,6 +76,34 @@ def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, L
     )
     judged = found.with_missing(procedure.measurements).judged(limits)
     return judged if ended_as_planned(recording.meta) else judged.of_unfinished()
+
+
+def _unstated(procedure: Procedure, recording: Recording) -> dict[str, Setting]:
+    """Settings that the header does not hold: those of an earlier version had other names, or fewer."""
+    stated = recording.meta.get("settings") or {}
+    return {name: setting for name, setting in procedure.settings.items() if name not in stated}
+
+
+def _completed(procedure: Procedure, recording: Recording) -> Recording:
+    """The recording with the defaults of settings that its header does not hold."""
+    defaults = {name: setting.default for name, setting in _unstated(procedure, recording).items()}
+    if not defaults:
+        return recording
+    settings = {**defaults, **(recording.meta.get("settings") or {})}
+    return replace(recording, meta={**recording.meta, "settings": settings})
+
+
+def _with_assumed(found: Findings, procedure: Procedure, recording: Recording) -> Findings:
+    """The findings with a note on the settings that had to be assumed."""
+    if not (unstated := _unstated(procedure, recording)):
+        return found
+    told = ", ".join(f"{name} = {_typed(setting)}" for name, setting in unstated.items())
+    note = f"The header of this run does not state these settings, so the defaults of today were taken: {told}."
+    return replace(found, notes=(*found.notes, note))
+
+
+def _typed(setting: Setting) -> str:
+    return f"{value_text(setting.default)} {'' if setting.default is None else setting.unit}".rstrip()
 
 
 def write_outcome(recording: Recording, findings: Findings, folder: Path) -> Outcome:

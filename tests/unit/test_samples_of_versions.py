@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,9 @@ from hil.errors import FileError
 from hil.findings.results import read_results
 from hil.physics.model import load_model
 from hil.record.folder import read
+from hil.record.measurement import Findings
+from hil.session.procedure import load_procedure
+from hil.session.results import evaluated
 from hil.version import is_newer
 
 SAMPLES = sorted((Path(__file__).parents[1] / "samples").iterdir())
@@ -28,6 +32,18 @@ def test_what_a_version_made_is_read(sample: Path) -> None:
     assert entry_of(sample / "run").verdict == "pass"
     assert load_model(sample / "model.json").values["full_flow"] == pytest.approx(70.0, rel=0.01)
     assert read_bench(sample / "bench.toml").bench.valve.settling_s == 2.0
+
+
+def test_settings_that_a_version_did_not_have_are_those_of_today_and_said() -> None:
+    procedure = replace(
+        load_procedure("step_response"), evaluate=lambda one: Findings(notes=(str(one.meta["settings"]),))
+    )
+    run = read(SAMPLES[-1] / "run")
+    assert "settings" not in run.meta
+    used, said = evaluated(procedure, run, {}).notes
+    assert "'band': 2.0" in used
+    assert "does not state these settings" in said
+    assert "band = 2 %" in said
 
 
 def changed(path: Path, **entries: object) -> Path:
