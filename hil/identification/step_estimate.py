@@ -34,6 +34,7 @@ _FOOT_LOOSER = 100.0
 _SURE = 0.95  # of redrawn responses that must move once and for all
 _PARABOLA = np.array([-3.0, 12.0, 17.0, 12.0, -3.0]) / 35.0  # Savitzky, Golay: Anal. Chem. 36(8), 1964
 _CLEAR = 2.0  # standard deviations from which the sharper reading tells more than noise
+_CROSSED = ("dead_time_s", "rise_s", "response_s")  # a level is passed once; bands are entered and left by noise
 _NAMES = tuple(field.name for field in fields(StepFigures))
 _values = attrgetter(*_NAMES)  # of step figures, as a tuple
 _MOVING = 2.0  # standard uncertainties of the final value by which the response still moves at its end
@@ -143,8 +144,8 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     ]
     columns = np.array([_values(one) for one in read if one is not None], dtype=np.float64)
     std = _spread(columns, figures, missing=len(read) - len(columns))
-    smooth, figures = figures, replace(figures, dead_time_s=_foot_time(step, feet[0], figures))
-    std = replace(std, dead_time_s=math.hypot(std.dead_time_s, figures.dead_time_s - smooth.dead_time_s))
+    std = _with_loose(std, figures, _read(step, feet[0], start, figures.final, band))
+    figures = replace(figures, dead_time_s=_foot_time(step, feet[0], figures))
     sharp = [
         _read(step, one, first, last, band)
         for one, first, last in zip(
@@ -181,6 +182,14 @@ def _read(
 
 def _foot_time(step: _Step, foot: Array, figures: StepFigures) -> float:
     return leaves(step.time_s, foot, figures.start, figures.final)
+
+
+def _with_loose(std: StepFigures, smooth: StepFigures, loose: StepFigures | None) -> StepFigures:
+    """The uncertainties with what a looser estimate reads differently of the times at which levels are crossed."""
+    if loose is None:
+        return std
+    apart = {name: getattr(loose, name) - getattr(smooth, name) for name in _CROSSED}
+    return replace(std, **{name: math.hypot(getattr(std, name), off) for name, off in apart.items()})
 
 
 def _sharp(samples: Array) -> Array:
