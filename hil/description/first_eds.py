@@ -1,0 +1,65 @@
+"""The first description of a CANopen node, from its EDS or DCF."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from hil.description.canopen import FORMS, dictionary
+from hil.description.gaps import GAP, head, range_line, unique, unit_line
+from hil.errors import FileError
+
+
+def from_eds(path: Path) -> Iterator[str]:
+    """Its lines. Raises `FileError` for what is no EDS, or one without a number."""
+    objects = dictionary(str(path))
+    yield from head(path, "canopen")
+    yield f'eds = "{path.name}"'
+    yield from (f"# not understood: {text}" for text in objects.left_out)
+    own = [(entry, found) for entry in objects.values() for found in _variables(entry)
+           if found.index >= 0x2000 and (found.subindex > 0 or found is entry)]  # fmt: skip
+    yield from (f"# {_called(entry, found)}: data type {found.data_type:#04x}, which is not read"
+                for entry, found in own if found.pdo_mappable and found.data_type not in FORMS)  # fmt: skip
+    numbers = [(entry, found) for entry, found in own if found.data_type in FORMS]
+    mapped = [(entry, found) for entry, found in numbers if found.pdo_mappable]
+    if not numbers:
+        raise FileError(
+            f"{path}: no object with a number beyond those of communication, so there is nothing to describe"
+        )
+    if not mapped:
+        yield "# None of its objects can be in a PDO: a node of which inputs alone are used is asked for them."
+    elif more := len(numbers) - len(mapped):
+        are = "object is" if more == 1 else "objects are"
+        yield f"# {more} more {are} in no PDO; a node of which inputs alone are used is asked for those too."
+    names: set[str] = set()
+    for entry, found in mapped or numbers:
+        yield from _object(entry, found, names)
+    yield ""
+    if 0x1016 in objects:
+        yield f"{GAP} [watchdog] expires_to = …, where it has outputs: where they go when it misses our heartbeat"
+
+
+def _variables(entry: Any) -> list[Any]:
+    return [entry[sub] for sub in sorted(entry)] if hasattr(entry, "subindices") else [entry]
+
+
+def _called(entry: Any, found: Any) -> str:
+    return f"{found.index:04X}.{found.subindex} {found.name if found is entry else f'{entry.name}, {found.name}'}"
+
+
+def _object(entry: Any, found: Any, names: set[str]) -> Iterator[str]:
+    own = entry.name if found is entry or found.name.startswith(entry.name) else f"{entry.name} {found.name}"
+    yield ""
+    yield f'[terminals."{unique(own if found is entry else f"{own} {found.subindex}", names)}"]'
+    out = found.writable
+    yield f'direction = "{"out" if out else "in"}"' + (
+        f'   {GAP} may be written: "in" if the bench only reads it' if out else ""
+    )
+    yield unit_line(found.unit or "", bool(found.unit), "file")
+    slope = found.factor if found.factor != 1 else 1.0
+    low, high = (None if limit is None else f"{slope * limit:g}" for limit in (found.min, found.max))
+    for line in range_line(low or "", high or ""):
+        yield line if GAP in line else f"{line}   {GAP} the limits of its counts: in the unit"
+    yield f'object = "{found.index:04X}.{found.subindex}"'
+    yield f"slope = {slope:g}   {GAP} unit per count"
