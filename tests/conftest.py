@@ -28,9 +28,10 @@ STRANGER = Path(__file__).parent / "stranger"
 
 
 def pytest_configure() -> None:
-    """Hear Ctrl-C even where a shell that runs things in the background has it ignored: programs would inherit that."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+    """Hear the keyboard even where a shell that runs things in the background has it ignored: programs inherit that."""
+    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
 
 
 def pytest_collection_finish() -> None:
