@@ -48,6 +48,7 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
     from hil.bench.hand.live import look_at
     from hil.catalog import entries
     from hil.cli.live import live_json, live_text
+    from hil.errors import LinkError
     from hil.safety.interrupt import terminable
     from hil.session.possible import hindrance
     from hil.session.procedure import load_procedure
@@ -55,9 +56,15 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
     with terminable():
         seen = look_at(found)
         names = [entry.name for entry in entries("procedures")]
-        hindrances = {name: hindrance(load_procedure(name), found, seen.rate_hz) for name in names}
+        away = " and ".join(seen.silent)
+        hindrances = {
+            name: f"{away} must answer first" if away else hindrance(load_procedure(name), found, seen.rate_hz)
+            for name in names
+        }
     told = live_json if as_json else live_text
     typer.echo(told(found, seen, hindrances))
+    if seen.silent:
+        raise LinkError("; ".join(seen.silent.values()))
     return list(seen.remarks)
 
 

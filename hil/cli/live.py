@@ -17,7 +17,9 @@ def live_text(file: BenchFile, live: Live, hindrances: Mapping[str, str]) -> str
     wanted_hz = file.bench.sample_rate_hz
     slow = "" if live.rate_hz >= wanted_hz else f"; too slow for sample_rate_hz = {wanted_hz:g}"
     unseen = f", without {', '.join(live.unseen)}, which has outputs alone" if live.unseen else ""
-    lines = ["looked at live, no output opened:", *map(_link, live.links), *map(_input, live.inputs)]
+    unseen += f", without {', '.join(live.silent)}, which does not answer" if live.silent else ""
+    silent = [f"  link {name}: does not answer" for name in live.silent]
+    lines = ["looked at live, no output opened:", *map(_link, live.links), *silent, *map(_input, live.inputs)]
     lines.append(f"  samples: up to {live.rate_hz:.4g} a second, driving counted like reading{unseen}{slow}")
     lines.append(
         f"  frequency response: up to {live.fastest_hz:.3g} Hz, so a −3 dB frequency below that can be measured"
@@ -34,7 +36,7 @@ def live_json(file: BenchFile, live: Live, hindrances: Mapping[str, str]) -> str
     procedures = [{"name": name, "can_run": not why, "why": why} for name, why in hindrances.items()]
     told = {"schema": "hil.live/1", "bench": file.bench.name, "links": live.links, "inputs": live.inputs,
             "rate_hz": live.rate_hz, "fastest_hz": live.fastest_hz, "unseen": live.unseen,
-            "procedures": procedures, "warnings": live.remarks}  # fmt: skip
+            "silent": live.silent, "procedures": procedures, "warnings": live.remarks}  # fmt: skip
     return to_json(told)
 
 

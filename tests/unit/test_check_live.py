@@ -69,3 +69,18 @@ def test_command_line(tmp_path: Path) -> None:
     nobody.write_text(bench_text("hpv41-modbus-tcp", ("127.0.0.1:15502", "127.0.0.1:1")), encoding="utf-8")
     found = runner.invoke(app, ["check", str(nobody), "--live"])
     assert isinstance(found.exception, LinkError) and "io: 127.0.0.1:1: cannot be reached" in str(found.exception)
+
+
+def test_a_device_that_does_not_answer_hides_no_other(tmp_path: Path) -> None:
+    with served("hpv41-mixed", tmp_path) as (file, devices):
+        name, device = next(
+            (name, one) for name, one in devices.items() if f"127.0.0.1:{getattr(one, 'port', 0)}" in file.text
+        )
+        path = tmp_path / "one-away.toml"
+        path.write_text(file.text.replace(f"127.0.0.1:{device.port}", "127.0.0.1:1"), encoding="utf-8")
+        found = CliRunner().invoke(_assembled(), ["check", str(path), "--live"])
+    lines = found.stdout.splitlines()
+    assert isinstance(found.exception, LinkError) and str(found.exception).startswith(f"{name}: ")
+    assert f"  link {name}: does not answer" in lines
+    assert any(line.startswith("  link ") and "all inputs read in" in line for line in lines)
+    assert f"  cannot run step_response: {name} must answer first" in lines and "  can run: nothing" in lines

@@ -62,12 +62,14 @@ class Live:
         inputs: every input.
         rate_hz: samples each second that the whole bench can make.
         unseen: devices with outputs alone, which were not opened and are not in the rate.
+        silent: by device that does not answer, what it failed with; it is not in the rate either.
     """
 
     links: tuple[Link, ...]
     inputs: tuple[Seen, ...]
     rate_hz: float
     unseen: tuple[str, ...]
+    silent: Mapping[str, str]
 
     @property
     def fastest_hz(self) -> float:
@@ -84,19 +86,20 @@ def look_at(file: BenchFile, for_s: float = 3.0) -> Live:
     """Open every device with its inputs alone and read for a while; no output is opened.
 
     Raises:
-        LinkError: a device does not answer.
+        LinkError: no device answers.
         InUseError, SettingError: as `inputs_of`.
     """
     with inputs_of(file) as looked:
         readings = [looked.look(_LOOK_S) for _ in range(max(1, math.ceil(for_s / _LOOK_S)))][-1]
-        if looked.failures:
-            raise LinkError("; ".join(looked.failures.values()))
+        silent = dict(looked.failures)
+        if len(silent) == len(looked.devices):
+            raise LinkError("; ".join(silent.values()))
         promised = {name: daq.promises for name, daq in looked.devices.items() if daq is not None}
         inputs = tuple(_seen(file.bench, reading, looked) for reading in readings)
     with_outputs = {channel.device for channel in file.bench.channels.values() if channel.is_output}
     links = tuple(_link(name, told, name in with_outputs) for name, told in promised.items())
-    unseen = tuple(name for name in file.devices if name in with_outputs and name not in promised)
-    return Live(links, inputs, _rate(promised, links), unseen)
+    unseen = tuple(name for name in file.devices if name in with_outputs and name not in {*promised, *silent})
+    return Live(links, inputs, _rate(promised, links), unseen, silent)
 
 
 def _link(name: str, told: Promises, drives: bool) -> Link:
