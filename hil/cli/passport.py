@@ -49,6 +49,7 @@ def command(
         typer.echo(to_json({"schema": "hil.issued/1", **told}))
         return
     typer.echo(f"passport: {found.path}")
-    typer.echo(f"unit: {found.unit.valve}, {found.unit.serial}: {found.unit.verdict or 'not judged'}")
+    unfinished = "" if found.unit.finished else "; a test did not end as planned"
+    typer.echo(f"unit: {found.unit.valve}, {found.unit.serial}: {found.unit.verdict or 'not judged'}{unfinished}")
     typer.echo(f"signed by: {found.signer.name}, {found.signer.fingerprint}")
     typer.echo(f"model: {found.understood.says}")

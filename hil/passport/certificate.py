@@ -9,7 +9,7 @@ from typing import Any
 from hil.language.words import _, spoken
 from hil.passport.template_words import template_words
 from hil.passport.unit import Unit, UnitRun
-from hil.record.measurement import COVERAGE_FACTOR, Measured, ended_as_planned
+from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.report.local_time import local_text
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus
@@ -31,8 +31,7 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
     """Everything that page one says, and the tables of the annex."""
     found = unit.findings
     boxes = [verdict_box(run.findings, run.recording.meta) for run in unit.runs]
-    finished = all(ended_as_planned(run.recording.meta) for run in unit.runs)
-    whole = verdict_words(found.verdict, finished=finished)
+    whole = verdict_words(found.verdict, finished=unit.finished)
     details = list(dict.fromkeys(str(detail) for box in boxes for detail in box["details"]))
     judged = sorted((m for m in found.measured if m.verdict), key=lambda m: m.verdict == "pass")
     others = [m for m in found.measured if not m.verdict]

@@ -54,9 +54,15 @@ class Unit:
         )
 
     @property
+    def finished(self) -> bool:
+        """Whether every run ended as planned."""
+        return all(ended_as_planned(run.recording.meta) for run in self.runs)
+
+    @property
     def verdict(self) -> Verdict | None:
-        """The worst of all runs."""
-        return self.findings.verdict
+        """The worst of all runs; where one did not end as planned, nothing but a miss is proven."""
+        worst = self.findings.verdict
+        return worst if self.finished or worst == "fail" else "cannot tell"
 
     @property
     def valve(self) -> str:

@@ -19,9 +19,11 @@ from hil.passport.key import read_certificates, read_key, signing_key, state_fol
 from hil.passport.unit import read_unit_runs
 from hil.passport.verify import Soundness, opened, verify
 from hil.record.folder import read
+from hil.record.measurement import Measurement
 from tests.passports import run_of
 
 WITHOUT_MODEL = Wanted(identify=False)
+SPACE = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 
 
 @pytest.fixture(autouse=True)
@@ -72,14 +74,13 @@ def test_checksums_inside_are_those_of_the_files(made: Path) -> None:
 def test_the_digital_certificate_says_the_same_in_si_units(made: Path) -> None:
     with pikepdf.open(made) as pdf:
         root = fromstring(pdf.attachments["certificate.xml"].get_file().read_bytes())
-    space = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
     assert root.get("schemaVersion") == "3.2.1"
-    real = root.find(".//si:real", space)
+    real = root.find(".//si:real", SPACE)
     assert real is not None
-    assert float(real.findtext("si:value", "", space)) == pytest.approx(50.0 / 60000.0)
-    assert real.findtext("si:unit", "", space) == r"\metre\tothe{3}\second\tothe{-1}"
-    assert float(real.findtext("si:expandedUnc/si:uncertainty", "", space)) == pytest.approx(1.0 / 60000.0, rel=1e-6)
-    assert [one.text for one in root.iterfind(".//dcc:conformity", space)] == ["pass", "pass"]
+    assert float(real.findtext("si:value", "", SPACE)) == pytest.approx(50.0 / 60000.0)
+    assert real.findtext("si:unit", "", SPACE) == r"\metre\tothe{3}\second\tothe{-1}"
+    assert float(real.findtext("si:expandedUnc/si:uncertainty", "", SPACE)) == pytest.approx(1.0 / 60000.0, rel=1e-6)
+    assert [one.text for one in root.iterfind(".//dcc:conformity", SPACE)] == ["pass", "pass"]
 
 
 def test_who_signed_is_known_on_his_own_machine_and_nowhere_else(made: Path, tmp_path: Path) -> None:
@@ -191,6 +192,23 @@ def test_several_runs_have_the_worst_verdict_of_all(tmp_path: Path) -> None:
     unit = read_unit_runs([run_of(tmp_path, name="later", hour=11, gain=70.0), run_of(tmp_path, name="first")])
     assert unit.verdict == "fail"
     assert [run.folder.name for run in unit.runs] == ["first", "later"]
+
+
+def test_a_passed_run_beside_one_that_was_stopped_passes_nowhere_in_the_file(tmp_path: Path) -> None:
+    unlimited = Measurement("gain", "l/min", "flow at full command")
+    stopped = run_of(tmp_path, name="stopped", hour=11, outcome="tripped: over-pressure", measured=unlimited)
+    out = tmp_path / "unit.pdf"
+    found = issue([run_of(tmp_path, name="first"), stopped], out, signing_key(None), WITHOUT_MODEL)
+    assert found.unit.verdict == "cannot tell" and not found.unit.finished
+    with pikepdf.open(out) as pdf:
+        texts = {name: attached.get_file().read_bytes() for name, attached in pdf.attachments.items()}
+    (conformity, *_), (content, *_) = (
+        [one.text for one in fromstring(texts["certificate.xml"]).iterfind(f".//dcc:statements//dcc:{tag}", SPACE)]
+        for tag in ("conformity", "declaration/dcc:content")
+    )
+    assert conformity != "pass" and content is not None
+    assert content.startswith("cannot tell") and "did not end as planned" in content
+    assert json.loads(texts["passport.json"])["verdict"] == "cannot tell"
 
 
 def test_results_that_were_edited_are_refused(tmp_path: Path) -> None:
