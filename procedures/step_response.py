@@ -220,16 +220,11 @@ def _curve(
     time_s: Array = recording.time_s[rows] - recording.time_s[part["first"]]
     model = step_model(time_s, response.values[rows], found.figures)
     shown = slice(None, None, every)
-    figures = {
-        name: (getattr(found.figures, name), getattr(found.std, name))
-        for name in ("dead_time_s", "rise_s", "response_s", "settling_s", "reaches_s")
-    }
     return {
         "label": label, "command_unit": command.unit, "response_unit": response.unit,
         "time_s": time_s[shown], "command": command.values[rows][shown], "measured": response.values[rows][shown],
         "fitted": model.response[shown], "fitted_text": model.text,
         "start": found.figures.start, "final": found.figures.final,
-        "figures": {**figures, "overshoot_percent": (100.0 * found.figures.overshoot, 100.0 * found.std.overshoot)},
     }  # fmt: skip
 
 

@@ -71,13 +71,11 @@ def step(to_percent: float) -> Curve:
     time_s = np.arange(-0.1, 2.0, 1e-3)
     fitted = 0.7 * to_percent * (1.0 - np.exp(-np.maximum(time_s - 0.02, 0.0) / 0.2))
     noise = 0.3 * np.random.default_rng(2).normal(size=len(time_s))
-    figures = dict.fromkeys(("rise_s", "response_s", "settling_s", "reaches_s"), (0.4411, 0.0021))
     return {
         "label": f"0 → {to_percent:g} %", **UNITS, "time_s": time_s,
         "command": np.where(time_s >= 0.0, to_percent, 0.0),
         "measured": fitted + noise, "fitted": fitted, "fitted_text": "56·(1 − e^(−(t − 0.02)/0.2))", "start": 0.0,
         "final": 0.7 * to_percent,
-        "figures": {"dead_time_s": (0.0214, 0.0013), **figures, "overshoot_percent": (0.0, np.inf)},
     }  # fmt: skip
 
 

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hil.language.words import _, marked
+from hil.language.words import _
 from hil.physics.formula import formula
 from hil.physics.transfer_function import TransferFunction, transfer_function
-from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
 from hil.report.field import Curve, array, label_of, needed, unit_of
 from hil.report.figure import (
@@ -27,7 +25,7 @@ from hil.report.figure import (
     small_multiples,
     thinned,
 )
-from hil.report.number import number, with_uncertainty
+from hil.report.number import number
 from hil.report.section import Section, Table
 
 if TYPE_CHECKING:
@@ -39,20 +37,12 @@ _FEW = 4  # steps that are drawn two beside each other, more of them three
 _MOST_STEPS = 12
 _FINE = 200  # points of a drawn model
 _ERRORS = ("fit_percent", "gain_error_db", "phase_error_deg")
-_FIGURES = (
-    ("dead_time_s", marked("Dead time [s]")),
-    ("rise_s", marked("Rise 10…90 % [s]")),
-    ("response_s", marked("To 90 % [s]")),
-    ("settling_s", marked("Settling [s]")),
-    ("reaches_s", marked("First in band [s]")),
-    ("overshoot_percent", marked("Overshoot [%]")),
-)
 
 
 def steps_section(curves: Sequence[Curve]) -> Section:
-    """Every step with its figures."""
+    """Every step, and the models of each; its figures stand among the results."""
     shown = curves[:_MOST_STEPS]
-    tables = [table for table in (_figures(curves), _models(curves), _from_times(curves)) if table.rows]
+    tables = [table for table in (_models(curves), _from_times(curves)) if table.rows]
     beside = [_bode(f"step-models-{k}", c) for k, c in enumerate(shown) if c.get("response") and c.get("models")]
     figures = (_picture(shown, len(curves) - len(shown)), *beside)
     return Section(_("Step response"), figures=figures, tables=tuple(tables))
@@ -64,7 +54,7 @@ def _picture(curves: Sequence[Curve], left_out: int) -> Picture:
         "90 % of the change."
     )
     if left_out:
-        caption += " " + _("{n} more steps are in the table only.").format(n=left_out)
+        caption += " " + _("{n} more steps are among the results only.").format(n=left_out)
     labels = _("time [s]"), _("response") + unit_of(curves[0], "response_unit")
     return small_multiples("steps", curves, 2 if len(curves) <= _FEW else 3, _step, labels, caption)
 
@@ -88,22 +78,6 @@ def _step_of(time_s: Array, command: Array) -> float:
     """By how much the command steps at time zero; it may go back later."""
     after = min(int(np.searchsorted(time_s, 0.0, side="right")), len(command) - 1)
     return float(command[after] - command[0])
-
-
-def _figures(curves: Sequence[Curve]) -> Table:
-    rows = tuple(
-        (label_of(c), *(_value(c["figures"].get(key)) for key, _head in _FIGURES)) for c in curves if c.get("figures")
-    )
-    return Table(_("Figures of each step with ±U (k = 2)"), (_("Step"), *(_(head) for _key, head in _FIGURES)), rows)
-
-
-def _value(pair: Any) -> str:
-    if pair is None or pair[0] is None:
-        return "—"
-    value, std = pair
-    if std is not None and not math.isfinite(std):
-        return _("not determined")
-    return with_uncertainty(float(value), None if std is None else COVERAGE_FACTOR * float(std))
 
 
 def _models(curves: Sequence[Curve]) -> Table:
