@@ -100,7 +100,7 @@ def _note(fit: TransferFunctionFit, other: TransferFunctionFit, response: Freque
         f"wrong way (at {1e3 * start.time_s:.0f} ms). {_words(other.form)} and a dead time of "
         f"{1e3 * other.model.dead_time_s:.1f} ms fit {other.fit_percent:.1f} % against {fit.fit_percent:.1f} %, within "
         f"{decibel:.2f} dB and {degrees:.1f}°, without it; {_preference(fit, other, response)}. Their steps differ "
-        f"most {1e3 * when:.0f} ms after the step, by {100 * apart:.1f} % of it: a step response decides"
+        f"most {_told(when)} after the step, by {100 * apart:.1f} % of it: a step response decides"
     )
 
 
@@ -129,10 +129,22 @@ def _horizon(model: TransferFunction) -> float:
     return model.dead_time_s + 8.0 / float(np.min(np.abs(model.poles.real)))
 
 
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+
 def _words(form: Form) -> str:
-    names = {1: "one pole", 2: "two poles", 3: "three poles", 4: "four poles", 5: "five poles"}
-    return f"{names[form.poles].capitalize()}" + (f" with {form.zeros} zeros" if form.zeros else " without a zero")
+    """`Three poles with one zero`."""
+    return f"{_counted(form.poles, 'pole').capitalize()} with {_counted(form.zeros, 'zero')}"
+
+
+def _counted(count: int, what: str) -> str:
+    number = _COUNTS[count] if count < len(_COUNTS) else str(count)
+    return f"{number} {what}{'s' if count > 1 else ''}"
 
 
 def _signed(root: complex) -> str:
     return f"{root.real:+.3g}" if abs(root.imag) < 1e-9 else f"{root.real:+.3g} ± {abs(root.imag):.3g}j"
+
+
+def _told(duration_s: float) -> str:
+    return f"{1e3 * duration_s:.0f} ms" if duration_s < 1.0 else f"{duration_s:.3g} s"

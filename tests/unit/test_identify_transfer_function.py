@@ -140,7 +140,7 @@ def test_the_right_half_plane_zero_is_explained_and_the_alternative_offered():
     assert other.fit_percent > found.fit_percent
     note = " ".join(found.notes)
     assert "held-out lines prefer the dead time" in note
-    assert "a step response decides" in note
+    assert "a step response decides" in note and "Three poles with no zero and a dead time" in note
     # and a step decides for the truth
     definition = plant("transfer-function")
     command = np.repeat([0.0, 1.0], 500)
