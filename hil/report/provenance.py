@@ -23,6 +23,9 @@ _MOST_EVENTS = 40
 def conditions_of(recording: Recording) -> list[tuple[str, str]]:
     """Conditions of the test, and what is known of the valve beside its name."""
     valve = {name: v for name, v in (recording.meta.get("valve") or {}).items() if name not in ("name", "serial")}
+    command = recording.channels.get(str((recording.meta.get("roles") or {}).get("command")))
+    if command is not None and isinstance(point := valve.get("operating_point"), int | float):
+        valve["operating_point"] = f"{number(point, 6)} {unit_text(command.unit)}"
     return [*stated_or_measured(recording), *facts_of(valve)] or [(_("Conditions"), _("none stated"))]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -77,3 +78,9 @@ def test_a_run_on_a_bench_with_a_range_carries_the_deviation(tmp_path: Path) -> 
     (said,) = [d for d in outcome.findings.deviations if d.startswith("Supply pressure was")]
     assert said.endswith("bar; 150 to 160 bar is declared.")
     assert "Supply pressure was" in outcome.report.read_text(encoding="utf-8")
+
+
+def test_an_operating_point_has_the_unit_of_the_command() -> None:
+    run = a_run({}, **{"current [A]": 0.0 * TIME_S})
+    told = {"valve": {"name": "EFC", "operating_point": 1.58}, "roles": {"command": "current", "response": "flow"}}
+    assert dict(conditions_of(replace(run, meta={**run.meta, **told})))["Operating point"] == "1.58 A"
