@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from dataclasses import dataclass, field
 
+from hil.description.makers_text import makers_text
+
 _EXTENDED = 1 << 31
 _LOOSE = "VECTOR__INDEPENDENT_SIG_MSG"  # where an editor keeps signals that are in no message
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)
@@ -35,11 +37,7 @@ class DbcText:
 
 def dbc_text(data: bytes) -> DbcText:
     """What stands in a DBC file: UTF-8, or the Windows code page that editors write; without its comments."""
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("cp1252", errors="replace")
-    text, strings = _apart(text.replace("\r\n", "\n"))
+    text, strings = _apart(makers_text(data))
     plain = _COMMENT.sub(lambda found: "\n" * _put_back(found[0], strings).count("\n"), text)
     plain = _WITHOUT_END.sub(r"\1 ;", plain)
     plain = re.sub(r"(?<![\w.])\.(?=\d)", "0.", plain)

@@ -11,6 +11,8 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+from hil.description.makers_text import makers_text
+
 Section = dict[str, str]
 _KEYS = {key.lower(): key for key in (
     "ParameterName", "ObjectType", "DataType", "AccessType", "DefaultValue", "ParameterValue", "PDOMapping", "LowLimit",
@@ -50,12 +52,8 @@ def eds_text(data: bytes) -> EdsText:
     Raises:
         ValueError: there is no section in it.
     """
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("cp1252", errors="replace")
     left_out: list[str] = []
-    sections = _sections(text, left_out)
+    sections = _sections(makers_text(data), left_out)
     if not sections:
         raise ValueError("no [section] in it")
     objects, values = _objects(sections)
@@ -222,13 +220,10 @@ def _total(text: str) -> str:
     if len(relative) > 1 or any(number is None for number in numbers):
         return ""
     total = sum(number for number in numbers if number is not None)
-    return (
-        f"$NODEID+{total:#x}"
-        if relative
-        else f"{total:#x}"
-        if len(parts) > 1 or not text.isdecimal() or text[:1] == "0"
-        else text
-    )
+    if relative:
+        return f"$NODEID+{total:#x}"
+    is_plain = len(parts) == 1 and text.isdecimal() and text[0] != "0"
+    return text if is_plain else f"{total:#x}"
 
 
 def _device(about: Section) -> Section:

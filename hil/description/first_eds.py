@@ -58,8 +58,8 @@ def _object(entry: Any, found: Any, names: set[str]) -> Iterator[str]:
     )
     yield unit_line(found.unit or "", bool(found.unit), "file")
     slope = found.factor if found.factor != 1 else 1.0
-    low, high = (None if limit is None else f"{slope * limit:g}" for limit in (found.min, found.max))
-    for line in range_line(low or "", high or ""):
+    low, high = ("" if limit is None else f"{slope * limit:g}" for limit in (found.min, found.max))
+    for line in range_line(low, high):
         yield line if GAP in line else f"{line}   {GAP} the limits of its counts: in the unit"
     yield f'object = "{found.index:04X}.{found.subindex}"'
     yield f"slope = {slope:g}   {GAP} unit per count"

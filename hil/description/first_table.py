@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.description.gaps import GAP, head, number_in, range_line, unique, unit_line
+from hil.description.makers_text import makers_text
 from hil.description.modbus_place import on_the_wire
 from hil.errors import FileError
 
@@ -97,10 +98,7 @@ def _row(
 
 def _table(path: Path) -> tuple[list[list[str]], dict[str, int]]:
     """Rows of a table, and which column is which."""
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        text = path.read_text(encoding="latin-1")
+    text = makers_text(path.read_bytes())
     try:
         dialect: Any = csv.Sniffer().sniff(text[:4096], ",;\t|")
     except csv.Error:
