@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
+from hil.cli.printed import Json
 from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
 
 if TYPE_CHECKING:
@@ -20,7 +21,6 @@ group = typer.Typer(
 
 _Input = typer.Option("", "--input", metavar="NAME", help="Command; a run says it, as does a file of two channels.")
 _Output = typer.Option("", "--output", metavar="NAME", help="Response, likewise.")
-_Json = typer.Option(False, "--json", help="Print JSON.")
 
 
 @group.command("step")
@@ -34,7 +34,7 @@ def step(
     beside: Path | None = typer.Option(
         None, "--beside", metavar="TABLE|RUN", help="Measured frequency response to hold the models against."
     ),
-    as_json: bool = _Json,
+    as_json: Json = False,
     time: Time = "",
     interval: Interval = 0.0,
     unit: Unit = [],  # noqa: B006 — typer makes a new one
@@ -64,7 +64,7 @@ def compose(
     dead_time: bool = typer.Option(False, "--dead-time/--no-dead-time", help="Whether they have one."),
     weights: str = typer.Option("", "--weights", metavar="relative|uniform", help="Of lines without uncertainty."),
     part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
-    as_json: bool = _Json,
+    as_json: Json = False,
 ) -> None:
     """A measured flow curve and a mean transfer function as one model: section 8 and figure 17 of the HPV41 paper."""
     from hil import api
@@ -97,7 +97,7 @@ def corners(
     part: str = typer.Option("", "--part", metavar="NAME", help="Of a run with several frequency responses, this one."),
     out: str = typer.Option("", "--out", metavar="FILE", help="Also write the transfer function, as --to says."),
     to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
-    as_json: bool = _Json,
+    as_json: Json = False,
 ) -> None:
     """Real corners from a Bode magnitude by its asymptotes: eqs 3.1 to 3.6 of the EFC thesis."""
     from hil.record.plain import plain
@@ -127,7 +127,7 @@ def recursive(
     path: Path | None = typer.Option(None, "--path", metavar="FILE", help="Parameters after each sample, .csv."),
     input_name: str = _Input,
     output_name: str = _Output,
-    as_json: bool = _Json,
+    as_json: Json = False,
     time: Time = "",
     interval: Interval = 0.0,
     unit: Unit = [],  # noqa: B006
@@ -158,7 +158,7 @@ def loop(
     feedback: bool = typer.Option(False, "--feedback", help="The sensor stands in the feedback, not the forward path."),
     out: str = typer.Option("", "--out", metavar="FILE", help="Also write the open loop, as --to says."),
     to: str = typer.Option("json", "--to", metavar="python|matlab|json|csv", help="For which tool."),
-    as_json: bool = _Json,
+    as_json: Json = False,
 ) -> None:
     """The plant of a closed loop: eqs 10 to 12 of the SP08-47C paper. A plant that would run away is said."""
     from hil.errors import SettingError
@@ -191,7 +191,7 @@ def error(
     reference: Path = typer.Option(..., "--reference", metavar="RECORDING", help="Pressure of a good valve."),
     level: str = typer.Option(..., "--level", metavar="low|high", help="1.4 A or 1.6 A."),
     output_name: str = typer.Option("pressure", "--output", metavar="NAME", help="Channel of the pressure."),
-    as_json: bool = _Json,
+    as_json: Json = False,
     time: Time = "",
     interval: Interval = 0.0,
     unit: Unit = [],  # noqa: B006

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.reading import Json
+from hil.cli.printed import Json, printed
 from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
@@ -38,12 +38,8 @@ def rebuild(
     count, left_out = rebuilt(place, [*([place.folder] if place.folder else []), *folders])
     for sentence in left_out:
         typer.echo(f"left out: {sentence}", err=True)
-    if as_json:
-        from hil.record.plain import to_json
-
-        typer.echo(to_json({"schema": "hil.rebuilt/1", "archive": str(place), "runs": count, "left_out": left_out}))
-        return
-    typer.echo(f"{place}: {count} runs")
+    told = {"schema": "hil.rebuilt/1", "archive": str(place), "runs": count, "left_out": left_out}
+    printed(told, f"{place}: {count} runs", as_json)
 
 
 @group.command()

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.reading import Columns, Gaps, Interval, Json, Rename, Time, Unit
+from hil.cli.printed import Json, printed
+from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
 
 
 def command(
@@ -34,10 +35,6 @@ def command(
     reading = reading_of(time, interval, unit, rename, columns, gaps)
     mean = api.average(responses, normalised=normalised, reading=reading, part=part)
     api.write(mean, out)
-    if as_json:
-        from hil.record.plain import to_json
-
-        told = {"file": out, "frequencies": len(mean), "unit": mean.unit, "assumed": mean.meta["assumed"]}
-        typer.echo(to_json({"schema": "hil.averaged/1", **told}))
-        return
-    typer.echo(f"{out}: {len(mean)} frequencies, {mean.meta['assumed'][0]}")
+    told = {"file": out, "frequencies": len(mean), "unit": mean.unit, "assumed": mean.meta["assumed"]}
+    words = f"{out}: {len(mean)} frequencies, {mean.meta['assumed'][0]}"
+    printed({"schema": "hil.averaged/1", **told}, words, as_json)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.reading import Json
+from hil.cli.printed import Json
 
 if TYPE_CHECKING:
     from hil.bench.read import BenchFile

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.reading import Json
+from hil.cli.printed import Json, printed
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -72,13 +72,9 @@ def command(
         finally:
             if hardware and (left := left_safe(examined)):
                 typer.echo(left, err=as_json)
-    if as_json:
-        from hil.record.plain import to_json
-
-        told = {"driver": name, "bench": path, "hardware": hardware, "checks": checks, "counts": counts, "left": left}
-        typer.echo(to_json({"schema": "hil.driver-check/1", **told}))
-    else:
-        typer.echo(", ".join(f"{count} {verdict}" for verdict, count in counts.items()))
+    told = {"driver": name, "bench": path, "hardware": hardware, "checks": checks, "counts": counts, "left": left}
+    words = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
+    printed({"schema": "hil.driver-check/1", **told}, words, as_json)
     raise typer.Exit(1 if counts["broken"] else 0)
 
 

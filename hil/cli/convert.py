@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.reading import Columns, Gaps, Interval, Json, Rename, Time, Unit
+from hil.cli.printed import Json, printed
+from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
 
 if TYPE_CHECKING:
     from hil.record.reading import Reading
@@ -45,18 +46,13 @@ def command(
         notes = list(found.meta.get("assumed", ()))
     else:
         notes = _notes(found, source, reading)
-    if as_json:
-        from hil.record.plain import to_json
-
-        typer.echo(to_json({"schema": "hil.converted/1", "file": target, **_content(found), "assumed": notes}))
-        return
     if isinstance(found, ResponseTable):
-        typer.echo(f"{target}: {len(found)} frequencies, {found.frequency_hz[0]:g} to {found.frequency_hz[-1]:g} Hz")
+        words = f"{target}: {len(found)} frequencies, {found.frequency_hz[0]:g} to {found.frequency_hz[-1]:g} Hz"
     else:
         channels = ", ".join(channel.heading for channel in found.channels.values())
-        typer.echo(f"{target}: {len(found)} samples, {found.duration_s:g} s, {channels}")
-    for sentence in notes:
-        typer.echo(f"note: {sentence}")
+        words = f"{target}: {len(found)} samples, {found.duration_s:g} s, {channels}"
+    words = "\n".join([words, *(f"note: {sentence}" for sentence in notes)])
+    printed({"schema": "hil.converted/1", "file": target, **_content(found), "assumed": notes}, words, as_json)
 
 
 def _content(found: Recording | ResponseTable) -> dict[str, object]:

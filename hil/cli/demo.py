@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from hil.cli.language import Language
-from hil.cli.reading import Json
+from hil.cli.printed import Json, printed
 
 
 def command(
@@ -25,17 +25,11 @@ def command(
     typer.echo("Brevini HPV41 on the simulated bench, in virtual time", err=as_json)
     with shown() as progress:
         done = demonstrate(out, conceal, progress)
-    if as_json:
-        from hil.record.plain import to_json
-
-        tests = {name: outcome.folder for name, outcome in done.tests.items()}
-        told = {"tests": tests, "concealed": conceal, "model": out / "nominal.json", "fits": done.identified.fits}
-        diagnosis = {**done.diagnosed.diagnosis.as_dict()}
-        typer.echo(to_json({"schema": "hil.demo/1", **told, "diagnosis": diagnosis, "report": done.report}))
-        return
-    typer.echo(done.identified.summary())
-    typer.echo(f"concealed in the second recordings: {conceal}")
-    typer.echo(done.diagnosed.diagnosis.as_text())
-    for name, outcome in done.tests.items():
-        typer.echo(f"{name}: {outcome.report}")
-    typer.echo(f"report: {done.report}")
+    identified, diagnosis = done.identified, done.diagnosed.diagnosis
+    reports = [f"{name}: {outcome.report}" for name, outcome in done.tests.items()]
+    concealed = f"concealed in the second recordings: {conceal}"
+    words = "\n".join([identified.summary(), concealed, diagnosis.as_text(), *reports, f"report: {done.report}"])
+    tests = {name: outcome.folder for name, outcome in done.tests.items()}
+    told = {"tests": tests, "concealed": conceal, "model": out / "nominal.json", "fits": identified.fits}
+    told |= {"diagnosis": diagnosis.as_dict(), "report": done.report}
+    printed({"schema": "hil.demo/1", **told}, words, as_json)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.reading import Json
+from hil.cli.printed import Json
 from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.reading import Json
+from hil.cli.printed import Json, printed
 
 
 def command(
@@ -26,14 +26,7 @@ def command(
     content, found = opened(file)
     runs = list(lay_out(content, out))
     files = sorted(path for path in out.iterdir() if path.is_file())
-    if as_json:
-        from hil.record.plain import to_json
-
-        told = {"file": file, "sentence": found.sentence, "signer": found.signer, "runs": runs, "files": files}
-        typer.echo(to_json({"schema": "hil.opened/1", **told}))
-        return
-    for run in runs:
-        typer.echo(f"run: {run}")
-    for path in files:
-        typer.echo(f"file: {path}")
-    typer.echo(f"{file}: {found.sentence}: {found.signer}")
+    told = {"file": file, "sentence": found.sentence, "signer": found.signer, "runs": runs, "files": files}
+    laid_out = [*(f"run: {run}" for run in runs), *(f"file: {path}" for path in files)]
+    words = "\n".join([*laid_out, f"{file}: {found.sentence}: {found.signer}"])
+    printed({"schema": "hil.opened/1", **told}, words, as_json)

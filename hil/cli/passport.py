@@ -7,7 +7,7 @@ from pathlib import Path
 import typer
 
 from hil.cli.language import Language
-from hil.cli.reading import Json
+from hil.cli.printed import Json, printed
 
 
 def command(
@@ -40,16 +40,14 @@ def command(
     wanted = Wanted(not no_names, not no_model, kind)
     with shown() as progress:
         found = issue(runs, out, signing_key(key), wanted, progress)
-    if as_json:
-        from hil.record.plain import to_json
-
-        unit = {"valve": found.unit.valve, "serial": found.unit.serial, "verdict": found.unit.verdict}
-        signer = {"signer": found.signer.name, "fingerprint": found.signer.fingerprint}
-        told = {"file": found.path, **unit, **signer, "model": found.understood.says}
-        typer.echo(to_json({"schema": "hil.issued/1", **told}))
-        return
-    typer.echo(f"passport: {found.path}")
-    unfinished = "" if found.unit.finished else "; a test did not end as planned"
-    typer.echo(f"unit: {found.unit.valve}, {found.unit.serial}: {found.unit.verdict or 'not judged'}{unfinished}")
-    typer.echo(f"signed by: {found.signer.name}, {found.signer.fingerprint}")
-    typer.echo(f"model: {found.understood.says}")
+    unit, signer, says = found.unit, found.signer, found.understood.says
+    unfinished = "" if unit.finished else "; a test did not end as planned"
+    words = (
+        f"passport: {found.path}\n"
+        f"unit: {unit.valve}, {unit.serial}: {unit.verdict or 'not judged'}{unfinished}\n"
+        f"signed by: {signer.name}, {signer.fingerprint}\n"
+        f"model: {says}"
+    )
+    told = {"file": found.path, "valve": unit.valve, "serial": unit.serial, "verdict": unit.verdict}
+    told |= {"signer": signer.name, "fingerprint": signer.fingerprint, "model": says}
+    printed({"schema": "hil.issued/1", **told}, words, as_json)

@@ -24,8 +24,6 @@ Inputs = Annotated[
 ]
 Output = Annotated[str, typer.Option("--output", metavar="NAME", help="Output channel, if not called so.")]
 
-Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
-
 
 def reading_of(
     time: str, interval: float, unit: Sequence[str], rename: Sequence[str], columns: str, gaps: bool

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import typer
 
-from hil.cli.reading import Columns, Gaps, Interval, Json, Rename, Time, Unit
+from hil.cli.printed import Json
+from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
 
 
 def command(
