@@ -9,13 +9,18 @@ thresholds on it.
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from pathlib import Path
 
 import numpy as np
 
+import hil.identification
+import hil.physics
+import hil.signals
 from hil.cores import spread
 from hil.errors import InputError
 from hil.identification.bandwidth import Crossing, magnitude_crossing
@@ -33,6 +38,7 @@ from hil.identification.pressure_curve import PressureCurve, pressure_curve
 from hil.identification.sine_test import SineTest, sine_test
 from hil.identification.step_response import step_figures
 from hil.identification.sweep_estimate import Sweep
+from hil.kept import kept_arrays, stamp
 from hil.physics.model import Model
 from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI, rms_error
@@ -51,6 +57,7 @@ _SMOOTHED_S = 0.009
 _SAMPLE_STD_S = 1.0 / _RATE_HZ / math.sqrt(6.0)  # of a time between two samples
 _SINE_S, _SINE_PERIODS = 2.0, 3  # that the acceptance test measures at each frequency
 _LEARNT_FROM, _SEED = 300, 1979
+_FEW_DRAWS = 2  # the scatter of a population tells what the uncertainty of one curve would
 BEYOND = 0.025  # share of good valves that lie beyond a limit of the good reference
 
 
@@ -169,7 +176,7 @@ def condition(
 ) -> Condition:
     """The class of a valve, learnt from a simulated population of its type that was tested at the same frequencies.
 
-    It is drawn once, in some seconds.
+    It is drawn once on a machine, in some seconds.
     """
     model = reference_classes(frequencies_hz, normally_open)
     features = test.features[None, :]
@@ -208,9 +215,22 @@ def good_ranges(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_ope
 def reference_classes(
     frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False
 ) -> GaussianClasses:
-    """What a simulated population teaches about the classes."""
-    tests, labels = simulated_tests(_LEARNT_FROM, _SEED, frequencies_hz=frequencies_hz, normally_open=normally_open)
-    return learn(np.array([test.features for test in tests]), labels, CLASSES)
+    """What a simulated population teaches about the classes; kept on this machine, for it takes some seconds."""
+    asked = f"{stamp(_sources(), ('numpy', 'scipy', 'numba'))}_{frequencies_hz}_{normally_open}"
+
+    def learnt() -> Mapping[str, Array]:
+        tests, labels = simulated_tests(_LEARNT_FROM, _SEED, frequencies_hz=frequencies_hz, normally_open=normally_open)
+        return {"features": np.array([test.features for test in tests]), "labels": labels.astype(np.float64)}
+
+    found = kept_arrays("efc-classes", hashlib.sha256(asked.encode()).hexdigest()[:16], learnt)
+    return learn(found["features"], found["labels"].astype(np.int64), CLASSES)
+
+
+@cache
+def _sources() -> tuple[Path, ...]:
+    """The files that a simulated test depends on: equations, laws, and how a test is evaluated."""
+    rooms = (hil.physics, hil.identification, hil.signals)
+    return tuple(file for room in rooms for file in Path(room.__path__[0]).rglob("*.py"))
 
 
 def simulated_tests(
@@ -268,7 +288,7 @@ def tested(
     leakage = float(output[4].min()) * (1.0 + instruments.leakage * rng.normal())
     sweeps = [Sweep(command[at], pressure[at], 2.0 * _TOP_A / s)
               for at, s in zip(places["sweep"], _CYCLES_S, strict=True)]  # fmt: skip
-    curve = pressure_curve("sweeps", sweeps)
+    curve = pressure_curve("sweeps", sweeps, draws=_FEW_DRAWS)
     least, most = sorted((float(curve.nominal[0]), float(curve.nominal[-1])))  # a slow valve falls short of a pressure
     swing = tuple(curve.current_at(min(max(psi, least), most)) for psi in SWEEPS_PSI["medium"])
     bandwidth_hz = _bandwidth_hz(model, swing, frequencies_hz, rng, instruments.noise_psi)

@@ -13,7 +13,7 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.identification.characteristic import Loop, loop
-from hil.identification.redrawn import about
+from hil.identification.redrawn import DRAWS, about
 from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
 from hil.record.recording import Array
 
@@ -92,7 +92,7 @@ class PressureCurve:
 
 
 def pressure_curve(
-    name: str, sweeps: Sequence[Sweep], standing: Sequence[Standing] = (), certain: float = 4.0
+    name: str, sweeps: Sequence[Sweep], standing: Sequence[Standing] = (), certain: float = 4.0, draws: int = DRAWS
 ) -> PressureCurve:
     """The curve of the sweeps; their speeds tell lag from hysteresis.
 
@@ -101,6 +101,7 @@ def pressure_curve(
         sweeps: at two speeds.
         standing: where the current waited until the pressure was steady.
         certain: standard uncertainties from which the width of the loop is no noise.
+        draws: how often it is redrawn for its uncertainty.
 
     Raises:
         InputError: fewer than two sweeps, all of one speed, or a current that does not go up and down.
@@ -108,7 +109,7 @@ def pressure_curve(
     speeds = tuple(sweep.speed_per_s for sweep in sweeps)
     if len(sweeps) < 2 or np.ptp(speeds) == 0.0:
         raise InputError(f"{name}: a pressure curve needs sweeps at two speeds")
-    estimate = sweep_estimate(name, sweeps, standing)
+    estimate = sweep_estimate(name, sweeps, standing, draws=draws)
     rising, falling = (
         np.where(np.isnan(branch), estimate.response, branch) for branch in (estimate.branch(1), estimate.branch(-1))
     )

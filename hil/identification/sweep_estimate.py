@@ -119,7 +119,7 @@ class SweepEstimate:
 
 
 def sweep_estimate(
-    name: str, sweeps: Sequence[Sweep], standing: Sequence[Standing] = (), waited_s: float = 0.0
+    name: str, sweeps: Sequence[Sweep], standing: Sequence[Standing] = (), waited_s: float = 0.0, draws: int = DRAWS
 ) -> SweepEstimate:
     """The characteristic of sweeps over one range.
 
@@ -128,6 +128,7 @@ def sweep_estimate(
         sweeps: at two speeds, or one.
         standing: where the command waited until the response was steady.
         waited_s: time after a turn that is left out while the lag is not known.
+        draws: how often it is redrawn; few where nobody asks how certain it is.
 
     Raises:
         InputError: the command does not go both up and down over one range, or the response does not follow it.
@@ -142,7 +143,7 @@ def sweep_estimate(
     late = _TRANSIENT * np.abs(half) / speeds
     points = _points(name, sweeps, low, high, late.tolist())
     half, smoother, curves = _aligned(points, standing, speeds, half, _COEFFICIENTS, _TOGETHER * (high - low))
-    return _estimate(points, standing, speeds, half, smoother, curves, np.linspace(low, high, LEVELS))
+    return _estimate(points, standing, speeds, half, smoother, curves, np.linspace(low, high, LEVELS), draws)
 
 
 def _points(name: str, sweeps: Sequence[Sweep], low: float, high: float, drops_s: Sequence[float]) -> Points:
@@ -229,7 +230,7 @@ def _moving(smoother: Smoother, curves: Curves, count: int) -> tuple[Array, Arra
 
 def _estimate(
     points: Points, standing: Sequence[Standing], speeds: Array, half: Array, smoother: Smoother, curves: Curves,
-    levels: Array,
+    levels: Array, draws: int,
 ) -> SweepEstimate:  # fmt: skip
     count, sweeps = len(points.command), len(speeds)
     places, weights = _shifted(points, standing, speeds, half)
@@ -242,7 +243,7 @@ def _estimate(
     noise_std = float(curves.noise_std[0]) / weights
     shown = smoother.at(curves)[0]
     shown[:count][points.both] += points.side[points.both] * bend[0]
-    drawn = shown + noise_std * rng.normal(size=(DRAWS, len(shown)))
+    drawn = shown + noise_std * rng.normal(size=(draws, len(shown)))
     again = smoother.curves(drawn)
     off = _apart(points, smoother, again, drawn[:, :count], sweeps)
     _, slopes = _moving(smoother, again, count)

@@ -10,17 +10,12 @@ holds a hash of everything it was made from, because numba alone would not notic
 from __future__ import annotations
 
 import ast
-import hashlib
 import importlib.util
 import inspect
 import math
-import os
-import platform
 import sys
-import tempfile
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache, cached_property
 from itertools import accumulate
@@ -28,12 +23,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any, NoReturn
 
-import numba
-import platformdirs
-from filelock import FileLock
-
 from hil.catalog import entries, find
 from hil.errors import FileError, UnknownNameError
+from hil.kept import kept_folder, one_at_a_time, stamp, write_whole
 from hil.physics.effect import Effect, hold_first
 from hil.physics.plant import Hook, Plant
 
@@ -355,28 +347,19 @@ def _home(effect: Effect) -> str:
 
 
 def _stamp(plant: Plant, sites: tuple[Site, ...]) -> str:
-    """A hash of everything the kernel is made from: the sources of the packages involved, and the tools."""
+    """The name of a kernel: of the sources of the packages involved, and of the tools."""
     homes = {plant.equations.__module__, __name__, *(_home(site.effect) for site in sites)}
     folders = {Path(str(sys.modules[home].__file__)).parent for home in homes}
-    digest = hashlib.sha256(f"{platform.python_version()} {numba.__version__}".encode())
-    for file in sorted(file for folder in folders for file in folder.glob("*.py")):
-        digest.update(file.read_bytes())
-    return f"{plant.name.replace('-', '_')}_{digest.hexdigest()[:16]}"
+    files = [file for folder in folders for file in folder.glob("*.py")]
+    return f"{plant.name.replace('-', '_')}_{stamp(files, ('numba',))}"
 
 
 def _load(source: str, name: str) -> ModuleType:
-    """The generated module, compiled or taken from the cache.
-
-    Processes that need the same kernel at once, such as workers of a fleet on a new machine, wait for the first.
-    """
-    folder = Path(os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil")) / "kernels"
-    path = folder / f"{name}.py"
-    folder.mkdir(parents=True, exist_ok=True)
-    with FileLock(path.with_suffix(".lock")) if os.access(folder, os.W_OK) else nullcontext():
+    """The generated module, compiled or taken from the folder of what is kept."""
+    path = kept_folder("kernels") / f"{name}.py"
+    with one_at_a_time(path):
         if not path.exists():
-            with tempfile.NamedTemporaryFile("w", dir=folder, suffix=".tmp", delete=False) as file:
-                file.write(source)
-            Path(file.name).replace(path)
+            write_whole(path, source.encode())
         return _imported(path, name)
 
 

@@ -1,0 +1,92 @@
+"""What takes seconds to make, kept on disk between programs under a hash of what it was made from.
+
+The folder is HIL_CACHE_DIR, else the user's cache folder. Everything in it can be deleted at any time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import tempfile
+import zipfile
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from importlib.metadata import version
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+import platformdirs
+from filelock import FileLock
+from numpy.typing import NDArray
+
+Arrays = Mapping[str, NDArray[np.float64]]
+
+
+def kept_folder(kind: str) -> Path:
+    """The folder for one kind of results, made if need be.
+
+    Raises:
+        OSError: it cannot be made.
+    """
+    folder = Path(os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil")) / kind
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+@contextmanager
+def one_at_a_time(path: Path) -> Iterator[None]:
+    """Programs that need the same file at once, such as workers of a fleet on a new machine, wait for the first."""
+    with FileLock(path.with_suffix(".lock")) if os.access(path.parent, os.W_OK) else nullcontext():
+        yield
+
+
+def stamp(files: Collection[Path], tools: Collection[str]) -> str:
+    """A hash of sources and of the versions of packages and Python: 16 hexadecimal digits."""
+    digest = hashlib.sha256(" ".join([platform.python_version(), *map(version, tools)]).encode())
+    for file in sorted(files):
+        digest.update(file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def kept_arrays(kind: str, name: str, make: Callable[[], Arrays]) -> Arrays:
+    """Named arrays, made at their first use on this machine; made each time where nothing can be kept.
+
+    `name` has to differ with all that the arrays depend on, see `stamp`.
+    """
+    try:
+        path = kept_folder(kind) / f"{name}.npz"
+    except OSError:
+        return make()
+    with one_at_a_time(path):
+        known = _read(path)
+        if known is None:
+            known = make()
+            _write(path, known)
+    return known
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """A file that others never see half written."""
+    with tempfile.NamedTemporaryFile("wb", dir=path.parent, suffix=".tmp", delete=False) as file:
+        file.write(content)
+    Path(file.name).replace(path)
+
+
+def _read(path: Path) -> Arrays | None:
+    """The arrays; None where there are none or the file is damaged."""
+    try:  # numpy does not close what it opened and cannot read
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as found:
+            return dict(found)
+    except (OSError, ValueError, EOFError, zipfile.BadZipFile):
+        return None
+
+
+def _write(path: Path, arrays: Arrays) -> None:
+    content = BytesIO()
+    np.savez(content, **arrays)  # type: ignore[arg-type]  # numpy's stub takes names for options
+    try:
+        write_whole(path, content.getvalue())
+    except OSError:  # a full disk: it is made anew next time
+        return

@@ -1,0 +1,60 @@
+"""What is kept between programs: made once, made again where it cannot be kept or was damaged."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.kept import Arrays, kept_arrays, stamp
+
+
+class _Made:
+    def __init__(self) -> None:
+        self.count = 0
+
+    def __call__(self) -> Arrays:
+        self.count += 1
+        return {"features": np.arange(6.0).reshape(2, 3), "labels": np.array([0.0, 1.0])}
+
+
+def test_it_is_made_once_and_the_same_comes_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
+    make = _Made()
+    first, again = kept_arrays("kind", "one", make), kept_arrays("kind", "one", make)
+    assert make.count == 1
+    assert {name: values.tolist() for name, values in again.items()} == {n: v.tolist() for n, v in first.items()}
+    kept_arrays("kind", "other", make)
+    assert make.count == 2
+
+
+@pytest.mark.parametrize("content", [b"", b"PK", b"not a file of arrays", b"PK\x03\x04" + bytes(40)])
+def test_a_damaged_file_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: bytes) -> None:
+    monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
+    make = _Made()
+    kept_arrays("kind", "one", make)
+    (tmp_path / "kind" / "one.npz").write_bytes(content)
+    assert kept_arrays("kind", "one", make)["labels"].tolist() == [0.0, 1.0]
+    kept_arrays("kind", "one", make)
+    assert make.count == 2
+
+
+def test_where_nothing_can_be_kept_it_is_made_each_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "file"))
+    make = _Made()
+    assert kept_arrays("kind", "one", make)["features"].shape == (2, 3)
+    kept_arrays("kind", "one", make)
+    assert make.count == 2
+
+
+def test_the_stamp_differs_with_every_source_and_tool(tmp_path: Path) -> None:
+    one, two = tmp_path / "one.py", tmp_path / "two.py"
+    one.write_text("a = 1")
+    two.write_text("b = 1")
+    stamps = {stamp([one], ()), stamp([one, two], ()), stamp([one], ("numpy",))}
+    two.write_text("b = 2")
+    stamps.add(stamp([one, two], ()))
+    assert len(stamps) == 4
+    assert stamp([two, one], ()) == stamp([one, two], ())
