@@ -19,6 +19,7 @@ class RoleChannel:
     """A channel of the rig in engineering units: its name, unit and allowed range.
 
     `operating_point`: of a command, where the valve is tried when nobody says where; None where the bench names none.
+    `integrates`: of a response, whether it moves on for as long as the command is off neutral.
     """
 
     name: str
@@ -28,6 +29,7 @@ class RoleChannel:
     safe: float = 0.0
     slew_per_s: float | None = None
     operating_point: float | None = None
+    integrates: bool = False
 
 
 class Rig(Protocol):

@@ -19,10 +19,12 @@ class Scale:
     Attributes:
         command: the valve's command and its range.
         full: 100 %, in the unit of the command, counted from neutral.
+        moving: name of a response that moves on for as long as the command is off neutral; empty for all others.
     """
 
     command: RoleChannel
     full: float
+    moving: str = ""
 
     @property
     def neutral(self) -> float:
@@ -55,6 +57,15 @@ class Scale:
         value = self.neutral + percent / 100.0 * self.full
         return self.within(setting, f"{percent:g} %", value, value)
 
+    def middle(self, setting: str, percent: float) -> float:
+        """A level to swing about. Raises `SettingError` where the response would run away from there."""
+        if self.moving and percent != 0.0:
+            raise SettingError(
+                f"setting {setting}: {percent:g} %; {_runs_away(self)}, so only 0 % is allowed: sine_position and "
+                "velocity_steps measure it under way"
+            )
+        return self.level(setting, percent)
+
     def within(self, setting: str, given: str, low: float, high: float) -> float:
         """`low` again, when the command may go from `low` to `high`.
 
@@ -78,11 +89,22 @@ def scale_of(rig: Rig, full_command: float | None) -> Scale:
     Raises:
         SettingError: `full_command` is not above 0.
     """
-    command = rig.command
+    command, response = rig.command, rig.response
+    moving = response.name if response.integrates else ""
     if full_command is None:
-        return Scale(command, max(command.high - command.safe, command.safe - command.low))
+        return Scale(command, max(command.high - command.safe, command.safe - command.low), moving)
     check_above("full_command", 0.0, full_command)
-    return Scale(command, full_command)
+    return Scale(command, full_command, moving)
+
+
+def check_stands(scale: Scale, needing: str, instead: str = "run velocity_steps") -> None:
+    """Raise `SettingError` where the response of the bench never stands while the command is off neutral."""
+    if scale.moving:
+        raise SettingError(f"{needing} needs a response that comes to stand; {_runs_away(scale)}: {instead}")
+
+
+def _runs_away(scale: Scale) -> str:
+    return f"'{scale.moving}' moves on for as long as '{scale.command.name}' is off neutral"
 
 
 def about_levels(
@@ -91,13 +113,13 @@ def about_levels(
     """Every (bias, amplitude) in the unit of the command, bias by bias.
 
     Biases that are not given are the operating point of the bench; where it names none ±50 %, because many valves are
-    dead about neutral, or the middle of a command that goes one way.
+    dead about neutral, the middle of a command that goes one way, or neutral where the response moves on elsewhere.
 
     Raises:
         SettingError: nothing given, an amplitude not above 0, or the command may not go there.
     """
     sizes = [(percent, scale.size("amplitudes", percent)) for percent in amplitudes]
-    levels = _default_biases(scale) if biases is None else [(p, scale.level("biases", p)) for p in biases]
+    levels = _default_biases(scale) if biases is None else [(p, scale.middle("biases", p)) for p in biases]
     if not sizes or not levels:
         raise SettingError("settings amplitudes and biases: at least one of each is needed")
     for percent, bias in levels:
@@ -110,6 +132,8 @@ def _default_biases(scale: Scale) -> list[tuple[float, float]]:
     point = scale.command.operating_point
     if point is not None:
         return [(100.0 * (point - scale.neutral) / scale.full, point)]
+    if scale.moving:
+        return [(0.0, scale.neutral)]
     if scale.both_ways:
         return [(percent, scale.level("biases", percent)) for percent in (50.0, -50.0)]
     return [(100.0 * (scale.centre - scale.neutral) / scale.full, scale.centre)]

@@ -23,7 +23,7 @@ from procedures._characteristic import Characteristic, characteristic, steady, s
 from procedures._course import Course, joined
 from procedures._definitions import SWEEPS, defined
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
-from procedures._scale import Scale, check_at_least, scale_of
+from procedures._scale import Scale, check_at_least, check_stands, scale_of
 
 MEASUREMENTS = defined(
     SWEEPS,
@@ -78,6 +78,7 @@ def run(
     check_at_least("warm_up_s", 0.0, warm_up_s, "s")
     check_at_least("cycle_s", max(_SAMPLES / rate_hz, _SETTLINGS * rig.settling_s), cycle_s, "s")
     scale = scale_of(rig, full_command)
+    check_stands(scale, "a flow curve")
     bottom, top = _ends(scale, low, high)
     speeds = [(cycle_s, cycles), *([(2.0 * cycle_s, 1)] if half_speed else [])]
     sweeps = [_sweep(bottom, top, duration_s, rig.settling_s, rate_hz, count) for duration_s, count in speeds]

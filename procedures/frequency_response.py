@@ -69,7 +69,8 @@ def run(
         frequencies: in Hz, rising.
         amplitudes: of the sines, in % of full command.
         biases: about which they swing, in % of full command from neutral; the bench's operating point when not given,
-            without one ±50, or the middle of the range for a command that goes one way.
+            without one ±50, the middle of the range for a command that goes one way, or 0 where the response
+            integrates.
         reference: where 0 dB is: at the lowest frequency, or as the standard asks at 5 Hz or 5 % of the −90°
             frequency, whichever is less; if that is lower than any, it is measured as well.
         measure_periods: least number of whole periods that are measured, 2 or more.

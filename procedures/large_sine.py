@@ -24,7 +24,7 @@ from procedures._definitions import SINES, defined
 from procedures._extreme import CERTAIN, extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
-from procedures._scale import Scale, check_at_least, scale_of
+from procedures._scale import Scale, check_at_least, check_stands, scale_of
 
 AMPLITUDE = Measurement("amplitude", "", "amplitude of the response's fundamental")
 PHASE = Measurement("phase", "deg", "phase of the response's fundamental against the command")
@@ -49,7 +49,8 @@ def run(
     Args:
         rig: the bench.
         frequencies: in Hz, rising.
-        amplitude: in % of full command; as far as the range goes about the bias when not given.
+        amplitude: in % of full command; as far as the range goes about the bias when not given. To be given where the
+            response integrates.
         bias: in % of full command from neutral; neutral when not given, the middle of the range for a command
             that goes one way.
         cycles: periods of each that are measured, after at least one to settle.
@@ -112,8 +113,9 @@ def evaluate(recording: Recording) -> Findings:
 
 def _level(scale: Scale, amplitude: float | None, bias: float | None) -> tuple[float, float]:
     """(bias, amplitude) in the unit of the command."""
-    middle = scale.centre if bias is None else scale.level("bias", bias)
+    middle = scale.centre if bias is None else scale.middle("bias", bias)
     if amplitude is None:
+        check_stands(scale, "a sine over the whole range", "give an amplitude, or run sine_position")
         size = min(scale.command.high - middle, middle - scale.command.low)
         if not size > 0.0:
             raise SettingError(f"setting bias: {bias:g} % is an end of the range and leaves no room for an amplitude")

@@ -1,7 +1,7 @@
 """Sine position: a slow sine about an offset on each side, of a cylinder's position in an open or a closed loop.
 
 The test of the SP08-47C paper: 5 V at 1 rad/s about 5 V, each direction for itself. Whether the stroke is long enough
-is worked out before anything moves; with the paper's numbers in an open loop it is not.
+is worked out before anything moves; with the paper's numbers in an open loop it is not, so there it is faster.
 """
 
 from __future__ import annotations
@@ -35,6 +35,7 @@ GAIN = Measurement("gain", "", "amplitude of position over command; in an open l
 RATIO = Measurement("direction_ratio", "1", "gain of the positive side over that of the negative side")
 MEASUREMENTS = defined(SINES, AMPLITUDE, PHASE, OFFSET, THD, GAIN, RATIO)
 
+_PAPER_RAD_S = 1.0
 _SETTLING = 0.1  # of the measured sine: the process model starts from rest, the cylinder was moving
 
 
@@ -43,7 +44,7 @@ def run(
     *,
     amplitude: float = 50.0,
     offset: float | None = None,
-    frequency_rad_s: float = 1.0,
+    frequency_rad_s: float | None = None,
     cycles: int = 3,
     stroke_mm: float = 250.0,
     retracted_mm: float | None = None,
@@ -63,7 +64,8 @@ def run(
         rig: the bench.
         amplitude: in % of full command.
         offset: in % of full command, without sign; the amplitude when not given, so that a side is never left.
-        frequency_rad_s: angular frequency.
+        frequency_rad_s: angular frequency; when not given 1 rad/s, as in the paper, or in an open loop as many whole
+            rad/s as the stroke asks for.
         cycles: periods that are measured; in an open loop all that are driven.
         stroke_mm: of the cylinder.
         retracted_mm: reading at the retracted end; minus half the stroke when not given.
@@ -75,14 +77,17 @@ def run(
         rate_hz: sample rate; that of the bench when not given. At least 20 times the frequency.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    check_above("frequency_rad_s", 0.0, frequency_rad_s, "rad/s")
-    frequency_hz = frequency_rad_s / (2.0 * math.pi)
-    check_frequencies((frequency_hz,), rate_hz)
     check_at_least("cycles", 1, cycles)
     check_at_least("warm_up_s", 0.0, warm_up_s, "s")
     axis = axis_of(rig, stroke_mm, retracted_mm, bore_mm, rod_mm, full_flow_lpm)
     scale = scale_of(rig, full_command)
     share = amplitude if offset is None else offset
+    if frequency_rad_s is None:
+        slowest_rad_s = 0.0 if axis.closed else _slowest_rad_s(axis, share, cycles)
+        frequency_rad_s = max(_PAPER_RAD_S, math.ceil(slowest_rad_s))
+    check_above("frequency_rad_s", 0.0, frequency_rad_s, "rad/s")
+    frequency_hz = frequency_rad_s / (2.0 * math.pi)
+    check_frequencies((frequency_hz,), rate_hz)
     size, middles = _levels(scale, amplitude, share)
     if axis.closed:
         _check_closed(axis, amplitude, share, size, middles, frequency_rad_s)
@@ -187,13 +192,19 @@ def _check_open(axis: Axis, amplitude: float, offset: float, cycles: int, freque
         way = offset / 100.0 * speed * period_s
         if cycles * way > able:
             slower = 100.0 * able / (cycles * fastest * period_s)
-            faster = cycles * offset / 100.0 * fastest * 2.0 * math.pi / able
+            faster = _slowest_rad_s(axis, offset, cycles)
             raise SettingError(
                 f"setting offset: {amplitude:g} % about {offset:g} % at {frequency_rad_s:g} rad/s goes {way:.4g} "
                 f"{axis.unit} {word} in each period, {cycles * way:.4g} {axis.unit} in {cycles}; of the stroke of "
                 f"{axis.stroke:g} {axis.unit}, {able:.4g} {axis.unit} can be used: at most {slower:.2g} % at this "
                 f"frequency, or at least {faster:.3g} rad/s at this offset"
             )
+
+
+def _slowest_rad_s(axis: Axis, offset: float, cycles: int) -> float:
+    """The frequency at which a sine of an open loop uses the whole stroke, in the direction that goes faster."""
+    fastest = max(axis.extend_per_s, axis.retract_per_s)
+    return cycles * offset / 100.0 * fastest * 2.0 * math.pi / (axis.high - axis.low)
 
 
 def _wave(

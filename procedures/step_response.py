@@ -24,7 +24,7 @@ from procedures._course import Course, joined
 from procedures._definitions import STEPS, defined
 from procedures._extreme import CERTAIN, extreme
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
-from procedures._scale import check_above, check_at_least, scale_of
+from procedures._scale import check_above, check_at_least, check_stands, scale_of
 from procedures._step_model import step_model
 
 DEAD_TIME = Measurement("dead_time", "ms", "until the response has moved by more than noise and 2 % of its change")
@@ -86,6 +86,7 @@ def run(
     if len(asked) < 2:
         raise SettingError(f"setting levels: {len(asked)} given; a step needs at least two")
     scale = scale_of(rig, full_command)
+    check_stands(scale, "a step response")
     name = "sequence" if levels is None else "levels"
     values = [scale.level(name, percent) for percent in asked] * repeats
     steps = [step_sequence([level], held_s, rate_hz) for level in values]

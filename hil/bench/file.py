@@ -49,6 +49,7 @@ class Valve(_Strict):
         settling_s: after a change of the command, its answer has died away in so long.
         limits: of its command, in that channel's unit; they tighten those of the channel.
         operating_point: where procedures swing when nobody says where, in the unit of its command: where it follows.
+        integrates: whether its response moves on for as long as the command is off neutral: a cylinder in an open loop.
         amplifier: settings of its electronics: dither, ramps, dead-band compensation.
     """
 
@@ -58,6 +59,7 @@ class Valve(_Strict):
     settling_s: PositiveFloat = 1.0
     limits: OutputLimits | None = None
     operating_point: FiniteFloat | None = None
+    integrates: bool = False
     amplifier: str = ""
 
 

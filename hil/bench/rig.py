@@ -74,7 +74,8 @@ class BenchRig:
     def response(self) -> RoleChannel:
         """The measured answer, with the range that its instrument covers."""
         channel = self._guard.inputs[self._roles["response"]]
-        return RoleChannel(channel.name, channel.unit, channel.low, channel.high)
+        integrates = self._bench.valve.integrates and self.command.name == self._own_command
+        return RoleChannel(channel.name, channel.unit, channel.low, channel.high, integrates=integrates)
 
     @property
     def rate_hz(self) -> float:

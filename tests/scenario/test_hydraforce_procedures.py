@@ -66,8 +66,8 @@ SINE, STEPS, DRIFT = "sine_position", "velocity_steps", "cylinder_drift"
     ("name", "rig", "settings", "says"),
     [
         # the paper's own test: 304 mm of way in a period, in a cylinder of 250 mm
-        (SINE, "open", {"cycles": 1}, "goes 304 mm extending in each period, 304 mm in 1; of the stroke of 250 mm"),
-        (SINE, "open", {}, "goes 304 mm extending in each period, 912 mm in 3"),
+        (SINE, "open", {"cycles": 1, "frequency_rad_s": 1.0}, "304 mm in 1; of the stroke of 250 mm"),
+        (SINE, "open", {"frequency_rad_s": 1.0}, "goes 304 mm extending in each period, 912 mm in 3"),
         (SINE, "open", {"amplitude": 20.0, "offset": 10.0}, "setting offset: 10 % is below the amplitude, 20 %"),
         (
             SINE,
@@ -109,13 +109,22 @@ def test_what_does_not_fit_is_refused_before_anything_moves(name, rig, settings,
     assert says in str(refused.value)
 
 
+def test_a_sine_in_an_open_loop_is_as_slow_as_the_stroke_allows():
+    refused_rad_s = 6.48  # what the refusal of the paper's 1 rad/s names for three cycles
+    for cycles in (1, 3):
+        with pytest.raises(AssertionError, match="asked for"):
+            load_procedure(SINE).run(Still(*OPEN), cycles=cycles)
+    with pytest.raises(SettingError, match="goes"):
+        load_procedure(SINE).run(Still(*OPEN), frequency_rad_s=refused_rad_s - 0.01)
+
+
 def test_what_the_refusal_says_would_fit_does_fit():
     with pytest.raises(SettingError) as refused:
-        load_procedure(SINE).run(Still(*OPEN), cycles=1)
+        load_procedure(SINE).run(Still(*OPEN), cycles=1, frequency_rad_s=1.0)
     text = str(refused.value)
     percent = float(text.split("at most ")[1].split(" %")[0])
     with pytest.raises(AssertionError, match="asked for"):  # it goes on to move
-        load_procedure(SINE).run(Still(*OPEN), cycles=1, amplitude=0.99 * percent)
+        load_procedure(SINE).run(Still(*OPEN), cycles=1, amplitude=0.99 * percent, frequency_rad_s=1.0)
     fast = float(text.split("at least ")[1].split(" rad/s")[0])
     with pytest.raises(AssertionError, match="asked for"):
         load_procedure(SINE).run(Still(*OPEN), cycles=1, frequency_rad_s=1.01 * fast)
@@ -206,7 +215,7 @@ def test_an_open_loop_at_constant_pressure_extends_faster_than_it_retracts(measu
 
 def test_the_papers_sine_is_refused_by_the_open_bench(measure):
     with pytest.raises(SettingError, match="goes 304 mm extending in each period"):
-        measure(SINE, OPEN_BENCH)
+        measure(SINE, OPEN_BENCH, frequency_rad_s="1")
 
 
 def test_the_sine_in_an_open_loop_has_a_gain_for_each_direction(measure):

@@ -13,14 +13,15 @@ from hil.session.procedure import load_procedure
 
 BOTH_WAYS = RoleChannel("command", "%", -100.0, 100.0)
 ONE_WAY = RoleChannel("current", "A", 0.0, 2.2)
+FLOWING = RoleChannel("flow", "l/min", -100.0, 100.0)
+TRAVELLING = RoleChannel("position", "mm", -130.0, 130.0, integrates=True)
 
 
 class Still:
     """A rig that says what it is, and fails the test when it is asked to do anything."""
 
-    def __init__(self, command: RoleChannel) -> None:
-        self.command = command
-        self.response = RoleChannel("flow", "l/min", -100.0, 100.0)
+    def __init__(self, command: RoleChannel, response: RoleChannel = FLOWING) -> None:
+        self.command, self.response = command, response
         self.rate_hz, self.settling_s = 1000.0, 2.0
 
     def actual_rate_hz(self, asked_hz: float) -> float:
@@ -96,12 +97,40 @@ def test_a_command_that_goes_one_way_is_asked_in_its_own_unit(name, settings, sa
     assert says in str(refused.value)
 
 
-def test_everything_that_is_checked_by_nothing_but_the_rig_is_checked_whole_and_first():
-    class Refusing(Still):
-        def check(self, command: np.ndarray, rate_hz: float) -> None:
-            self.path = command
-            raise SettingError("checked")
+@pytest.mark.parametrize(
+    ("name", "settings", "says"),
+    [
+        (FLOW, {}, "a flow curve needs a response that comes to stand; 'position' moves on for as long as"),
+        (STEP, {}, "a step response needs a response that comes to stand"),
+        (LARGE, {}, "is off neutral: give an amplitude, or run sine_position"),
+        (LARGE, {"amplitude": 5.0, "bias": 20.0}, "setting bias: 20 %; 'position' moves on"),
+        (SINES, {"biases": (0.0, 30.0)}, "setting biases: 30 %; 'position' moves on"),
+        (MULTISINE, {"biases": (-30.0,)}, "so only 0 % is allowed: sine_position and velocity_steps"),
+    ],
+)
+def test_a_response_that_moves_on_is_not_driven_to_its_end(name, settings, says):
+    with pytest.raises(SettingError) as refused:
+        load_procedure(name).run(Still(BOTH_WAYS, TRAVELLING), **settings)
+    assert says in str(refused.value)
 
+
+@pytest.mark.parametrize("name", [SINES, MULTISINE])
+def test_a_response_that_moves_on_is_tried_about_neutral(name):
+    rig = Refusing(BOTH_WAYS, TRAVELLING)
+    with pytest.raises(SettingError, match="checked"):
+        load_procedure(name).run(rig)
+    assert abs(rig.path.max() + rig.path.min()) < 1.0
+
+
+class Refusing(Still):
+    """A rig that goes no further than the check of the whole path."""
+
+    def check(self, command: np.ndarray, rate_hz: float) -> None:
+        self.path = command
+        raise SettingError("checked")
+
+
+def test_everything_that_is_checked_by_nothing_but_the_rig_is_checked_whole_and_first():
     for name in (SINES, MULTISINE, FLOW, STEP, LARGE):
         rig = Refusing(BOTH_WAYS)
         with pytest.raises(SettingError, match="checked"):
