@@ -19,7 +19,7 @@ from hil.identification.order_choice import fit_transfer_function
 from hil.identification.redrawn import DRAWS, about
 from hil.identification.transfer_function import TransferFunctionFit, fit_percent
 from hil.physics.formula import formula
-from hil.record.measurement import Measured, Measurement
+from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Recording
 from procedures._recorded import calibration_share, chain_of, reading_of, roles_of, settings_of
 
@@ -52,16 +52,33 @@ class Evaluated:
     poor_percent: float | None = None
     gain_share: float = 0.0
 
+    @property
+    def follows(self) -> bool:
+        """Whether the response at the reference stands out of its noise: else nothing can be counted from there."""
+        return COVERAGE_FACTOR * float(gain_std(self.response)[0]) < float(abs(self.response.response[0]))
+
     def measured(self) -> tuple[Measured, ...]:
         """The quantities of `MEASURED`."""
         at, unit = self.response, gain_unit(self.response)
         gain, std = float(abs(at.response[0])), float(gain_std(at)[0])
+        known = GAIN.at(self.label, unit).size(gain, std, calibration=self.gain_share * gain)
+        crossings = ((BANDWIDTH_3DB, self.bandwidth.amplitude), (BANDWIDTH_90DEG, self.bandwidth.phase))
         found = [
-            GAIN.at(self.label, unit).size(gain, std, calibration=self.gain_share * gain),
-            crossed(BANDWIDTH_3DB.at(self.label), self.bandwidth.amplitude),
-            crossed(BANDWIDTH_90DEG.at(self.label), self.bandwidth.phase),
+            crossed(what.at(self.label), one) if self.follows else what.at(self.label).of(None)
+            for what, one in crossings
         ]
-        return (*found, self._model_fit())
+        return (known, *found, self._model_fit())
+
+    def explained(self) -> tuple[str, ...]:
+        """The notes; where the valve does not follow, this alone."""
+        if self.follows:
+            return self.notes
+        at = self.response
+        why = (
+            f"{self.label}: the valve does not follow here: its response at {at.frequency_hz[0]:g} Hz, the reference, "
+            "is within its noise, so no bandwidth can be told. Drive it about another bias or with a larger amplitude."
+        )
+        return (why,)
 
     def _model_fit(self) -> Measured:
         asked = MODEL_FIT.at(self.label)
@@ -73,6 +90,8 @@ class Evaluated:
         """The entry of `responses` (docs/reference/procedures.md)."""
         at, relative = self.response, self.response.normalised()
         amplitude, phase = self.bandwidth.amplitude, self.bandwidth.phase
+        if not self.follows:
+            amplitude, phase = (replace(one, frequency_hz=None, std_hz=math.nan) for one in (amplitude, phase))
         alternative = None if self.fit is None else self.fit.alternative
         if alternative is not None and doubts(alternative):
             alternative = None
@@ -127,7 +146,7 @@ def reference_deviations(found: Sequence[Evaluated]) -> tuple[str, ...]:
     """Where the reference frequency is not that of the standard, alike ones together."""
     labels: dict[str, list[str]] = {}
     for one in found:
-        for note in one.bandwidth.notes:
+        for note in one.bandwidth.notes if one.follows else ():
             labels.setdefault(note, []).append(one.label)
     return tuple(f"{', '.join(where)}: {note}." for note, where in labels.items())
 

@@ -160,11 +160,18 @@ def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[flo
         raise InputError(f"the frequency response at the {level} level was not measured")
     low, high = swings[-1]
     curve = min(found.curves["responses"], key=lambda c: abs(c["bias"] - (low + high) / 2.0))
+    if _known(found, "bandwidth_3db", curve["label"]) is None:
+        raise InputError(f"the pressure does not follow the current at the {level} level")
     if curve["bandwidth_3db_hz"] is None:
         return float(curve["frequency_hz"][-1]), 0.0
     if curve["bandwidth_3db_std_hz"] is None:
         raise InputError(f"the −3 dB frequency at the {level} level lies at the lowest frequency or below")
     return float(curve["bandwidth_3db_hz"]), float(curve["bandwidth_3db_std_hz"])
+
+
+def _known(found: Findings, quantity: str, label: str) -> float | None:
+    """A measured value, or the bound of one; None where neither was determined."""
+    return next(m.value for m in found.measured if m.name == f"{quantity}, {label}")
 
 
 def _general_settings() -> dict[str, Any]:

@@ -117,11 +117,11 @@ def evaluate(recording: Recording) -> Findings:
     hum_hz = hum_beneath(recording, response.name, segments)
     hummed = {one.label: _hummed(one.response, segments, recording.interval_s, hum_hz) for one in found}
     return Findings(
-        measured=tuple(m for one in found for m in (*one.measured(), _distortion(one.response, hummed[one.label]))),
+        measured=tuple(m for one in found for m in (*one.measured(), _distortion(one, hummed[one.label]))),
         curves={"responses": [_curve(recording, one, segments) for one in found]},
         notes=(
             *notes,
-            *(note for one in found for note in (*one.notes, *_distorted(one))),
+            *(note for one in found for note in (*one.explained(), *_distorted(one))),
             *(_hum_note(one, hummed[one.label], hum_hz) for one in found if hummed[one.label].any()),
         ),
         deviations=(*deviations, *reference_deviations(found), *_unsteady(parts), *departures(recording)),
@@ -208,11 +208,12 @@ def _hum_note(one: Evaluated, hummed: NDArray[np.bool_], hum_hz: float | None) -
     )
 
 
-def _distortion(response: FrequencyResponse, hummed: NDArray[np.bool_]) -> Measured:
+def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
     """The largest over the lines; what noise adds to the largest of many is taken off."""
+    response = one.response
     thd, line_std = _thd(response)
     what = THD.at(label_of(response))
-    if np.isnan(thd).all():
+    if np.isnan(thd).all() or not one.follows:
         return what.of(None)
     largest = float(np.nanmax(thd))
     scale = np.sqrt(np.trace(response.covariance, axis1=1, axis2=2) / 2.0) / np.abs(response.response)
@@ -233,7 +234,7 @@ def _distortion(response: FrequencyResponse, hummed: NDArray[np.bool_]) -> Measu
 def _distorted(one: Evaluated) -> tuple[str, ...]:
     thd, _ = _thd(one.response)
     over = one.response.frequency_hz[thd > DISTORTION_FLAG]
-    if not over.size:
+    if not over.size or not one.follows:
         return ()
     worst = int(np.nanargmax(thd))
     note = (

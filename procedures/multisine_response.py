@@ -113,7 +113,7 @@ def evaluate(recording: Recording) -> Findings:
             for measured in (*one.measured(), *_levels(one, bla))
         ),
         curves={"responses": [_curve(one, bla) for one, bla in zip(found, linear, strict=True)]},
-        notes=(*notes, *sentences, *(note for one in found for note in one.notes)),
+        notes=(*notes, *sentences, *(note for one in found for note in one.explained())),
         deviations=(*deviations, *reference_deviations(found), *departures(recording)),
     )
 

@@ -1,0 +1,46 @@
+"""A frequency response as findings: nothing is counted from a reference that is noise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hil.identification.bandwidth import bandwidth
+from hil.identification.frequency_response import FrequencyResponse
+from procedures._response import Evaluated, reference_deviations
+
+FREQUENCY_HZ = np.linspace(0.1, 4.9, 25)
+
+
+def found(noise: float) -> Evaluated:
+    """A first-order response of 1 Hz with noise on every line."""
+    lines = len(FREQUENCY_HZ)
+    drawn = np.random.default_rng(3).normal(size=(2, lines)) * noise
+    ones = np.ones(lines)
+    response = FrequencyResponse(
+        "run", FREQUENCY_HZ, 1.0 / (1.0 + 1j * FREQUENCY_HZ) + drawn[0] + 1j * drawn[1],
+        np.tile(noise**2 * np.eye(2), (lines, 1, 1)), "A", "mm", 0.1, 0.0,
+        ones, ones, ones, noise * ones, np.zeros((lines, 4), dtype=np.complex128),
+    )  # fmt: skip
+    return Evaluated("+0 ± 0.1 A", response, bandwidth(response), None, ("no model",))
+
+
+def values(one: Evaluated) -> dict[str, float | None]:
+    return {m.quantity: m.value for m in one.measured()}
+
+
+def test_a_response_within_its_noise_has_no_bandwidth() -> None:
+    lost = found(noise=5.0)
+    assert values(lost)["bandwidth_3db"] is None
+    assert values(lost)["bandwidth_90deg"] is None
+    assert lost.curve()["bandwidth_3db_hz"] is None
+    (said,) = lost.explained()
+    assert "the valve does not follow here: its response at 0.1 Hz, the reference, is within its noise" in said
+    assert reference_deviations([lost]) == ()
+
+
+def test_a_response_that_follows_has_one() -> None:
+    clear = found(noise=0.001)
+    assert values(clear)["bandwidth_3db"] == pytest.approx(1.0, rel=0.03)
+    assert clear.curve()["bandwidth_3db_hz"] == pytest.approx(1.0, rel=0.03)
+    assert clear.explained() == ("no model",)
