@@ -1,0 +1,215 @@
+"""A node on CANopen as a link: outputs by PDO with our heartbeat, inputs by SYNC, emergencies, read-back."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+from contextlib import suppress
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
+
+from drivers._can import open_bus
+from drivers._edge import edge, wire_log
+from drivers._node_objects import NodeObjects
+from drivers._pdo_mapping import Pdo, configure, pdos_for
+from drivers._start_up import once_started
+from hil.daq.channel import Wiring
+from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of
+from hil.errors import LinkError, SettingError
+
+MASTER = 127  # node that sends our heartbeat
+_CHECK_S = 0.5  # how often outputs are asked where they stand
+
+
+class NodeSettings(BaseModel):
+    """How a node is reached, whatever its objects.
+
+    Attributes:
+        address: of the bus, as python-can names it.
+        node: its number; that of the DCF if not given.
+        bitrate: of the bus.
+        timeout_s: an answer that takes longer counts as none.
+        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
+        startup_s: at opening the device is waited for so long, where it answers only after a start-up of its own.
+        watchdog_s: the node makes its outputs safe when it misses our heartbeat for so long.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    node: int | None = Field(default=None, ge=1, le=126)
+    bitrate: PositiveInt = 250_000
+    timeout_s: PositiveFloat = 0.1
+    longest_reply_s: PositiveFloat = 0.25
+    startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
+    watchdog_s: PositiveFloat | None = Field(default=None, le=65.5)
+
+
+@edge
+class CanopenLink:
+    """A node on CANopen (see `hil.daq.polled.Link`).
+
+    Outputs go out by PDO, SYNC asks for inputs, which come back by PDO. A node whose inputs alone are read is
+    asked by SDO and left as it is. Our heartbeat goes with every drive, so that it ends when the program does.
+
+    Attributes:
+        identity: vendor, product, revision and serial number as its identity object (1018) has them.
+
+    Raises:
+        DeviceLostError: the bus cannot be opened, or nobody answers at this node.
+        LinkError: it is another device than its file says, or its mapping is another and fixed.
+    """
+
+    def __init__(self, settings: NodeSettings, wiring: Wiring, told: CanopenDescription) -> None:
+        import canopen
+
+        from drivers._canopen_network import CanopenNetwork
+
+        _check_level(settings, told, wiring)
+        self._settings, file = settings, told.dictionary
+        node = settings.node or file.node_id
+        if not node:
+            raise SettingError("node is missing, and its file says none")
+        self._number = int(node)
+        self._outputs = {c.terminal: told.terminals[c.terminal] for c in wiring.outputs.values()}
+        self._inputs = {c.terminal: told.terminals[c.terminal] for c in wiring.inputs.values()}
+        self.watchdog_s: float | None = settings.watchdog_s if self._outputs else None
+        self.keep_alive_s: float | None = self.watchdog_s / 4.0 if self.watchdog_s else None
+        self._sent = self._pdos(file, self._inputs, "sent") if self._outputs else []
+        self._received = self._pdos(file, self._outputs, "received")
+        self._driven: dict[tuple[int, int], float] = {}
+        self._came: dict[int, bytes] = {}
+        self._emergency: tuple[int, int] | None = None
+        self._quiet_until_s, self._checked_s, self._drove_s = 0.0, time.monotonic(), 0.0
+        bus = open_bus(settings.address, settings.bitrate)
+        self._network = CanopenNetwork(bus, settings.address, wire_log("canopen", settings.address))
+        self._closed = False
+        try:
+            self._network.connect()
+            node_ = self._network.add_node(self._number, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+            node_.sdo.RESPONSE_TIMEOUT = settings.timeout_s
+            self._objects = NodeObjects(self._network, node_, file, settings.address)
+            self._network.subscribe(0x080 + self._number, self._on_emergency)
+            for pdo in self._sent:
+                self._network.subscribe(pdo.identifier, self._on_pdo)
+            self.identity = once_started(settings.startup_s, self._objects.recognised)
+            if self._outputs:
+                self._set_up(told)
+        except BaseException:
+            self.close()
+            raise
+
+    def standing(self) -> dict[str, float]:
+        """Where outputs stand, as the node says."""
+        return {name: self._objects.asked(told) for name, told in self._outputs.items()}
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Send the PDOs of the outputs, and our heartbeat."""
+        for name, value in values.items():
+            self._driven[self._outputs[name].place] = self._objects.counted(self._outputs[name], value)
+        self._network.send_message(0x700 + MASTER, b"\x05")
+        for pdo in self._received:
+            if set(pdo.places) <= set(self._driven):
+                self._network.send_message(pdo.identifier, pdo.packed(self._driven))
+        self._drove_s = time.monotonic()
+
+    def read(self) -> dict[str, float]:
+        """The inputs of this SYNC; of a node that is not ours to command by SDO.
+
+        Raises:
+            LinkError: no answer, an emergency, or it must have missed our heartbeat.
+        """
+        self._look()
+        if not self._outputs:
+            return {name: self._objects.asked(told) for name, told in self._inputs.items()}
+        found = self._synchronised() if self._inputs else {}
+        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
+            self._outputs_stand()
+        return {name: told.slope * found[told.place] + told.offset for name, told in self._inputs.items()}
+
+    def close(self) -> None:
+        """Leave the bus."""
+        if self._closed:
+            return
+        self._closed = True
+        with suppress(Exception):
+            self._network.disconnect()
+        if self._network.bus is not None:
+            self._network.bus.shutdown()
+
+    def _pdos(self, file: Any, terminals: Mapping[str, CanopenTerminal], way: Any) -> list[Pdo]:
+        return pdos_for(file, self._number, [told.place for told in terminals.values()], way)
+
+    def _set_up(self, told: CanopenDescription) -> None:
+        self._network.send_message(0x000, bytes([0x80, self._number]))  # pre-operational
+        if self.watchdog_s is not None:
+            self._objects.download(0x1016, 1, MASTER << 16 | round(1000.0 * self.watchdog_s), "<I")
+        for value in told.setup:
+            self._objects.write(place_of(value.object), value.value)
+        configure(self._sent, "sent", self._objects.upload, self._objects.download, told.dictionary)
+        configure(self._received, "received", self._objects.upload, self._objects.download, told.dictionary)
+        self._network.send_message(0x000, bytes([0x01, self._number]))  # operational
+        self._emergency = None
+
+    def _synchronised(self) -> dict[tuple[int, int], float]:
+        """What the PDOs of this SYNC say."""
+        wait_s = self._quiet_until_s - time.monotonic()
+        if wait_s > 0.0:  # a late answer to an earlier SYNC looks like one to this
+            time.sleep(wait_s)
+        self._quiet_until_s = 0.0
+        network, wanted = self._network, {pdo.identifier for pdo in self._sent}
+        with network.changed:
+            self._came.clear()
+            network.failure = None
+            network.send_message(0x080, b"")
+            network.changed.wait_for(lambda: wanted <= set(self._came) or network.failure, self._settings.timeout_s)
+            if missing := wanted - set(self._came):
+                network.check_readable()
+                self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
+                names = ", ".join(f"{identifier:#05x}" for identifier in sorted(missing))
+                raise LinkError(f"no PDO {names} within {self._settings.timeout_s:g} s of SYNC")
+            came = dict(self._came)
+        return {place: value for pdo in self._sent for place, value in pdo.values(came[pdo.identifier]).items()}
+
+    def _outputs_stand(self) -> None:
+        self._checked_s = time.monotonic()
+        for name, told in self._outputs.items():
+            if told.place not in self._driven:
+                continue
+            stands, driven = self._objects.asked(told), told.slope * self._driven[told.place] + told.offset
+            if abs(stands - driven) > (told.close or 0.0) + 1e-6 * max(map(abs, told.range)):
+                raise LinkError(
+                    f"{name} stands at {stands:.4g} {told.unit}, not at {driven:.4g} as it was driven: the node "
+                    f"restarted, missed our heartbeat, or another master writes to it"
+                )
+
+    def _look(self) -> None:
+        if self._emergency is not None:
+            (code, register), self._emergency = self._emergency, None
+            missed = " (it missed our heartbeat)" if code == 0x8130 else ""
+            raise LinkError(f"emergency {code:#06x}, error register {register:#04x}{missed}")
+        silent_s = time.monotonic() - self._drove_s
+        if self._driven and self.watchdog_s is not None and silent_s > self.watchdog_s:
+            self._drove_s = time.monotonic()
+            raise LinkError(f"no heartbeat was sent for {silent_s:.3g} s: the node makes its outputs safe then")
+
+    def _on_pdo(self, identifier: int, data: bytearray, _time_s: float) -> None:
+        with self._network.changed:
+            self._came[identifier] = bytes(data)
+            self._network.changed.notify_all()
+
+    def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
+        if len(data) >= 3 and (code := data[0] | data[1] << 8):
+            self._emergency = code, data[2]
+
+
+def _check_level(settings: NodeSettings, told: CanopenDescription, wiring: Wiring) -> None:
+    for name, channel in wiring.outputs.items():
+        level = told.watchdog.expires_to if told.watchdog else math.nan
+        if settings.watchdog_s is not None and abs(level - channel.safe) > 1e-9:
+            raise SettingError(
+                f"watchdog_s: when it expires the node puts {channel.terminal} at {level:g} {channel.unit}, but "
+                f"'{name}' is safe at {channel.safe:g}: connect the valve so that this is safe, or take watchdog_s away"
+            )

@@ -1,0 +1,87 @@
+"""Objects of a node as numbers, in the types that its file says; asked and written over SDO."""
+
+from __future__ import annotations
+
+import struct
+from typing import Any
+
+from hil.description.canopen import FORMS, CanopenTerminal, variable
+from hil.errors import DeviceLostError, LinkError
+
+
+class NodeObjects:
+    """The object dictionary of a node on its bus.
+
+    Args:
+        network: that it is on.
+        node: of the canopen library.
+        file: the dictionary of its EDS or DCF.
+        address: of the bus, for errors.
+    """
+
+    def __init__(self, network: Any, node: Any, file: Any, address: str) -> None:
+        self._network, self._node, self._file, self._address = network, node, file, address
+
+    def recognised(self) -> str:
+        """What it says of itself.
+
+        Raises:
+            LinkError: another device than its file says.
+        """
+        import canopen
+
+        try:
+            kind = self.upload(0x1000, 0)
+        except canopen.SdoCommunicationError:
+            raise DeviceLostError(f"node {self._node.id} on {self._address} does not answer") from None
+        expected = variable(self._file, (0x1000, 0))
+        if expected is not None and expected.default and kind != expected.default:
+            raise LinkError(
+                f"node {self._node.id} says that it is of device type {kind:#010x}, its file {expected.default:#010x}"
+            )
+        told = []
+        for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
+            if variable(self._file, (0x1018, sub)) is None:
+                continue
+            said, by_file = self.upload(0x1018, sub), variable(self._file, (0x1018, sub)).default
+            if sub <= 2 and by_file and said != by_file:
+                raise LinkError(f"node {self._node.id} is of {what} {said:#x}; its file is that of {what} {by_file:#x}")
+            told.append(f"{what} {said:#x}")
+        return f"node {self._node.id}, {', '.join(told)}" if told else ""
+
+    def counted(self, told: CanopenTerminal, value: float) -> float:
+        """A value as the terminal's object takes it, the end of its type where it is beyond."""
+        number, form = (value - told.offset) / told.slope, self.form(told.place)[1:]
+        if form == "f":
+            return number
+        bits = 8 * struct.calcsize(form)
+        low = -(1 << bits - 1) if form.islower() else 0
+        return max(low, min(low + (1 << bits) - 1, round(number)))
+
+    def asked(self, told: CanopenTerminal) -> float:
+        """What the terminal's object says; raises `LinkError` for one of another length than its file says."""
+        form = self.form(told.place)
+        data = self._sdo("upload", *told.place)
+        if len(data) != struct.calcsize(form):
+            raise LinkError(f"object {told.object} has {len(data)} bytes, its file says {struct.calcsize(form)}")
+        return float(told.slope * struct.unpack(form, data)[0] + told.offset)
+
+    def upload(self, index: int, sub: int) -> int:
+        """A whole number that is not negative."""
+        return int.from_bytes(self._sdo("upload", index, sub), "little")
+
+    def download(self, index: int, sub: int, value: float, form: str) -> None:
+        """Write a number in this form."""
+        self._sdo("download", index, sub, struct.pack(form, value if form == "<f" else int(value)))
+
+    def write(self, place: tuple[int, int], value: float) -> None:
+        """Write a number in the type of its object."""
+        self.download(*place, value, self.form(place))
+
+    def form(self, place: tuple[int, int]) -> str:
+        """Of an object's bytes, as `struct` writes it."""
+        return "<" + FORMS[variable(self._file, place).data_type]
+
+    def _sdo(self, kind: str, index: int, sub: int, *data: bytes) -> bytes:
+        answer: bytes = self._network.transfer(self._node, kind, index, sub, *data)
+        return answer
