@@ -135,7 +135,7 @@ class Line:
             look_s = min(self._timeout_s, _LOOK_S)  # set once: on some ports a change is a negotiation
             self._port = serial.serial_for_url(path, baudrate=self._baud, timeout=look_s, **more)
         except (OSError, ValueError) as error:
-            raise DeviceLostError(f"{self._address}: cannot be opened: {error}") from None
+            raise DeviceLostError(f"{self._address}: cannot be opened: {_cause(error, path)}") from None
         if (behind := getattr(self._port, "_socket", None)) is not None:
             # A setting and the question behind it go at once: else the second waits 40 ms for a word about the first.
             behind.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -186,3 +186,8 @@ class Line:
             time.sleep(wait_s)
         if self._port is None:
             self._open()
+
+
+def _cause(error: Exception, path: str) -> str:
+    """Why a port cannot be opened, without its name, which the library says once more."""
+    return str(error).partition(f"ould not open port {path}: ")[2] or str(error)

@@ -43,20 +43,16 @@ class DeviceInUse:
             channels: of the bench.
             looked_at: nothing is run: an input without a measurement is shown as such, not refused.
         """
+        wiring = replace(self.wiring(channels), looked_at=looked_at)
+        if mixes(self.module):
+            return self._polled(wiring, measured=True)
         with named(self.name):
-            daq: Daq = self.module.open_daq(self.settings, replace(self.wiring(channels), looked_at=looked_at))
+            daq: Daq = self.module.open_daq(self.settings, wiring)
         return daq
 
     def open_to_make_safe(self, channels: Mapping[str, ChannelEntry]) -> Daq:
         """Open it with these channels as fast as it can be, for nothing else than making its outputs safe."""
-        if not mixes(self.module):
-            return self.open(channels)
-        from hil.daq.polled import PolledDaq
-
-        wiring = self.wiring(channels)
-        with named(self.name):
-            link = self.module.open_link(self.settings, wiring)
-            return PolledDaq({self.name: link}, {self.name: wiring}, measured=False)
+        return self._polled(self.wiring(channels), measured=False) if mixes(self.module) else self.open(channels)
 
     def wiring(self, channels: Mapping[str, ChannelEntry]) -> Wiring:
         """The channels that are connected to this device, in raw units."""
@@ -65,6 +61,14 @@ class DeviceInUse:
             {name: self._output(name, channel) for name, channel in mine.items() if channel.is_output},
             {name: self._input(name, channel) for name, channel in mine.items() if not channel.is_output},
         )
+
+    def _polled(self, wiring: Wiring, *, measured: bool) -> Daq:
+        """Its link under the name that it has on this bench, so that whatever it raises says that name once."""
+        from hil.daq.polled import PolledDaq
+
+        with named(self.name):
+            link = self.module.open_link(self.settings, wiring)
+            return PolledDaq({self.name: link}, {self.name: wiring}, measured=measured)
 
     def _output(self, name: str, channel: ChannelEntry) -> OutputChannel:
         terminal = self.terminals[channel.terminal]

@@ -9,6 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from hil.bench.device import DeviceInUse, open_devices
+from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, HilError, LinkError, SettingError
 
 
@@ -58,3 +59,33 @@ def test_what_a_driver_raises_at_opening_is_an_error_of_its_device(
             open_devices(devices, {})
         assert str(told.value) == text
     assert first.closed == 1
+
+
+class Breaks(Opened):
+    """A link that is opened and does not answer when it is first asked."""
+
+    watchdog_s: float | None = None
+    keep_alive_s: float | None = None
+    identity = ""
+
+    def close(self) -> None:
+        self.closed += 1
+
+    def standing(self) -> dict[str, float]:
+        return {}
+
+    def read(self) -> dict[str, float]:
+        raise LinkError("no answer within 0.2 s")
+
+
+def test_a_device_that_fails_at_its_first_reading_is_named_once() -> None:
+    """Its driver may call it by its model; the bench's name is the only one in front of the error."""
+    broken = Breaks()
+
+    def of_its_own(settings: Any, wiring: Any) -> Any:
+        return PolledDaq({"wago-750": broken}, {"wago-750": wiring})
+
+    module: Any = SimpleNamespace(open_daq=of_its_own, open_link=lambda _settings, _wiring: broken)
+    with pytest.raises(LinkError) as told:
+        DeviceInUse("io", module, NoSettings(), {}).open({})
+    assert str(told.value) == "io: no answer within 0.2 s" and broken.closed == 1

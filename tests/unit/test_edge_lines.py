@@ -14,9 +14,11 @@ from typing import Any
 import pytest
 
 from drivers import ascii_module, scpi
+from drivers._line import Line
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
 from tests.foreign_line import ForeignLine
+from tests.links import free_port
 
 READINGS = ">+01.234-05.678+00.000+09.999-09.999+04.000+03.210-00.001"
 QUICK = {"timeout_s": 0.15, "longest_reply_s": 0.15}
@@ -306,3 +308,10 @@ def test_lines_are_logged_for_who_listens(caplog: pytest.LogCaptureFixture) -> N
             link.read()
     said = [record.getMessage() for record in caplog.records if record.name.startswith("hil.link.ascii_module.socket:")]
     assert said == [r"→ b'#01\r'", f"← b'{READINGS}\\r'"]
+
+
+def test_a_line_that_nobody_serves_is_named_once() -> None:
+    address = f"socket://127.0.0.1:{free_port()}"
+    with pytest.raises(DeviceLostError) as told:
+        Line(address, end="\n", timeout_s=0.1, longest_reply_s=0.1, baud=9600, driver="text")
+    assert str(told.value) == f"{address}: cannot be opened: [Errno 111] Connection refused"
