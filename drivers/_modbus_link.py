@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from drivers._edge import edge
 from drivers._modbus_line import LineSettings, ModbusLine
-from drivers._modbus_model import PER_SECOND, Model, Step, check_level, safe_of
+from drivers._modbus_model import Model, check_level
+from drivers._modbus_ready import Readiness
 from drivers._registers import Flag, Register, WordOrder
 from drivers._start_up import once_started
 from drivers._stretches import Stretch, stretches, written
@@ -18,8 +19,6 @@ from hil.daq.channel import Wiring
 from hil.errors import LinkError
 
 _CHECK_S = 0.5  # how often outputs are read back: another master, or a device that restarted
-_LOOK_S = 0.02  # how often a flag is looked at that is waited for
-_ADDRESSES = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
 
 
 @edge
@@ -40,7 +39,6 @@ class ModbusLink:
             check_level(model, wiring)
         self._watchdog = DeviceWatchdog(settings.watchdog_s)
         self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
-        self._model = model
         self._order: WordOrder = settings.word_order or model.word_order
         used = {c.terminal for c in wiring.outputs.values()} | {c.terminal for c in wiring.inputs.values()}
         chosen = {name: register for name, register in model.registers.items() if name in used}
@@ -56,16 +54,16 @@ class ModbusLink:
         self._looked_at = wiring.looked_at
         self.unmeasured: dict[str, str] = {}
         self._checked_s = time.monotonic()
-        self._enabled = False
         settings = settings.model_copy(
             update={"echo": settings.echo or (model.echo and settings.transport == "rtu"),
                     "pause_s": max(settings.pause_s, model.pause_s)}
         )  # fmt: skip
         self._line = ModbusLine(settings, self._watchdog.heard)
+        self._ready = Readiness(self._line, model, self._order, self._safe, self.watchdog_s, self._out)
         try:
             once_started(settings.startup_s, lambda: self._reached(settings.startup_s))
             if wiring.outputs:  # a device whose inputs alone are read is left as it is
-                self._made_ready()
+                self._ready.made(self._go_safe, self._look_around)
             self.identity = self._line.identity()
         except BaseException:
             self.close()
@@ -94,7 +92,7 @@ class ModbusLink:
         said: dict[str, tuple[int, ...]] = {}
         for stretch in self._in:
             said |= stretch.split(self._ask(stretch.function, stretch.first, count=stretch.count))
-        flags = self._flags(flag for register in self._inputs.values() for flag in register.status)
+        flags = self._ready.flags(flag for register in self._inputs.values() for flag in register.status)
         self._line.has_read = True
         self.unmeasured = {}
         readings = {name: self._measured(name, r, said[name], flags) for name, r in self._inputs.items()}
@@ -105,9 +103,7 @@ class ModbusLink:
     def close(self) -> None:
         """Close the connection; outputs that were enabled are so no longer where the device has that."""
         try:
-            if self._enabled:
-                self._enabled = False
-                self._do(self._model.enabling.undo)
+            self._ready.undone()
         finally:
             self._line.close()
 
@@ -122,82 +118,9 @@ class ModbusLink:
             self._line.close()
             raise
 
-    def _made_ready(self) -> None:
-        """Faults cleared, watchdog armed, outputs obeying: from the safe values on where they did not."""
-        self._clear_faults()
-        if self.watchdog_s is not None:
-            self._do(self._model.arming)
-        self._no_fault()
-        self._look_around()
-        self._leave_safe_mode()
-        self._enable()
-
-    def _do(self, steps: Iterable[Step]) -> None:
-        """Write what stands in a description, its placeholders filled in."""
-        for step in steps:
-            words = self._filled(step.value)
-            if words and step.table == "coil":
-                self._ask(5, step.address, values=words)
-            elif words:
-                self._ask(6 if len(words) == 1 else 16, step.address, values=words)
-
-    def _filled(self, value: int | str) -> list[int]:
-        if isinstance(value, int):
-            return [value]
-        if value in PER_SECOND:
-            return [max(1, round(PER_SECOND[value] * (self.watchdog_s or 0.0)))]
-        terminal = safe_of(value)
-        return (
-            self._model.registers[terminal].words_of(self._safe[terminal], self._order)
-            if terminal in self._safe
-            else []
-        )
-
-    def _clear_faults(self) -> None:
-        """Clear what the device reports, and see that it is gone.
-
-        Raises:
-            LinkError: it is not.
-        """
-        if not self._model.clear or not (told := self._reported()):
-            return
-        self._do(self._model.clear)
-        if not self._waited(lambda: not self._reported(), self._model.clear_patience_s):
-            raise LinkError(f"the device reports a fault and cannot be cleared: {', '.join(told)}")
-
-    def _no_fault(self) -> None:
-        """Raise `LinkError` for a fault that the device reports."""
-        if told := self._reported():
-            raise LinkError(f"the device reports a fault: {', '.join(told)}")
-
-    def _enable(self) -> None:
-        """Have the outputs obey, unless they do already: they stand at their safe values when they begin to.
-
-        Raises:
-            LinkError: the device does not get ready.
-        """
-        enabling = self._model.enabling
-        if enabling.steps and not (enabling.ready is not None and self._is_so(enabling.ready)):
-            for stretch, words in self._words(self._safe):
-                self._ask(stretch.writing, stretch.first, values=words)
-            self._do(enabling.steps)
-            ready = enabling.ready
-            if ready is not None and not self._waited(lambda: self._is_so(ready), enabling.patience_s):
-                raise LinkError(
-                    f"the outputs do not obey {enabling.patience_s:g} s after they were enabled: "
-                    f"{ready.table} {ready.address:#06x} does not say {ready.means or 'that they are ready'}"
-                )
-        self._enabled = bool(enabling.undo)
-
-    def _leave_safe_mode(self) -> None:
-        """A device that made its outputs safe in an earlier run takes commands again, from the safe values on."""
-        if self._model.safe_status is None or self._model.clear_safe is None or not self._in_safe_mode():
-            return
+    def _go_safe(self) -> None:
         for stretch, words in self._words(self._safe):
             self._ask(stretch.writing, stretch.first, values=words)
-        for stretch in self._out:
-            for register in stretch.terminals.values():
-                self._ask(5, self._model.clear_safe + register.address - self._first_output, values=[1])
 
     def _look_around(self) -> None:
         """Registers that hold more than an output: what else stands there is written back as it is."""
@@ -205,20 +128,6 @@ class ModbusLink:
             if stretch.has_parts:
                 words = self._ask(stretch.read_back_function, stretch.read_back, count=stretch.count)
                 self._around[stretch.first] = words
-
-    @property
-    def _first_output(self) -> int:
-        return min(r.address for r in self._model.outputs.values())
-
-    def _in_safe_mode(self) -> list[str]:
-        """Outputs that the device itself has made safe."""
-        flagged: list[str] = []
-        if self._model.safe_status is None:
-            return flagged
-        for stretch in self._out:
-            flags = self._ask(1, self._model.safe_status + stretch.first - self._first_output, count=stretch.count)
-            flagged += [name for name, flag in zip(stretch.terminals, flags, strict=False) if flag]
-        return flagged
 
     def _words(self, values: Mapping[str, float]) -> Iterable[tuple[Stretch, list[int]]]:
         """What to write; an output that is not given keeps what was driven before."""
@@ -235,8 +144,8 @@ class ModbusLink:
 
     def _outputs_stand(self) -> None:
         self._checked_s = time.monotonic()
-        self._no_fault()
-        if safe := self._in_safe_mode():
+        self._ready.no_fault()
+        if safe := self._ready.in_safe_mode():
             raise LinkError(
                 f"{', '.join(safe)}: the device itself has made it safe; its watchdog expired, or it was told to"
             )
@@ -270,34 +179,6 @@ class ModbusLink:
             self.unmeasured[name] = why or f"reads {said:.3g} {register.unit}: {cause}"
         self._before[name] = value
         return value
-
-    def _reported(self) -> list[str]:
-        """What of its faults the device reports, in words."""
-        flags = self._flags(self._model.faults)
-        return [flag.means or f"{flag.table} {flag.address:#06x}" for flag in self._model.faults if flags[flag]]
-
-    def _flags(self, flags: Iterable[Flag]) -> dict[Flag, bool]:
-        """What flags say, each register asked once."""
-        words: dict[tuple[str, int], int] = {}
-        told: dict[Flag, bool] = {}
-        for flag in flags:
-            place = flag.table, flag.address
-            if place not in words:
-                (words[place],) = self._ask(_ADDRESSES[flag.table], flag.address)
-            told[flag] = flag.is_so(words[place])
-        return told
-
-    def _is_so(self, flag: Flag) -> bool:
-        return self._flags([flag])[flag]
-
-    @staticmethod
-    def _waited(is_so: Callable[[], bool], patience_s: float) -> bool:
-        until_s = time.monotonic() + patience_s
-        while not is_so():
-            if time.monotonic() > until_s:
-                return False
-            time.sleep(_LOOK_S)
-        return True
 
     def _ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
         return self._line.ask(function, address, count=count, values=values)

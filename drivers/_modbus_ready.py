@@ -1,0 +1,167 @@
+"""Whether a Modbus device lets its outputs obey: its faults cleared, watchdog armed, safe mode left, enabled."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+
+from drivers._modbus_line import ModbusLine
+from drivers._modbus_model import PER_SECOND, Model, Step, safe_of
+from drivers._registers import Flag, WordOrder
+from drivers._stretches import Stretch
+from hil.errors import LinkError
+
+_LOOK_S = 0.02  # how often a flag is looked at that is waited for
+_ADDRESSES = {"coil": 1, "discrete": 2, "holding": 3, "input": 4}
+
+
+class Readiness:
+    """What a device's model says of it, asked and told on its line.
+
+    Args:
+        line: to the device.
+        model: what it has.
+        order: of the bytes of its numbers.
+        safe: where the bench has its outputs safe, by terminal.
+        watchdog_s: time of its watchdog; None where it has none.
+        out: its outputs as they are written.
+    """
+
+    def __init__(
+        self, line: ModbusLine, model: Model, order: WordOrder, safe: Mapping[str, float], watchdog_s: float | None,
+        out: Sequence[Stretch],
+    ) -> None:  # fmt: skip
+        self._line, self._model, self._order = line, model, order
+        self._safe, self._watchdog_s, self._out = safe, watchdog_s, out
+        self._enabled = False
+
+    def made(self, go_safe: Callable[[], None], look_around: Callable[[], None]) -> None:
+        """Faults cleared, watchdog armed, outputs obeying: from the safe values on where they did not.
+
+        Args:
+            go_safe: writes the safe values.
+            look_around: sees what else stands in registers that outputs share.
+
+        Raises:
+            LinkError: it reports a fault that cannot be cleared, or does not get ready.
+        """
+        self._clear_faults()
+        if self._watchdog_s is not None:
+            self._do(self._model.arming)
+        self.no_fault()
+        look_around()
+        self._leave_safe_mode(go_safe)
+        self._enable(go_safe)
+
+    def undone(self) -> None:
+        """Outputs that were enabled are so no longer, where the device has that."""
+        if self._enabled:
+            self._enabled = False
+            self._do(self._model.enabling.undo)
+
+    def no_fault(self) -> None:
+        """Raise `LinkError` for a fault that the device reports."""
+        if told := self._reported():
+            raise LinkError(f"the device reports a fault: {', '.join(told)}")
+
+    def in_safe_mode(self) -> list[str]:
+        """Outputs that the device itself has made safe."""
+        flagged: list[str] = []
+        if self._model.safe_status is None:
+            return flagged
+        for stretch in self._out:
+            flags = self._line.ask(1, self._model.safe_status + stretch.first - self._first_output, count=stretch.count)
+            flagged += [name for name, flag in zip(stretch.terminals, flags, strict=False) if flag]
+        return flagged
+
+    def flags(self, flags: Iterable[Flag]) -> dict[Flag, bool]:
+        """What flags say, each register asked once."""
+        words: dict[tuple[str, int], int] = {}
+        told: dict[Flag, bool] = {}
+        for flag in flags:
+            place = flag.table, flag.address
+            if place not in words:
+                (words[place],) = self._line.ask(_ADDRESSES[flag.table], flag.address)
+            told[flag] = flag.is_so(words[place])
+        return told
+
+    def _do(self, steps: Iterable[Step]) -> None:
+        """Write what stands in a description, its placeholders filled in."""
+        for step in steps:
+            words = self._filled(step.value)
+            if words and step.table == "coil":
+                self._line.ask(5, step.address, values=words)
+            elif words:
+                self._line.ask(6 if len(words) == 1 else 16, step.address, values=words)
+
+    def _filled(self, value: int | str) -> list[int]:
+        if isinstance(value, int):
+            return [value]
+        if value in PER_SECOND:
+            return [max(1, round(PER_SECOND[value] * (self._watchdog_s or 0.0)))]
+        terminal = safe_of(value)
+        return (
+            self._model.registers[terminal].words_of(self._safe[terminal], self._order)
+            if terminal in self._safe
+            else []
+        )
+
+    def _clear_faults(self) -> None:
+        """Clear what the device reports, and see that it is gone.
+
+        Raises:
+            LinkError: it is not.
+        """
+        if not self._model.clear or not (told := self._reported()):
+            return
+        self._do(self._model.clear)
+        if not self._waited(lambda: not self._reported(), self._model.clear_patience_s):
+            raise LinkError(f"the device reports a fault and cannot be cleared: {', '.join(told)}")
+
+    def _enable(self, go_safe: Callable[[], None]) -> None:
+        """Have the outputs obey, unless they do already: they stand at their safe values when they begin to.
+
+        Raises:
+            LinkError: the device does not get ready.
+        """
+        enabling = self._model.enabling
+        if enabling.steps and not (enabling.ready is not None and self._is_so(enabling.ready)):
+            go_safe()
+            self._do(enabling.steps)
+            ready = enabling.ready
+            if ready is not None and not self._waited(lambda: self._is_so(ready), enabling.patience_s):
+                raise LinkError(
+                    f"the outputs do not obey {enabling.patience_s:g} s after they were enabled: "
+                    f"{ready.table} {ready.address:#06x} does not say {ready.means or 'that they are ready'}"
+                )
+        self._enabled = bool(enabling.undo)
+
+    def _leave_safe_mode(self, go_safe: Callable[[], None]) -> None:
+        """A device that made its outputs safe in an earlier run takes commands again, from the safe values on."""
+        if self._model.safe_status is None or self._model.clear_safe is None or not self.in_safe_mode():
+            return
+        go_safe()
+        for stretch in self._out:
+            for register in stretch.terminals.values():
+                self._line.ask(5, self._model.clear_safe + register.address - self._first_output, values=[1])
+
+    @property
+    def _first_output(self) -> int:
+        return min(r.address for r in self._model.outputs.values())
+
+    def _reported(self) -> list[str]:
+        """What of its faults the device reports, in words."""
+        flags = self.flags(self._model.faults)
+        return [flag.means or f"{flag.table} {flag.address:#06x}" for flag in self._model.faults if flags[flag]]
+
+    def _is_so(self, flag: Flag) -> bool:
+        return self.flags([flag])[flag]
+
+    @staticmethod
+    def _waited(is_so: Callable[[], bool], patience_s: float) -> bool:
+        until_s = time.monotonic() + patience_s
+        while not is_so():
+            if time.monotonic() > until_s:
+                return False
+            time.sleep(_LOOK_S)
+        return True
