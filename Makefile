@@ -7,7 +7,7 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues tutorial clean help
+.PHONY: demo test test-slow check warm wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues tutorial clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
@@ -26,8 +26,12 @@ check: $(STAMP)  ## format, lint, types, import layers
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
+warm: $(STAMP)   ## compile the plants and test files that are not in the cache yet
+	$(BIN)/python -m tests.warm
+
 # Four at a time on two cores: some tests wait for the clock of a process, and their core would wait with them.
-test: $(STAMP) check  ## everything CI asks for
+test: $(STAMP)   ## everything CI asks for
+	$(MAKE) --no-print-directory -j 2 check warm
 	$(BIN)/pytest -n 4 --dist loadgroup -m "not slow"
 	@echo "not checked here: the calibration certificate against its XML schemas; python -m tests.dcc --schemas DIR does"
 

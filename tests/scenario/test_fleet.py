@@ -1,4 +1,4 @@
-"""Many units in one call give the same results bit for bit, on this machine's cores and on a Dask cluster."""
+"""Many units in one call give the same results bit for bit: here, in a process of their own, on a Dask cluster."""
 
 from __future__ import annotations
 
@@ -10,19 +10,26 @@ from typing import Any
 
 import pytest
 
+from hil.diagnosis.diagnose import Diagnosed
+from hil.errors import InputError
 from hil.physics.model import save_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.read import write_recording
+from hil.session import fleet
+from hil.session.fleet import diagnose_unit, diagnose_units, read_unit
 from tests.concealed import nominal, records
 
 CLUSTER = """
 import json, subprocess, sys
 from distributed import LocalCluster
 if __name__ == "__main__":
-    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
+    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
         done = subprocess.run([sys.executable, "-m", "hil", *sys.argv[1:], "--scheduler", cluster.scheduler_address])
     sys.exit(done.returncode)
 """
+
+
+FILES = ("diagnosis", "corrected")
 
 
 @pytest.fixture(scope="module")
@@ -37,31 +44,31 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return made
 
 
-def answers(out: Path, units: list[Path]) -> list[Any]:
-    found = []
-    for unit in units:
-        diagnosis = json.loads((out / unit.name / "diagnosis.json").read_text())
-        corrected = json.loads((out / unit.name / "corrected.json").read_text())
-        found.append(({**diagnosis, "seconds": 0}, corrected))
-    return found
+def answer(of: Diagnosed | str) -> tuple[dict[str, Any], dict[str, Any]]:
+    """The diagnosis and the corrected model, as their files hold them."""
+    assert isinstance(of, Diagnosed)
+    return json.loads(json.dumps({**of.diagnosis.as_dict(), "seconds": 0})), json.loads(
+        json.dumps(of.corrected.as_dict())
+    )
 
 
-def test_a_cluster_and_this_machine_agree_bit_for_bit(units: list[Path], tmp_path: Path) -> None:
-    chosen = [argument for unit in units for argument in ("--fleet", str(unit))]
-    here, there = tmp_path / "here", tmp_path / "there"
-    script = tmp_path / "cluster.py"
+def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(units: list[Path], tmp_path: Path) -> None:
+    out, script = tmp_path / "out", tmp_path / "cluster.py"
     script.write_text(CLUSTER)
-    subprocess.run([sys.executable, "-m", "hil", "diagnose", *chosen, "--out", str(here)], check=True)
-    subprocess.run([sys.executable, str(script), "diagnose", *chosen, "--out", str(there)], check=True)
-    verdicts = [diagnosis["verdict"] for diagnosis, _ in answers(here, units)]
-    assert verdicts == ["consistent", "explained"]
-    assert answers(here, units) == answers(there, units)
+    chosen = [argument for unit in units for argument in ("--fleet", str(unit))]
+    subprocess.run([sys.executable, str(script), "diagnose", *chosen, "--out", str(out)], check=True)
+    cluster = []
+    for unit in units:
+        diagnosis, corrected = (json.loads((out / unit.name / f"{n}.json").read_text()) for n in FILES)
+        cluster.append(({**diagnosis, "seconds": 0}, corrected))
+    read = [read_unit(unit, None) for unit in units]
+    assert [diagnosis["verdict"] for diagnosis, _ in cluster] == ["consistent", "explained"]
+    assert [answer(diagnose_unit(unit)) for unit in read] == cluster
+    ((_, elsewhere),) = diagnose_units(read[1:])
+    assert answer(elsewhere) == cluster[1]
 
 
 def test_a_scheduler_that_is_not_there_is_said(units: list[Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    from hil.errors import InputError
-    from hil.session import fleet
-
     monkeypatch.setattr(fleet, "_PATIENCE_S", 1)
     with pytest.raises(InputError, match="no Dask scheduler answers"):
-        list(fleet.diagnose_units([fleet.read_unit(units[0], None)], "tcp://127.0.0.1:9"))
+        list(diagnose_units([read_unit(units[0], None)], "tcp://127.0.0.1:9"))

@@ -10,11 +10,6 @@ import pytest
 
 pytest_plugins = ["pytester"]
 PAGE = (Path(__file__).parents[2] / "docs" / "how-to" / "run-in-ci.md").read_text(encoding="utf-8")
-FAILS = """
-def test_fails(bench):
-    assert bench.file.open().promises.timing == "virtual"
-    assert bench.seed == 5
-"""
 MISSED = """
 def test_misses(bench):
     assert bench.run("step_response", limits=["rise=..1"]).exit_status == 0
@@ -25,57 +20,50 @@ import pytest
 @pytest.mark.parametrize("n", range(4))
 def test_sees(bench, worker_id, n):
     print("worker", worker_id, "seed", bench.seed)
+
+def test_fails(bench):
+    assert bench.file.open().promises.timing == "virtual"
+    assert bench.seed < 0
 """
 
 
-def test_the_tests_of_the_how_to_pass_and_junit_has_what_was_measured(pytester: pytest.Pytester) -> None:
+def test_the_how_to_passes_a_limit_is_missed_and_junit_has_what_was_measured(pytester: pytest.Pytester) -> None:
     (code,) = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
-    pytester.makepyfile(code)
+    pytester.makepyfile(test_how_to=code, test_missed=MISSED)
     found = pytester.runpytest_subprocess("--junitxml=report.xml", "--hil-seed", "12")
-    found.assert_outcomes(passed=2)
+    found.assert_outcomes(passed=2, failed=1)
     found.stdout.fnmatch_lines(["hil: --hil-bench brevini-hpv41 --hil-seed 12"])
-    (case, _) = ET.parse(pytester.path / "report.xml").iter("testcase")
-    properties = {one.attrib["name"]: one.attrib["value"] for one in case.iter("property")}
-    assert (properties["hil_bench"], properties["hil_seed"]) == ("brevini-hpv41", "12")
-    rise = next(name for name in properties if name.startswith("rise") and name.endswith("[ms]"))
+    properties = [
+        {one.attrib["name"]: one.attrib["value"] for one in case.iter("property")}
+        for case in ET.parse(pytester.path / "report.xml").iter("testcase")
+    ]
+    measured, _, missed = properties
+    assert (measured["hil_bench"], measured["hil_seed"]) == ("brevini-hpv41", "12")
+    rise = next(name for name in measured if name.startswith("rise") and name.endswith("[ms]"))
     place = rise.removesuffix(" [ms]")
-    assert 0.0 < float(properties[rise]) < 500.0
-    assert (properties[f"{place} limits [ms]"], properties[f"{place} verdict"]) == ("≤ 500", "pass")
-    assert properties["step_response verdict"] == "pass"
-
-
-def test_a_missed_limit_shows_the_table_of_the_command_line(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(MISSED)
-    found = pytester.runpytest_subprocess("--junitxml=report.xml")
-    found.assert_outcomes(failed=1)
+    assert 0.0 < float(measured[rise]) < 500.0
+    assert (measured[f"{place} limits [ms]"], measured[f"{place} verdict"]) == ("≤ 500", "pass")
+    assert measured["step_response verdict"] == "pass"
     found.stdout.fnmatch_lines(["rise*ms*≤ 1*fail", "Fail: rise*limit ≤ 1 ms: it is missed by*", "verdict: fail"])
-    verdicts = {
-        one.attrib["name"]: one.attrib["value"] for one in ET.parse(pytester.path / "report.xml").iter("property")
-    }
-    assert verdicts["step_response verdict"] == "fail"
+    assert missed["step_response verdict"] == "fail"
 
 
-def test_workers_share_the_seed_that_is_printed(pytester: pytest.Pytester) -> None:
+def test_workers_share_the_seed_that_is_printed_and_a_failure_tells_it(pytester: pytest.Pytester) -> None:
     pytester.makepyfile(SEEN)
-    found = pytester.runpytest_subprocess("-n", "2", "--hil-seed", "random", "-rP")
-    found.assert_outcomes(passed=4)
-    (printed,) = set(re.findall(r"hil: --hil-bench \S+ --hil-seed (\d+)$", found.stdout.str(), re.MULTILINE))
+    asked = ("-n", "2", "--hil-seed", "random", "--hil-bench", "hpv41-modbus-tcp", "-rP")
+    found = pytester.runpytest_subprocess(*asked)
+    found.assert_outcomes(passed=4, failed=1)
+    drawn = re.findall(r"--hil-seed (\d+)$", found.stdout.str(), re.MULTILINE)
+    assert len(drawn) >= 2  # in the head of the session and beside the failure
+    (printed,) = set(drawn)
     seen = re.findall(r"worker (\w+) seed (\d+)", found.stdout.str())
     assert {seed for _, seed in seen} == {printed}
     assert {worker for worker, _ in seen} == {"gw0", "gw1"}
-
-
-def test_a_failure_tells_its_seed(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(FAILS)
-    pytester.runpytest_subprocess("--hil-seed", "5", "--hil-bench", "hpv41-modbus-tcp").assert_outcomes(passed=1)
-    found = pytester.runpytest_subprocess("--hil-seed", "random")
-    found.assert_outcomes(failed=1)
-    drawn = re.findall(r"--hil-seed (\d+)$", found.stdout.str(), re.MULTILINE)
-    assert len(drawn) >= 2 and len(set(drawn)) == 1  # in the head of the session and beside the failure
+    assert "bench.seed < 0" in found.stdout.str()  # what failed: the bench was a twin in virtual time
 
 
 def test_a_seed_that_is_none(pytester: pytest.Pytester) -> None:
-    pytester.makepyfile(FAILS)
+    pytester.makepyfile(SEEN)
     found = pytester.runpytest_subprocess("--hil-seed", "five")
     assert found.ret == pytest.ExitCode.USAGE_ERROR
     found.stderr.fnmatch_lines(["*--hil-seed five: a whole number below * or random*"])
