@@ -6,7 +6,6 @@ import ast
 import json
 import re
 import shlex
-import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +23,7 @@ from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from tests.conftest import Install
 from tests.docs_programs import DOCS, program
-from tests.tutorial import ELSEWHERE, alike, steps, wrong
+from tests.tutorial import alike
 
 ROOT = Path(__file__).parents[2]
 PAGES = [ROOT / "README.md", ROOT / "CHANGELOG.md", *sorted(DOCS.rglob("*.md"))]
@@ -163,32 +162,6 @@ def test_every_command_shown_exists_with_its_options(page: Path, line: str, caps
         assert set(given) <= set(procedure.settings)
     for option in (word.partition("=")[0] for word in words[1:] if word.startswith("--")):
         assert option in told, f"{page.name}: {line}"
-
-
-LONG = (["hil", "diagnose"],)
-"""Half a minute: `make tutorial` follows it too, in CI; here tests of the diagnosis see to it."""
-
-
-def test_the_tutorial_does_what_it_shows(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """The first one, every command but long ones in order, in an empty folder; `make tutorial` follows all, whole."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("HIL_STATE", str(tmp_path / "state"))
-    monkeypatch.delenv("HIL_ARCHIVE")
-    for command, shown in steps(DOCS / "tutorial" / "first-test.md"):
-        words = shlex.split(command, comments=True)
-        if words[:2] in LONG or command.startswith(ELSEWHERE):
-            continue
-        if words[0] == "hil":
-            status = said(words)
-            printed = capsys.readouterr()
-            assert status == 0, f"{command}: {printed.err}"
-            lines = printed.out.splitlines()
-        else:
-            done = subprocess.run(command, shell=True, check=True, capture_output=True, encoding="utf-8")
-            lines = done.stdout.splitlines()
-        assert not wrong(shown, lines), f"{command}: {wrong(shown, lines)}"
 
 
 def test_alike() -> None:
