@@ -116,9 +116,8 @@ def test_a_poor_fit_gives_a_sentence_and_a_bound_and_no_table():
     assert distortion.value is None or distortion.relation == "<"
 
 
-@pytest.mark.parametrize("seed", range(3))
-def test_noise_alone_is_no_linear_model(seed: int):
-    rng = np.random.default_rng(seed)
+def test_noise_alone_is_no_linear_model():
+    rng = np.random.default_rng(0)
     lines = noisy(TWO_POLES, 0.5)
     noise = rng.normal(size=(2, len(lines)))
     assert doubts(fit_transfer_function(replace(lines, response=noise[0] + 1j * noise[1])))
