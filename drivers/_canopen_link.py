@@ -14,13 +14,13 @@ from drivers._can import open_bus
 from drivers._edge import edge, wire_log
 from drivers._node_objects import NodeObjects
 from drivers._pdo_mapping import Pdo, configure, pdos_for
+from drivers._read_back import ReadBackTimes
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
 from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of
 from hil.errors import LinkError, SettingError
 
 MASTER = 127  # node that sends our heartbeat
-_CHECK_S = 0.5  # how often outputs are asked where they stand
 
 
 class NodeSettings(BaseModel):
@@ -83,6 +83,7 @@ class CanopenLink:
         self._came: dict[int, bytes] = {}
         self._emergency: tuple[int, int] | None = None
         self._quiet_until_s, self._checked_s, self._drove_s = 0.0, time.monotonic(), 0.0
+        self._read_back_times = ReadBackTimes()
         bus = open_bus(settings.address, settings.bitrate)
         self._network = CanopenNetwork(bus, settings.address, wire_log("canopen", settings.address))
         self._closed = False
@@ -124,8 +125,10 @@ class CanopenLink:
         self._look()
         if not self._outputs:
             return {name: self._objects.asked(told) for name, told in self._inputs.items()}
+        begun_s = time.monotonic()
         found = self._synchronised() if self._inputs else {}
-        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
+        self._read_back_times.took(time.monotonic() - begun_s)
+        if self._driven and self._read_back_times.is_due(self._checked_s):
             self._outputs_stand()
         return {name: told.slope * found[told.place] + told.offset for name, told in self._inputs.items()}
 

@@ -11,14 +11,13 @@ from drivers._edge import edge
 from drivers._modbus_line import LineSettings, ModbusLine
 from drivers._modbus_model import Model, check_level
 from drivers._modbus_ready import Readiness
+from drivers._read_back import ReadBackTimes
 from drivers._registers import Flag, Register, WordOrder
 from drivers._start_up import once_started
 from drivers._stretches import Stretch, stretches, written
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Wiring
 from hil.errors import LinkError
-
-_CHECK_S = 0.5  # how often outputs are read back: another master, or a device that restarted
 
 
 @edge
@@ -54,6 +53,7 @@ class ModbusLink:
         self._looked_at = wiring.looked_at
         self.unmeasured: dict[str, str] = {}
         self._checked_s = time.monotonic()
+        self._read_back_times = ReadBackTimes()
         settings = settings.model_copy(
             update={"echo": settings.echo or (model.echo and settings.transport == "rtu"),
                     "pause_s": max(settings.pause_s, model.pause_s)}
@@ -89,14 +89,16 @@ class ModbusLink:
     def read(self) -> dict[str, float]:
         """Every input, NaN where it has no measurement; now and then also whether outputs still stand as driven."""
         self._watchdog_has_not_expired()
+        begun_s = time.monotonic()
         said: dict[str, tuple[int, ...]] = {}
         for stretch in self._in:
             said |= stretch.split(self._ask(stretch.function, stretch.first, count=stretch.count))
         flags = self._ready.flags(flag for register in self._inputs.values() for flag in register.status)
         self._line.has_read = True
+        self._read_back_times.took(time.monotonic() - begun_s)
         self.unmeasured = {}
         readings = {name: self._measured(name, r, said[name], flags) for name, r in self._inputs.items()}
-        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
+        if self._driven and self._read_back_times.is_due(self._checked_s):
             self._outputs_stand()
         return readings
 

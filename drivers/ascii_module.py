@@ -18,6 +18,7 @@ from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line
+from drivers._read_back import ReadBackTimes
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -25,7 +26,6 @@ from hil.description.ascii_module import ModuleDescription
 from hil.description.named import Described, description_faults, description_of, ports_of
 from hil.errors import LinkError
 
-_CHECK_S = 0.5  # how often outputs are read back
 _VALUE = re.compile(r"[+-]\d\d\.\d{3}")  # as the manual has it for ±10 V: one byte less is no answer
 _BEYOND = {"+9999": math.inf, "-0000": -math.inf, "-9999": -math.inf, "+9999.9": math.inf, "-9999.9": -math.inf}
 _INPUT_TYPES = {
@@ -128,6 +128,7 @@ class AsciiModuleLink:
         self._outputs = [channel.terminal for channel in wiring.outputs.values()]
         self._driven: dict[str, float] = {}
         self._checked_s = time.monotonic()
+        self._read_back_times = ReadBackTimes()
         try:
             self._recognise()
             if self.watchdog_s is not None and self._outputs:
@@ -157,14 +158,15 @@ class AsciiModuleLink:
         An input is infinite where the module says that it is beyond its range.
         """
         self._watchdog_has_not_expired()
-        readings: dict[str, float] = {}
+        begun_s, readings = time.monotonic(), dict[str, float]()
         if self._inputs:
             text = self._ask("#%", ">")
             numbers = [self._reading(part, text) for part in re.findall("[+-][^+-]*|^[^+-]+", text)]
             if len(numbers) != len(self._number):
                 raise self._line.failed(f"{len(numbers)} readings of {len(self._number)}: '{text}'")
             readings = {name: numbers[self._number[name]] for name in self._inputs}
-        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
+        self._read_back_times.took(time.monotonic() - begun_s)
+        if self._driven and self._read_back_times.is_due(self._checked_s):
             self.check_outputs()
         return readings
 

@@ -17,6 +17,7 @@ from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line, answering
+from drivers._read_back import ReadBackTimes
 from drivers._templates import Numbers, filled, matched, remedy
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -24,7 +25,6 @@ from hil.description.named import Described, description_faults, description_of,
 from hil.description.text import ENDS, TextTerminal
 from hil.errors import LinkError
 
-_CHECK_S = 0.5  # how often outputs are asked where they stand
 _RESOLUTION = 1e-3  # of what is set, in its unit; coarser instruments say `step`
 _UNIT = re.compile(r'(?:"(?:[^"]|"")*"|[^;"])+')  # up to a semicolon that no text has in it
 _ERROR = re.compile(r'\s*([+-]?\d+)\s*,\s*"(.*)"\s*')
@@ -131,6 +131,7 @@ class ScpiLink:
         self.unmeasured: dict[str, str] = {}
         self._driven: dict[str, float] = {}
         self._checked_s = time.monotonic()
+        self._read_back_times = ReadBackTimes()
         try:
             if self.identity.count(",") != 3:
                 raise LinkError(
@@ -164,11 +165,13 @@ class ScpiLink:
 
         A reading without a measurement is NaN, an overload infinite.
         """
-        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
-            self._outputs_stand()
+        begun_s = time.monotonic()
         readings = self._numbers(self._inputs)
+        self._read_back_times.took(time.monotonic() - begun_s)
         self.unmeasured = {name: f"the instrument answers {self._said[self._inputs[name].ask]}"
                            for name, value in readings.items() if math.isnan(value)}  # fmt: skip
+        if self._driven and self._read_back_times.is_due(self._checked_s):
+            self._outputs_stand()
         return readings
 
     def close(self) -> None:

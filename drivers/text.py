@@ -11,6 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, PositiveFloat, P
 
 from drivers._edge import edge
 from drivers._line import Line, answering
+from drivers._read_back import ReadBackTimes
 from drivers._templates import Numbers, filled, matched, names_safe, remedy
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
@@ -19,7 +20,6 @@ from hil.description.named import Described, description_faults, description_of,
 from hil.description.text import ENDS, TextDescription, TextTerminal
 from hil.errors import LinkError, SettingError
 
-_CHECK_S = 0.5  # how often outputs are asked where they stand
 _RESOLUTION = 1e-6  # of a number that comes back; coarser devices say `close`
 
 
@@ -139,6 +139,7 @@ class TextLink:
         self._looked_at = wiring.looked_at
         self.unmeasured: dict[str, str] = {}
         self._checked_s = time.monotonic()
+        self._read_back_times = ReadBackTimes()
         self._line, self.identity = answering(
             lambda: Line(
                 settings.address, settings.baud, ENDS[talk.end], settings.timeout_s, settings.longest_reply_s,
@@ -177,9 +178,9 @@ class TextLink:
     def read(self) -> dict[str, float]:
         """Every input, NaN where it has no measurement; now and then whether outputs stand where they were driven."""
         self._watchdog_has_not_expired()
-        if self._driven and time.monotonic() - self._checked_s > _CHECK_S:
-            self._outputs_stand()
+        begun_s = time.monotonic()
         readings = self._asked(self._inputs)
+        self._read_back_times.took(time.monotonic() - begun_s)
         self.unmeasured = {name: f"the device answers {self._said[self._inputs[name].ask]!r}"
                            for name, value in readings.items() if math.isnan(value)}  # fmt: skip
         for name, value in readings.items():
@@ -188,6 +189,8 @@ class TextLink:
                     f"{name} reads no measurement from the first on: a dead sensor, or look at its description"
                 )
             self._before.add(name)
+        if self._driven and self._read_back_times.is_due(self._checked_s):
+            self._outputs_stand()
         return readings
 
     def close(self) -> None:
