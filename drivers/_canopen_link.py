@@ -6,18 +6,17 @@ import math
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._can import open_bus
 from drivers._edge import edge, wire_log
 from drivers._node_objects import NodeObjects
-from drivers._pdo_mapping import Pdo, configure, pdos_for
+from drivers._pdo_mapping import configure, pdos_for
 from drivers._read_back import ReadBackTimes
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
-from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of
+from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of, variable
 from hil.errors import LinkError, SettingError
 
 MASTER = 127  # node that sends our heartbeat
@@ -77,8 +76,16 @@ class CanopenLink:
         self._inputs = {c.terminal: told.terminals[c.terminal] for c in wiring.inputs.values()}
         self.watchdog_s: float | None = settings.watchdog_s if self._outputs else None
         self.keep_alive_s: float | None = self.watchdog_s / 4.0 if self.watchdog_s else None
-        self._sent = self._pdos(file, self._inputs, "sent") if self._outputs else []
-        self._received = self._pdos(file, self._outputs, "received")
+        wanted = [told.place for told in self._inputs.values()]
+        flagged = dict.fromkeys(flag.place for told in self._inputs.values() for flag in told.status)
+        by_pdo = [place for place in flagged if self._outputs and variable(file, place).pdo_mappable]
+        self._flagged = [place for place in flagged if place not in {*by_pdo, *wanted}]
+        self._sent = (
+            pdos_for(file, self._number, list(dict.fromkeys([*wanted, *by_pdo])), "sent") if self._outputs else []
+        )
+        self._received = pdos_for(file, self._number, [told.place for told in self._outputs.values()], "received")
+        self._looked_at, self._before = wiring.looked_at, set[str]()
+        self.unmeasured: dict[str, str] = {}
         self._driven: dict[tuple[int, int], float] = {}
         self._came: dict[int, bytes] = {}
         self._emergency: tuple[int, int] | None = None
@@ -117,20 +124,23 @@ class CanopenLink:
         self._drove_s = time.monotonic()
 
     def read(self) -> dict[str, float]:
-        """The inputs of this SYNC; of a node that is not ours to command by SDO.
+        """The inputs of this SYNC; of a node that is not ours to command by SDO. NaN where there is no measurement.
 
         Raises:
             LinkError: no answer, an emergency, or it must have missed our heartbeat.
         """
         self._look()
-        if not self._outputs:
-            return {name: self._objects.asked(told) for name, told in self._inputs.items()}
         begun_s = time.monotonic()
-        found = self._synchronised() if self._inputs else {}
+        if not self._outputs:
+            counts = {told.place: self._objects.count(told.place) for told in self._inputs.values()}
+        else:
+            counts = self._synchronised() if self._inputs else {}
+        counts |= {place: self._objects.count(place) for place in self._flagged}
         self._read_back_times.took(time.monotonic() - begun_s)
         if self._driven and self._read_back_times.is_due(self._checked_s):
             self._outputs_stand()
-        return {name: told.slope * found[told.place] + told.offset for name, told in self._inputs.items()}
+        self.unmeasured = {}
+        return {name: self._measured(name, told, counts) for name, told in self._inputs.items()}
 
     def close(self) -> None:
         """Leave the bus."""
@@ -142,8 +152,20 @@ class CanopenLink:
         if self._network.bus is not None:
             self._network.bus.shutdown()
 
-    def _pdos(self, file: Any, terminals: Mapping[str, CanopenTerminal], way: Any) -> list[Pdo]:
-        return pdos_for(file, self._number, [told.place for told in terminals.values()], way)
+    def _measured(self, name: str, told: CanopenTerminal, counts: Mapping[tuple[int, int], float]) -> float:
+        """A reading, NaN when it is none.
+
+        Raises:
+            LinkError: it is none from the first on, and something is to be run.
+        """
+        why = self._objects.why_none(told, counts)
+        if why and name not in self._before and not self._looked_at:
+            raise LinkError(f"{name} reads no measurement: {why}")
+        self._before.add(name)
+        if why:
+            self.unmeasured[name] = why
+            return math.nan
+        return told.slope * counts[told.place] + told.offset
 
     def _set_up(self, told: CanopenDescription) -> None:
         self._network.send_message(0x000, bytes([0x80, self._number]))  # pre-operational

@@ -5,7 +5,7 @@ from __future__ import annotations
 from drivers._modbus_model import Enabling, Model, Step
 from drivers._registers import Flag, Register
 from hil.description import modbus as words
-from hil.description.terminal import each
+from hil.description.terminal import counts_of, each, nan_of
 
 
 def model_of(told: words.ModbusDescription) -> Model:
@@ -40,17 +40,9 @@ def _register(told: words.ModbusDescription, terminal: words.ModbusTerminal, i: 
     return Register(
         port.direction, port.kind, port.unit, port.low, port.high, table, address, form, slope, offset,
         None if back is None else back[1], None if back is None else back[0], terminal.byte_order, terminal.field,
-        terminal.write or 0, back is not None, terminal.close, _invalid(terminal), _nan(terminal),
+        terminal.write or 0, back is not None, terminal.close, counts_of(terminal.invalid), nan_of(terminal.invalid),
         tuple(_flag(told, flag.of_row(i)) for flag in terminal.status),
     )  # fmt: skip
-
-
-def _invalid(terminal: words.ModbusTerminal) -> dict[int, str]:
-    return {int(count, 0): means for count, means in terminal.invalid.items() if count.lower() != "nan"}
-
-
-def _nan(terminal: words.ModbusTerminal) -> str:
-    return next((means for count, means in terminal.invalid.items() if count.lower() == "nan"), "")
 
 
 def _flag(told: words.ModbusDescription, flag: words.Flag) -> Flag:

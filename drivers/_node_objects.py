@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import math
 import struct
+from collections.abc import Mapping
 from typing import Any
 
 from hil.description.canopen import FORMS, CanopenTerminal, variable
+from hil.description.terminal import counts_of, nan_of
 from hil.errors import DeviceLostError, LinkError
 
 
@@ -59,12 +62,30 @@ class NodeObjects:
         return max(low, min(low + (1 << bits) - 1, round(number)))
 
     def asked(self, told: CanopenTerminal) -> float:
-        """What the terminal's object says; raises `LinkError` for one of another length than its file says."""
-        form = self.form(told.place)
-        data = self._sdo("upload", *told.place)
+        """What the terminal's object says."""
+        return float(told.slope * self.count(told.place) + told.offset)
+
+    def count(self, place: tuple[int, int]) -> float:
+        """The number in an object; raises `LinkError` for one of another length than its file says."""
+        form, data = self.form(place), self._sdo("upload", *place)
         if len(data) != struct.calcsize(form):
-            raise LinkError(f"object {told.object} has {len(data)} bytes, its file says {struct.calcsize(form)}")
-        return float(told.slope * struct.unpack(form, data)[0] + told.offset)
+            raise LinkError(
+                f"object {place[0]:04X}.{place[1]} has {len(data)} bytes, its file says {struct.calcsize(form)}"
+            )
+        (count,) = struct.unpack(form, data)
+        return float(count) if form == "<f" else int(count)
+
+    def why_none(self, told: CanopenTerminal, counts: Mapping[tuple[int, int], float]) -> str:
+        """Why what an input's object says is no measurement, in words; empty where it is one."""
+        count, named = counts[told.place], counts_of(told.invalid)
+        if math.isnan(count):
+            return nan_of(told.invalid) or "not a number"
+        width = 8 * struct.calcsize(self.form(told.place))
+        for key in (count,) if isinstance(count, float) else (count, count & (1 << width) - 1):
+            if key in named:
+                return named[int(key)] or f"count {int(key):#x}"
+        said = (flag for flag in told.status if flag.is_so(int(counts[flag.place])))
+        return next((flag.means or f"object {flag.object} says so" for flag in said), "")
 
     def upload(self, index: int, sub: int) -> int:
         """A whole number that is not negative."""

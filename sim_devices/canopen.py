@@ -74,7 +74,10 @@ def _counted(told: CanopenTerminal, value: float, form: str) -> int:
     number = (value - told.offset) / told.slope
     width = 8 * struct.calcsize(form)
     low, high = (-(1 << width - 1), (1 << width - 1) - 1) if form.islower() else (0, (1 << width) - 1)
-    return 0 if math.isnan(number) else max(low, min(high, round(number)))
+    if math.isnan(number):
+        none = next((int(count, 0) for count in told.invalid if count.lower() != "nan"), 0)
+        return none if none <= high else none - (1 << width)
+    return max(low, min(high, round(number)))
 
 
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> CanServer:

@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import re
+import struct
 from collections.abc import Iterator
 from functools import lru_cache
 from io import StringIO
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
-from pydantic import Field, FiniteFloat, field_validator
+from pydantic import Field, FiniteFloat, field_validator, model_validator
 
 from hil.bench.lines import Place
 from hil.daq.channel import Terminal
 from hil.description.eds import eds_text
-from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
+from hil.description.terminal import DescribedTerminal, Invalid, Strict, each, name_faults
 from hil.errors import FileError
 from hil.extras import is_installed
 
@@ -44,14 +45,58 @@ class ObjectValue(Strict):
         return given
 
 
+class ObjectFlag(Strict):
+    """A bit, or a whole object, that tells something: it is so when the masked value is `equals`.
+
+    Attributes:
+        object: index and sub-index.
+        bit: of its count, 0 is the lowest.
+        mask: bits that are looked at, where it is more than one.
+        equals: what they are when it is so; not 0 if not given.
+        means: in words.
+    """
+
+    object: str
+    bit: int | None = Field(None, ge=0, le=31)
+    mask: int | None = Field(None, ge=1, le=0xFFFFFFFF)
+    equals: int | None = Field(None, ge=0, le=0xFFFFFFFF)
+    means: str = ""
+
+    @field_validator("object")
+    @classmethod
+    def _is_object(cls, given: str) -> str:
+        place_of(given)
+        return given
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Self:
+        if self.bit is not None and (self.mask is not None or self.equals is not None):
+            raise ValueError("bit, or mask and equals, not both")
+        return self
+
+    @property
+    def place(self) -> tuple[int, int]:
+        """Index and sub-index."""
+        return place_of(self.object)
+
+    def is_so(self, count: int) -> bool:
+        """Whether that is what an object with this count tells."""
+        looked_at = count & (1 << self.bit if self.bit is not None else self.mask or 0xFFFFFFFF)
+        return looked_at != 0 if self.equals is None else looked_at == self.equals
+
+
 class CanopenTerminal(DescribedTerminal):
     """A terminal in an object: value = slope · (what the object says) + offset; floats and whole numbers.
 
     Attributes:
         object: index and sub-index, `6130.1`; the index alone is sub-index 0.
+        invalid: counts that are no measurement, and what they mean; `nan` too.
+        status: flags that say that it is none.
     """
 
     object: str
+    invalid: Invalid = Field(default_factory=dict)
+    status: tuple[ObjectFlag, ...] = ()
     slope: FiniteFloat = 1.0
     offset: FiniteFloat = 0.0
 
@@ -156,6 +201,11 @@ def canopen_faults(told: CanopenDescription) -> Iterator[tuple[Place, str]]:
     for name, terminal in told.terminals.items():
         found = variable(objects, terminal.place)
         yield from ((("terminals", name, "object"), text) for text in _object(found, terminal))
+        for i, flag in enumerate(terminal.status):
+            found = variable(objects, flag.place)
+            yield from ((("terminals", name, "status", i, "object"), text) for text in _flag(found, flag))
+        if terminal.direction == "out" and (terminal.invalid or terminal.status):
+            yield ("terminals", name), "invalid and status belong to an input; take them away"
         if terminal.count > 1:
             yield ("terminals", name, "count"), "objects have numbers: describe each terminal"
     for i, value in enumerate(told.setup):
@@ -174,3 +224,13 @@ def _object(found: Any, terminal: CanopenTerminal) -> Iterator[str]:
         yield f"{terminal.object} can only be read"
     elif terminal.direction == "in" and not found.readable:
         yield f"{terminal.object} can only be written"
+
+
+def _flag(found: Any, flag: ObjectFlag) -> Iterator[str]:
+    form = FORMS.get(found.data_type, "f") if found is not None else "f"
+    if found is None:
+        yield f"{flag.object} is not in the file"
+    elif form == "f" or not found.readable:
+        yield f"{flag.object} is no whole number of 8 to 32 bits that can be read"
+    elif max(flag.bit or 0, (flag.mask or 0).bit_length() - 1) >= (bits := 8 * struct.calcsize(form)):
+        yield f"{flag.object} has the bits 0 … {bits - 1}"

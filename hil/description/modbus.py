@@ -10,7 +10,7 @@ from pydantic import Field, FiniteFloat, PositiveFloat, field_validator, model_v
 
 from hil.daq.channel import Terminal
 from hil.description.modbus_place import BITS, Addresses, Table, on_the_wire
-from hil.description.terminal import DescribedTerminal, Strict, each
+from hil.description.terminal import DescribedTerminal, Invalid, Strict, each
 
 Type = Literal["bit", "u16", "s16", "u32", "s32", "f32", "u64", "s64", "f64"]
 Order = Literal["ABCD", "CDAB", "BADC", "DCBA"]
@@ -105,17 +105,9 @@ class ModbusTerminal(DescribedTerminal):
     offset: FiniteFloat | None = None
     write: Literal[5, 6, 15, 16] | None = None
     read_back: Literal[False] | Address | Place | None = None
-    invalid: dict[str, str] = Field(default_factory=dict)
+    invalid: Invalid = Field(default_factory=dict)
     status: tuple[Flag, ...] = ()
     step: int | None = Field(None, ge=1)
-
-    @field_validator("invalid")
-    @classmethod
-    def _counts(cls, given: dict[str, str]) -> dict[str, str]:
-        for text in given:
-            if text.lower() != "nan" and not re.fullmatch(r"0[xX][0-9a-fA-F]+|-?\d+", text):
-                raise ValueError(f'\'{text}\' is no count: a number such as "0x8000" or "-9999", or "nan"')
-        return given
 
     @model_validator(mode="after")
     def _one_scale(self) -> Self:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
+from typing import Annotated
 
-from pydantic import BaseModel, ConfigDict, Field, FiniteFloat, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, FiniteFloat, field_validator
 
 from hil.daq.channel import Direction, Kind, Terminal
 from hil.errors import UnitError
@@ -12,6 +14,27 @@ from hil.units import check_unit
 
 _KINDS: Mapping[str, Kind] = {"V": "voltage", "mV": "voltage", "A": "current", "mA": "current"}
 _NUMBER = "{n}"
+
+
+def _are_counts(given: dict[str, str]) -> dict[str, str]:
+    for text in given:
+        if text.lower() != "nan" and not re.fullmatch(r"0[xX][0-9a-fA-F]+|-?\d+", text):
+            raise ValueError(f'\'{text}\' is no count: a number such as "0x8000" or "-9999", or "nan"')
+    return given
+
+
+Invalid = Annotated[dict[str, str], AfterValidator(_are_counts)]
+"""Counts that are no measurement, as a device says them, and what they mean; `nan` too."""
+
+
+def counts_of(invalid: Mapping[str, str]) -> dict[int, str]:
+    """Those that are whole numbers."""
+    return {int(count, 0): means for count, means in invalid.items() if count.lower() != "nan"}
+
+
+def nan_of(invalid: Mapping[str, str]) -> str:
+    """What a number that is none means; empty where that is not said."""
+    return next((means for count, means in invalid.items() if count.lower() == "nan"), "")
 
 
 class Strict(BaseModel):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import threading
 import time
@@ -21,6 +22,7 @@ from hil.description.canopen import dictionary
 from hil.description.find import descriptions
 from hil.description.read import read_description
 from hil.errors import DeviceLostError, FileError, HardwareError, LinkError, SettingError
+from sim_devices import canopen as twin
 from sim_devices._eds import objects_of
 from tests.described import bench, input_, output, passes, written
 
@@ -229,6 +231,76 @@ def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told
     assert any(f"{path}:{line}: " in fault and told in fault for fault in error.value.faults), error.value.faults
     with pytest.raises(FileError, match="not an EDS or DCF"):
         dictionary(str(written(tmp_path, "no.eds", "nothing")))
+
+
+WORDS = """invalid = { "0x8000" = "sensor broken", "-2" = "not taught" }
+status = [
+  { object = "6401.3", mask = 0x0F00, equals = 0x0500, means = "open wire" },
+  { object = "1001", bit = 4, means = "the module has a fault" },
+]
+"""
+
+
+def with_words(folder: Path, words: str = WORDS) -> str:
+    """The module with what its manual says of readings that are none."""
+    written(folder, "io-401.eds", (HERE / "io-401.eds").read_text(encoding="utf-8"))
+    return str(written(folder, "io.toml", IO.replace('object = "6401.1"\n', f'object = "6401.1"\n{words}', 1)))
+
+
+@pytest.mark.parametrize("outputs", [True, False], ids=["by PDO", "by SDO"])
+def test_counts_and_flags_that_are_no_measurement_are_told_in_words(outputs: bool, tmp_path: Path) -> None:
+    wiring = WIRING if outputs else Wiring({}, {"ai1": WIRING.inputs["ai1"]})
+    objects = module() | {(0x1001, 0): b"\0"}
+    with by_hand(tmp_path, objects, model=with_words(tmp_path), wiring=wiring) as (link, node):
+        for place, data, why in (
+            ((0x6401, 1), struct.pack("<h", -32768), "sensor broken"),
+            ((0x6401, 1), struct.pack("<h", -2), "not taught"),
+            ((0x6401, 3), struct.pack("<H", 0xF5FF), "open wire"),
+            ((0x6401, 3), struct.pack("<H", 0x0700), ""),
+            ((0x1001, 0), b"\x10", "the module has a fault"),
+            ((0x1001, 0), b"\x01", ""),
+        ):
+            before, node.objects[place] = node.objects[place], data
+            if not link._before:
+                with pytest.raises(LinkError, match=f"ai1 reads no measurement: {why}"):
+                    link.read()
+                link._before.add("ai1")
+            read = link.read()["ai1"]
+            assert math.isnan(read) is bool(why)
+            assert link.unmeasured == ({"ai1": why} if why else {})
+            node.objects[place] = before
+        assert link.read()["ai1"] == 0.0 and link.unmeasured == {}
+
+
+def test_a_float_that_is_none_is_told(tmp_path: Path) -> None:
+    objects = {(0x1000, 0): struct.pack("<I", 0x00020194), (0x1018, 1): b"\0" * 4,
+               (0x6130, 1): struct.pack("<f", 123.5)}  # fmt: skip
+    wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 250.0)})
+    with by_hand(tmp_path, objects, model="transmitter-404", wiring=wiring) as (link, node):
+        assert link.read() == {"pressure": 123.5}
+        node.objects[0x6130, 1] = struct.pack("<f", math.nan)
+        assert math.isnan(link.read()["pressure"]) and link.unmeasured == {"pressure": "not a number"}
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ('invalid = { "broken" = "x" }\n', "'broken' is no count"),
+        ('status = [{ object = "6999", bit = 1 }]\n', "6999 is not in the file"),
+        ('status = [{ object = "1001", bit = 8 }]\n', "1001 has the bits 0 … 7"),
+        ('status = [{ object = "1001", bit = 1, mask = 2 }]\n', "bit, or mask and equals, not both"),
+    ],
+)
+def test_what_is_wrong_with_readings_that_are_none_is_told(words: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(BenchError) as error:
+        read_description(Path(with_words(tmp_path, words)))
+    assert any(told in fault for fault in error.value.faults), error.value.faults
+
+
+def test_the_twin_says_that_a_broken_sensor_has_no_measurement(tmp_path: Path) -> None:
+    terminal = read_description(Path(with_words(tmp_path))).terminals["ai1"]
+    assert twin._counted(terminal, math.nan, "h") == -32768
+    assert twin._counted(terminal, 5.0, "h") == 16384
 
 
 @pytest.mark.slow
