@@ -78,9 +78,11 @@ def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet
         out: run folder to make.
         progress: told how far it is, where the code inside says so.
     """
+    from hil.bench.audit import on_the_trail
     from hil.bench.open import open_rig
 
-    with open_rig(_bench(bench), Path(out), {}, progress) as rig:
+    file = _bench(bench)
+    with on_the_trail(file, Path(out), {}), open_rig(file, Path(out), {}, progress) as rig:
         yield rig
 
 

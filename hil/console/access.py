@@ -18,8 +18,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from hil.bench.audit import Audit
 from hil.console.access_accounts import ROLES, Accounts, Role
-from hil.console.access_audit import Audit
 from hil.console.access_limits import Limiter, Rate, TooLargeError, limited
 from hil.console.access_seat import Seat, SeatTakenError
 from hil.console.access_session import COOKIE, LASTS_S, Session, Sessions, account_of

@@ -12,9 +12,9 @@ from starlette.responses import RedirectResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from hil.bench.audit import Audit
 from hil.console.access import Access, audited
 from hil.console.access_accounts import Accounts
-from hil.console.access_audit import Audit
 from hil.console.access_where import Where
 from hil.console.console import Console
 from hil.console.headers import Headers

@@ -9,8 +9,8 @@ from dataclasses import replace
 from types import FrameType
 from typing import Any
 
+from hil.bench.audit import Audit
 from hil.console.access_accounts import Accounts
-from hil.console.access_audit import Audit
 from hil.console.access_where import Where, check_where, opened
 from hil.console.app import application
 from hil.console.console import Console

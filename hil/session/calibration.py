@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted
 from hil.bench.hand.fit import Point
 from hil.bench.hand.inputs import inputs_of
@@ -78,6 +79,7 @@ def output_points(
     with (
         accounted(known),
         terminable(),
+        on_the_trail(file, out, about),
         open_rig(
             file, out, about, lambda _done, _text: None, known=known, commanding=channel, operator=Operator()
         ) as rig,

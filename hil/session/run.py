@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
+from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted
 from hil.bench.file import Bench
 from hil.bench.open import open_rig
@@ -82,11 +84,13 @@ def run_procedure(
     new = not out.exists()
     if not bench.is_simulated:  # whose time stands still meanwhile
         preload(procedure.run)
+    said = {**about, "limits given": {name: asdict(judged_by[name]) for name in limits}}
     try:
         known = known or Outputs()
         with (
             accounted(known),  # also of a signal that came so late that only `terminable` raises it
             terminable(),
+            on_the_trail(bench, out, said, resets),
             open_rig(bench, out, about, progress, resets, earlier, known, commanding, Operator()) as rig,
         ):
             procedure.run(rig, **values)

@@ -22,11 +22,11 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
 from hil.__main__ import main
+from hil.bench.audit import Audit, read_audit
 from hil.clock import VirtualClock
 from hil.console import access
 from hil.console.access import Access, audited
 from hil.console.access_accounts import Account, Accounts
-from hil.console.access_audit import Audit, read_audit
 from hil.console.access_limits import Limiter, Rate
 from hil.console.access_seat import LAPSES_S, Seat, SeatTakenError
 from hil.console.access_session import Sessions, account_of

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import getpass
 import hashlib
 import json
 import os
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager, suppress
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock
 
+from hil.bench.read import BenchFile
 from hil.errors import FileError, StorageError
 from hil.safety.latch import state_path
 
@@ -103,3 +106,44 @@ def _last_line(handle: int) -> tuple[bytes, bool]:
 def _write_all(handle: int, text: bytes) -> None:
     while text:
         text = text[os.write(handle, text) :]
+
+
+@contextmanager
+def on_the_trail(file: BenchFile, out: Path, about: Mapping[str, Any], resets: Iterable[str] = ()) -> Iterator[None]:
+    """A run stands in the audit trail before it drives, with the trips that it resets, and when it was stopped.
+
+    On a bench that is simulated throughout nothing moves, and a trail that cannot be written keeps nobody from it.
+
+    Args:
+        file: the bench.
+        out: the run folder.
+        about: what the run is; its operator is who did it, else who is logged in.
+        resets: names of interlocks whose trips are forgotten.
+
+    Raises:
+        StorageError: a line is not on the disk, and nothing has moved.
+    """
+    audit, who = Audit(), str(about.get("operator") or _logged_in())
+    run = {"run": str(out.absolute()), "bench": file.bench.name, "pid": os.getpid()}
+    with suppress(*([StorageError] if file.is_simulated else [])):
+        for name in resets:
+            audit.write(who, "reset", {**run, "interlock": name})
+        told = {name: about[name] for name in ("procedure", "commanding", "resumes", "limits given") if about.get(name)}
+        audit.write(who, "drives", {**run, **told})
+    try:
+        yield
+    except KeyboardInterrupt as stopped:
+        with suppress(StorageError):  # the outputs are settled; what is known of them stands in the run folder
+            audit.write(who, "stop", {**run, "how": str(stopped) or "Ctrl-C", "outputs": _of_outputs(stopped)})
+        raise
+
+
+def _logged_in() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError, ImportError):  # a container's user without a name
+        return f"user {os.getuid()}" if hasattr(os, "getuid") else ""
+
+
+def _of_outputs(error: BaseException) -> str:
+    return "; ".join(getattr(error, "__notes__", ()))
