@@ -103,7 +103,7 @@ def test_modbus_modules_against_registers_on_a_socket() -> None:
         link.drive({"ao0": 10.0})
         assert moxa.holding[0x0400] == 4095 and link.standing() == {"ao0": 10.0}
         moxa.coils[0x1010] = 1
-        assert link._in_safe_mode() == ["ao0"]
+        assert link._ready.in_safe_mode() == ["ao0"]
 
     inputs = Tables(inputs={3: 0x8000})
     with ForeignLine(inputs.on_tcp) as line, opened("iologik-e1240", f"127.0.0.1:{line.port}", "ai3") as link:
