@@ -113,7 +113,8 @@ def simulate(
 ) -> Recording:
     """The model's output on a recording's input, at the same stamps (`hil simulate`).
 
-    Of the recording's output only the first sample is used, to set the initial state.
+    Of the recording's output only the first sample is used, to set the initial state. Where the rest of it looks as if
+    a sign, a unit or a column were mistaken, a note says so.
 
     Args:
         model: or the path of its file.
@@ -124,13 +125,14 @@ def simulate(
         notes: told what was assumed of the recording.
     """
     from hil.identification.experiment import for_model
+    from hil.identification.mistaken.look import looks_wrong
     from hil.record.reading import AS_IT_IS
     from hil.record.recording import recording as make
     from hil.session.sources import notes_on, samples_of
 
     simulated, read = _model(model), samples_of(recording, reading or AS_IT_IS)
     bound = for_model(simulated, read, inputs, output, output_needed=False)
-    for note in notes_on([read], [bound]):
+    for note in (*notes_on([read], [bound]), *looks_wrong(simulated, bound)):
         notes(note)
     response = bound.respond(simulated.definition, simulated.values, simulated.active_effects)[0]
     return make(f"{read.name}, simulated", bound.time_s, {simulated.output: response})

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from hil.identification.clipped import without_clipped
 from hil.identification.experiment import DEAD, Experiment
 from hil.identification.fit import fit_ceiling, fit_percent
 from hil.identification.gaps import bridged
+from hil.identification.looks import without_unmeasured
+from hil.identification.mistaken.look import suspicions
 from hil.identification.noise import channel_floor
 from hil.physics.model import Model
 from hil.record.recording import Array
@@ -84,11 +86,20 @@ class Comparison:
         )
 
 
+def compare_all(model: Model, experiments: Sequence[Experiment]) -> list[Comparison]:
+    """Each recording as `compare` does, with what looks wrong in it beside this model among its notes."""
+    looks_wrong = list(suspicions(model, experiments))
+    return [
+        replace(one, notes=(*one.notes, *(found.sentence for found in looks_wrong if found.recording == one.name)))
+        for one in (compare(model, e) for e in experiments)
+    ]
+
+
 def compare(model: Model, experiment: Experiment) -> Comparison:
     """Simulate a model on a recording's input and measure the difference, where the recording says something."""
-    (e,), notes = bridged(model, [experiment])
-    e, clipped = without_clipped(e)
-    notes = (*notes, *clipped, *experiment.notes)
+    measured_only, left_out = without_unmeasured(experiment)
+    (e,), notes = bridged(model, [measured_only])
+    notes = (*left_out, *notes, *experiment.notes)
     response = e.respond(model.definition, model.values, model.active_effects)[0]
     time_s, measured, simulated = e.time_s[e.told], e.output[e.told], response[e.told]
     error = simulated - measured

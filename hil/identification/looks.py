@@ -56,13 +56,18 @@ def look(model: Model, experiments: Sequence[Experiment]) -> Looked:
     kept, said = [], []
     for e in experiments:
         suspicions += mistaken(model, e) if e in held_against else ()
-        told, clipped = without_clipped(e)
-        told, held = without_held(told)
-        told, repeated = without_stale(told)
+        told, left_out = without_unmeasured(e)
         kept.append(told)
-        stale = [stale_sentence(e, repeated)] if repeated else []
-        said += [*clipped, *held, *stale, *_in_a_loop(e)]
+        said += [*left_out, *_in_a_loop(e)]
     return Looked(tuple(kept), (*said, *slow, *one_frequency(experiments)), tuple(suspicions))
+
+
+def without_unmeasured(e: Experiment) -> tuple[Experiment, list[str]]:
+    """The experiment without samples that are no measurement (clipped, held, not measured anew), and that in words."""
+    told, clipped = without_clipped(e)
+    told, held = without_held(told)
+    told, repeated = without_stale(told)
+    return told, [*clipped, *held, *([stale_sentence(e, repeated)] if repeated else [])]
 
 
 def believed(suspicions: Sequence[Suspicion], fits: Mapping[str, float], at_bounds: bool) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from hil.errors import SettingError
 from hil.findings.difference import Difference, differences
 from hil.findings.results import Results
-from hil.identification.compare import Comparison, compare
+from hil.identification.compare import Comparison, compare_all
 from hil.identification.experiment import for_model
 from hil.identification.table_fit import TableComparison, compare_table
 from hil.physics.model import Model
@@ -50,7 +50,8 @@ def compared_with(
     for note in notes_on(read):
         notes(note)
     measured = [one if isinstance(one, ResponseTable) else for_model(model, one, inputs, output) for one in read]
-    found = [compare_table(model, one) if isinstance(one, ResponseTable) else compare(model, one) for one in measured]
+    in_time = iter(compare_all(model, [one for one in measured if not isinstance(one, ResponseTable)]))
+    found = [compare_table(model, one) if isinstance(one, ResponseTable) else next(in_time) for one in measured]
     if page is not None:
         from hil.report.fit_page import write_fit_page
 

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from hil import api
 from hil.diagnosis.check import check
 from hil.errors import FileError
+from hil.identification.compare import compare_all
 from hil.identification.experiment import experiment
 from hil.identification.fit import fit_percent
 from hil.identification.grey_box import fit_plant
@@ -62,6 +65,34 @@ def test_what_a_typical_unit_fits_only_otherwise_is_suspected(mistake: str) -> N
     assert first.fit > 50.0
     with pytest.raises(FileError, match=sentence):
         believed([first], {one.name: 40.0}, at_bounds=False)
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_compare_and_simulate_say_what_a_recording_looks_like(mistake: str) -> None:
+    one, sentence = MISTAKES[mistake]
+    start, said = typical_model(PLANT), list[str]()
+    (found,) = compare_all(start, bound(start, [one]))
+    api.simulate(start, one, notes=said.append)
+    assert any(re.search(sentence, note) for note in found.notes)
+    assert any(re.search(sentence, note) for note in said)
+
+
+def test_compare_and_simulate_doubt_no_good_recording_nor_one_without_an_output() -> None:
+    start, said = typical_model(PLANT), list[str]()
+    (found,) = compare_all(start, bound(start, [made_steps()]))
+    api.simulate(start, made_steps(), notes=said.append)
+    command_alone = replace(made_steps(), channels={"command": made_steps().channels["command"]})
+    api.simulate(start, command_alone, notes=said.append)
+    assert found.notes == () and said == []
+
+
+def test_compare_leaves_out_samples_that_identify_leaves_out() -> None:
+    start, whole = typical_model(PLANT), made_steps()
+    stuck = flow_of(whole).copy()
+    for first in (300, 900, 1500):
+        stuck[first : first + 60] = stuck[first]
+    (found,) = compare_all(start, bound(start, [with_values(whole, flow=lambda _: stuck)]))
+    assert [note for note in found.notes if "not measured anew 3 times" in note]
 
 
 def test_samples_further_apart_than_a_plant_takes_are_refused_before_any_fit() -> None:

@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from hil.identification.experiment import Experiment
 from hil.identification.mistaken.column import swapped_columns
 from hil.identification.mistaken.sign import reversed_sign
-from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against, expected
+from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against, expected, is_of_its_origin
+from hil.identification.mistaken.time_unit import wrong_time
 from hil.identification.mistaken.unit import wrong_unit
 from hil.physics.model import Model
+
+
+def suspicions(model: Model, experiments: Sequence[Experiment]) -> Iterator[Suspicion]:
+    """What looks wrong in recordings whose output moves, time first; nothing in those the model was identified from."""
+    if not can_be_held_against(model):
+        return
+    strange = [e for e in experiments if not (e.stands_still or is_of_its_origin(model, e))]
+    yield from wrong_time(model, strange)
+    for e in strange:
+        yield from mistaken(model, e)
+
+
+def looks_wrong(model: Model, e: Experiment) -> list[str]:
+    """The same of one recording, in words; nothing of one without an output."""
+    return [one.sentence for one in suspicions(model, [e])] if e.told.any() else []
 
 
 def mistaken(model: Model, e: Experiment) -> Iterator[Suspicion]:
