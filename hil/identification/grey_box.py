@@ -11,6 +11,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.identification.at_once import dead_time_std_s, follows_at_once
 from hil.identification.elsewhere import elsewhere
 from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
@@ -387,6 +388,8 @@ def _result(
     stds = dict(zip(names, np.sqrt(found.std**2 + np.diag(beside.model)).tolist(), strict=True))
     by_calibration = {} if beside.calibration is None else dict(zip(names, beside.calibration.tolist(), strict=True))
     values = _merged(model, found)
+    if "dead_time" in stds and follows_at_once(values):
+        stds["dead_time"] = float(np.hypot(stds["dead_time"], dead_time_std_s(experiments)))
     units = plant.units(experiments[0].input, experiments[0].output_heading)
     parameters = {
         p.name: Value(values[p.name], units[p.name], stds.get(p.name), by_calibration.get(p.name))

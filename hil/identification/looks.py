@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.errors import FileError
+from hil.identification.at_once import told_of_what_follows_at_once
 from hil.identification.clipped import without_clipped
 from hil.identification.experiment import Experiment
 from hil.identification.feedback import runs_in_a_loop
@@ -92,7 +93,9 @@ def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, f
         if fit < 0.0
     ]
     away = [sentence for e in experiments for sentence in _runs_away(model, e)]
-    return (*below, *away, *_beyond_nyquist(model, experiments), *_integrates(model), *runs_the_other_way(model))
+    at_once = told_of_what_follows_at_once(model, experiments) if model.plant == _LINEAR else ()
+    beyond = _beyond_nyquist(model, experiments)
+    return (*below, *away, *at_once, *beyond, *_integrates(model), *runs_the_other_way(model))
 
 
 def _runs_away(model: Model, e: Experiment) -> list[str]:

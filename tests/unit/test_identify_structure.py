@@ -1,5 +1,9 @@
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from hil.identification.evidence import simplest_good
 from hil.identification.experiment import experiment
@@ -65,7 +69,7 @@ def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(
     assert 0 < gain.std < 0.01
     assert found.model.parameters["lag_time"].std is None
     assert found.model.origin["structure"] == "2 poles"
-    assert "of 25 tried" in found.notes[0]
+    assert "of 26 tried" in found.notes[0]
     # A model file keeps its structure: another recording refits the numbers, not the shape.
     save_model(found.model, tmp_path / "model.json")
     again = fit_plant(
@@ -74,6 +78,38 @@ def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(
     assert again.model.origin["structure"] == "2 poles"
     assert not any("tried" in note for note in again.notes)
     assert again.model.parameters["gain"].value == pytest.approx(2.0, abs=0.01)
+
+
+def made_of_a_lag(lag_s, late_s=0.0, hold_s=0.2):
+    """Sampled at 100 Hz, the plant itself worked out a hundred times as finely."""
+    rng = np.random.default_rng(5)
+    command = np.repeat(rng.uniform(-5.0, 5.0, round(8.0 / hold_s)), round(hold_s * RATE_HZ))
+    command[:30] = command[30] = 0.0
+    fine = np.concatenate((np.zeros(round(late_s * 100.0 * RATE_HZ)), np.repeat(command, 100)))
+    decay = np.exp(-1.0 / (100.0 * RATE_HZ * lag_s))
+    flow = 2.0 * lfilter([0.0, 1.0 - decay], [1.0, -decay], fine)[: 100 * len(command) : 100]
+    columns = {"valve [V]": command, "pressure [bar]": flow + 0.02 * rng.standard_normal(len(flow))}
+    return experiment(recording("fast", np.arange(len(flow)) / RATE_HZ, columns), PLANT, "valve", "pressure")
+
+
+def of_structure(name):
+    return replace(starting_model("transfer-function"), origin={"structure": name})
+
+
+def test_a_plant_faster_than_the_samples_is_said_with_the_rate_that_would_tell():
+    found = fit_plant(of_structure("gain"), [made_of_a_lag(5e-4)])
+    (said,) = [note for note in found.notes if "over within one sample, 0.01 s: no more than the gain" in note]
+    hidden_s, rate_hz = (float(text) for text in re.findall(r"above (\S+) s .* at (\S+) Hz", said)[0])
+    assert 5e-4 < hidden_s < 0.005 and rate_hz == pytest.approx(1.0 / hidden_s, rel=0.05)
+    told = fit_plant(of_structure("1 pole"), [made_of_a_lag(2.0 * hidden_s)])
+    assert told.model.parameters["lag_time"].value == pytest.approx(2.0 * hidden_s, rel=0.1)
+
+
+def test_a_dead_time_between_two_samples_is_told_to_one_sample():
+    found = fit_plant(starting_model("transfer-function"), [made_of_a_lag(5e-4, late_s=0.028)])
+    late = found.model.parameters["dead_time"]
+    assert late.value == pytest.approx(0.028, abs=1.96 * late.std) and late.std < 0.01
+    assert any("to one sample, the dead time" in note for note in found.notes)
 
 
 def test_uneven_stamps_are_taken_as_they_are():

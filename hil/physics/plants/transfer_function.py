@@ -165,7 +165,7 @@ def _integrating(name: str, free: tuple[str, ...], after: str, *starts: Mapping[
 
 
 STRUCTURES = (
-    Structure("gain", _GAIN),
+    *_with_dead_time("gain", _GAIN, ""),
     *_with_dead_time("1 pole", (*_GAIN, "lag_time"), "gain", {"lag_time": 1.0}),
     *_with_dead_time(
         "2 poles", (*_GAIN, *_PAIR1), "1 pole",
