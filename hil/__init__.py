@@ -23,9 +23,12 @@ if TYPE_CHECKING:
         compare,
         compose,
         diagnose,
+        diagnose_fleet,
+        diff,
         export,
         find_runs,
         identify,
+        issue_passport,
         linearise,
         load_model,
         open_bench,
@@ -40,9 +43,9 @@ if TYPE_CHECKING:
     )  # fmt: skip
 
 __all__ = [
-    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "export", "find_runs", "identify",
-    "linearise", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
-    "typical_model", "write",
+    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "diagnose_fleet", "diff", "export",
+    "find_runs", "identify", "issue_passport", "linearise", "load_model", "open_bench", "read", "results", "run",
+    "save_model", "simulate", "step_models", "typical_model", "write",
 ]  # fmt: skip
 
 

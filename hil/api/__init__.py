@@ -23,6 +23,7 @@ from hil.api.calculations import compare, compose, diagnose, identify, linearise
 from hil.api.models import export, load_model, save_model, typical_model
 from hil.api.recordings import average, read, write
 from hil.api.runs import find_runs, open_bench, results, run
+from hil.api.units import diagnose_fleet, diff, issue_passport
 
 if TYPE_CHECKING:
     from hil.findings.results import Results
@@ -30,9 +31,9 @@ if TYPE_CHECKING:
     from hil.record.recording import Recording
 
 __all__ = [
-    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "export", "find_runs", "identify",
-    "linearise", "load_model", "open_bench", "read", "results", "run", "save_model", "simulate", "step_models",
-    "typical_model", "write",
+    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "diagnose_fleet", "diff", "export",
+    "find_runs", "identify", "issue_passport", "linearise", "load_model", "open_bench", "read", "results", "run",
+    "save_model", "simulate", "step_models", "typical_model", "write",
 ]  # fmt: skip
 
 _TYPES = {"Model": "hil.physics.model", "Recording": "hil.record.recording", "Results": "hil.findings.results"}

@@ -59,7 +59,9 @@ def command(
     check_folder(out)
     reading = reading_of(time, interval, unit, rename, columns, gaps)
     if fleet:
-        _diagnose_fleet(fleet, model, out, scheduler, reading, budget_s)
+        if recordings or bench:
+            raise typer.BadParameter("a fleet has its recordings in its folders, and no bench", param_hint="--fleet")
+        _diagnose_fleet(fleet, model, (input_name, output_name), out, scheduler, reading, budget_s, as_json)
         return
     if model is None or not recordings:
         raise typer.BadParameter("give --model and recordings, or folders by --fleet")
@@ -87,29 +89,21 @@ def command(
 
 
 def _diagnose_fleet(
-    folders: list[Path], model: Path | None, out: Path, scheduler: str, reading: Reading, budget_s: float
-) -> None:
+    folders: list[Path], model: Path | None, channels: tuple[list[str], str], out: Path, scheduler: str,
+    reading: Reading, budget_s: float, as_json: bool,
+) -> None:  # fmt: skip
+    from hil import api
+    from hil.cli.printed import printed
     from hil.cli.progress import shown
     from hil.cli.reading import teller
-    from hil.physics.model import load_model
-    from hil.session.diagnosis import write_diagnosis
-    from hil.session.fleet import diagnose_units, read_unit
-    from hil.session.sources import notes_on
+    from hil.session.fleet import SCHEMA
 
-    nominal = load_model(model) if model is not None else None
-    units = [read_unit(folder, nominal, reading=reading) for folder in folders]
-    for note in notes_on([one for unit in units for one in unit.recordings]):
-        teller()(note)
     with shown() as progress:
-        answers = list(diagnose_units(units, scheduler, progress, budget_s))
-    failed = 0
-    for unit, answer in answers:
-        if isinstance(answer, str):
-            failed += 1
-            typer.echo(f"{unit.name}: not diagnosed: {answer}")
-        else:
-            write_diagnosis(answer, out / unit.name)
-            names = ", ".join(effect.name for effect in answer.diagnosis.effects)
-            typer.echo(f"{unit.name}: {answer.diagnosis.verdict}{': ' if names else ''}{names}")
-    if failed:
+        answers = api.diagnose_fleet(
+            folders, model=model, inputs=channels[0], output=channels[1], out=out, scheduler=scheduler,
+            budget_s=budget_s, reading=reading, notes=teller(aside=as_json), progress=progress,
+        )  # fmt: skip
+    words = "\n".join(one.as_text() for one in answers)
+    printed({"schema": SCHEMA, "units": [one.as_dict() for one in answers]}, words, as_json)
+    if any(one.diagnosed is None for one in answers):
         raise typer.Exit(2)

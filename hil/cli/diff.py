@@ -20,18 +20,12 @@ def command(
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.diff/1."),
 ) -> None:
     """What changed between two dates: by cause, of the valve or of the bench, and what stayed within which limit."""
-    from tempfile import TemporaryDirectory
-
+    from hil import api
     from hil.cli.progress import shown
-    from hil.passport.difference import difference
-    from hil.passport.sources import read_dated
-    from hil.physics.model import load_model
     from hil.record.plain import to_json
 
-    kind = None if model is None else load_model(model)
-    with TemporaryDirectory(prefix="hil-diff-") as folder, shown() as progress:
-        first, second = (read_dated(path, Path(folder) / name) for path, name in ((old, "old"), (new, "new")))
-        found = difference(first, second, kind, progress)
+    with shown() as progress:
+        found = api.diff(old, new, model=model, progress=progress)
     typer.echo(to_json(found.as_dict()) if as_json else _text(found))
 
 

@@ -25,21 +25,16 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Put runs of one unit into one signed PDF: the certificate, the recordings, and the unit's model."""
+    from hil import api
     from hil.cli.places import check_distinct, check_file
     from hil.cli.progress import shown
-    from hil.passport.issue import Wanted, issue
-    from hil.passport.key import signing_key
 
     check_distinct(runs)
     check_file(out)
-    kind = None
-    if model is not None:
-        from hil.physics.model import load_model
-
-        kind = load_model(model)
-    wanted = Wanted(not no_names, not no_model, kind)
     with shown() as progress:
-        found = issue(runs, out, signing_key(key), wanted, progress)
+        found = api.issue_passport(
+            runs, out, names=not no_names, identify=not no_model, model=model, key=key, progress=progress
+        )
     unit, signer, says = found.unit, found.signer, found.understood.says
     unfinished = "" if unit.finished else "; a test did not end as planned"
     words = (

@@ -9,37 +9,110 @@ from __future__ import annotations
 import math
 import multiprocessing
 import os
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError, HilError, InputError
-from hil.identification.experiment import for_model
 from hil.physics.model import Model, load_model
 from hil.record.read import read_recording
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.session.diagnosis import bound_to, write_diagnosis
+from hil.session.sources import notes_on
 
 NOMINAL_FILE = "nominal.json"
 _PATIENCE_S = 5
 
 Progress = Callable[[float, str], None]
-_Diagnosed = Callable[..., Diagnosed | str]
+Notes = Callable[[str], None]
+SCHEMA = "hil.fleet/1"
 
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """A unit: its name, nominal model and recordings."""
+    """A unit: its name, nominal model and recordings; names of channels where they are not the model's own."""
 
     name: str
     model: Model
     recordings: tuple[Recording, ...]
+    inputs: tuple[str, ...] = ()
+    output: str = ""
 
 
-def read_unit(folder: Path, model: Model | None, pattern: str = "*.csv*", reading: Reading = AS_IT_IS) -> Unit:
+@dataclass(frozen=True, slots=True)
+class UnitAnswer:
+    """What came out for a unit: what was `diagnosed`, or in `error` why its recordings are no good."""
+
+    unit: str
+    diagnosed: Diagnosed | None
+    error: str = ""
+    notes: tuple[str, ...] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        """As JSON values."""
+        if self.diagnosed is None:
+            return {"unit": self.unit, "diagnosis": None, "error": self.error}
+        return {"unit": self.unit, "diagnosis": self.diagnosed.diagnosis.as_dict(), "error": None}
+
+    def as_text(self) -> str:
+        """In a line."""
+        if self.diagnosed is None:
+            return f"{self.unit}: not diagnosed: {self.error}"
+        found = self.diagnosed.diagnosis
+        names = ", ".join(effect.name for effect in found.effects)
+        return f"{self.unit}: {found.verdict}{': ' if names else ''}{names}"
+
+
+_Diagnose = Callable[[Unit], UnitAnswer]
+
+
+def diagnosed_fleet(
+    folders: Sequence[Path],
+    model: Model | None = None,
+    inputs: Sequence[str] = (),
+    output: str = "",
+    out: Path | None = None,
+    scheduler: str = "",
+    budget_s: float = math.inf,
+    reading: Reading = AS_IT_IS,
+    notes: Notes = lambda _note: None,
+    progress: Progress = lambda _done, _text: None,
+) -> list[UnitAnswer]:
+    """Diagnose the units of these folders; each answer is written into a folder of its own in `out`, once it is there.
+
+    Raises:
+        FileError: a folder without recordings or model, or two of one name.
+    """
+    names = Counter(folder.resolve().name for folder in folders)
+    if twice := [name for name, count in names.items() if count > 1]:
+        raise FileError(f"two folders of a fleet are called '{twice[0]}'; each unit needs a name of its own")
+    units = [read_unit(folder, model, reading=reading, inputs=inputs, output=output) for folder in folders]
+    for note in notes_on([one for unit in units for one in unit.recordings]):
+        notes(note)
+    answers = []
+    for answer in diagnose_units(units, scheduler, progress, budget_s):
+        for note in answer.notes:
+            notes(f"{answer.unit}: {note}")
+        if out is not None and answer.diagnosed is not None:
+            write_diagnosis(answer.diagnosed, out / answer.unit)
+        answers.append(answer)
+    return answers
+
+
+def read_unit(
+    folder: Path,
+    model: Model | None,
+    pattern: str = "*.csv*",
+    reading: Reading = AS_IT_IS,
+    inputs: Sequence[str] = (),
+    output: str = "",
+) -> Unit:
     """The unit of a folder: its recordings, and its own `nominal.json` or else the model given.
 
     Raises:
@@ -51,8 +124,9 @@ def read_unit(folder: Path, model: Model | None, pattern: str = "*.csv*", readin
     own = folder / NOMINAL_FILE
     if not own.is_file() and model is None:
         raise FileError(f"{folder}: no {NOMINAL_FILE}, and no --model given")
-    return Unit(folder.name, load_model(own) if own.is_file() or model is None else model,
-                tuple(read_recording(path, reading) for path in paths))  # fmt: skip
+    known = load_model(own) if own.is_file() or model is None else model
+    read = tuple(read_recording(path, reading) for path in paths)
+    return Unit(folder.resolve().name, known, read, tuple(inputs), output)
 
 
 def diagnose_units(
@@ -60,8 +134,8 @@ def diagnose_units(
     scheduler: str = "",
     progress: Progress = lambda _done, _text: None,
     budget_s: float = math.inf,
-) -> Iterator[tuple[Unit, Diagnosed | str]]:
-    """Diagnose every unit; yields them in order, with what is wrong where its recordings are no good.
+) -> Iterator[UnitAnswer]:
+    """Diagnose every unit; yields the answers in order.
 
     Args:
         units: what to diagnose.
@@ -74,26 +148,28 @@ def diagnose_units(
     """
     diagnosed = partial(diagnose_unit, budget_s=budget_s)
     answers = _on_cluster(units, scheduler, diagnosed) if scheduler else _on_cores(units, diagnosed)
-    for done, (unit, answer) in enumerate(zip(units, answers, strict=True), 1):
-        progress(done / len(units), unit.name)
-        yield unit, answer
+    for done, answer in enumerate(answers, 1):
+        progress(done / len(units), answer.unit)
+        yield answer
 
 
-def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> Diagnosed | str:
+def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
     """Diagnose one unit; what is wrong with its recordings is an answer too, so that the others go on."""
     try:
-        return diagnose(unit.model, [for_model(unit.model, each) for each in unit.recordings], budget_s=budget_s)
+        experiments, said = bound_to(unit.model, unit.recordings, unit.inputs, unit.output)
+        notes = (*said, *notes_on([], experiments))
+        return UnitAnswer(unit.name, diagnose(unit.model, experiments, budget_s=budget_s), notes=notes)
     except HilError as error:
-        return str(error)
+        return UnitAnswer(unit.name, None, str(error))
 
 
-def _on_cores(units: Sequence[Unit], diagnosed: _Diagnosed) -> Iterator[Diagnosed | str]:
+def _on_cores(units: Sequence[Unit], diagnosed: _Diagnose) -> Iterator[UnitAnswer]:
     workers = min(os.cpu_count() or 1, len(units))
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         yield from pool.map(diagnosed, units)
 
 
-def _on_cluster(units: Sequence[Unit], scheduler: str, diagnosed: _Diagnosed) -> Iterator[Diagnosed | str]:
+def _on_cluster(units: Sequence[Unit], scheduler: str, diagnosed: _Diagnose) -> Iterator[UnitAnswer]:
     try:
         import distributed
     except ModuleNotFoundError:

@@ -1,6 +1,7 @@
 """The command line is a thin layer over the public interface: what one prints or writes the other returns."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,13 @@ import pytest
 import hil
 from hil import api
 from hil.cli import app
+from hil.errors import FileError
+from hil.record.plain import to_json
 from hil.record.reading import AS_IT_IS
 from hil.record.recording import Recording
+from hil.session import fleet
 from hil.session.identification import read_for
+from tests.passports import run_of
 
 
 @pytest.fixture(scope="module")
@@ -29,11 +34,11 @@ def short(run, tmp_path_factory):
 
 @pytest.fixture
 def said(monkeypatch, capsys):
-    def called(*arguments):
+    def called(*arguments, status=0):
         monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
-        status = app.main()
+        ended = app.main()
         printed = capsys.readouterr()
-        assert status == 0, printed.err
+        assert ended == status, printed.err
         return printed.out
 
     return called
@@ -160,6 +165,53 @@ def test_diagnose(said, through, short, tmp_path):
     assert json.loads((tmp_path / "d" / "diagnosis.json").read_text("utf-8"))["schema"] == told["schema"]
     (axis,) = again.plot().axes
     assert len(axis.lines[0].get_xdata()) == len(hil.read(short))
+
+
+def test_diagnose_a_fleet(said, through, short, tmp_path, monkeypatch):
+    monkeypatch.setattr(fleet, "_on_cores", lambda units, diagnosed: map(diagnosed, units))
+    returned, model, chosen = through("diagnose_fleet"), tmp_path / "model.json", []
+    hil.save_model(hil.typical_model("brevini-hpv41"), model)
+    read = hil.read(short)
+    still = replace(read, channels={**read.channels, "flow": replace(read.channel("flow"), values=np.ones(len(read)))})
+    for name, recording in (("good", read), ("dead", still)):
+        (tmp_path / name).mkdir()
+        hil.write(recording, tmp_path / name / "short.csv")
+        chosen.append(tmp_path / name)
+    arguments = [argument for folder in chosen for argument in ("--fleet", folder)]
+    told = json.loads(said("diagnose", *arguments, "--model", model, "--out", tmp_path / "d", "--json", status=2))
+    assert len(returned) == 1 and told["schema"] == "hil.fleet/1"
+    good, dead = hil.diagnose_fleet(chosen, model=model)
+    assert good.diagnosed.diagnosis.verdict == told["units"][0]["diagnosis"]["verdict"] == "consistent"
+    assert "stands at 1 all the time" in dead.error == told["units"][1]["error"]
+    assert (tmp_path / "d" / "good" / "report.html").is_file() and not (tmp_path / "d" / "dead").exists()
+
+
+def test_two_units_of_a_fleet_with_one_name_are_refused(tmp_path):
+    with pytest.raises(FileError, match="two folders of a fleet are called 'valve'"):
+        hil.diagnose_fleet([tmp_path / "a" / "valve", tmp_path / "b" / "valve"])
+
+
+def test_diff(said, through, short, tmp_path):
+    returned, model = through("diff"), tmp_path / "model.json"
+    hil.save_model(hil.typical_model("brevini-hpv41"), model)
+    for name in ("old", "new"):
+        (tmp_path / name).mkdir()
+        hil.write(hil.read(short), tmp_path / name / "short.csv")
+    told = json.loads(said("diff", tmp_path / "old", tmp_path / "new", "--model", model, "--json"))
+    assert len(returned) == 1 and told["verdict"] == "unchanged"
+    again = hil.diff(tmp_path / "old", tmp_path / "new", model=hil.load_model(model))
+    assert told == json.loads(to_json(again.as_dict()))
+
+
+def test_passport(said, through, tmp_path, monkeypatch):
+    monkeypatch.setenv("HIL_STATE", str(tmp_path / "state"))
+    returned, unit = through("issue_passport"), run_of(tmp_path)
+    told = json.loads(said("passport", unit, "--no-model", "--no-names", "--out", tmp_path / "one.pdf", "--json"))
+    assert len(returned) == 1
+    again = hil.issue_passport([unit], tmp_path / "other.pdf", identify=False, names=False)
+    assert told["serial"] == again.unit.serial and told["verdict"] == again.unit.verdict
+    assert told["fingerprint"] == again.signer.fingerprint
+    assert [b"Muster" in (tmp_path / name).read_bytes() for name in ("one.pdf", "other.pdf")] == [False, False]
 
 
 def test_what_is_installed_as_json(said):

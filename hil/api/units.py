@@ -1,0 +1,124 @@
+"""Units: many diagnosed in one call, one at two dates, the signed file of one. Imports come with the call."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from hil.api.told import Notes, Progress, quiet, unsaid
+
+if TYPE_CHECKING:
+    from hil.passport.difference import DateDifference
+    from hil.passport.issue import Issued
+    from hil.physics.model import Model
+    from hil.record.reading import Reading
+    from hil.session.fleet import UnitAnswer
+
+
+def diagnose_fleet(
+    folders: Sequence[str | Path],
+    *,
+    model: Model | str | Path | None = None,
+    inputs: Sequence[str] = (),
+    output: str = "",
+    out: str | Path | None = None,
+    scheduler: str = "",
+    budget_s: float = math.inf,
+    reading: Reading | None = None,
+    notes: Notes = unsaid,
+    progress: Progress = quiet,
+) -> list[UnitAnswer]:
+    """Diagnose many units, each by itself, on all cores or on a Dask cluster (`hil diagnose --fleet`).
+
+    Args:
+        folders: one for each unit: its recordings as CSV and, where it has one of its own, its `nominal.json`.
+        model: nominal model of the others, or the path of its file.
+        inputs: names of the input channels, where they are not the model's own.
+        output: name of the output channel, likewise.
+        out: folder in which each unit gets one of its own; nothing is written when not given.
+        scheduler: address of a Dask scheduler, `tcp://host:port`.
+        budget_s: computing time of each unit after which no further search is begun.
+        reading: how files are read.
+        notes: told what was assumed of the recordings.
+        progress: told how many are done.
+
+    Returns:
+        An answer for each folder, in their order: the `diagnosed`, or in `error` why there is none.
+
+    Raises:
+        FileError: a folder without recordings or model, or two folders of one name.
+    """
+    from hil.record.reading import AS_IT_IS
+    from hil.session.fleet import diagnosed_fleet
+
+    paths = [Path(folder) for folder in folders]
+    nominal, to = None if model is None else _model(model), None if out is None else Path(out)
+    return diagnosed_fleet(
+        paths, nominal, inputs, output, to, scheduler, budget_s, reading or AS_IT_IS, notes, progress
+    )
+
+
+def diff(
+    old: str | Path, new: str | Path, *, model: Model | str | Path | None = None, progress: Progress = quiet
+) -> DateDifference:
+    """What changed in a unit between two dates, by cause, and what stayed within which limit (`hil diff`).
+
+    Args:
+        old: passport, run folder or folder with recordings.
+        new: the same of a later date.
+        model: of the type, or the path of its file, where no passport holds one.
+        progress: told how far it is.
+    """
+    from tempfile import TemporaryDirectory
+
+    from hil.passport.difference import difference
+    from hil.passport.sources import read_dated
+
+    kind = None if model is None else _model(model)
+    with TemporaryDirectory(prefix="hil-diff-") as folder:
+        first, second = (read_dated(Path(p), Path(folder) / name) for p, name in ((old, "old"), (new, "new")))
+        return difference(first, second, kind, progress)
+
+
+def issue_passport(
+    runs: Sequence[str | Path],
+    out: str | Path,
+    *,
+    names: bool = True,
+    identify: bool = True,
+    model: Model | str | Path | None = None,
+    key: str | Path | None = None,
+    progress: Progress = quiet,
+) -> Issued:
+    """Put runs of one unit into one signed PDF (`hil passport`).
+
+    Args:
+        runs: run folders.
+        out: the file to write.
+        names: whether it says who ran the tests.
+        identify: whether the unit is identified; page one says so where it is not.
+        model: of the type, or the path of its file; states what these data excluded.
+        key: file of the lab's key with its certificate, PEM or PKCS #12; else this machine's.
+        progress: told how far it is.
+
+    Returns:
+        The `path`, the `unit` with its verdict, the `signer`, and what was `understood` of the unit.
+
+    Raises:
+        InputError: runs of different units or of none, a changed run, a key that cannot sign.
+    """
+    from hil.passport.issue import Wanted, issue
+    from hil.passport.key import signing_key
+
+    wanted = Wanted(names, identify, None if model is None else _model(model))
+    folders, signer = [Path(one) for one in runs], signing_key(None if key is None else Path(key))
+    return issue(folders, Path(out), signer, wanted, progress)
+
+
+def _model(model: Model | str | Path) -> Model:
+    from hil.api.models import load_model
+    from hil.physics.model import Model
+
+    return model if isinstance(model, Model) else load_model(model)
