@@ -65,6 +65,7 @@ class ModbusLine:
         self._quiet_until_s = self._rest_until_s = 0.0
         self._sent = self._came = self._received = b""
         self.has_read = False  # whether readings have come: a device that needs a pause falls silent before
+        self._has_answered = False
         self._log = wire_log("modbus", settings.address)
         self.client = client_of(settings, self._trace)
 
@@ -131,6 +132,7 @@ class ModbusLine:
         except Exception as error:  # whatever the library makes of what came
             self._fail(error, LinkError, f"no valid answer within {self._settings.timeout_s:g} s{self._what_came()}")
         self._on_answer()
+        self._has_answered = True
         if answer.isError():
             raise LinkError(
                 f"function {function} at register {address:#06x} is refused with exception {answer.exception_code}"
@@ -161,7 +163,8 @@ class ModbusLine:
     def _what_came(self) -> str:
         """What can be said of an answer that was none."""
         if not self._came:
-            never = self._settings.transport == "rtu" and not self.has_read and not self._settings.pause_s
+            may_rest = self._settings.transport == "rtu" or self._has_answered  # behind a gateway too
+            never = may_rest and not self.has_read and not self._settings.pause_s
             return "; if it answers now and then, it may need a pause between frames: say pause_s" if never else ""
         if self._settings.transport == "tcp" and self._came[:2] != self._sent[:2]:
             came, sent = (int.from_bytes(frame[:2], "big") for frame in (self._came, self._sent))

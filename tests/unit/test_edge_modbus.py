@@ -188,19 +188,20 @@ def test_an_echo_of_what_was_written_is_named_too() -> None:
         opened(line, model, wired(outputs=("q", "r")), transport="rtu", watchdog_s=1.0).standing()
 
 
-def test_a_device_that_needs_a_pause_is_told_of_the_setting() -> None:
+@pytest.mark.parametrize("transport", ["rtu", "tcp"])
+def test_a_device_that_needs_a_pause_is_told_of_the_setting(transport: str) -> None:
     device, answered_s = Tables(holding={4: 0}, inputs={0: 453}), [0.0]
 
     def slow(frame: bytes) -> bytes:
         if time.monotonic() - answered_s[0] < 0.2:
             return b""
         answered_s[0] = time.monotonic()
-        return device.on_serial(frame)
+        return device.on_serial(frame) if transport == "rtu" else device.on_tcp(frame)
 
     out = Register("out", "value", "bar", 0.0, 9.0, "holding", 4)
     model = Model({"q": out}, watchdog=((4, "{tenths}"), (4, 1)))
     with ForeignLine(slow) as line, pytest.raises(LinkError, match="may need a pause between frames: say pause_s"):
-        opened(line, model, wired(outputs=("q",)), transport="rtu", watchdog_s=1.0)
+        opened(line, model, wired(outputs=("q",)), transport=transport, watchdog_s=1.0)
 
 
 def test_echo_belongs_to_a_serial_line() -> None:
