@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.console.process import start, tail_lines
-from hil.console.underway import lives
 from hil.errors import FileError, SettingError
+from hil.record.alive import lives
 
 
 @dataclass(frozen=True, slots=True)

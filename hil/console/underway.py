@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from hil.errors import FileError
+from hil.record.alive import lives
 from hil.record.header import END_FILE, HEADER_FILE, read_end, read_header
 from hil.record.samples import JOURNAL_FILE
 
@@ -85,19 +86,6 @@ def control_of(folder: Path) -> Mapping[str, Any]:
     except (OSError, ValueError):
         return {}
     return content if isinstance(content, dict) and content.get("schema") == "hil.control/1" else {}
-
-
-def lives(pid: int) -> bool:
-    """Whether a process is there and does more than wait to be buried."""
-    try:
-        os.kill(pid, 0)
-    except PermissionError:
-        return True
-    except OSError:
-        return False
-    with suppress(OSError, IndexError):
-        return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] not in (b"Z", b"X")
-    return True
 
 
 def _wrote_lately(folder: Path) -> bool:

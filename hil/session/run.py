@@ -19,6 +19,7 @@ from hil.errors import InputError, SettingError
 from hil.record.events import EVENTS_FILE
 from hil.record.folder import read
 from hil.record.measurement import Limit
+from hil.record.progress import kept_progress
 from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
 from hil.safety.interrupt import terminable
@@ -85,21 +86,22 @@ def run_procedure(
     if not bench.is_simulated:  # whose time stands still meanwhile
         preload(procedure.run)
     said = {**about, "limits given": {name: asdict(judged_by[name]) for name in limits}}
-    try:
-        known = known or Outputs()
-        with (
-            accounted(known),  # also of a signal that came so late that only `terminable` raises it
-            terminable(),
-            on_the_trail(bench, out, said, resets),
-            open_rig(bench, out, about, progress, resets, earlier, known, commanding, Operator()) as rig,
-        ):
-            procedure.run(rig, **values)
-    except InputError:
-        if new:
-            _take_back(out)
-        raise
-    progress(1.0, "outputs safe; evaluating")
-    return evaluate_run(procedure, out)
+    with kept_progress(out, progress) as telling:
+        try:
+            known = known or Outputs()
+            with (
+                accounted(known),  # also of a signal that came so late that only `terminable` raises it
+                terminable(),
+                on_the_trail(bench, out, said, resets),
+                open_rig(bench, out, about, telling, resets, earlier, known, commanding, Operator()) as rig,
+            ):
+                procedure.run(rig, **values)
+        except InputError:
+            if new:
+                _take_back(out)
+            raise
+        telling(1.0, "outputs safe; evaluating")
+        return evaluate_run(procedure, out)
 
 
 def rehearse_procedure(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import ssl
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,10 @@ from hil.console.page import controls_of, page
 from hil.console.underway import control_of, run_of
 from hil.errors import FileError, HilError, LinkError
 from hil.findings.results import RESULTS_FILE, read_results
+from hil.record.alive import lives
+from hil.record.progress import ToldProgress, progress_of
 
 _HOLD_S = 2.0
-_LINE = re.compile(r"^\s*(?P<share>\d+)%\s+(?P<text>.*)$")
 _LEFT = (" left", "almost done", "longer than expected")
 
 
@@ -84,7 +84,8 @@ def _told(console: Console, name: str) -> dict[str, Any]:
     told: dict[str, Any] = {
         "run": name,
         "text": said,
-        **_progress(said),
+        "share": None,
+        "left": "",
         "exit_status": status,
         "outcome": "",
         "verdict": None,
@@ -99,21 +100,20 @@ def _told(console: Console, name: str) -> dict[str, Any]:
         if started is None:
             raise
         return {**told, "state": "starting" if status is None else "refused", "outcome": "" if status is None else said}
-    evaluating = run.state == "ended" and started is not None and status is None
+    done = progress_of(folder)
+    evaluating = run.state == "ended" and done is not None and lives(done.pid)
     return {
-        **told, **run.told, **({"state": "evaluating"} if evaluating else {}), **_verdict(folder),
+        **told, **_progress(done), **run.told, **({"state": "evaluating"} if evaluating else {}), **_verdict(folder),
         "report": (folder / "report.html").is_file(),
     }  # fmt: skip
 
 
-def _progress(line: str) -> dict[str, Any]:
-    """The share done and the time left, of a line in which a run says how far it is."""
-    found = _LINE.match(line)
-    if found is None:
-        return {"share": None, "left": ""}
-    text = found["text"]
-    left = next((part.strip() for part in text.split(";") if part.strip().endswith(_LEFT)), "")
-    return {"share": int(found["share"]) / 100.0, "left": left, "text": text}
+def _progress(done: ToldProgress | None) -> dict[str, Any]:
+    """The share done, the time left and what is going on, as the run's own folder has it."""
+    if done is None:
+        return {}
+    left = next((part.strip() for part in done.text.split(";") if part.strip().endswith(_LEFT)), "")
+    return {"share": done.share, "left": left, "text": done.text}
 
 
 def _verdict(folder: Path) -> dict[str, Any]:

@@ -1,0 +1,81 @@
+"""`progress.json` in a run folder: how far the run is, for whoever looks on without having started it."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+PROGRESS_FILE = "progress.json"
+_SCHEMA = "hil.progress/1"
+_EVERY_S = 0.5
+_BYTES = 4096  # one page, which is read as it was written; a file that is renamed may wait for the disk
+_LONGEST = 900  # of the text, in characters of up to four bytes
+
+
+@dataclass(frozen=True, slots=True)
+class ToldProgress:
+    """What a run said last.
+
+    Attributes:
+        share: done, 0 … 1.
+        text: what is going on, time left, live values.
+        pid: of its process.
+    """
+
+    share: float
+    text: str
+    pid: int
+
+
+def progress_of(folder: Path) -> ToldProgress | None:
+    """How far the run in a folder says that it is; None where it says nothing that can be read."""
+    try:
+        told = json.loads((folder / PROGRESS_FILE).read_bytes())
+        return ToldProgress(float(told["share"]), str(told["text"]), int(told["pid"]))
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+@contextmanager
+def kept_progress(folder: Path, progress: Callable[[float, str], None]) -> Iterator[Callable[[float, str], None]]:
+    """A progress function that also keeps what it is told in the run folder, twice a second, while the run lasts.
+
+    A file that cannot be written hinders no run.
+    """
+    kept = _Kept(folder / PROGRESS_FILE)
+
+    def told(share: float, text: str) -> None:
+        progress(share, text)
+        kept.tell(share, text)
+
+    try:
+        yield told
+    finally:
+        kept.withdraw()
+
+
+class _Kept:
+    def __init__(self, path: Path) -> None:
+        self._path, self._handle, self._told_s = path, -1, -_EVERY_S
+
+    def tell(self, share: float, text: str) -> None:
+        now_s = time.monotonic()
+        if now_s - self._told_s < _EVERY_S and share < 1.0:
+            return
+        self._told_s = now_s
+        told = {"schema": _SCHEMA, "share": round(share, 4), "text": text[:_LONGEST], "pid": os.getpid()}
+        with suppress(OSError):
+            if self._handle < 0:
+                self._handle = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o644)
+            os.pwrite(self._handle, json.dumps(told, ensure_ascii=False).encode().ljust(_BYTES), 0)
+
+    def withdraw(self) -> None:
+        with suppress(OSError):
+            if self._handle >= 0:
+                os.close(self._handle)
+                self._path.unlink()
