@@ -14,7 +14,8 @@ from hil.record.header import HEADER_FILE, read_end, read_header
 from hil.record.instruments import StatedCalibration, calibrations_of, instruments_mark
 from hil.record.measurement import FINDINGS_FILE, Verdict
 
-_UNFINISHED = "not closed"
+UNFINISHED = "not closed"
+"""The outcome of a run that is under way, or was killed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +56,7 @@ def entry_of(folder: Path) -> Entry:
         procedure=str(meta.get("procedure") or ""),
         bench=str(meta.get("bench") or ""),
         started_utc=header.started_utc,
-        outcome=_UNFINISHED if end is None else end.outcome,
+        outcome=UNFINISHED if end is None else end.outcome,
         verdict=verdict,
         values=values,
         instruments=instruments_mark(header),

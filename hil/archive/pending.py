@@ -12,6 +12,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from hil.archive.archive import enter, rebuild
+from hil.archive.begun import begun_in
 from hil.archive.place import Place
 from hil.record.header import HEADER_FILE
 from hil.safety.latch import state_path
@@ -33,7 +34,7 @@ def enter_or_keep(place: Place, folder: Path) -> str:
 
 
 def catch_up(place: Place) -> None:
-    """Enter the runs that wait; an index that is missing is made anew from the folders.
+    """Enter the runs that wait, and those that have begun; an index that is missing is made anew from the folders.
 
     Raises:
         ArchiveError: the index cannot be written.
@@ -41,10 +42,15 @@ def catch_up(place: Place) -> None:
     known = waiting_for(place)
     if place.folder is not None and (place.is_unmade or place.folder in known):
         rebuild(place, [place.folder])
+    begun = list(begun_in(place))
     waiting = [path for path in known if (path / HEADER_FILE).is_file()]
+    waiting += [one.folder for one in begun if one.is_there and one.folder not in waiting]
     if waiting:
         enter(place, waiting)
     _keep(place, [])
+    for one in begun:
+        if one.is_over:
+            one.mark.unlink(missing_ok=True)
 
 
 def waiting_for(place: Place) -> list[Path]:

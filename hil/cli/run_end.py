@@ -25,10 +25,13 @@ def safely(run: Callable[[Outputs], _T], folder: Path, archive: str) -> _T:
         folder: of the run.
         archive: where a run that failed is entered.
     """
+    from hil.archive.begun import mark_begun
+    from hil.archive.place import archive_place
     from hil.cli.said import say
     from hil.safety.outputs import Outputs
 
     known = Outputs()
+    mark_begun(archive_place(archive), folder)
     try:
         return run(known)
     except BaseException as error:  # said here: on its way up typer would make something else of some
@@ -48,8 +51,11 @@ def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, 
         archive: where it is entered.
         as_json: whether its results are printed as `hil results --json -` does, instead of words.
     """
+    from hil.archive.begun import forget_begun
+
     outcome = safely(run, folder, archive)
     if outcome is None:
+        forget_begun(folder)
         raise typer.Exit
     with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
         say_outcome(outcome, as_json=as_json)
@@ -76,6 +82,9 @@ def entered(archive: str, folder: Path) -> None:
         told = _entered(archive, folder)
     except Exception as error:
         told = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
+    from hil.archive.begun import forget_begun
+
+    forget_begun(folder)
     with suppress(OSError):
         if told:
             typer.echo(f"hil: {told}", err=True)

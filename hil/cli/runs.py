@@ -55,10 +55,17 @@ def _json(found: Sequence[Entry]) -> str:
     return json.dumps(rows, indent=1, ensure_ascii=False)
 
 
-def _ending(outcome: str) -> str:
+def _ending(run: Entry) -> str:
     """`(tripped)`: how a run ended otherwise than planned, in a word; its report has the sentence."""
+    from hil.archive.entry import UNFINISHED
+    from hil.record.alive import lives
+    from hil.record.progress import progress_of
+
+    outcome = run.outcome
     if outcome in ("completed", "written"):
         return ""
+    if outcome == UNFINISHED and (said := progress_of(run.folder)) is not None:
+        return "(running)" if lives(said.pid) else "(lost)"
     kind, colon, _ = outcome.partition(":")
     word = _ENDINGS.get(kind, "failed") if colon else outcome[:_LONGEST_ENDING]
     return f"({word})"
@@ -77,7 +84,7 @@ def _table(found: Sequence[Entry]) -> str:
     rows = [("started", "serial", "procedure", "verdict", "operator", "run")]
     for run in found:
         started = local_text(run.started_utc)
-        told = " ".join(filter(None, (run.verdict, _ending(run.outcome))))
+        told = " ".join(filter(None, (run.verdict, _ending(run))))
         rows.append((started, run.serial, run.procedure, told, run.operator, str(run.folder)))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     return "\n".join("  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows)

@@ -1,8 +1,10 @@
 """The archive: folders are the truth, the index finds them; on SQLite and on a real PostgreSQL."""
 
 import json
+import os
 import shutil
 import sqlite3
+import subprocess
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Thread
@@ -11,6 +13,7 @@ import numpy as np
 import pytest
 
 from hil.archive.archive import Search, enter, find_runs, rebuild
+from hil.archive.begun import begun_in, forget_begun, mark_begun
 from hil.archive.pending import catch_up, enter_or_keep, waiting_for
 from hil.archive.place import INDEX_FILE, archive_place
 from hil.archive.trend import drift_of, points_of
@@ -311,3 +314,43 @@ def test_a_table_that_somebody_locks_keeps_the_run_and_enters_it_later(postgresq
     assert took_s < 10.0, "the bench waited"
     catch_up(place)
     assert {run.folder.name for run in find_runs(place, Search())} == {"a", "b"}
+
+
+def _dead_pid():
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    return gone.pid
+
+
+def test_a_run_that_was_killed_is_found_by_the_next_search(place, monkeypatch, tmp_path):
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    enter(place, [made_run(tmp_path / "lab" / "before")])
+    folder = made_run(tmp_path / "lab" / "killed")
+    mark_begun(place, folder)
+    (folder / "end.json").unlink()
+    catch_up(place)
+    assert [run.outcome for run in find_runs(place, Search())] == ["completed", "not closed"]
+    assert [begun.is_over for begun in begun_in(place)] == [False]  # its process is this one
+    with monkeypatch.context() as other:
+        other.setattr("os.getpid", _dead_pid)
+        mark_begun(place, folder)
+    catch_up(place)
+    assert list(begun_in(place)) == []
+    assert len(find_runs(place, Search())) == 2
+
+
+def test_a_run_that_never_recorded_leaves_no_mark(monkeypatch, tmp_path):
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    place = archive_place(str(tmp_path / "lab"))
+    mark_begun(place, tmp_path / "lab" / "refused")
+    forget_begun(tmp_path / "lab" / "refused")
+    assert list(begun_in(place)) == []
+
+
+def test_killed_and_running_are_told_apart_in_the_list(capsys, monkeypatch, tmp_path):
+    for name, pid in (("killed", _dead_pid()), ("running", os.getpid())):
+        folder = made_run(tmp_path / "lab" / name)
+        (folder / "end.json").unlink()
+        (folder / "progress.json").write_text(json.dumps({"share": 0.4, "text": "2 Hz", "pid": pid}), encoding="utf-8")
+    _, said = _said(monkeypatch, capsys, "runs", "--archive", tmp_path / "lab")
+    assert [line.split("(")[1].split(")")[0] for line in said.out.splitlines()[1:]] == ["lost", "running"]
