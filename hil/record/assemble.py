@@ -25,6 +25,7 @@ from hil.record.response_table import (
     response_table,
     without_phase,
 )
+from hil.record.stacked import unstacked
 from hil.units import check_unit
 
 _SAME_STAMP = 1e-3  # of an interval
@@ -53,7 +54,8 @@ def assemble(
     Raises:
         FileError: no time, no signal, or samples that are no recording (see `recording.check`).
     """
-    read, place = _oldest_first(named(name, tables, reading), reading, place)
+    by_channel, taken_apart = unstacked(tables)
+    read, place = _oldest_first(named(name, by_channel, reading), reading, None if taken_apart else place)
     if looks_like_responses(read) and not reading.time and not reading.interval_s:
         return response_table(name, read, meta)
     timed = [one for one in _timed(name, read, reading) if len(one.time_s)]

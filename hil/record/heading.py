@@ -38,7 +38,9 @@ _TIME_UNITS = {
     "us": "us", "µs": "us", "μs": "us", "usec": "us", "ns": "ns", "min": "min", "minutes": "min", "h": "h", "sek": "s",
     "sekunden": "s", "sekunde": "s", "millisecond": "ms", "minute": "min", "hour": "h", "hours": "h", "hrs": "h",
 }  # fmt: skip
-_COUNTERS = frozenset({"", "index", "idx", "no", "nr", "#", "row", "point", "n", "unnamed: 0", "sample", "samples"})
+_COUNTERS = frozenset(
+    {"", "index", "idx", "no", "nr", "#", "row", "point", "n", "unnamed: 0", "sample", "samples", "record"}
+)
 _INTERVALS = frozenset({"ts", "dt", "delta_t", "sample_time", "sampling_time", "sampling_interval", "wf_increment",
                         "sampletime", "samplingtime", "deltat", "interval", "tsample", "t_s", "t_sample"})  # fmt: skip
 _RATES = frozenset({"fs", "sample_rate", "samplerate", "sampling_rate", "sampling_frequency", "rate_hz", "f_s", "rate"})

@@ -8,6 +8,7 @@ a clock, time in any column, several columns of time, text beside the numbers.
 from __future__ import annotations
 
 import csv
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from hil.errors import FileError
 from hil.record.assemble import assemble
 from hil.record.columns import Table
 from hil.record.flat import flat
+from hil.record.known_programs import of_known_program
 from hil.record.layout import layout, open_text
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
@@ -38,10 +40,12 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         FileError: names the file, the line and the column, what was found there, and what helps.
     """
     try:
-        found = layout(path, named=bool(reading.columns))
+        known = None if reading.columns else of_known_program(path)
+        found = layout(path, named=bool(reading.columns)) if known is None else known.layout
         read_columns, said, found = columns(path, found, reading.gaps)
-        table = Table(path.stem, read_columns, assumed=said)
-        return assemble(str(path), [table], None, reading, partial(place, path, found))
+        tables = [Table(path.stem, read_columns)] if known is None else known.tables(read_columns)
+        tables = [replace(one, assumed="; ".join(filter(None, (one.assumed, said)))) for one in tables]
+        return assemble(str(path), tables, None, reading, partial(place, path, found) if len(tables) == 1 else None)
     except (OSError, EOFError, UnicodeError, csv.Error) as error:
         raise FileError(f"{path}: cannot be read as CSV: {error}") from error
 
