@@ -9,7 +9,9 @@ from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 CERTAIN = 4.0  # standard uncertainties: the largest of many values by noise alone stays below
 
 
-def extreme(what: Measurement, value: float, std: float, *, calibration: float = 0.0) -> Measured:
+def extreme(
+    what: Measurement, value: float, std: float, *, calibration: float = 0.0, made_by_noise: float = 0.0
+) -> Measured:
     """A largest value that cannot be below 0: as measured, or `<` the bound that these data give it.
 
     Args:
@@ -17,10 +19,12 @@ def extreme(what: Measurement, value: float, std: float, *, calibration: float =
         value: as read from the estimate, not below 0.
         std: its standard uncertainty, offset of the extreme included.
         calibration: as in `Measurement.of`.
+        made_by_noise: what the same evaluation reads, root mean square, where there is nothing. So much may be in
+            any value that is not many times larger.
     """
     if not (math.isfinite(value) and math.isfinite(std)):
         return what.of(None)
-    if value >= CERTAIN * std:
+    if value >= CERTAIN * math.hypot(std, made_by_noise):
         return what.of(value, std, calibration=calibration)
     bound = value + COVERAGE_FACTOR * math.hypot(std, calibration)
     return what.of(rounded_up(bound), 0.0, relation="<")

@@ -154,7 +154,8 @@ def _figures(place: str, steps: list[MeasuredStep], pressure_std: float, drift: 
         if not (math.isfinite(value) and math.isfinite(std)):
             made.append(what.of(None))
         elif measurement is OVERSHOOT:
-            made.append(extreme(what, scale * value, scale * std))
+            by_noise = math.sqrt(float(np.mean([step.made_by_noise**2 for step in steps])))
+            made.append(extreme(what, scale * value, scale * std, made_by_noise=scale * by_noise))
         else:
             made.append(what.of(scale * value, scale * std, calibration=floor))
     return made

@@ -191,7 +191,12 @@ def _measured(label: str, found: MeasuredStep, response: Channel) -> list[Measur
     change = value.final - value.start
     return [
         *(_time(what.at(label), at_s, at_std_s) for what, at_s, at_std_s in times),
-        extreme(OVERSHOOT.at(label), 100.0 * value.overshoot, 100.0 * std.overshoot),
+        extreme(
+            OVERSHOOT.at(label),
+            100.0 * value.overshoot,
+            100.0 * std.overshoot,
+            made_by_noise=100.0 * found.made_by_noise,
+        ),
         CHANGE.at(label, response.unit).of(
             change, found.change_std, calibration=calibration_share(response) * abs(change)
         ),

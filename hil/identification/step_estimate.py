@@ -49,6 +49,8 @@ class MeasuredStep:
         std: standard uncertainty of each figure, infinite where the noise can move it past the record.
         change_std: of final less start.
         noise_std: of a sample, in the output's unit.
+        made_by_noise: the overshoot that the same evaluation reads, root mean square, from redrawn responses that never
+            pass their final value: noise and a smoothed corner make it.
         moving: by how much the response still changes over the stretch that gives its final value; 0 for less than
             noise can make.
         from_command, to_command: the step, in the command's unit.
@@ -59,6 +61,7 @@ class MeasuredStep:
     std: StepFigures
     change_std: float
     noise_std: float
+    made_by_noise: float
     moving: float
     from_command: float
     to_command: float
@@ -161,12 +164,28 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
         std = replace(std, dead_time_s=math.inf)
     changes = columns[:, 1] - columns[:, 0]
     change_std = about(changes, figures.final - figures.start)
+    within = _within(curve, start, figures.final)
+    never = start + smoother.at(smoother.curves(drawn(within, len(curve), shifts[0]) - start))
     moved = float(curve[-1] - curve[step.tail][0])
     return MeasuredStep(
         figures, replace(std, band=band), change_std,
-        float(np.std(step.response - curve)), moved if abs(moved) > _MOVING * std.final else 0.0,
+        float(np.std(step.response - curve)), _overshoot(never, step.tail, start),
+        moved if abs(moved) > _MOVING * std.final else 0.0,
         from_command, to_command, None if tone is None else tone.frequency_hz,
     )  # fmt: skip
+
+
+def _within(curve: Array, start: float, final: float) -> Array:
+    """A response that stops at its final value."""
+    made: Array = np.minimum(curve, final) if final > start else np.maximum(curve, final)
+    return made
+
+
+def _overshoot(curves: Array, tail: slice, start: float) -> float:
+    """Root mean square of the overshoots of responses, shape (m, n), as a share of their change."""
+    changes = np.mean(curves[:, tail], axis=1) - start
+    over = np.max((curves - start) / changes[:, None], axis=1) - 1.0
+    return float(np.sqrt(np.mean(np.maximum(over, 0.0) ** 2)))
 
 
 def _read(
@@ -256,9 +275,14 @@ def _without_tone(step: _Step) -> tuple[_Step, Tone | None]:
 
 
 def _whitener(step: _Step) -> Array:
-    """From the quieter of the stretches in which the response stands."""
+    """From the quieter of the stretches in which the response stands; what noise hides within a code has no colour."""
     stretches = [_straightened(values) for values in (step.rest, step.response[step.tail]) if len(values) > 2]
-    return whitener_of(min(stretches, key=lambda values: float(np.std(values)))) if stretches else np.ones(1)
+    if not stretches:
+        return np.ones(1)
+    quietest = min(stretches, key=lambda values: float(np.std(values)))
+    if before_rounding(float(np.std(quietest)), step.grid) == 0.0:
+        return np.ones(1)
+    return whitener_of(quietest)
 
 
 def _straightened(values: Array) -> Array:
