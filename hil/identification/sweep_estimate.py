@@ -14,7 +14,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.redrawn import DRAWS
 from hil.record.recording import Array
 from hil.signals.smooth_curve import Curves, Smoother
 
@@ -26,6 +25,8 @@ _ROUNDS = 4  # of shifting the branches together, at most
 _NEAR, _TOGETHER = 1e-3, 1e-6  # of the range: shifts that no longer matter, for a first look and for the result
 _TRANSIENT = 5.0  # lags after a turn until the response runs parallel to the command
 _MOST_DROPPED = 0.2  # of the range, after each turn
+# Draws are seeded: what a spread of them is off by (4 %) is the same every time. 64 made a lag's a fifth too small
+SWEEP_DRAWS = 256
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,7 +120,11 @@ class SweepEstimate:
 
 
 def sweep_estimate(
-    name: str, sweeps: Sequence[Sweep], standing: Sequence[Standing] = (), waited_s: float = 0.0, draws: int = DRAWS
+    name: str,
+    sweeps: Sequence[Sweep],
+    standing: Sequence[Standing] = (),
+    waited_s: float = 0.0,
+    draws: int = SWEEP_DRAWS,
 ) -> SweepEstimate:
     """The characteristic of sweeps over one range.
 

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -120,3 +122,13 @@ def test_what_a_slow_lag_takes_from_the_steepest_slope_is_granted():
         assert slope == pytest.approx(200.0 / 4.0 / 0.1, abs=2.0 * std)
         assert at == pytest.approx(1.0, abs=0.05)
         assert std < 8.0
+
+
+def test_half_widths_are_as_uncertain_as_the_slopes_and_the_noise_make_them():
+    found = estimate(lag_s=0.2)
+    points = found.points
+    slopes = np.interp(points.command, found.command, found.slope)
+    for number, stated in enumerate(np.std(found.redrawn_half_widths, axis=0)):
+        mine = (points.sweep == number) & points.both
+        closed = 0.3 / math.sqrt(float(np.sum(slopes[mine] ** 2 * points.count[mine])))
+        assert stated == pytest.approx(closed, rel=0.12)
