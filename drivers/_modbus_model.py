@@ -96,7 +96,10 @@ class Model:
     @property
     def terminals(self) -> dict[str, Terminal]:
         """The register map as terminals."""
-        return {name: Terminal(r.direction, r.kind, r.unit, r.low, r.high) for name, r in self.registers.items()}
+        return {
+            name: Terminal(r.direction, r.kind, r.unit, r.low, r.high, step=r.step)
+            for name, r in self.registers.items()
+        }
 
 
 def safe_of(text: str) -> str:

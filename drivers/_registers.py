@@ -99,6 +99,12 @@ class Register:
         return self.table in ("coil", "discrete")
 
     @property
+    def step(self) -> float:
+        """What one count more means; 0 for a number with a point of its own, and for what is on or off."""
+        counted = not self.is_bit and self.kind != "digital" and _LETTERS[self.format] not in "fd"
+        return abs(self.slope) if counted else 0.0
+
+    @property
     def words(self) -> int:
         """Registers, or coils, that it takes."""
         return 1 if self.is_bit else struct.calcsize(_LETTERS[self.format]) // 2

@@ -18,7 +18,7 @@ from hil.record.recording import Array, Channel, Recording
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._extreme import CERTAIN, extreme, rounded_up
-from procedures._recorded import calibration_share, calibration_std, roles_of
+from procedures._recorded import calibration_share, calibration_std, reading_step, roles_of
 
 _A_SIDE = 0.05  # of the sweep: less beyond neutral is no side of the valve
 
@@ -126,7 +126,7 @@ def steady(recording: Recording, part: Mapping[str, Any], channel: Channel) -> t
     """Mean of a channel over the second half of a part that stands still, and its standard uncertainty from noise."""
     values = recording.rows(part["first"], part["count"]).values(channel.name)
     value, std = _settled(values)
-    return value, math.hypot(std, mean_rounding_std(float(np.std(values)), rounding_step(channel.values)))
+    return value, math.hypot(std, mean_rounding_std(float(np.std(values)), reading_step(recording, channel)))
 
 
 def _waits(driven: Array, measured: Array) -> list[Standing]:

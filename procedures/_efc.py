@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -82,14 +82,26 @@ def check_channels(rig: Rig, names: Sequence[str], needed_for: str) -> None:
 
 
 def channel(recording: Recording, name: str, unit: str, needed_for: str) -> Channel:
-    """A channel that is known by its name.
+    """A channel that is known by its name, with its stated uncertainty, in this unit.
 
     Raises:
         FileError: there is none; says what it is needed for.
+        UnitError: it is in a unit of another kind.
     """
     if name not in recording.channels:
         raise FileError(f"{recording.name}: {needed_for} needs a channel '{name}' [{unit}]; the bench has none")
-    return recording.channel(name)
+    return channel_in(recording, name, unit)
+
+
+def channel_in(recording: Recording, name: str, unit: str) -> Channel:
+    """A channel with its stated uncertainty in this unit. Raises `UnitError` for one of another kind."""
+    found, values = recording.channel(name), recording.values(name, unit)
+    if found.unit == unit:
+        return found
+    per, _ = scale_and_offset(found.unit, unit)
+    uncertainty = found.calibration.get("uncertainty")
+    known = {} if uncertainty is None else {"uncertainty": abs(per) * float(uncertainty)}
+    return replace(found, unit=unit, values=values, calibration={**found.calibration, **known})
 
 
 def part_recordings(recording: Recording, kind: str) -> list[tuple[Mapping[str, Any], Recording]]:

@@ -12,6 +12,8 @@ from hil.identification.measuring_chain import MeasuringChain
 from hil.record.conditions import measured_conditions
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array, Channel, Recording
+from hil.signals.rounding import rounding_step
+from hil.units import scale_and_offset
 
 _TEMPERATURE_C, _TEMPERATURE_TOLERANCE_C = 40.0, 4.0
 _SPAN = 50  # samples over which the interval that was planned is judged
@@ -100,6 +102,19 @@ def _planned_interval_s(time_s: Array) -> float:
     """
     span = min(_SPAN, len(time_s) - 1)
     return float(np.median(time_s[span:] - time_s[:-span])) / span
+
+
+def reading_step(recording: Recording, channel: Channel) -> float:
+    """How far two readings of a channel lie apart at least; 0 where neither they nor the bench tell it.
+
+    Readings that stand on one code tell nothing of it: what the device says of its converter is taken then.
+    """
+    seen = rounding_step(channel.values)
+    said = recording.meta.get("read", {}).get(channel.name, {}).get("step")
+    if seen or not said:
+        return seen
+    per, _ = scale_and_offset(recording.channel(channel.name).unit, channel.unit)
+    return abs(per) * float(said)
 
 
 def calibration_std(channel: Channel) -> float:

@@ -14,14 +14,14 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
 from hil.signals.colour import colour_factor
-from hil.signals.rounding import rounding_step
+from hil.signals.rounding import mean_rounding_std
 from hil.signals.smooth_curve import Smoother
 from hil.units import scale_and_offset
 from procedures._course import Course, joined
 from procedures._cylinder import position_per_mm
 from procedures._definitions import CYLINDERS, defined
 from procedures._extreme import extreme
-from procedures._recorded import calibration_std, departures, parts_of, roles_of
+from procedures._recorded import calibration_std, departures, parts_of, reading_step, roles_of
 from procedures._scale import check_above, check_at_least, scale_of
 
 RATE = Measurement("drift_rate", "", "rate of the position while the command stands")
@@ -95,7 +95,7 @@ def evaluate(recording: Recording) -> Findings:
         measured += [
             RATE.at(place, f"{response.unit}/min").of(60.0 * found["slope"], 60.0 * found["slope_std"]),
             extreme(DRIFT.at(place, response.unit), found["way"], found["way_std"]),
-            _restlessness(RESTLESSNESS.at(place, response.unit), found, rounding_step(response.values)),
+            _restlessness(RESTLESSNESS.at(place, response.unit), found, reading_step(recording, response)),
         ]
         if closed:
             measured.append(
@@ -117,10 +117,14 @@ def _one(recording: Recording, part: Mapping[str, Any]) -> tuple[dict[str, Array
     count = max(1, round(_MEAN_S / samples.interval_s))
     blocks = [values[: len(values) // count * count].reshape(-1, count).mean(axis=1) for values in (time_s, position)]
     way, way_std = _way(*blocks)
+    # between two ends, each anywhere within a code that noise does not spread
+    hidden = mean_rounding_std(noise, reading_step(recording, response))
+    apart = math.sqrt(2.0) * hidden
     return {"time_s": blocks[0], "position": blocks[1], "fitted": mean + slope * (blocks[0] - time_s.mean())}, {
-        "slope": slope, "slope_std": noise * math.sqrt(colour / spread), "restless": noise,
-        "restless_std": noise * math.sqrt(colour / (2.0 * len(position))), "way": way, "way_std": way_std,
-        "mean": mean, "mean_std": noise * math.sqrt(colour / len(position)),
+        "slope": slope, "slope_std": math.hypot(noise * math.sqrt(colour / spread), apart / float(np.ptp(time_s))),
+        "restless": noise, "restless_std": noise * math.sqrt(colour / (2.0 * len(position))),
+        "way": way, "way_std": math.hypot(way_std, apart), "mean": mean,
+        "mean_std": math.hypot(noise * math.sqrt(colour / len(position)), hidden),
     }  # fmt: skip
 
 

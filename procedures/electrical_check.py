@@ -19,7 +19,7 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
 from hil.signals.ramps import ramp
-from hil.signals.rounding import mean_rounding_std, rounding_step
+from hil.signals.rounding import mean_rounding_std
 from procedures._efc import (
     COIL_CURRENT,
     COIL_TEMPERATURE,
@@ -32,6 +32,7 @@ from procedures._efc import (
     part_recordings,
     play,
 )
+from procedures._recorded import reading_step
 from procedures._scale import check_above, check_at_least
 
 RESISTANCE = Measurement("coil_resistance", "ohm", "resistance of the coil at 72 °F", 1.7, 2.5)
@@ -135,8 +136,7 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
     voltage = channel(samples, COIL_VOLTAGE, "V", "the electrical check")
     coil = fit_coil(
         CoilReadings(
-            samples.time_s, samples.values(command.name, "A"), samples.values(current.name, "A"),
-            samples.values(voltage.name, "V"),
+            samples.time_s, samples.values(command.name, "A"), current.values, voltage.values,
         )
     )  # fmt: skip
     temperature_c, scatter_k, temperature_std, source = _temperature(samples, part, conditions)
@@ -152,7 +152,9 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
         least = coil.voltage_v / (abs(coil.current_a) + 2.0 * max(instrument_std(current), 1e-6)) / factor
         measured = (resistance.of(least, 0.0, relation=">"), INDUCTANCE.of(None))
     else:
-        rounding = math.hypot(_rounding_std(current) / coil.current_a, _rounding_std(voltage) / coil.voltage_v)
+        rounding = math.hypot(
+            _rounding_std(samples, current) / coil.current_a, _rounding_std(samples, voltage) / coil.voltage_v
+        )
         std = math.hypot(coil.resistance_std_ohm, rounding * coil.resistance_ohm, COPPER_PER_K * scatter_k * ohm)
         known = math.hypot(scale * coil.resistance_ohm, COPPER_PER_K * temperature_std * ohm)
         measured = (
@@ -169,7 +171,7 @@ def judged(samples: Recording, part: Mapping[str, Any], conditions: Mapping[str,
             MEASUREMENTS[2].of(temperature_c, scatter_k, calibration=temperature_std),
             MEASUREMENTS[3].of(
                 coil.voltage_v,
-                math.hypot(coil.voltage_std_v, _rounding_std(voltage)),
+                math.hypot(coil.voltage_std_v, _rounding_std(samples, voltage)),
                 calibration=instrument_std(voltage),
             ),
         ),
@@ -185,11 +187,10 @@ def _temperature(
         given = float(part["coil_temperature"])
         return given, 0.0, _STATED_TEMPERATURE_STD_K, f"Coil temperature as set: {given:g} °C."
     if COIL_TEMPERATURE in samples.channels:
-        values = samples.values(COIL_TEMPERATURE, "degC")
-        std = math.hypot(instrument_std(samples.channel(COIL_TEMPERATURE)), 0.5)
-        scatter = math.hypot(
-            float(values.std()) / math.sqrt(len(values)), _rounding_std(samples.channel(COIL_TEMPERATURE))
-        )
+        measured = channel(samples, COIL_TEMPERATURE, "degC", "the electrical check")
+        values = measured.values
+        std = math.hypot(instrument_std(measured), 0.5)
+        scatter = math.hypot(float(values.std()) / math.sqrt(len(values)), _rounding_std(samples, measured))
         said = "Coil temperature measured at its housing; ± 0.5 K are granted to the copper."
         return float(values.mean()), scatter, std, said
     if conditions.get("fluid_temperature_c") is not None:
@@ -198,10 +199,10 @@ def _temperature(
     return _REFERENCE_C, 0.0, 10.0, "Coil temperature not known; 72 °F ± 18 °F assumed. State it with coil_temperature."
 
 
-def _rounding_std(of: Channel) -> float:
+def _rounding_std(samples: Recording, of: Channel) -> float:
     """What the converter leaves in a mean of a channel that stands, as a standard uncertainty."""
     quietest = min(float(part.std()) for part in np.array_split(of.values, _PARTS))
-    return mean_rounding_std(quietest, rounding_step(of.values))
+    return mean_rounding_std(quietest, reading_step(samples, of))
 
 
 def _notes(coil: Coil, ohm: float, voltage: str) -> list[str]:

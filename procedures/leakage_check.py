@@ -12,19 +12,20 @@ from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
 from hil.signals.colour import colour_factor
-from hil.signals.rounding import mean_rounding_std, rounding_step
+from hil.signals.rounding import mean_rounding_std
 from procedures._efc import (
     SUPPLY_PRESSURE,
     THROUGH_FLOW,
     Stage,
     channel,
+    channel_in,
     check_channels,
     held,
     instrument_std,
     part_recordings,
     play,
 )
-from procedures._recorded import roles_of
+from procedures._recorded import reading_step, roles_of
 from procedures._scale import check_above, check_at_least
 
 LEAKAGE = Measurement("leakage", "ml/min", "flow through the closed valve, at 220 psi across it", 35.0, 125.0)
@@ -81,10 +82,9 @@ def evaluate(recording: Recording) -> Findings:
     _, response = roles_of(recording)
     flow = channel(samples, THROUGH_FLOW, "ml/min", "the leakage check")
     supply = channel(samples, SUPPLY_PRESSURE, "psi", "the leakage check")
-    means = [float(samples.values(name, unit).mean())
-             for name, unit in ((flow.name, "ml/min"), (supply.name, "psi"), (response.name, "psi"))]  # fmt: skip
-    channels = (flow, supply, samples.channel(response.name))
-    stds = [_mean_std(c) for c in channels]
+    channels = (flow, supply, channel_in(samples, response.name, "psi"))
+    means = [float(c.values.mean()) for c in channels]
+    stds = [_mean_std(samples, c) for c in channels]
     known = [instrument_std(c) for c in channels]
     across = means[1] - means[2]
     notes, deviations = [], []
@@ -119,8 +119,8 @@ def evaluate(recording: Recording) -> Findings:
     )  # fmt: skip
 
 
-def _mean_std(channel: Channel) -> float:
+def _mean_std(samples: Recording, channel: Channel) -> float:
     """Standard uncertainty of a channel's mean by noise, and by rounding where noise is less than a code."""
     values = channel.values
     noise = float(values.std()) * math.sqrt(colour_factor(values) / len(values))
-    return math.hypot(noise, mean_rounding_std(float(values.std()), rounding_step(values)))
+    return math.hypot(noise, mean_rounding_std(float(values.std()), reading_step(samples, channel)))

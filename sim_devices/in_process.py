@@ -49,7 +49,10 @@ class SimulatedDaq:
             name: replace(c, step=float(Converter.of(c.kind, c.low, c.high, settings.bits).lsb))
             for name, c in wiring.outputs.items()
         }
-        self.inputs: Mapping[str, InputChannel] = wiring.inputs
+        self.inputs: Mapping[str, InputChannel] = {
+            name: replace(c, step=float(Converter.of(c.kind, c.low, c.high, settings.bits, c.over).lsb))
+            for name, c in wiring.inputs.items()
+        }
         self.promises = _promises(settings, len(wiring.inputs))
         self.levels = {
             name: min(max(settings.power_on, channel.low), channel.high) for name, channel in wiring.outputs.items()

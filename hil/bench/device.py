@@ -80,7 +80,9 @@ class DeviceInUse:
     def _input(self, name: str, channel: ChannelEntry) -> InputChannel:
         terminal = self.terminals[channel.terminal]
         low, high = channel.range or (terminal.low, terminal.high)
-        return InputChannel(name, channel.terminal, terminal.kind, terminal.unit, low, high, terminal.over)
+        return InputChannel(
+            name, channel.terminal, terminal.kind, terminal.unit, low, high, terminal.over, terminal.step
+        )
 
 
 def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[DeviceInUse | None, list[Fault]]:

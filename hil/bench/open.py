@@ -86,7 +86,8 @@ def open_rig(
         rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
         header = {**about, **conditions_of(bench), "deviations": deviations, "bench_file": file.text,
                   "sampling": daq.promises.sampling(daq.inputs, rate_hz),
-                  "driven": {name: output.driven for name, output in daq.outputs.items()}}  # fmt: skip
+                  "driven": {name: output.driven for name, output in daq.outputs.items()},
+                  "read": {name: {"step": read.step} for name, read in daq.inputs.items() if read.step}}  # fmt: skip
         with recorded(RunWriter.create(out, header, columns), known) as writer:
             finished = _taken_over(writer, earlier)
             recorder = Recorder(writer, daq.inputs)

@@ -16,7 +16,8 @@ class Terminal:
 
     `kind` says what it is: `voltage` [V], `current` [A], `pwm_current` (a current kept up by pulse width
     modulation, [A]), `digital` (0 or 1), or `value` (a device that speaks engineering units by itself).
-    `over` is how far beyond either end of its range an input still measures, as a share of the span.
+    `over` is how far beyond either end of its range an input still measures, as a share of the span; its readings lie
+    `step` apart, 0 where that is not known.
     """
 
     direction: Direction
@@ -25,6 +26,7 @@ class Terminal:
     low: float
     high: float
     over: float = 0.0
+    step: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +69,10 @@ class OutputChannel:
 
 @dataclass(frozen=True, slots=True)
 class InputChannel:
-    """An input in use: its name on the bench, where it is connected, its range, and how far `over` that it measures."""
+    """An input in use: its name on the bench, where it is connected, its range, and how far `over` that it measures.
+
+    Its readings lie `step` apart; 0 where that is not known.
+    """
 
     name: str
     terminal: str
@@ -76,6 +81,7 @@ class InputChannel:
     low: float
     high: float
     over: float = 0.0
+    step: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -94,7 +94,7 @@ class Scaled:
     def _scaled_input(self, channel: InputChannel) -> InputChannel:
         by = self._calibrations[channel.name]
         low, high = by.range_of(channel.low, channel.high)
-        return replace(channel, unit=by.unit, low=low, high=high)
+        return replace(channel, unit=by.unit, low=low, high=high, step=abs(by.slope) * channel.step)
 
 
 def measured(raw: Array, channel: InputChannel) -> Array:

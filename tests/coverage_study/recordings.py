@@ -61,7 +61,11 @@ def noisy(clean: Recording, bench: str, situation: Situation, seed: int) -> Reco
         instrument = told["simulation"]["instruments"].get(name, {})
         made = _read(channel, entry, instrument, noise_v, situation, seed)
         channels[name] = _off(made, drawn) if drawn else made
-    return replace(clean, channels=channels)
+    steps = {
+        name: {"step": _RAW_SPAN / 2.0**situation.bits * abs(float(entry["calibration"]["slope"]))}
+        for name, entry in told["channels"].items() if str(entry.get("terminal", "")).startswith("ai")
+    }  # fmt: skip
+    return replace(clean, channels=channels, meta={**clean.meta, "read": steps})
 
 
 def _read(

@@ -72,6 +72,8 @@ def test_run_folder_says_what_was_promised_and_how_it_ended(tmp_path: Path) -> N
     assert run.meta["bench_file"].startswith("# The bench of")
     assert run.meta["sampling"]["timing"] == "virtual"
     assert run.meta["sampling"]["delay_s"]["supply pressure"] == pytest.approx(28e-6)
+    slope = float(run.channel("flow").calibration["slope"])
+    assert run.meta["read"]["flow"] == {"step": pytest.approx(slope * 20.0 / 2**16)}
     (event,) = [event for event in run.meta["events"] if event["event"] == "thought"]
     assert event["details"] == {"depth": 3}
     assert run.channel("flow").source == "dynamic flow meter, ±100 l/min"
