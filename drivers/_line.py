@@ -16,6 +16,7 @@ from hil.errors import DeviceLostError, LinkError
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
 _LOOK_S = 0.02  # how often the clock is looked at while an answer is waited for
 _LONGEST = 4096  # an answer without an end
+_FIRST = 10  # answers on a line: a device that needs a pause falls silent among them
 
 
 def answering(opened: Callable[[], Line], hello: str, startup_s: float) -> tuple[Line, str]:
@@ -67,6 +68,7 @@ class Line:
         self._echo, self._pause_s = echo, pause_s
         self._log = wire_log(driver, address)
         self._quiet_until_s = self._rest_until_s = 0.0
+        self._answers = 0
         self._port: Any = None
         self._place = Port(address)
         self._open()
@@ -81,6 +83,7 @@ class Line:
         self._wait_until_clean()
         until_s = time.monotonic() + self._timeout_s
         answer = self._received(self._send(request, until_s), until_s)
+        self._answers += 1
         self._rest_until_s = time.monotonic() + self._pause_s
         try:
             text = answer.decode("ascii")
@@ -162,13 +165,18 @@ class Line:
             left_s = until_s - time.monotonic()
             if left_s <= 0.0 or len(received) > _LONGEST:
                 cut = f", only {received!r}" if received else ""
-                raise self.failed(f"no answer within {self._timeout_s:g} s{cut}")
+                raise self.failed(f"no answer within {self._timeout_s:g} s{cut or self._may_rest()}")
             received += self._read(_LONGEST)
         self._log.debug("← %r", received)
         answer, _, more = received.lstrip(_NOISE).partition(end)
         if more.strip(_NOISE):
             raise self.failed(f"more came than was asked for: {received!r}")
         return answer.removesuffix(b"\r")  # some instruments end with CR LF whatever they are told
+
+    def _may_rest(self) -> str:
+        """A device that falls silent between its first answers may be one that needs a pause."""
+        first = 0 < self._answers < _FIRST and not self._pause_s
+        return "; if it answers now and then, it may need a pause between frames: say pause_s" if first else ""
 
     def _read(self, most: int) -> bytes:
         try:

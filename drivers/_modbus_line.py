@@ -140,8 +140,9 @@ class ModbusLine:
             )
         if not belongs(answer, function, address, count, values):
             echo = ": an adapter that echoes does so, then say echo = true" if self._may_echo else ""
+            may_be = ": one to an earlier request may have come late" if echo and self.has_read else echo
             self._fail(
-                None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}{echo}"
+                None, LinkError, f"an answer that does not belong to function {function} at {address:#06x}{may_be}"
             )
         if self._two_came(_length(function, count)):
             self._fail(None, LinkError, f"two answers came to function {function} at {address:#06x}: one is another's")

@@ -178,6 +178,10 @@ def test_a_pause_between_frames_and_noise_around_them() -> None:
 
     with module(slow, inputs("ai0"), pause_s=0.025) as link:
         assert [link.read()["ai0"] for _ in range(3)] == [1.234] * 3
+    with pytest.raises(LinkError, match=r"no answer within .*may need a pause between frames: say pause_s"):
+        module(slow, inputs("ai0")).__enter__()
+    with pytest.raises(LinkError, match=r"no answer within [\d.]+ s$"):
+        module(lambda _came: b"", inputs("ai0")).__enter__()
 
 
 @pytest.mark.parametrize(

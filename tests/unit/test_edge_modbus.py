@@ -16,7 +16,7 @@ from drivers import modbus
 from drivers.modbus import LineSettings, ModbusLink, Model, Register
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
-from tests.foreign_line import ForeignLine, Tables
+from tests.foreign_line import ForeignLine, Tables, crc
 
 ORDERS = {
     "big": "42 35 33 33", "ABCD": "42 35 33 33", "little": "33 33 42 35", "CDAB": "33 33 42 35",
@@ -342,3 +342,22 @@ def test_frames_are_logged_for_who_listens_and_nobody_else(
     assert sent.getMessage().startswith("→ ") and came.getMessage().endswith("01 c5")
     assert {name: logging.getLogger(name).level for name in levels} == levels
     assert capfd.readouterr().err == ""
+
+
+def test_a_late_answer_is_not_called_an_echo_once_readings_have_come() -> None:
+    """An adapter that echoes would have been noticed before."""
+    device, before = Tables(inputs={0: 453}), [b"", b""]
+
+    def one_behind(frame: bytes) -> bytes:
+        before[:] = [before[1], device.on_serial(frame)]
+        return before[0] if late[0] else before[1]
+
+    late = [False]
+    with ForeignLine(one_behind) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu")
+        assert link.read()["t"] == 453.0
+        before[1], late[0] = b"\x01\x06\x00\x00\x00\x05" + crc(b"\x01\x06\x00\x00\x00\x05"), True
+        with pytest.raises(LinkError) as told:
+            link.read()
+        assert "one to an earlier request may have come late" in str(told.value)
+        link.close()
