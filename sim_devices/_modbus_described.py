@@ -199,8 +199,9 @@ class DescribedBank(Bank):
     def _look_at_steps(self, spot: Spot) -> None:
         """A sequence is done when its last write came and all of it stands."""
         told = self._told
-        if told.faults is not None and self._is_last(told.faults.clear, spot):
-            self._tripped = False
+        armed = told.watchdog is not None and self._is_last(told.watchdog.arm, spot)
+        if told.faults is not None and (self._is_last(told.faults.clear, spot) or (armed and not told.faults.clear)):
+            self._tripped = False  # where nothing else clears it, arming the watchdog anew does
         if told.enable is not None and self._is_last(told.enable.disable, spot):
             self._enabled = False
         if told.enable is not None and self._is_last(told.enable.write, spot) and not self._tripped:
