@@ -16,6 +16,7 @@ from drivers import scpi, text
 from drivers._templates import Numbers, filled, matched, remedy
 from hil.bench.fault import BenchError
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.description.find import descriptions
 from hil.description.read import read_description
 from hil.errors import LinkError, SettingError
 from tests.described import bench, input_, output, passes, written
@@ -284,3 +285,11 @@ def test_a_described_scpi_instrument_by_hand(tmp_path: Path) -> None:
         assert (link.standing(), link.read()) == ({"volts": 2.5}, {"measured": 2.498})
         link.close()
     assert lines[:4] == ["*CLS", "*IDN?", "SYST:REM", "SYST:ERR?"] and "VOLT 2.500" in lines
+
+
+@pytest.mark.parametrize("name", ["scanner", "agilent-34970a"])
+def test_a_reading_that_lost_a_byte_on_the_line_is_no_answer(name: str) -> None:
+    answer, said = read_description(descriptions()[name]).terminals["in{n}"].answer, "+7.03835487E-02"
+    assert matched(answer, said, Numbers()) == 0.0703835487
+    assert matched(answer, "-9.90000000E+37", Numbers()) == -math.inf
+    assert [matched(answer, said[:i] + said[i + 1 :], Numbers()) for i in range(len(said))] == [None] * len(said)
