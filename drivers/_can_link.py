@@ -19,7 +19,7 @@ _EVERY_S = 0.1  # between commands where neither description nor watchdog says
 
 @edge
 class CanLink:
-    """A device on CAN (see `hil.daq.polled.Link`). Opened without outputs it sends nothing.
+    """A device on CAN (see `hil.daq.link.Link`). Opened without outputs it sends nothing.
 
     Nothing acknowledges a command; where a message says where an output stands, that is asked for. Commands come with
     every drive, and in a pause so often as the description says: they end with the program.

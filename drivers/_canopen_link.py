@@ -48,7 +48,7 @@ class NodeSettings(BaseModel):
 
 @edge
 class CanopenLink:
-    """A node on CANopen (see `hil.daq.polled.Link`).
+    """A node on CANopen (see `hil.daq.link.Link`).
 
     Outputs go out by PDO, SYNC asks for inputs, which come back by PDO. A node whose inputs alone are read is
     asked by SDO and left as it is. Our heartbeat goes with every drive, so that it ends when the program does.

@@ -22,7 +22,7 @@ from hil.errors import LinkError
 
 @edge
 class ModbusLink:
-    """A device on Modbus (see `hil.daq.polled.Link`).
+    """A device on Modbus (see `hil.daq.link.Link`).
 
     Attributes:
         identity: maker, product and version as the device tells them (function 43/14), empty when it does not. Only

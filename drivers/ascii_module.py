@@ -104,7 +104,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 @edge
 class AsciiModuleLink:
-    """A module on its line (see `hil.daq.polled.Link`).
+    """A module on its line (see `hil.daq.link.Link`).
 
     Attributes:
         identity: the name that the module gives itself, and its address.

@@ -147,7 +147,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 @edge
 class CanopenValveLink:
-    """A valve on CANopen (see `hil.daq.polled.Link`).
+    """A valve on CANopen (see `hil.daq.link.Link`).
 
     The set point goes out in RPDO 4 with the control word; SYNC asks for status word and actual value, which come
     back in TPDO 1. Our heartbeat goes with every set point, so that it ends when the program does; the valve

@@ -110,7 +110,7 @@ def command_frame(percent: float, fail_safe: Literal["block", "float"]) -> bytes
 
 @edge
 class J1939ValveLink:
-    """A valve on J1939 (see `hil.daq.polled.Link`). Its flow is estimated by itself, not measured.
+    """A valve on J1939 (see `hil.daq.link.Link`). Its flow is estimated by itself, not measured.
 
     Opened without its command it sends nothing. The valve tells its flow each 100 ms without being asked, so a reading
     is half as old on average.

@@ -55,7 +55,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 @edge
 class PwmAmplifierLink(ModbusLink):
-    """An amplifier (see `hil.daq.polled.Link`). It makes the dither by itself, so that polling need not be fast.
+    """An amplifier (see `hil.daq.link.Link`). It makes the dither by itself, so that polling need not be fast.
 
     Raises:
         SettingError: a carrier or dither that it does not make.

@@ -102,7 +102,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 @edge
 class ScpiLink:
-    """An instrument that speaks SCPI (see `hil.daq.polled.Link`). It has no watchdog.
+    """An instrument that speaks SCPI (see `hil.daq.link.Link`). It has no watchdog.
 
     Every message ends with `SYST:ERR?`, so that each has an answer, and one that says whether it was understood.
 

@@ -114,7 +114,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 @edge
 class TextLink:
-    """A device on its line (see `hil.daq.polled.Link`).
+    """A device on its line (see `hil.daq.link.Link`).
 
     Attributes:
         identity: what it says of itself, where its description asks for that.

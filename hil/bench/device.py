@@ -22,7 +22,7 @@ from hil.daq.contract import Daq
 from hil.errors import HardwareError, HilError, LinkError
 
 if TYPE_CHECKING:
-    from hil.daq.polled import Link
+    from hil.daq.link import Link
 
 _WHATEVER = (Exception, SystemExit)  # that a driver may throw; Ctrl-C is not its own
 

@@ -1,28 +1,27 @@
 """A DAQ made of devices that the host asks sample by sample over a link: Modbus, serial, CAN.
 
-A driver for such a device needs no loop of its own: it provides a `Link`, and this module makes a `Daq` of one or
-of several. The host times the samples, so every sample has the stamp that it really had, and the link's delay is
-measured.
+A driver for such a device needs no loop of its own: it provides a `hil.daq.link.Link`, and this module makes a `Daq` of
+one or of several. The host times the samples, so every sample has the stamp that it really had, and the link's delay
+is measured.
 """
 
 from __future__ import annotations
 
-import math
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass, field
-from queue import Empty, SimpleQueue
-from typing import Any, Protocol, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from hil.clock import Clock, Flag, RealClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
-from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Waveform
-from hil.errors import DeviceLostError, HardwareError, HilError, LinkError, OutputUnderflowError
+from hil.daq.contract import Block, Promises, ReadBack, Waveform
+from hil.daq.link import WHATEVER, Link, Member
+from hil.daq.polling import BEHIND_S, Taken, Task
+from hil.errors import DeviceLostError, HardwareError, LinkError
 
 _T = TypeVar("_T")
 
@@ -32,122 +31,9 @@ _JUDGING_S = 0.05  # so long the next sample waits for what is thought of a bloc
 _OF_LATE = 3  # samples that say how long one takes now
 _UNDISTURBED = 0.25  # quantile of them that is the link's own time: a busy host makes readings slower, never faster
 _BEHIND = 1.5  # a sample that takes longer, in intervals, makes the next one late
-_BEHIND_S = 1.0  # a program that brings no waveform for so long has lost the task
 _SHORTEST_S = 1e-5  # no sample takes less
 _IDLE_S = 60.0  # a watchdog is kept quiet between tasks for so long; then the program counts as hung
-_SHARE_OF_BLOCK = 0.5  # a sample that takes longer makes a violation wait for longer than a block
-_WHATEVER = (Exception, SystemExit)  # that a library may throw; Ctrl-C is not its own
 _SHARE = 0.8  # of the time that a link has, it is used: the rest is for what the computer does besides
-
-
-class Link(Protocol):
-    """One device that is told and asked over a link. Values are raw, by terminal.
-
-    Every method may raise `LinkError` (no answer, a late or garbled one) or `DeviceLostError`. After a
-    `LinkError` the next call must start clean: a late answer is never taken for the next one.
-
-    Attributes:
-        watchdog_s: the device itself makes outputs safe when it hears nothing for so long; None: it does not.
-        keep_alive_s: in a pause the outputs are driven again so often; None: not needed.
-
-    A device that tells its readings without being asked may say `reading_age_s`: how old one is on average. One that
-    says what it is (a serial number) may keep that as `identity`, empty when it has not: who answers to its address
-    with another one later is another device. One that says why an input has no measurement may keep that after each
-    `read` as `unmeasured`, in words by terminal.
-    """
-
-    watchdog_s: float | None
-    keep_alive_s: float | None
-
-    def standing(self) -> Mapping[str, float]:
-        """Where every output in use stands, as the device answers now; never what it was told before.
-
-        An output that the device cannot be asked about is left out: it is then called "told to be safe", never "safe".
-        NaN is one of which the device says only that it is not at its safe value.
-        """
-        ...
-
-    def drive(self, values: Mapping[str, float]) -> None:
-        """Put outputs at these values, and return when the device has acknowledged, where it does."""
-        ...
-
-    def read(self) -> Mapping[str, float]:
-        """Every input in use, read now; NaN where the device has no valid reading, infinite where it says "beyond".
-
-        A reading is never held at the end of a range: that it stands there is seen behind the link. Called in each
-        sample, also without inputs, so that a device may be asked whether it is still as it was left.
-        """
-        ...
-
-    def close(self) -> None:
-        """Let go of the device. May be called twice; never raises."""
-        ...
-
-
-@dataclass(slots=True)
-class _Member:
-    """A link of a DAQ, the channels on it, and how long it took of late."""
-
-    name: str
-    link: Link
-    wiring: Wiring
-    clock: Clock
-    read_after_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
-    read_for_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
-
-    @property
-    def delay_name(self) -> str:
-        """Under which blocks keep how long after the update of the outputs it was read."""
-        return f"delay of {self.name}"
-
-    @property
-    def reading_age_s(self) -> float:
-        """How old a reading is on average when the device is asked for it."""
-        return float(getattr(self.link, "reading_age_s", 0.0))
-
-    def drive(self, levels: Mapping[str, float]) -> None:
-        values = {channel.terminal: levels[name] for name, channel in self.wiring.outputs.items() if name in levels}
-        if values:
-            self._named(self.link.drive, values)
-
-    def read(self) -> dict[str, float]:
-        begun_s = self.clock.now_s
-        values = self._named(self.link.read)
-        self.read_for_s.append(self.clock.now_s - begun_s)
-        return {name: float(values[channel.terminal]) for name, channel in self.wiring.inputs.items()}
-
-    def unmeasured(self) -> dict[str, str]:
-        """Why inputs have no measurement, as far as the device says so."""
-        said: Mapping[str, str] = getattr(self.link, "unmeasured", {})
-        return {name: said[c.terminal] for name, c in self.wiring.inputs.items() if c.terminal in said} if said else {}
-
-    def standing(self) -> dict[str, float]:
-        if not self.wiring.outputs:
-            return {}
-        values = self._named(self.link.standing)
-        found = {name: float(values.get(c.terminal, math.nan)) for name, c in self.wiring.outputs.items()}
-        return {name: self.wiring.outputs[name].safe if math.isnan(at) else at for name, at in found.items()}
-
-    def read_back(self) -> dict[str, ReadBack]:
-        """What the device says of each of its outputs, or why it says nothing. Never raises."""
-        watchdog_s = self.link.watchdog_s
-        rescue = f"its own watchdog acts after {watchdog_s:g} s" if watchdog_s else ""
-        try:
-            values = self._named(self.link.standing) if self.wiring.outputs else {}
-            told = {terminal: _answer(float(value), rescue) for terminal, value in values.items()}
-        except Exception as error:
-            return dict.fromkeys(self.wiring.outputs, ReadBack(why=str(error), rescue=rescue))
-        return {name: told.get(channel.terminal, CANNOT_BE_ASKED) for name, channel in self.wiring.outputs.items()}
-
-    def _named(self, call: Callable[..., Any], *values: Any) -> Any:
-        try:
-            return call(*values)
-        except HardwareError as error:
-            raise type(error)(f"{self.name}: {error}") from error
-        except HilError:
-            raise
-        except _WHATEVER as error:  # of a library, or a fault of the driver: it concerns this link alone
-            raise LinkError(f"{self.name}: {type(error).__name__}: {error}") from error
 
 
 class PolledDaq:
@@ -183,11 +69,11 @@ class PolledDaq:
         measured: bool = True,
     ) -> None:
         self._clock = RealClock() if clock is None else clock
-        self._members = [_Member(name, link, wirings[name], self._clock) for name, link in links.items()]
+        self._members = [Member(name, link, wirings[name], self._clock) for name, link in links.items()]
         self.outputs: Mapping[str, OutputChannel] = _merged(member.wiring.outputs for member in self._members)
         self.inputs: Mapping[str, InputChannel] = _merged(member.wiring.inputs for member in self._members)
         self._lock = threading.Lock()
-        self._task: _Task | None = None
+        self._task: Task | None = None
         self._failed: HardwareError | None = None
         self._told_safe = False
         self._ended = Flag()
@@ -271,9 +157,9 @@ class PolledDaq:
         finally:
             self._let_go()
 
-    def _driven_safe(self, members: Iterable[_Member]) -> list[tuple[_Member, Exception]]:
+    def _driven_safe(self, members: Iterable[Member]) -> list[tuple[Member, Exception]]:
         """Drive safe values, each link once; those that failed, and why. None waits for a second try of another."""
-        left: list[tuple[_Member, Exception]] = []
+        left: list[tuple[Member, Exception]] = []
         for member in members:
             mine = {name: channel.safe for name, channel in member.wiring.outputs.items()}
             try:
@@ -336,7 +222,7 @@ class PolledDaq:
         self._refuse_if_failed()
         self._stop_task()
         self._told_safe = False
-        task = self._task = _Task()
+        task = self._task = Task()
         thread = threading.Thread(target=self._poll, args=(task,), name="hil-poll", daemon=True)
         task.thread = thread
         failure: BaseException | None = None
@@ -366,7 +252,7 @@ class PolledDaq:
         if failure is not None:
             raise failure
 
-    def _poll(self, task: _Task) -> None:
+    def _poll(self, task: Task) -> None:
         """The polling thread: one task from its first sample to its last."""
         due_s = self._clock.now_s
         try:
@@ -378,7 +264,7 @@ class PolledDaq:
             task.done.put(error)
         task.done.put(None)
 
-    def _run(self, waveform: Waveform, due_s: float, task: _Task) -> float:
+    def _run(self, waveform: Waveform, due_s: float, task: Task) -> float:
         """Play one waveform from `due_s` on, hand its blocks over, and return when the next sample is due."""
         interval_s = 1.0 / waveform.rate_hz
         rows = list(zip(*(values.tolist() for values in waveform.outputs.values()), strict=True)) or [()] * len(
@@ -401,7 +287,7 @@ class PolledDaq:
                         break
                     now_s, taken = self._clock.now_s, self._nothing_taken()
                 taken.late += now_s - due_s > 0.5 * interval_s
-                if now_s - due_s > _BEHIND_S:
+                if now_s - due_s > BEHIND_S:
                     due_s = now_s
                 with self._lock:
                     self._sample({**self.levels, **dict(zip(names, row, strict=True))}, taken, task)
@@ -414,7 +300,7 @@ class PolledDaq:
                 task.done.put((taken.block(), True))
         return due_s
 
-    def _sample(self, levels: Mapping[str, float], taken: _Taken, task: _Task) -> None:
+    def _sample(self, levels: Mapping[str, float], taken: Taken, task: Task) -> None:
         """Drive and read once; nothing is read any more when the task is stopped meanwhile."""
         refuse_after_sleep(self._clock)
         self._refuse_after_silence()
@@ -439,11 +325,11 @@ class PolledDaq:
         task.pace.took(begun_s, self._used_s)
         taken.add(begun_s, updated_s - self._zero_s, levels, readings, delays_s)
 
-    def _nothing_taken(self) -> _Taken:
+    def _nothing_taken(self) -> Taken:
         delays = [member.delay_name for member in self._members if member.wiring.inputs]
-        return _Taken(self.outputs, self.inputs, delays)
+        return Taken(self.outputs, self.inputs, delays)
 
-    def _stop_task(self, task: _Task | None = None) -> None:
+    def _stop_task(self, task: Task | None = None) -> None:
         task = task or self._task
         if task is not None:
             task.end()
@@ -486,113 +372,8 @@ class PolledDaq:
         self._ended.set()
         with self._lock, ExitStack() as links:
             for member in reversed(self._members):
-                links.enter_context(suppress(*_WHATEVER))  # one that cannot be closed keeps no other from it
+                links.enter_context(suppress(*WHATEVER))  # one that cannot be closed keeps no other from it
                 links.callback(member.link.close)
-
-
-class _Task:
-    """What a reader and the polling thread share: waveforms to play, blocks that were read.
-
-    With each block comes whether it is the last one of its waveform. `judged` is set as long as the reader waits for
-    a block: it has done with the last one.
-    """
-
-    def __init__(self) -> None:
-        self.todo: SimpleQueue[Waveform | None] = SimpleQueue()
-        self.done: SimpleQueue[tuple[Block, bool] | BaseException | None] = SimpleQueue()
-        self.pace = _Pace()
-        self.judged, self.stop = Flag(), Flag()
-        self.thread: threading.Thread | None = None
-
-    def next(self) -> Waveform | None:
-        """The next waveform, None at the end.
-
-        Raises:
-            OutputUnderflowError: the program brings none.
-        """
-        waited_s = 0.0
-        while not self.stop.is_set():
-            with suppress(Empty):
-                return self.todo.get(timeout=0.05)
-            waited_s += 0.05
-            if waited_s >= _BEHIND_S:
-                raise OutputUnderflowError(
-                    f"no sample to drive for {_BEHIND_S:g} s; outputs stand at their last values"
-                )
-        return None
-
-    def end(self) -> None:
-        """Stop, and wait for the sample that is under way."""
-        self.stop.set()
-        self.judged.set()
-        if self.thread is not None and self.thread is not threading.current_thread() and self.thread.is_alive():
-            self.thread.join()
-
-
-class _Pace:
-    """How a task keeps its time: when a block is over, and whether samples are still fast enough for it."""
-
-    def __init__(self) -> None:
-        self._block_s = self._longest_s = 0.0
-        self._slow: list[tuple[float, float]] = []
-
-    def planned(self, block_s: float, interval_s: float) -> None:
-        """A block is planned to last so long, with a sample in each interval; shorter ones do not count."""
-        self._block_s = max(self._block_s, block_s)
-        self._longest_s = max(_SHARE_OF_BLOCK * self._block_s, interval_s)
-
-    def is_over(self, begun_s: float | None, now_s: float) -> bool:
-        """Whether a block that was begun at a time has lasted long enough."""
-        return begun_s is not None and now_s - begun_s >= self._block_s
-
-    def took(self, begun_s: float, ended_s: float) -> None:
-        """One sample took from then to then."""
-        if ended_s - begun_s > self._longest_s:
-            self._slow.append((begun_s, ended_s))
-        else:
-            self._slow.clear()
-
-    def check(self) -> None:
-        """Raise `LinkError` when no sample has been fast enough for too long."""
-        if len(self._slow) >= _FEWEST_PROBES and self._slow[-1][1] - self._slow[0][0] > _BEHIND_S:
-            took_s = float(np.median([ended_s - begun_s for begun_s, ended_s in self._slow]))
-            raise LinkError(
-                f"the link has become too slow: a sample takes {took_s:.3g} s, and may take {self._longest_s:.3g} s "
-                f"where inputs are judged each {self._block_s:.3g} s"
-            )
-
-
-class _Taken:
-    """Samples as they come, to become a block."""
-
-    def __init__(self, outputs: Iterable[str], inputs: Iterable[str], delays: Iterable[str]) -> None:
-        self.late = 0
-        self.unmeasured: dict[str, str] = {}
-        self.begun_s: float | None = None
-        self.time_s: list[float] = []
-        self._columns: tuple[dict[str, list[float]], ...] = tuple(
-            {name: [] for name in names} for names in (outputs, inputs, delays)
-        )
-
-    def add(self, begun_s: float, time_s: float, *rows: Mapping[str, float]) -> None:
-        """One sample: when it was begun by the clock, its stamp, outputs, inputs, delays."""
-        if self.begun_s is None:
-            self.begun_s = begun_s
-        self.time_s.append(time_s)
-        for columns, row in zip(self._columns, rows, strict=True):
-            for name, values in columns.items():
-                values.append(row[name])
-
-    def block(self) -> Block:
-        outputs, inputs, delays_s = (
-            {name: np.array(values) for name, values in columns.items()} for columns in self._columns
-        )
-        return Block(np.array(self.time_s), inputs, outputs, self.late, delays_s, self.unmeasured)
-
-
-def _answer(at: float, rescue: str) -> ReadBack:
-    why = "the device says only that it is not at its safe value" if math.isnan(at) else ""
-    return ReadBack(None if why else at, why=why, rescue=rescue)
 
 
 def _merged(parts: Iterable[Mapping[str, _T]]) -> dict[str, _T]:
