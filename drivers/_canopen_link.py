@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 from drivers._can import open_bus
 from drivers._edge import edge, wire_log
 from drivers._node_objects import NodeObjects
-from drivers._pdo_mapping import configure, pdos_for
+from drivers._pdo_mapping import configure, pdos_for, with_sync
 from drivers._read_back import ReadBackTimes
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
@@ -78,11 +78,10 @@ class CanopenLink:
         self.keep_alive_s: float | None = self.watchdog_s / 4.0 if self.watchdog_s else None
         wanted = [told.place for told in self._inputs.values()]
         flagged = dict.fromkeys(flag.place for told in self._inputs.values() for flag in told.status)
-        by_pdo = [place for place in flagged if self._outputs and variable(file, place).pdo_mappable]
-        self._flagged = [place for place in flagged if place not in {*by_pdo, *wanted}]
-        self._sent = (
-            pdos_for(file, self._number, list(dict.fromkeys([*wanted, *by_pdo])), "sent") if self._outputs else []
-        )
+        synchronised = bool(self._outputs) and any(with_sync(file, i) for i in range(0x1800, 0x1A00) if i in file)
+        by_pdo = [*wanted, *(p for p in flagged if variable(file, p).pdo_mappable)] if synchronised else []
+        self._by_sdo = [place for place in dict.fromkeys([*wanted, *flagged]) if place not in by_pdo]
+        self._sent = pdos_for(file, self._number, list(dict.fromkeys(by_pdo)), "sent")
         self._received = pdos_for(file, self._number, [told.place for told in self._outputs.values()], "received")
         self._looked_at, self._before = wiring.looked_at, set[str]()
         self.unmeasured: dict[str, str] = {}
@@ -124,18 +123,17 @@ class CanopenLink:
         self._drove_s = time.monotonic()
 
     def read(self) -> dict[str, float]:
-        """The inputs of this SYNC; of a node that is not ours to command by SDO. NaN where there is no measurement.
+        """The inputs of this SYNC, NaN where there is no measurement.
+
+        They are asked for by SDO of a node that is not ours to command, or that sends none with SYNC.
 
         Raises:
             LinkError: no answer, an emergency, or it must have missed our heartbeat.
         """
         self._look()
         begun_s = time.monotonic()
-        if not self._outputs:
-            counts = {told.place: self._objects.count(told.place) for told in self._inputs.values()}
-        else:
-            counts = self._synchronised() if self._inputs else {}
-        counts |= {place: self._objects.count(place) for place in self._flagged}
+        counts = self._synchronised() if self._sent else {}
+        counts |= {place: self._objects.count(place) for place in self._by_sdo}
         self._read_back_times.took(time.monotonic() - begun_s)
         if self._driven and self._read_back_times.is_due(self._checked_s):
             self._outputs_stand()

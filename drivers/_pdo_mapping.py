@@ -15,6 +15,8 @@ Upload = Callable[[int, int], int]
 Download = Callable[[int, int, int, str], None]
 _LONGEST = 8
 _NO_PDO = 1 << 31
+_FLAGS = 0x60000000  # of an identifier: no remote frames, 29 bits; a node's own, left as they are
+_WITH_SYNC = range(1, 241)  # transmission types
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +72,7 @@ def pdos_for(objects: Any, node: int, places: Sequence[Place], way: Literal["sen
     if not places:
         return []
     first = 0x1800 if way == "sent" else 0x1400
-    numbers = [i for i in range(512) if first + i in objects]
+    numbers = [i for i in range(512) if first + i in objects and (way == "received" or with_sync(objects, first + i))]
     by_file = {n: _mapped(objects, first + 0x200 + n) for n in numbers}
     chosen = [n for n in numbers if any(place in places for place in by_file[n])]
     carried = {place for n in chosen for place in by_file[n]}
@@ -93,9 +95,9 @@ def configure(
     for pdo in pdos:
         communication = (0x1800 if way == "sent" else 0x1400) + pdo.number
         mapping = communication + 0x200
-        entries = [_entry(objects, place) for place in pdo.places]
+        entries, flags = [_entry(objects, place) for place in pdo.places], upload(communication, 1) & _FLAGS
         if [upload(mapping, i + 1) for i in range(min(upload(mapping, 0), 64))] != entries:
-            download(communication, 1, pdo.identifier | _NO_PDO, "<I")
+            download(communication, 1, flags | pdo.identifier | _NO_PDO, "<I")
             download(mapping, 0, 0, "<B")
             for i, entry in enumerate(entries):
                 download(mapping, i + 1, entry, "<I")
@@ -104,14 +106,20 @@ def configure(
             download(communication, 2, 1, "<B")  # with every SYNC
         if way == "received" and upload(communication, 2) < 254:
             download(communication, 2, 255, "<B")  # at once
-        if upload(communication, 1) != pdo.identifier:
-            download(communication, 1, pdo.identifier, "<I")
+        if upload(communication, 1) & ~_FLAGS != pdo.identifier:
+            download(communication, 1, flags | pdo.identifier, "<I")
         there = [upload(mapping, i + 1) for i in range(upload(mapping, 0))]
         if there != entries or upload(communication, 1) & 0x800007FF != pdo.identifier:
             said = ", ".join(f"{entry:#010x}" for entry in there)
             raise LinkError(
                 f"object {mapping:04X} reads {said or 'nothing'} back, not what it was told: its mapping is fixed"
             )
+
+
+def with_sync(objects: Any, communication: int) -> bool:
+    """Whether a PDO that a node sends comes with SYNC, or can be told to; some come at changes alone."""
+    found = variable(objects, (communication, 2))
+    return found is None or found.writable or _default(objects, (communication, 2)) in _WITH_SYNC
 
 
 def _mapped(objects: Any, mapping: int) -> tuple[Place, ...]:

@@ -16,6 +16,7 @@ PRE_OPERATIONAL, OPERATIONAL, STOPPED = 0x7F, 0x05, 0x04
 MAPPED = 8
 """Entries of a mapping at most."""
 _INVALID = 0x80000000  # bit of an identifier: the PDO does not exist
+_FLAGS = 0x40000000  # and one that says that it is not asked for by remote frames
 _SYNCHRONOUS = range(1, 241)  # transmission types: with every n-th SYNC, taken here as with every one
 Place = tuple[int, int]
 Objects = Mapping[Place, tuple[str, float, bool]]
@@ -134,7 +135,8 @@ class CanopenNode:
 
     def _receiving(self, identifier: int) -> int | None:
         """The communication object of the receive PDO that has this identifier."""
-        return next((index for index in self._receives if self.values[index, 1] == identifier), None)
+        known = (index for index in self._receives if int(self.values[index, 1]) & ~_FLAGS == identifier)
+        return next(known, None)
 
     def _entries(self, mapping: int) -> list[Place]:
         return [place_of(int(self.values[mapping, sub])) for sub in range(1, int(self.values[mapping, 0]) + 1)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import struct
 import threading
 import time
@@ -60,7 +61,7 @@ class ByHand:
                     self._send(self._int(index, 1) & 0x7FF, self._pdo(index + 0x200))
             else:
                 for index in [i for i, sub in self.objects if 0x1400 <= i < 0x1600 and sub == 1]:
-                    if self._int(index, 1) == message.arbitration_id:
+                    if self._int(index, 1) & 0x800007FF == message.arbitration_id:
                         self._take(index + 0x200, data)
 
     def _int(self, index: int, sub: int) -> int:
@@ -231,6 +232,24 @@ def test_what_is_wrong_is_told_with_its_line(old: str, new: str, line: int, told
     assert any(f"{path}:{line}: " in fault and told in fault for fault in error.value.faults), error.value.faults
     with pytest.raises(FileError, match="not an EDS or DCF"):
         dictionary(str(written(tmp_path, "no.eds", "nothing")))
+
+
+def test_pdos_that_come_at_changes_alone_are_left_and_their_inputs_asked_for(tmp_path: Path) -> None:
+    """As small I/O nodes have them: transmission type 255, identifiers without remote frames, neither to be changed."""
+    file = (HERE / "io-401.eds").read_text(encoding="utf-8")
+    fixed = re.sub(r"(\[180\dsub[12]\][^\[]*AccessType=)rw", r"\1const", file)
+    assert fixed != file
+    written(tmp_path, "io-401.eds", fixed)
+    model = str(written(tmp_path, "io.toml", IO))
+    objects = module() | {(0x1801, 1): struct.pack("<I", 0x40000285), (0x1401, 1): struct.pack("<I", 0x40000305)}
+    with by_hand(tmp_path, objects, {0x1801, 0x1A01}, model=model) as (link, node):
+        assert node.objects[0x1801, 2] == b"\xff"
+        assert node.objects[0x1401, 1] == struct.pack("<I", 0x40000305)  # as it was: not every node takes another
+        node.objects[0x6401, 1] = struct.pack("<h", 16384)
+        link.drive({"ao1": 5.0})
+        assert link.read() == pytest.approx({"ai1": 5.0002, "ai2": 0.0}, abs=1e-4)
+        time.sleep(0.05)
+        assert node.objects[0x6411, 1] == struct.pack("<h", 16384)
 
 
 WORDS = """invalid = { "0x8000" = "sensor broken", "-2" = "not taught" }
