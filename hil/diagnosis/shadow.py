@@ -20,6 +20,7 @@ def shadow(found: Happened, nominal_stages: Sequence[StageShare], left_stages: S
     """The verdict by one score, as `diagnosis.json` holds it.
 
     `nominal_stages`, `left_stages`: what a free curve at each stage explains beside the nominal and the chosen model.
+    Events that were taken out of the recordings before are no part of the question; they stand beside every answer.
     """
     choice, problem = found.choice, found.problem
     fits = [there(f) for f in (choice.chosen, *choice.candidates, *choice.descriptions, *choice.pairs)]
@@ -27,14 +28,15 @@ def shadow(found: Happened, nominal_stages: Sequence[StageShare], left_stages: S
     causes = len({t.told for t in choice.terms if t.kind == "effect"})
     colour = colour_factor(least.residuals)
     asked = question(problem.size, choice.baseline.chi2, least.chi2, causes, colour)
-    ranked = weighed(asked, [
+    taken_out = [e.told for e in found.events if e is not choice.events]
+    ranked = weighed(asked, [h.beside(taken_out) for h in (
         Hypothesis(frozenset({"nothing"}), (), choice.baseline.chi2, 0, 0),
         anything(asked),
         *(_law(f) for f in fits if f.terms),
         *(_events(e) for e in (choice.events, choice.part) if e is not None),
         *_curves(asked, choice.baseline, nominal_stages),
         *(_curves(asked, choice.chosen, left_stages) if choice.chosen.terms else ()),
-    ])  # fmt: skip
+    )])  # fmt: skip
     return {**as_dict(ranked), "noise_chi2": round(asked.count, 1), "nominal_chi2": round(asked.nominal_chi2, 1),
             "causes": asked.terms}  # fmt: skip
 

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -56,6 +56,14 @@ class Hypothesis:
         """As a table says it."""
         extra = ("something unknown",) if "unknown" in self.kinds else ()
         return " + ".join((*self.names, *extra)) or "nothing"
+
+    def beside(self, events: Sequence[tuple[str, str]]) -> Hypothesis:
+        """The same where these events, with what each shows as, were taken out of the recordings before."""
+        if not events:
+            return self
+        told = {name for each in events for name in each}
+        names = (*dict.fromkeys(name for name, _ in events), *(name for name in self.names if name not in told))
+        return replace(self, kinds=(self.kinds - {"nothing"}) | {"events"}, names=names)
 
 
 @dataclass(frozen=True, slots=True)

@@ -144,3 +144,19 @@ def test_what_slow_noise_does_is_no_cause(colour: float, said: str) -> None:
     posed = question(33_294, 33_379.0, tone.chi2, 20, colour)
     as_it_was = Hypothesis(frozenset({"nothing"}), (), 33_379.0, 0, 0)
     assert verdict_of(weighed(posed, [as_it_was, anything(posed), tone])[0].hypothesis) == said
+
+
+def test_events_that_were_taken_out_stand_beside_whatever_explains_the_rest() -> None:
+    nothing = Hypothesis(frozenset({"nothing"}), (), COUNT, 0, 0)
+    friction = law("friction", leaves=0.0, of=1.0)
+    offset = law("sensor_offset", leaves=0.0, of=1.0)
+    events = [("dropout", ""), ("quantisation", "sensor_offset")]
+    assert (nothing.beside([]), friction.beside([])) == (nothing, friction)
+    assert verdict_of(nothing.beside(events)) == "explained"
+    assert nothing.beside(events).names == ("dropout", "quantisation")
+    assert friction.beside(events).names == ("dropout", "quantisation", "friction")
+    assert offset.beside(events).names == ("dropout", "quantisation")  # only another side of the coarse channel
+    assert verdict_of(anything(asked(1.0)).beside(events)) == "partly_explained"
+    misfit = replace(nothing, chi2=2.0 * COUNT)
+    (best, *_) = weighed(asked(1.0), [h.beside(events) for h in (misfit, friction)])
+    assert (best.hypothesis.names, best.hypothesis.chi2) == (friction.beside(events).names, friction.chi2)
