@@ -31,6 +31,7 @@ def run(
     notes: Mapping[str, str] = NOTHING,
     resets: Iterable[str] = (),
     resume: str | Path | None = None,
+    archive: str | Path = "",
     progress: Progress = quiet,
     outputs: Outputs | None = None,
     settings: Mapping[str, Any] = NOTHING,
@@ -49,6 +50,7 @@ def run(
         resets: interlocks whose trips are forgotten first.
         resume: go on where this run was broken off, with its settings.
         progress: told how far it is.
+        archive: where an earlier run of a unit that did not pass is looked for; else `HIL_ARCHIVE`, else `./runs`.
         outputs: kept up to what is known of the outputs, for somebody who asks for it when this failed.
         settings: by name, as values or as text as on the command line.
         named: settings by their own names.
@@ -65,7 +67,7 @@ def run(
     labels = labels_of(serial, operator, [f"{key}={value}" for key, value in notes.items()])
     return run_procedure(
         chosen, _bench(bench), {**settings, **named}, Path(out), progress, resets, split_limits(limits),
-        None if resume is None else Path(resume), outputs, labels,
+        None if resume is None else Path(resume), outputs, labels, archive=str(archive),
     )  # fmt: skip
 
 

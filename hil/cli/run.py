@@ -98,6 +98,7 @@ def command(
             return api.run(
                 chosen, found, folder, limits=limits, serial=labels.serial, operator=labels.operator,
                 notes=labels.notes, resets=resets, resume=resume, progress=progress, outputs=known, settings=given,
+                archive=archive,
             )  # fmt: skip
 
     ended(run, folder, archive, as_json=as_json)

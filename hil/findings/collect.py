@@ -8,11 +8,12 @@ from dataclasses import fields
 from typing import Any
 
 from hil.findings.curves import FUNCTION_KEYS, curves_of, mappings_of
-from hil.findings.results import FittedFunction, LikenessOf, Results, Value
+from hil.findings.results import FittedFunction, LikenessOf, MovedOf, Results, SinceOf, Value
 from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Measured
 from hil.record.plain import plain
 from hil.record.recording import Recording
+from hil.record.since import Since
 
 PURE = "1"  # unit of a pure number where data are handed on; where it is shown it has none
 
@@ -33,16 +34,19 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         notes=findings.notes,
         deviations=findings.deviations,
         likeness=_likeness(findings.likeness),
+        since=_since(findings.since),
     )
 
 
 def findings_of(results: Results) -> Findings:
     """The measured values, notes and deviations as an evaluation gave them; curves stay where they are."""
-    measured = tuple(_measured(one) for one in results.values)
-    return Findings(measured, {}, results.notes, results.deviations, _likeness_of(results.likeness))
+    measured = tuple(measured_of(one) for one in results.values)
+    likeness, since = _likeness_of(results.likeness), _since_of(results.since)
+    return Findings(measured, {}, results.notes, results.deviations, likeness, since)
 
 
-def _measured(found: Value) -> Measured:
+def measured_of(found: Value) -> Measured:
+    """A value as its evaluation gave it."""
     given = {field.name for field in fields(Measured)}
     told = {key: value for key, value in found if key in given}
     return Measured(**{**told, "unit": "" if found.unit == PURE else found.unit})
@@ -60,7 +64,25 @@ def _likeness(found: Likeness | None) -> LikenessOf | None:
 def _likeness_of(found: LikenessOf | None) -> Likeness | None:
     if found is None:
         return None
-    return Likeness(tuple(_measured(one) for one in found.figures), found.good_units, found.beyond, found.reason)
+    return Likeness(tuple(measured_of(one) for one in found.figures), found.good_units, found.beyond, found.reason)
+
+
+def _since(found: Since | None) -> SinceOf | None:
+    if found is None:
+        return None
+    moved = tuple(MovedOf(then=_value(then), now=_value(now)) for then, now in found.moved)
+    return SinceOf(**{**_plain_of(found), "moved": moved})
+
+
+def _since_of(found: SinceOf | None) -> Since | None:
+    if found is None:
+        return None
+    moved = tuple((measured_of(one.then), measured_of(one.now)) for one in found.moved)
+    return Since(**{**dict(found), "moved": moved})
+
+
+def _plain_of(found: Since) -> dict[str, Any]:
+    return {field.name: getattr(found, field.name) for field in fields(Since)}
 
 
 def _value(found: Measured) -> Value:

@@ -53,6 +53,29 @@ class LikenessOf(_Strict):
     reason: str = ""
 
 
+class MovedOf(_Strict):
+    """A value that differs beyond its uncertainty between two runs of a unit."""
+
+    then: Value
+    now: Value
+
+
+class SinceOf(_Strict):
+    """What changed since an earlier run of the same unit, where a certificate is no pass; no part of the verdict.
+
+    `moved` are the values that differ beyond their uncertainty: figures of the condition first, then what keeps the
+    unit from passing. `same` values do not, and `untold` cannot be compared.
+    """
+
+    run: str
+    started_utc: AwareDatetime
+    verdict: Verdict | None
+    moved: tuple[MovedOf, ...] = ()
+    same: int = 0
+    untold: int = 0
+    same_instruments: bool = False
+
+
 class ColumnOf(_Strict):
     """A column of a curve. The unit of a pure number is `1`."""
 
@@ -149,6 +172,7 @@ class Results(_Strict):
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
     likeness: LikenessOf | None = None
+    since: SinceOf | None = None
 
     def __getitem__(self, name: str) -> Value:
         """A value by its full name (`bandwidth_3db, +50 ± 5 %`).

@@ -19,6 +19,7 @@ from hil.record.plain import plain
 
 if TYPE_CHECKING:
     from hil.record.likeness import Likeness
+    from hil.record.since import Since
 
 Verdict = Literal["pass", "fail", "cannot tell"]
 Relation = Literal["=", ">", "<"]
@@ -144,6 +145,7 @@ class Findings:
         notes: sentences that the reader of the report should know.
         deviations: where the test departed from its standard, a sentence each.
         likeness: the unit beside good ones of its type, where the procedure knows them; no part of a verdict.
+        since: the unit beside itself at an earlier date, where the archive has one; no part of a verdict.
     """
 
     measured: tuple[Measured, ...] = ()
@@ -151,6 +153,7 @@ class Findings:
     notes: tuple[str, ...] = ()
     deviations: tuple[str, ...] = ()
     likeness: Likeness | None = None
+    since: Since | None = None
 
     @property
     def verdict(self) -> Verdict | None:

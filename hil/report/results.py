@@ -12,6 +12,7 @@ from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_o
 from hil.report.likeness import likeness_sentences
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
+from hil.report.since import since_sentences
 
 _WORDS = {
     "pass": ("good", marked("Pass"), marked("Every limit is met for certain.")),
@@ -51,10 +52,14 @@ def verdict_box(findings: Findings, meta: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def beside_good(findings: Findings) -> list[str]:
-    """The unit beside good ones, where something was missed or cannot be told; no part of the verdict."""
-    if findings.likeness is None or is_accepted(findings.verdict):
+    """The unit beside itself before and beside good ones, where something was missed or cannot be told.
+
+    No part of the verdict.
+    """
+    if is_accepted(findings.verdict):
         return []
-    return likeness_sentences(findings.likeness)
+    since = [] if findings.since is None else since_sentences(findings.since)
+    return since + ([] if findings.likeness is None else likeness_sentences(findings.likeness))
 
 
 def value_text(m: Measured, unit: str = "") -> str:

@@ -21,6 +21,7 @@ from hil.session.procedure import Procedure, load_procedure
 from hil.session.responses import write_responses
 from hil.session.resting import measured_findings
 from hil.session.setting import Setting, value_text
+from hil.session.since import with_earlier
 
 
 def results_of_run(folder: Path) -> Results:
@@ -38,7 +39,9 @@ def results_of_run(folder: Path) -> Results:
     return results_of(recording, evaluated(procedure, recording, limits_of(recording.meta)))
 
 
-def report_again(folder: Path, limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({})) -> Outcome:
+def report_again(
+    folder: Path, limits: Mapping[str, Limit | TypedLimit] = MappingProxyType({}), archive: str = ""
+) -> Outcome:
     """Evaluate a run once more and write its findings, results and report.
 
     A run that was broken off before anything could be evaluated gets a report that says so.
@@ -46,6 +49,7 @@ def report_again(folder: Path, limits: Mapping[str, Limit | TypedLimit] = Mappin
     Args:
         folder: the run.
         limits: of measured quantities, by name; they go before those with which it was run.
+        archive: where an earlier run of a unit that did not pass is looked for.
 
     Raises:
         FileError: not a run folder.
@@ -55,7 +59,8 @@ def report_again(folder: Path, limits: Mapping[str, Limit | TypedLimit] = Mappin
     recording = read(folder)
     procedure = procedure_of(recording)
     judged_by = {**limits_of(recording.meta), **checked_limits(procedure.measurements, limits)}
-    return write_outcome(recording, evaluated(procedure, recording, judged_by), folder)
+    found = evaluated(procedure, recording, judged_by)
+    return write_outcome(recording, with_earlier(procedure, recording, found, folder, archive), folder)
 
 
 def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, Limit]) -> Findings:

@@ -34,6 +34,7 @@ from hil.session.rehearsal import Rehearsal, rehearse
 from hil.session.results import evaluated, write_outcome
 from hil.session.resume import broken_off, settings_of
 from hil.session.setting import parse_settings
+from hil.session.since import with_earlier
 
 
 def run_procedure(
@@ -48,6 +49,7 @@ def run_procedure(
     known: Outputs | None = None,
     labels: Labels = NO_LABELS,
     commanding: str = "",
+    archive: str = "",
 ) -> Outcome:
     """Drive a procedure and evaluate it: outputs are safe, read back, before anything is evaluated.
 
@@ -66,6 +68,7 @@ def run_procedure(
         known: what is known of the outputs, for somebody who asks for it afterwards.
         labels: serial number, operator and notes.
         commanding: the output that is driven, where it is not the command of the bench.
+        archive: where an earlier run of a unit that did not pass is looked for.
 
     Raises:
         SettingError: a setting or limit is unknown or not allowed; nothing was driven.
@@ -101,7 +104,7 @@ def run_procedure(
                 _take_back(out)
             raise
         telling(1.0, "outputs safe; evaluating")
-        return evaluate_run(procedure, out)
+        return evaluate_run(procedure, out, archive)
 
 
 def rehearse_procedure(
@@ -139,7 +142,7 @@ def planned(
     return earlier, parse_settings(procedure.settings, settings_of(earlier))
 
 
-def evaluate_run(procedure: Procedure, folder: Path) -> Outcome:
+def evaluate_run(procedure: Procedure, folder: Path, archive: str = "") -> Outcome:
     """Evaluate a recorded run; writes its findings and its report into the folder.
 
     Raises:
@@ -147,7 +150,8 @@ def evaluate_run(procedure: Procedure, folder: Path) -> Outcome:
         StorageError: the findings cannot be written.
     """
     recording = read(folder)
-    return write_outcome(recording, evaluated(procedure, recording, limits_of(recording.meta)), folder)
+    found = evaluated(procedure, recording, limits_of(recording.meta))
+    return write_outcome(recording, with_earlier(procedure, recording, found, folder, archive), folder)
 
 
 def _take_back(folder: Path) -> None:

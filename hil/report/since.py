@@ -1,0 +1,53 @@
+"""What changed in a unit since an earlier run, in sentences."""
+
+from __future__ import annotations
+
+from hil.language.words import _
+from hil.record.measurement import COVERAGE_FACTOR, Measured
+from hil.record.since import Since
+from hil.report.local_time import local_text
+from hil.report.name import quantity_words
+from hil.report.number import with_uncertainty
+
+_MOST = 6
+
+
+def since_sentences(found: Since) -> list[str]:
+    """What changed and how much did not; then on what that rests and how to ask for the cause."""
+    when = local_text(found.started_utc)
+    if found.moved:
+        figures = ", ".join(_change(*pair) for pair in found.moved[:_MOST])
+        more = len(found.moved) - _MOST
+        figures += _(" and {n} more").format(n=more) if more > 0 else ""
+        said = _("Since the run of this unit on {when} ({verdict}): {figures}.").format(
+            when=when, verdict=_verdict(found), figures=figures
+        )
+    else:
+        said = _("Since the run of this unit on {when} ({verdict}) no value changed beyond its uncertainty.").format(
+            when=when, verdict=_verdict(found)
+        )
+    instruments = (
+        _("Both were measured with the same instruments.")
+        if found.same_instruments
+        else _("Instruments or calibrations are others; these are in the uncertainty of each change.")
+    )
+    rests = _(
+        "{same} other values did not change beyond their uncertainty, {untold} cannot be compared. {instruments} "
+        "`hil diff {run} RUN --model MODEL.json` looks for the cause, in the valve or in the bench."
+    ).format(same=found.same, untold=found.untold, instruments=instruments, run=found.run)
+    return [said, rests]
+
+
+def _change(then: Measured, now: Measured) -> str:
+    """`friction 3.1 ± 0.2 → 172.2 ± 1.3 mA`."""
+    quantity, _comma, place = now.name.partition(", ")
+    where = _(" at {place}").format(place=place) if place else ""
+    return f"{_(quantity_words(quantity))}{where} {_with(then, '')} → {_with(now, now.unit)}"
+
+
+def _with(m: Measured, unit: str) -> str:
+    return with_uncertainty(m.value, None if m.std is None else COVERAGE_FACTOR * m.std, unit)
+
+
+def _verdict(found: Since) -> str:
+    return _(found.verdict or "not judged")

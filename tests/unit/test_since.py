@@ -1,0 +1,75 @@
+"""A unit that did not pass stands beside an earlier run of its serial number, where the archive has one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.archive.archive import enter
+from hil.archive.place import archive_place
+from hil.findings.collect import findings_of, results_of
+from hil.findings.results import write_results
+from hil.record.folder import read, write
+from hil.record.measurement import Findings, Measurement
+from hil.record.recording import Channel, Recording
+from hil.report.results import beside_good
+from hil.session.procedure import Procedure, load_procedure
+from hil.session.since import with_earlier
+
+RISE = Measurement("rise", "ms", "rise", high=100.0)
+GAIN = Measurement("gain", "psi per A", "gain")
+
+
+@pytest.fixture
+def lab(tmp_path: Path) -> Path:
+    return tmp_path / "lab"
+
+
+@pytest.fixture
+def certifies() -> Procedure:
+    return replace(load_procedure("step_response"), certificate=True)
+
+
+def made(folder: Path, day: int, rise: float, serial: str = "A7") -> tuple[Recording, Findings]:
+    meta = {
+        "procedure": "step_response", "valve": {"serial": serial}, "outcome": "completed",
+        "started_utc": (datetime(2026, 1, 1, tzinfo=UTC) + timedelta(days=day)).isoformat(),
+    }  # fmt: skip
+    recording = Recording(str(folder), np.arange(3.0), {"flow": Channel("flow", "l/min", np.zeros(3))}, meta)
+    write(recording, folder)
+    found = Findings((RISE.of(rise, 2.0), GAIN.of(8.0, 0.1)))
+    write_results(results_of(recording, found), folder)
+    enter(archive_place(str(folder.parent)), [folder])
+    return read(folder), found
+
+
+def test_what_changed_since_the_run_that_passed_is_said(lab: Path, certifies: Procedure) -> None:
+    made(lab / "good", 0, 60.0)
+    made(lab / "worse", 1, 170.0)
+    recording, found = made(lab / "now", 2, 180.0)
+    said, rests = beside_good(with_earlier(certifies, recording, found, lab / "now", str(lab)))
+    assert "(pass): rise 60.0 ± 4.0 → 180.0 ± 4.0 ms." in said
+    assert "gain" not in said
+    assert rests.startswith("1 other values did not change beyond their uncertainty, 0 cannot be compared.")
+    assert "`hil diff good RUN" in rests
+
+
+def test_it_is_kept_in_the_results(lab: Path, certifies: Procedure) -> None:
+    made(lab / "good", 0, 60.0)
+    recording, found = made(lab / "now", 2, 180.0)
+    found = with_earlier(certifies, recording, found, lab / "now", str(lab))
+    assert found.since is not None
+    assert findings_of(results_of(recording, found)).since == found.since
+
+
+@pytest.mark.parametrize("case", ["passed", "other unit", "later", "no certificate", "no archive"])
+def test_nothing_is_said_where_there_is_nothing_to_say(lab: Path, certifies: Procedure, case: str) -> None:
+    made(lab / "other", 5 if case == "later" else 0, 60.0, "B1" if case == "other unit" else "A7")
+    recording, found = made(lab / "now", 2, 70.0 if case == "passed" else 180.0)
+    procedure = replace(certifies, certificate=case != "no certificate")
+    archive = str(lab / "none") if case == "no archive" else str(lab)
+    assert with_earlier(procedure, recording, found, lab / "now", archive).since is None
