@@ -183,8 +183,12 @@ def few_commands(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def _asked(name: str) -> list[str]:
-    """Lies that this device could tell."""
-    return [lie for lie in LIES if LIES[lie].needs(_wiring(_told(name)), _told(name))]
+    """Of the lies that this device could tell, one or two for each check, other ones for each device."""
+    found = []
+    for check, most in {DRIVES: 2, OBEYS: 1, GOES_SAFE: 1, WATCHDOG: 1, READS: 1}.items():
+        lies = [key for key, lie in LIES.items() if lie.check == check and lie.needs(_wiring(_told(name)), _told(name))]
+        found += [lies[(NAMES.index(name) + i) % len(lies)] for i in range(min(most, len(lies)))]
+    return found
 
 
 @pytest.mark.parametrize(
@@ -209,4 +213,5 @@ def test_a_lie_is_caught_by_its_check(name: str, lie: str, monkeypatch: pytest.M
 
 def test_every_shipped_description_is_lied_about() -> None:
     assert set(NAMES) == {path.stem for path in descriptions()[NAMES[0]].parent.glob("*.toml")}
+    assert {lie for name in NAMES for lie in _asked(name)} == set(LIES)
     assert all(_asked(name) for name in NAMES)
