@@ -82,10 +82,7 @@ def axis_of(
         SettingError: the response is no position, or a dimension cannot be.
     """
     per_mm = position_per_mm(rig)
-    check_above("stroke_mm", 0.0, stroke_mm, "mm")
-    check_above("rod_mm", 0.0, rod_mm, "mm")
     check_above("bore_mm", rod_mm, bore_mm, "mm")
-    check_above("full_flow_lpm", 0.0, full_flow_lpm, "l/min")
     start_mm = -stroke_mm / 2.0 if retracted_mm is None else retracted_mm
     head_mm2, rod_side_mm2 = math.pi / 4.0 * bore_mm**2, math.pi / 4.0 * (bore_mm**2 - rod_mm**2)
     flow_mm3_per_s = full_flow_lpm * 1e6 / 60.0

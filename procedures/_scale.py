@@ -93,7 +93,6 @@ def scale_of(rig: Rig, full_command: float | None) -> Scale:
     moving = response.name if response.integrates else ""
     if full_command is None:
         return Scale(command, max(command.high - command.safe, command.safe - command.low), moving)
-    check_above("full_command", 0.0, full_command)
     return Scale(command, full_command, moving)
 
 

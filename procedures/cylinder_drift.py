@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from hil.identification.redrawn import DRAWS, about
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
+from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std
 from hil.signals.smooth_curve import Smoother
@@ -22,7 +23,8 @@ from procedures._cylinder import position_per_mm
 from procedures._definitions import CYLINDERS, defined
 from procedures._extreme import extreme
 from procedures._recorded import calibration_std, departures, parts_of, reading_step, roles_of
-from procedures._scale import check_above, check_at_least, scale_of
+from procedures._scale import check_above, scale_of
+from procedures._settings import Positive
 
 RATE = Measurement("drift_rate", "", "rate of the position while the command stands")
 DRIFT = Measurement("drift", "", "largest less smallest position, of a smooth curve through one-second means")
@@ -42,10 +44,10 @@ def run(
     rig: Rig,
     *,
     levels: tuple[float, ...] | None = None,
-    duration_s: float = 60.0,
-    settle_s: float | None = None,
-    full_command: float | None = None,
-    rate_hz: float | None = None,
+    duration_s: Annotated[float, Allowed(at_least=_LEAST_S)] = 60.0,
+    settle_s: Positive | None = None,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Stand still at each level and record.
 
@@ -60,7 +62,6 @@ def run(
     """
     position_per_mm(rig)
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    check_at_least("duration_s", _LEAST_S, duration_s, "s")
     waited_s = 3.0 * rig.settling_s if settle_s is None else settle_s
     check_above("settle_s", 0.0, waited_s, "s")
     scale = scale_of(rig, full_command)

@@ -54,6 +54,7 @@ from procedures._efc import (
 )
 from procedures._recorded import departures, roles_of
 from procedures._scale import check_at_least
+from procedures._settings import Positive
 
 FUNCTION = Measurement(
     "function", "psi", "rise of pressure from the closing to the opening current, in the direction of the type", 100.0
@@ -107,10 +108,10 @@ def run(
     voltage: Literal["12", "24"] = "12",
     normally_open: bool = False,
     top_current: float = 2.0,
-    sweep_s: float = 20.0,
-    frequencies: tuple[float, ...] = FREQUENCIES_HZ,
+    sweep_s: Positive = 20.0,
+    frequencies: tuple[Positive, ...] = FREQUENCIES_HZ,
     levels: tuple[Literal["low", "medium", "high"], ...] = ("low", "medium", "high"),
-    rate_hz: float | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the whole sequence, or as much of it as the valve allows.
 

@@ -18,6 +18,7 @@ from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.rig import Rig
 from procedures import frequency_response, pressure_current
+from procedures._settings import NotNegative, Positive, Twice
 from procedures._steady_sine import Patience
 
 MEASUREMENTS = frequency_response.MEASUREMENTS
@@ -31,13 +32,13 @@ def run(
     rig: Rig,
     *,
     levels: tuple[Literal["low", "medium", "high"], ...] = ("low", "medium", "high"),
-    frequencies: tuple[float, ...] = _FREQUENCIES_HZ,
-    measure_periods: int = 3,
-    measure_s: float = 2.0,
-    top_current: float = 2.0,
-    cycle_s: float = 20.0,
+    frequencies: tuple[Positive, ...] = _FREQUENCIES_HZ,
+    measure_periods: Twice = 3,
+    measure_s: NotNegative = 2.0,
+    top_current: Positive = 2.0,
+    cycle_s: Positive = 20.0,
     normally_open: bool = False,
-    rate_hz: float | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive two sweeps, then the sines of each level.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -17,13 +17,15 @@ from hil.identification.step_estimate import MeasuredStep, measured_steps
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
+from hil.session.allowed import Allowed
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std, rounding_step
 from procedures._definitions import STEPS, defined
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
 from procedures._extreme import CERTAIN, extreme
 from procedures._recorded import roles_of
-from procedures._scale import check_above, check_at_least
+from procedures._scale import check_above
+from procedures._settings import NotNegative, Once, Positive
 
 FINAL = Measurement("step_pressure", "psi", "steady pressure at the end of the step")
 RISE = Measurement("rise", "ms", "from 10 % to 90 % of the change")
@@ -40,11 +42,11 @@ _LEAST_CHANGE = 6.0  # psi, below which a step tells no times
 def run(
     rig: Rig,
     *,
-    currents: tuple[float, ...] = (1.2, 1.4, 1.6, 1.8, 2.0),
-    repeats: int = 3,
-    from_current: float = 0.0,
-    hold_s: float = 1.5,
-    rate_hz: float | None = None,
+    currents: tuple[Positive, ...] = (1.2, 1.4, 1.6, 1.8, 2.0),
+    repeats: Once = 3,
+    from_current: NotNegative = 0.0,
+    hold_s: Annotated[float, Allowed(at_least=0.2)] = 1.5,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the steps.
 
@@ -57,8 +59,6 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    check_at_least("repeats", 1, repeats)
-    check_at_least("hold_s", 0.2, hold_s, "s")
     for current in currents:
         check_above("currents", from_current, current, "A")
     play(rig, stages(currents, repeats, from_current, hold_s, rate_hz), rate_hz)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from hil.identification.coil import COPPER_PER_K, Coil, CoilReadings, copper_fac
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Channel, Recording
 from hil.rig import Rig
+from hil.session.allowed import Allowed
 from hil.signals.ramps import ramp
 from hil.signals.rounding import mean_rounding_std
 from procedures._efc import (
@@ -33,7 +34,8 @@ from procedures._efc import (
     play,
 )
 from procedures._recorded import reading_step
-from procedures._scale import check_above, check_at_least
+from procedures._scale import check_at_least
+from procedures._settings import Positive, Twice
 
 RESISTANCE = Measurement("coil_resistance", "ohm", "resistance of the coil at 72 °F", 1.7, 2.5)
 INDUCTANCE = Measurement("coil_inductance", "mH", "inductance of the coil", None, 120.0)
@@ -57,12 +59,12 @@ def run(
     rig: Rig,
     *,
     voltage: Literal["12", "24"] = "12",
-    test_current: float = 0.5,
-    rise_s: float = 0.02,
-    hold_s: float = 0.6,
-    repeats: int = 5,
+    test_current: Positive = 0.5,
+    rise_s: Positive = 0.02,
+    hold_s: Annotated[float, Allowed(at_least=0.4)] = 0.6,
+    repeats: Twice = 5,
     coil_temperature: float | None = None,
-    rate_hz: float | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the steps.
 
@@ -94,14 +96,11 @@ def drive(
     check_channels(rig, (COIL_CURRENT, COIL_VOLTAGE), "the electrical check")
     ohm, tolerance = SPECIFIED_OHM[voltage]
     most = _PROOF_VOLTAGE * float(voltage) / (ohm + tolerance)
-    check_above("test_current", 0.0, test_current, "A")
     if test_current > most:
         raise SettingError(
             f"setting test_current: {test_current:g} A; a {voltage} V coil takes {most:.3g} A at most (133 % of its "
             "voltage)"
         )
-    check_at_least("repeats", 2, repeats)
-    check_at_least("hold_s", 0.4, hold_s, "s")
     check_at_least("rise_s", 2.0 / rate_hz, rise_s, "s")
     part = {"kind": KIND, "voltage": voltage, "coil_temperature": coil_temperature}
     (made,) = play(rig, stages(test_current, rise_s, hold_s, repeats, rate_hz, part), rate_hz)

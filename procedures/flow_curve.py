@@ -24,6 +24,7 @@ from procedures._course import Course, joined
 from procedures._definitions import SWEEPS, defined
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_at_least, check_stands, scale_of
+from procedures._settings import NotNegative, Once, Positive
 
 MEASUREMENTS = defined(
     SWEEPS,
@@ -53,12 +54,12 @@ def run(
     *,
     low: float | None = None,
     high: float | None = None,
-    cycle_s: float = 60.0,
-    cycles: int = 1,
+    cycle_s: Positive = 60.0,
+    cycles: Once = 1,
     half_speed: bool = True,
-    warm_up_s: float = 0.0,
-    full_command: float | None = None,
-    rate_hz: float | None = None,
+    warm_up_s: NotNegative = 0.0,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the sweeps.
 
@@ -74,8 +75,6 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    check_at_least("cycles", 1, cycles)
-    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
     check_at_least("cycle_s", max(_SAMPLES / rate_hz, _SETTLINGS * rig.settling_s), cycle_s, "s")
     scale = scale_of(rig, full_command)
     check_stands(scale, "a flow curve")

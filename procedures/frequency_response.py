@@ -33,7 +33,8 @@ from procedures._response import (
     label_of,
     reference_deviations,
 )
-from procedures._scale import about_levels, check_above, check_at_least, check_form_asked, scale_of
+from procedures._scale import about_levels, check_form_asked, scale_of
+from procedures._settings import NotNegative, Poles, Positive, Twice, Zeros
 from procedures._steady_sine import Heard, Patience, Tone, heard_before, listen, steady_path
 
 THD = Measurement("thd", "%", "largest distortion of the response beyond noise: harmonics 2 to 5 over the fundamental")
@@ -46,21 +47,21 @@ _STANDARD_HZ, _STANDARD_SHARE = 5.0, 0.05  # reference: the first, or this share
 def run(
     rig: Rig,
     *,
-    frequencies: tuple[float, ...] = even_frequencies(0.1, 4.9, 0.2),
-    amplitudes: tuple[float, ...] = (5.0, 10.0, 20.0),
+    frequencies: tuple[Positive, ...] = even_frequencies(0.1, 4.9, 0.2),
+    amplitudes: tuple[Positive, ...] = (5.0, 10.0, 20.0),
     biases: tuple[float, ...] | None = None,
     reference: Literal["lowest", "standard"] = "lowest",
-    measure_periods: int = 3,
-    measure_s: float = 5.0,
-    tolerance: float = 0.2,
-    longest_wait_s: float = 30.0,
-    warm_up_s: float = 0.0,
+    measure_periods: Twice = 3,
+    measure_s: NotNegative = 5.0,
+    tolerance: Positive = 0.2,
+    longest_wait_s: NotNegative = 30.0,
+    warm_up_s: NotNegative = 0.0,
     correct_chain: bool = True,
-    poles: int | None = 3,
-    zeros: int | None = None,
+    poles: Poles | None = 3,
+    zeros: Zeros | None = None,
     dead_time: bool | None = None,  # noqa: ARG001 — for the evaluation
-    full_command: float | None = None,
-    rate_hz: float | None = None,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the stepped sines.
 
@@ -87,10 +88,6 @@ def run(
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
     check_frequencies(frequencies, rate_hz)
-    check_at_least("measure_periods", 2, measure_periods)
-    check_above("tolerance", 0.0, tolerance, "%")
-    for name, duration_s in (("measure_s", measure_s), ("longest_wait_s", longest_wait_s), ("warm_up_s", warm_up_s)):
-        check_at_least(name, 0.0, duration_s, "s")
     levels = about_levels(scale_of(rig, full_command), amplitudes, biases)
     check_form_asked(poles, zeros)
     patience = Patience(rig.settling_s, measure_periods, measure_s, tolerance / 100.0, longest_wait_s)

@@ -24,7 +24,8 @@ from procedures._definitions import SINES, defined
 from procedures._extreme import CERTAIN, extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
-from procedures._scale import Scale, check_at_least, check_stands, scale_of
+from procedures._scale import Scale, check_stands, scale_of
+from procedures._settings import NotNegative, Once, Positive
 
 AMPLITUDE = Measurement("amplitude", "", "amplitude of the response's fundamental")
 PHASE = Measurement("phase", "deg", "phase of the response's fundamental against the command")
@@ -36,13 +37,13 @@ MEASUREMENTS = defined(SINES, AMPLITUDE, PHASE, OFFSET, THD)
 def run(
     rig: Rig,
     *,
-    frequencies: tuple[float, ...] = (0.1, 0.3, 0.5),
-    amplitude: float | None = None,
+    frequencies: tuple[Positive, ...] = (0.1, 0.3, 0.5),
+    amplitude: Positive | None = None,
     bias: float | None = None,
-    cycles: int = 3,
-    warm_up_s: float = 0.0,
-    full_command: float | None = None,
-    rate_hz: float | None = None,
+    cycles: Once = 3,
+    warm_up_s: NotNegative = 0.0,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the sines.
 
@@ -60,8 +61,6 @@ def run(
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
     check_frequencies(frequencies, rate_hz)
-    check_at_least("cycles", 1, cycles)
-    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
     middle, size = _level(scale_of(rig, full_command), amplitude, bias)
     settling = [max(1, math.ceil(rig.settling_s * f)) for f in frequencies]
     waves = [

@@ -26,7 +26,7 @@ from procedures._efc import (
     play,
 )
 from procedures._recorded import reading_step, roles_of
-from procedures._scale import check_above, check_at_least
+from procedures._settings import NotNegative, Positive
 
 LEAKAGE = Measurement("leakage", "ml/min", "flow through the closed valve, at 220 psi across it", 35.0, 125.0)
 MEASUREMENTS = (
@@ -44,10 +44,10 @@ _FULL = 0.98  # of a flow meter's range: beyond it may be anything
 def run(
     rig: Rig,
     *,
-    closing_current: float = 0.0,
-    settle_s: float = 2.0,
-    hold_s: float = 5.0,
-    rate_hz: float | None = None,
+    closing_current: NotNegative = 0.0,
+    settle_s: NotNegative = 2.0,
+    hold_s: Positive = 5.0,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Hold the valve closed.
 
@@ -60,9 +60,6 @@ def run(
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
     check_channels(rig, (THROUGH_FLOW, SUPPLY_PRESSURE), "the leakage check")
-    check_at_least("closing_current", 0.0, closing_current, "A")
-    check_at_least("settle_s", 0.0, settle_s, "s")
-    check_above("hold_s", 0.0, hold_s, "s")
     play(rig, stages(closing_current, settle_s, hold_s, rate_hz), rate_hz)
 
 

@@ -23,7 +23,8 @@ from procedures._definitions import FREQUENCIES, defined
 from procedures._extreme import extreme
 from procedures._recorded import departures, parts_of, roles_of
 from procedures._response import MEASURED, Evaluated, chain_notes, evaluated, label_of, reference_deviations
-from procedures._scale import about_levels, check_above, check_at_least, check_form_asked, scale_of
+from procedures._scale import about_levels, check_form_asked, scale_of
+from procedures._settings import NotNegative, Poles, Positive, Seed, Twice, Zeros
 
 NOISE = Measurement("noise", "%", "noise of the mean over the periods, median over the lines, in % of the response")
 ODD = Measurement(
@@ -38,20 +39,20 @@ MEASUREMENTS = defined(FREQUENCIES, *MEASURED, NOISE, ODD, EVEN)
 def run(
     rig: Rig,
     *,
-    low_hz: float = 0.1,
-    high_hz: float = 4.9,
-    base_hz: float = 0.1,
-    amplitudes: tuple[float, ...] = (10.0,),
+    low_hz: Positive = 0.1,
+    high_hz: Positive = 4.9,
+    base_hz: Positive = 0.1,
+    amplitudes: tuple[Positive, ...] = (10.0,),
     biases: tuple[float, ...] | None = None,
-    periods: int = 4,
-    seed: int = 0,
-    warm_up_s: float = 0.0,
+    periods: Twice = 4,
+    seed: Seed = 0,
+    warm_up_s: NotNegative = 0.0,
     correct_chain: bool = True,
-    poles: int | None = 3,
-    zeros: int | None = None,
+    poles: Poles | None = 3,
+    zeros: Zeros | None = None,
     dead_time: bool | None = None,  # noqa: ARG001 — for the evaluation
-    full_command: float | None = None,
-    rate_hz: float | None = None,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the multisines.
 
@@ -75,9 +76,7 @@ def run(
         rate_hz: sample rate; that of the bench when not given. At least 20 times the top frequency.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    _check_lines(low_hz, high_hz, base_hz)
-    check_at_least("periods", 2, periods)
-    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
+    _check_lines(low_hz, high_hz)
     check_form_asked(poles, zeros)
     levels = about_levels(scale_of(rig, full_command), amplitudes, biases)
     unit_sine = odd_multisine(low_hz, high_hz, base_hz, rate_hz, 1.0, seed=seed)
@@ -118,9 +117,7 @@ def evaluate(recording: Recording) -> Findings:
     )
 
 
-def _check_lines(low_hz: float, high_hz: float, base_hz: float) -> None:
-    check_above("base_hz", 0.0, base_hz, "Hz")
-    check_above("low_hz", 0.0, low_hz, "Hz")
+def _check_lines(low_hz: float, high_hz: float) -> None:
     if not high_hz > low_hz:
         raise SettingError(f"setting high_hz: {high_hz:g} Hz; it must be above low_hz, {low_hz:g} Hz")
 

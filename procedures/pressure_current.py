@@ -25,7 +25,7 @@ from procedures._definitions import SWEEPS, defined
 from procedures._efc import Stage, held, instrument_std, part_recordings, play
 from procedures._extreme import extreme
 from procedures._recorded import calibration_share, roles_of
-from procedures._scale import check_above
+from procedures._settings import Positive
 
 PRESSURE = Measurement("pressure", "psi", "pressure at a current, middle of the loop")
 SPAN = Measurement(
@@ -44,10 +44,10 @@ _POINTS_A = (1.2, 1.4, 1.6, 1.8, 2.0)
 def run(
     rig: Rig,
     *,
-    top_current: float = 2.0,
-    cycle_s: float = 20.0,
+    top_current: Positive = 2.0,
+    cycle_s: Positive = 20.0,
     normally_open: bool = False,
-    rate_hz: float | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the sweeps.
 
@@ -70,8 +70,6 @@ def drive(
 ) -> list[Recording]:
     """The same; returns the sweeps, so that a sequence can go on from the curve."""
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    check_above("top_current", 0.0, top_current, "A")
-    check_above("cycle_s", 0.0, cycle_s, "s")
     sweeps = stages(top_current, cycle_s, normally_open, rate_hz)
     made = play(rig, sweeps, rate_hz)
     return [replace(piece, meta={**piece.meta, "sweep": stage.part})

@@ -25,7 +25,8 @@ from procedures._definitions import SINES, defined
 from procedures._extreme import extreme
 from procedures._overlay import HARMONICS, shown_samples, synthesised, thinning
 from procedures._recorded import calibration_share, calibration_std, departures, parts_of, roles_of
-from procedures._scale import Scale, check_above, check_at_least, scale_of
+from procedures._scale import Scale, scale_of
+from procedures._settings import NotNegative, Once, Positive
 
 AMPLITUDE = Measurement("amplitude", "", "amplitude of the position's fundamental")
 PHASE = Measurement("phase", "deg", "phase of the position's fundamental against the command")
@@ -42,18 +43,18 @@ _SETTLING = 0.1  # of the measured sine: the process model starts from rest, the
 def run(
     rig: Rig,
     *,
-    amplitude: float = 50.0,
-    offset: float | None = None,
-    frequency_rad_s: float | None = None,
-    cycles: int = 3,
-    stroke_mm: float = 250.0,
+    amplitude: Positive = 50.0,
+    offset: NotNegative | None = None,
+    frequency_rad_s: Positive | None = None,
+    cycles: Once = 3,
+    stroke_mm: Positive = 250.0,
     retracted_mm: float | None = None,
-    bore_mm: float = 50.0,
-    rod_mm: float = 30.0,
-    full_flow_lpm: float = 11.4,
-    warm_up_s: float = 0.0,
-    full_command: float | None = None,
-    rate_hz: float | None = None,
+    bore_mm: Positive = 50.0,
+    rod_mm: Positive = 30.0,
+    full_flow_lpm: Positive = 11.4,
+    warm_up_s: NotNegative = 0.0,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive a sine on the positive side of neutral, then one on the negative side.
 
@@ -77,15 +78,12 @@ def run(
         rate_hz: sample rate; that of the bench when not given. At least 20 times the frequency.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    check_at_least("cycles", 1, cycles)
-    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
     axis = axis_of(rig, stroke_mm, retracted_mm, bore_mm, rod_mm, full_flow_lpm)
     scale = scale_of(rig, full_command)
     share = amplitude if offset is None else offset
     if frequency_rad_s is None:
         slowest_rad_s = 0.0 if axis.closed else _slowest_rad_s(axis, share, cycles)
         frequency_rad_s = max(_PAPER_RAD_S, math.ceil(slowest_rad_s))
-    check_above("frequency_rad_s", 0.0, frequency_rad_s, "rad/s")
     frequency_hz = frequency_rad_s / (2.0 * math.pi)
     check_frequencies((frequency_hz,), rate_hz)
     size, middles = _levels(scale, amplitude, share)
@@ -158,7 +156,6 @@ def evaluate(recording: Recording) -> Findings:
 def _levels(scale: Scale, amplitude: float, offset: float) -> tuple[float, tuple[float, float]]:
     """Amplitude and the two middles in the unit of the command."""
     size = scale.size("amplitude", amplitude)
-    check_at_least("offset", 0.0, offset, "%")
     middles = (scale.level("offset", offset), scale.level("offset", -offset))
     for middle in middles:
         scale.within("amplitude", f"{amplitude:g} % about {offset:g} %", middle - size, middle + size)

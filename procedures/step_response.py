@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.record.response_table import ResponseTable
 from hil.rig import Rig
+from hil.session.allowed import Allowed
 from hil.session.sources import tables_of
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import rounding_step
@@ -24,7 +25,8 @@ from procedures._course import Course, joined
 from procedures._definitions import STEPS, defined
 from procedures._extreme import CERTAIN, extreme
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
-from procedures._scale import check_above, check_at_least, check_stands, scale_of
+from procedures._scale import check_stands, scale_of
+from procedures._settings import NotNegative, Once, Positive
 from procedures._step_model import step_model
 
 DEAD_TIME = Measurement("dead_time", "ms", "until the response has moved by more than noise and 2 % of its change")
@@ -51,13 +53,13 @@ def run(
     *,
     sequence: Literal["paper", "small", "half", "full", "reversal", "inner", "quarter"] = "paper",
     levels: tuple[float, ...] | None = None,
-    hold_s: float | None = None,
-    repeats: int = 1,
-    band: float = 2.0,
+    hold_s: Positive | None = None,
+    repeats: Once = 1,
+    band: Annotated[float, Allowed(above=0.0, below=50.0)] = 2.0,  # noqa: ARG001 — for the evaluation
     beside: str = "",
-    warm_up_s: float = 0.0,
-    full_command: float | None = None,
-    rate_hz: float | None = None,
+    warm_up_s: NotNegative = 0.0,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Drive the steps.
 
@@ -77,11 +79,6 @@ def run(
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
     held_s = _HOLD_SETTLINGS * rig.settling_s if hold_s is None else hold_s
-    check_above("hold_s", 0.0, held_s, "s")
-    check_at_least("repeats", 1, repeats)
-    check_at_least("warm_up_s", 0.0, warm_up_s, "s")
-    if not 0.0 < band < 50.0:
-        raise SettingError(f"setting band: {band:g} %; it must lie between 0 and 50 %")
     asked = CUSTOMARY_STEPS[sequence] if levels is None else levels
     if len(asked) < 2:
         raise SettingError(f"setting levels: {len(asked)} given; a step needs at least two")

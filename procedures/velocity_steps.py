@@ -21,7 +21,8 @@ from procedures._course import Course, joined
 from procedures._cylinder import Axis, approach, axis_of
 from procedures._definitions import CYLINDERS, defined
 from procedures._recorded import calibration_share, departures, parts_of, roles_of
-from procedures._scale import Scale, check_above, check_at_least, scale_of
+from procedures._scale import Scale, check_above, scale_of
+from procedures._settings import Once, Positive
 
 SPEED = Measurement("speed", "", "steady speed after a step, extending positive")
 RATIO = Measurement("speed_ratio", "1", "speed retracting over speed extending")
@@ -40,15 +41,15 @@ _LEAST_SAMPLES = 10
 def run(
     rig: Rig,
     *,
-    levels: tuple[float, ...] | None = None,
-    repeats: int = 2,
-    stroke_mm: float = 250.0,
+    levels: tuple[Positive, ...] | None = None,
+    repeats: Once = 2,
+    stroke_mm: Positive = 250.0,
     retracted_mm: float | None = None,
-    bore_mm: float = 50.0,
-    rod_mm: float = 30.0,
-    full_flow_lpm: float = 11.4,
-    full_command: float | None = None,
-    rate_hz: float | None = None,
+    bore_mm: Positive = 50.0,
+    rod_mm: Positive = 30.0,
+    full_flow_lpm: Positive = 11.4,
+    full_command: Positive | None = None,
+    rate_hz: Positive | None = None,
 ) -> None:
     """Step to each level, both ways.
 
@@ -66,7 +67,6 @@ def run(
         rate_hz: sample rate; that of the bench when not given.
     """
     rate_hz = rig.actual_rate_hz(rate_hz or rig.rate_hz)
-    check_at_least("repeats", 1, repeats)
     axis = axis_of(rig, stroke_mm, retracted_mm, bore_mm, rod_mm, full_flow_lpm)
     scale = scale_of(rig, full_command)
     asked = (_CLOSED_LEVELS if axis.closed else _OPEN_LEVELS) if levels is None else levels

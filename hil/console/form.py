@@ -25,6 +25,7 @@ class Field:
         options: of a choice.
         default: as it would be typed.
         expects: the type in words.
+        allowed: the range of its numbers, empty where any is taken.
     """
 
     name: str
@@ -34,6 +35,7 @@ class Field:
     options: tuple[str, ...]
     default: str
     expects: str
+    allowed: str
 
 
 def fields_of(procedure: Procedure) -> list[Field]:
@@ -68,7 +70,8 @@ def setting_named_in(procedure: Procedure, message: str) -> str:
 def _field(setting: Setting) -> Field:
     kind, options = _kind(setting.type)
     default = "none" if setting.default is None else value_text(setting.default)
-    return Field(setting.name, setting.unit, setting.meaning, kind, options, default, type_text(setting.type))
+    return Field(setting.name, setting.unit, setting.meaning, kind, options, default, type_text(setting.type),
+                 setting.allowed)  # fmt: skip
 
 
 def _kind(declared: Any) -> tuple[str, tuple[str, ...]]:

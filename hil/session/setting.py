@@ -11,9 +11,10 @@ from difflib import get_close_matches
 from typing import Any, get_args, get_origin
 
 from hil.errors import SettingError
+from hil.session.allowed import allowed_of, numbers_in
 from hil.session.quantity import number_in
 
-_ENDINGS = {"_s": "s", "_hz": "Hz", "_mm": "mm", "_a": "A", "_v": "V", "_lpm": "l/min"}
+_ENDINGS = {"_rad_s": "rad/s", "_s": "s", "_hz": "Hz", "_mm": "mm", "_a": "A", "_v": "V", "_lpm": "l/min"}
 _IN_UNIT = re.compile(r"\bin (s|ms|Hz|%|A|mA|V|psi|bar|mm|ml/min|l/min|degC|°C|kg|N)(?=[\s,;:.]|$)")
 
 
@@ -45,11 +46,26 @@ class Setting:
 
         adapter: TypeAdapter[Any] = TypeAdapter(self.type)
         try:
-            return adapter.validate_python(self._from_text(given) if isinstance(given, str) else given)
+            value = adapter.validate_python(self._from_text(given) if isinstance(given, str) else given)
         except ValidationError as error:
             first = error.errors()[0]
             place = "".join(f"[{key}]" for key in first["loc"] if isinstance(key, int))
             raise SettingError(f"setting {self.name}{place}: {first['input']!r:.40}: {self._wanted(first)}") from None
+        return self._within(value)
+
+    @property
+    def allowed(self) -> str:
+        """The range of its numbers, as a reader has it (`≥ 1`); empty where any is taken."""
+        declared = allowed_of(self.type)
+        return declared.text if declared else ""
+
+    def _within(self, value: Any) -> Any:
+        """The value again, when each of its numbers is allowed."""
+        declared = allowed_of(self.type)
+        for number in numbers_in(value) if declared else ():
+            if declared and (fault := declared.fault(number)):
+                raise SettingError(f"setting {self.name}: {number:g}{self.unit and ' '}{self.unit}; {fault}")
+        return value
 
     def _wanted(self, error: Mapping[str, Any]) -> str:
         """What was expected, in the words of this program where it has some."""
@@ -62,10 +78,10 @@ class Setting:
         return own.get(str(error["type"]), str(error["msg"]))
 
     def described(self) -> str:
-        """`name [unit]: type = default   meaning`."""
-        head = (
-            f"{self.name}{f' [{self.unit}]' if self.unit else ''}: {type_text(self.type)} = {value_text(self.default)}"
-        )
+        """`name [unit]: type (range) = default   meaning`."""
+        unit = f" [{self.unit}]" if self.unit else ""
+        within = f" ({self.allowed})" if self.allowed else ""
+        head = f"{self.name}{unit}: {type_text(self.type)}{within} = {value_text(self.default)}"
         return f"{head}\n    {self.meaning}" if self.meaning else head
 
     def echoed(self, value: Any) -> str:

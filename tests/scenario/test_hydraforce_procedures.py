@@ -80,7 +80,7 @@ SINE, STEPS, DRIFT = "sine_position", "velocity_steps", "cylinder_drift"
         (SINE, "closed", {"frequency_rad_s": 2.0}, "needs 120 mm/s; the full flow extends at 96.77 mm/s: at most 1.61"),
         (SINE, "closed", {"frequency_rad_s": 0.0}, "setting frequency_rad_s: 0 rad/s; it must be above 0"),
         (SINE, "closed", {"frequency_rad_s": math.nan}, "setting frequency_rad_s: nan rad/s"),
-        (SINE, "closed", {"amplitude": 0.0}, "setting amplitude: 0 % of full command"),
+        (SINE, "closed", {"amplitude": 0.0}, "setting amplitude: 0 %; it must be above 0"),
         (SINE, "closed", {"offset": -10.0}, "setting offset: -10 %; it must be at least 0"),
         (SINE, "closed", {"cycles": 0}, "setting cycles: 0"),
         (SINE, "closed", {"rod_mm": 60.0}, "setting bore_mm: 50 mm; it must be above 60"),
@@ -104,8 +104,9 @@ SINE, STEPS, DRIFT = "sine_position", "velocity_steps", "cylinder_drift"
     ],
 )
 def test_what_does_not_fit_is_refused_before_anything_moves(name, rig, settings, says):
+    procedure = load_procedure(name)
     with pytest.raises(SettingError) as refused:
-        load_procedure(name).run(Still(*RIGS[rig]), **settings)
+        procedure.run(Still(*RIGS[rig]), **parse_settings(procedure.settings, settings))
     assert says in str(refused.value)
 
 

@@ -7,9 +7,11 @@ import math
 import numpy as np
 import pytest
 
+from hil.catalog import entries
 from hil.errors import SettingError
 from hil.rig import RoleChannel
 from hil.session.procedure import load_procedure
+from hil.session.setting import parse_settings
 
 BOTH_WAYS = RoleChannel("command", "%", -100.0, 100.0)
 ONE_WAY = RoleChannel("current", "A", 0.0, 2.2)
@@ -36,16 +38,22 @@ SINES, MULTISINE, FLOW, STEP, LARGE = (
 )  # fmt: skip
 
 
+def asked(name, rig, settings):
+    """Begin a procedure as `hil run` does."""
+    procedure = load_procedure(name)
+    procedure.run(rig, **parse_settings(procedure.settings, settings))
+
+
 @pytest.mark.parametrize(
     ("name", "settings", "says"),
     [
         (SINES, {"frequencies": ()}, "frequencies: none given"),
         (SINES, {"frequencies": (1.0, 0.5)}, "0.5 Hz must come before 1 Hz; sort them"),
-        (SINES, {"frequencies": (-1.0, 0.5)}, "-1 Hz must be above 0"),
-        (SINES, {"frequencies": (math.nan,)}, "nan Hz must be above 0"),
+        (SINES, {"frequencies": (-1.0, 0.5)}, "setting frequencies: -1 Hz; it must be above 0"),
+        (SINES, {"frequencies": (math.nan,)}, "setting frequencies: nan Hz; it must be above 0"),
         (SINES, {"rate_hz": 90.0}, "90 Hz is below 20 × the top frequency 4.9 Hz; at least 98 Hz"),
         (SINES, {"amplitudes": (5.0, 60.0)}, "setting amplitudes: 60 % about 50 % needs -10 … 110 %; 'command' may go"),
-        (SINES, {"amplitudes": (0.0,)}, "setting amplitudes: 0 % of full command; it must be above 0 %"),
+        (SINES, {"amplitudes": (0.0,)}, "setting amplitudes: 0 %; it must be above 0"),
         (SINES, {"amplitudes": ()}, "at least one of each is needed"),
         (SINES, {"amplitudes": (math.nan,)}, "setting amplitudes: nan %"),
         (SINES, {"biases": (130.0,)}, "setting biases: 130 % needs 130 %; 'command' may go -100 … 100 %"),
@@ -69,7 +77,7 @@ SINES, MULTISINE, FLOW, STEP, LARGE = (
         (STEP, {"levels": (0.0,)}, "setting levels: 1 given; a step needs at least two"),
         (STEP, {"levels": (0.0, 101.0)}, "setting levels: 101 % needs 101 %"),
         (STEP, {"hold_s": 0.0}, "setting hold_s: 0 s; it must be above 0"),
-        (STEP, {"band": 60.0}, "setting band: 60 %; it must lie between 0 and 50 %"),
+        (STEP, {"band": 60.0}, "setting band: 60 %; it must be above 0 and below 50"),
         (LARGE, {"amplitude": 101.0}, "setting amplitude: 101 % needs -101 … 101 %"),
         (LARGE, {"bias": 100.0}, "setting bias: 100 % is an end of the range"),
         (LARGE, {"frequencies": (0.5, 0.1)}, "0.1 Hz must come before 0.5 Hz"),
@@ -78,7 +86,7 @@ SINES, MULTISINE, FLOW, STEP, LARGE = (
 )
 def test_refused_before_anything_moves(name, settings, says):
     with pytest.raises(SettingError) as refused:
-        load_procedure(name).run(Still(BOTH_WAYS), **settings)
+        asked(name, Still(BOTH_WAYS), settings)
     assert says in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -93,7 +101,7 @@ def test_refused_before_anything_moves(name, settings, says):
 )
 def test_a_command_that_goes_one_way_is_asked_in_its_own_unit(name, settings, says):
     with pytest.raises(SettingError) as refused:
-        load_procedure(name).run(Still(ONE_WAY), **settings)
+        asked(name, Still(ONE_WAY), settings)
     assert says in str(refused.value)
 
 
@@ -110,7 +118,7 @@ def test_a_command_that_goes_one_way_is_asked_in_its_own_unit(name, settings, sa
 )
 def test_a_response_that_moves_on_is_not_driven_to_its_end(name, settings, says):
     with pytest.raises(SettingError) as refused:
-        load_procedure(name).run(Still(BOTH_WAYS, TRAVELLING), **settings)
+        asked(name, Still(BOTH_WAYS, TRAVELLING), settings)
     assert says in str(refused.value)
 
 
@@ -138,3 +146,31 @@ def test_everything_that_is_checked_by_nothing_but_the_rig_is_checked_whole_and_
         assert rig.path[-1] == 0.0
         assert np.ptp(rig.path) >= 80.0
         assert len(rig.path) > 10_000
+
+
+def test_a_range_is_shown_described_and_checked_from_one_place():
+    settings = load_procedure(STEP).settings
+    assert (settings["repeats"].allowed, settings["band"].allowed, settings["hold_s"].allowed) == (
+        "≥ 1", "> 0, < 50", "> 0",
+    )  # fmt: skip
+    assert settings["beside"].allowed == ""
+    assert settings["repeats"].described().startswith("repeats: int (≥ 1) = 1")
+    assert settings["hold_s"].parsed("none") is None
+    with pytest.raises(SettingError, match="setting repeats: 0; it must be at least 1"):
+        settings["repeats"].parsed("0")
+
+
+def test_an_angular_frequency_is_no_time():
+    setting = load_procedure("sine_position").settings["frequency_rad_s"]
+    assert (setting.unit, setting.parsed("2")) == ("rad/s", 2.0)
+
+
+def test_each_number_of_a_list_is_held_against_the_range():
+    with pytest.raises(SettingError, match="setting frequencies: -2 Hz; it must be above 0"):
+        load_procedure(SINES).settings["frequencies"].parsed("1,-2,3")
+
+
+@pytest.mark.parametrize("entry", sorted(one.name for one in entries("procedures")))
+def test_every_default_is_within_its_own_range(entry):
+    for setting in load_procedure(entry).settings.values():
+        assert setting.parsed(setting.default) == setting.default
