@@ -45,6 +45,8 @@ class Experiment:
         silent: samples of inner signals that say nothing, by name, shape (n,) each.
         skew_s: how much later than the output each row of `respond` was read, where that is the same in every sample.
         notes: what of the recording is used in another way than it was sampled, in words.
+        is_late: whether the command is known before the first sample of the output: simulated from there, a unit that
+            forgets its past is in its true state when the comparison begins.
         gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
             and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
     """
@@ -64,6 +66,7 @@ class Experiment:
     notes: tuple[str, ...] = ()
     silent: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     skew_s: tuple[float, ...] = ()
+    is_late: bool = False
     gain_stds: Mapping[str, float] = field(default_factory=dict)
 
     def respond(
@@ -82,6 +85,8 @@ class Experiment:
         """
         measured = self.to_follow if following else None
         rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
+        if self.is_late and self.grid_s is not None and plant.integrates is not None and plant.integrates(parameters):
+            rows[0] += self.drive.first_output - np.interp(self.time_s[0], self.grid_s, rows[0])  # where it stood then
         if self.grid_s is None or self.read_s is None:
             return self._skewed(self.at_stamps(rows))
         grid_s = self.grid_s
@@ -299,9 +304,12 @@ def _on_own_stamps(
             f"least {FEWEST_SAMPLES} are needed"
         )
     output = Samples(output.time_s[kept], output.values[kept])
-    grid_s, interval_s = held_grid(given, output.time_s)
+    # a loop that adds up starts at its first reading; what went before tells nobody where it stood
+    begins_s = float(output.time_s[0] if plant.observer is not None else min(first, output.time_s[0]))
+    grid_s, interval_s = held_grid(given, output.time_s, begins_s)
     inputs = np.ascontiguousarray([one.held_at(grid_s) for one in given])
-    ignored = missing_of_even(grid_s, output.time_s, interval_s)
+    is_late = bool(output.time_s[0] - grid_s[0] > 0.5 * interval_s)
+    ignored = None if is_late else missing_of_even(grid_s, output.time_s, interval_s)
     observed, said = _inner(recording, plant, output.time_s)
     notes = [f"{recording.name}: {sentence}" for sentence in said]
     at = declared_read_at(recording) if read_at is None else read_at
@@ -316,7 +324,7 @@ def _on_own_stamps(
     on_grid = len(grid_s) == len(output.time_s) and bool(np.all(np.abs(grid_s - output.time_s) < 1e-3 * interval_s))
     return Experiment(
         recording.name, *headings, output.time_s, drive, None if on_grid else grid_s, output.values, observed,
-        at is not None, notes=tuple(notes),
+        at is not None, notes=tuple(notes), is_late=is_late,
     )  # fmt: skip
 
 

@@ -14,10 +14,10 @@ _GRID_PER_UNEVEN_SAMPLE = 8
 _OFF_GRID, _NEARLY_ALL = 0.01, 0.8
 
 
-def held_grid(given: Sequence[Samples], output_s: Array) -> tuple[Array, float]:
+def held_grid(given: Sequence[Samples], output_s: Array, from_s: float) -> tuple[Array, float]:
     """An even grid on which every command changes where it did, and its interval: the finest time base if that will do.
 
-    Else one that is finer. It begins with the first sample of the output.
+    Else one that is finer. It begins at `from_s`.
     """
     bases = [stamps for stamps in (output_s, *(one.time_s for one in given)) if _evenly(stamps)]
     fine = min(bases, key=lambda stamps: float(np.median(np.diff(stamps))), default=output_s)
@@ -25,13 +25,14 @@ def held_grid(given: Sequence[Samples], output_s: Array) -> tuple[Array, float]:
     changes = np.concatenate([one.time_s[np.flatnonzero(np.diff(one.values)) + 1] for one in given])
     off = np.abs((changes - fine[0]) / interval_s - np.rint((changes - fine[0]) / interval_s))
     on_base = bool(bases) and bool(np.all(off < _OFF_GRID))
-    start, stop = output_s[0], output_s[-1]
+    start, stop = np.float64(from_s), output_s[-1]
     if not on_base:
         interval_s /= _GRID_PER_UNEVEN_SAMPLE
     else:  # in step with the base
         start = fine[0] + interval_s * np.floor((start - fine[0]) / interval_s + _OFF_GRID)
     count = int(np.ceil((stop - start) / interval_s - _OFF_GRID)) + 1
-    return start + interval_s * np.arange(count), interval_s
+    grid_s: Array = start + interval_s * np.arange(count)
+    return grid_s, interval_s
 
 
 def _evenly(stamps: Array) -> bool:

@@ -41,8 +41,9 @@ def assemble(
     """One recording from tables; a frequency response where they hold one.
 
     Channels of several time bases share the one with the most samples, within the time that all of them cover; those
-    that were sampled at other times keep their own samples in `own`, and in between the last one is held. A value that
-    is not there (NaN) is a sample that was not taken. A table without a time takes that of another one of its length.
+    that were sampled at other times, or earlier, keep their own samples in `own`, and in between the last one is held.
+    A value that is not there (NaN) is a sample that was not taken. A table without a time takes that of another one of
+    its length.
 
     Args:
         name: of the file.
@@ -81,6 +82,7 @@ def assemble(
         channels[label] = Channel(label, unit or "1", values, one.column.source, one.column.calibration)
         if apart is not None:
             own[label] = apart
+        if apart is not None and one.time_s is not base.time_s:
             assumed.append(_sampled_apart(label, one, base))
         units_missing += [] if unit else [label]
     said_of_file: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
@@ -305,7 +307,8 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
     for start in sorted(starts)[1:]:
         names = ", ".join(one.column.name_and_unit[0] for one in taken if one.time_s[0] == start)
         if start - min(starts) > slack:
-            said.append(f"{names} begins {start - min(starts):.6g} s after the first channel, as the file says")
+            late = f"{names} begins {start - min(starts):.6g} s after the first channel, as the file says"
+            said.append(f"{late}; a command is known before that too")
     return common, said
 
 
@@ -318,7 +321,7 @@ def _on(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples | None
     taken = Samples(one.time_s, one.values)
     within = (one.time_s >= time_s[0] - slack) & (one.time_s <= time_s[-1] + slack)
     if np.count_nonzero(within) == len(time_s) and np.all(np.abs(one.time_s[at] - time_s) <= slack):
-        return one.values[at], None
+        return one.values[at], taken if one.time_s[0] < time_s[0] - slack else None
     return taken.held_at(time_s), taken
 
 

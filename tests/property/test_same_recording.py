@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
+from scipy.io import savemat
 
 from hil.identification.experiment import experiment
 from hil.identification.grey_box import GreyBoxFit, fit_plant, starting_model
@@ -21,6 +24,7 @@ TRUE = {"gain": 2.0, "lag_time": 0.3, "dead_time": 0.05}
 TIME_S = INTERVAL_S * np.arange(COUNT)
 
 
+@cache
 def made() -> Recording:
     rng = np.random.default_rng(5)
     command = np.repeat(rng.integers(-4, 5, COUNT // 100), 100).astype(float)
@@ -110,6 +114,92 @@ def test_in_every_format_and_sampling_of_its_channels(tmp_path: Path, ending: st
 
 def test_the_whole_recording_gives_what_is_true() -> None:
     agrees(made())
+
+
+Columns = dict[str, tuple[str, np.ndarray, np.ndarray]]  # by name: unit, stamps, values
+CLOCKS = ("one clock", "command on change", "response slow and late")
+
+
+def columns(clock: str) -> Columns:
+    whole = made()
+    command, flow = whole.values("command"), whole.values("flow")
+    changes = np.concatenate(([0], np.flatnonzero(np.diff(command)) + 1))
+    given, answered = {
+        "one clock": (slice(None), slice(None)),
+        "command on change": (changes, slice(None)),
+        "response slow and late": (slice(None), slice(105, None, 3)),
+    }[clock]
+    return {"command": ("%", TIME_S[given], command[given]), "flow": ("l/min", TIME_S[answered], flow[answered])}
+
+
+def frame(told: Columns, gap: str = " [{}]") -> pd.DataFrame:
+    one = [
+        pd.Series(values, index=stamps, name=name + gap.format(unit)) for name, (unit, stamps, values) in told.items()
+    ]
+    return pd.concat(one, axis=1).sort_index().rename_axis("time" + gap.format("s")).reset_index()
+
+
+def by_pandas(told: Columns, folder: Path) -> Path:
+    frame(told, " ({})").to_csv(folder / "x.csv", sep=";", decimal=",", index=False, na_rep="NaN")
+    return folder / "x.csv"
+
+
+def by_pandas_long(told: Columns, folder: Path) -> Path:
+    long = [pd.DataFrame({"time [s]": t, "name": name, "value": v, "unit": u}) for name, (u, t, v) in told.items()]
+    pd.concat(long).sort_values("time [s]", kind="stable").to_csv(folder / "x.csv", index=False)
+    return folder / "x.csv"
+
+
+def by_pyarrow(told: Columns, folder: Path) -> Path:
+    frame(told).to_parquet(folder / "x.parquet", engine="pyarrow")
+    return folder / "x.parquet"
+
+
+def by_h5py(told: Columns, folder: Path) -> Path:
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(folder / "x.h5", "w") as file:
+        for name, (unit, stamps, values) in told.items():
+            group = file.create_group(f"daq {name}")
+            group["time"], group[name] = stamps, values
+            group["time"].attrs["unit"], group[name].attrs["unit"] = "s", unit
+    return folder / "x.h5"
+
+
+def by_nptdms(told: Columns, folder: Path) -> Path:
+    nptdms = pytest.importorskip("nptdms")
+    if any(np.ptp(np.diff(stamps)) > 1e-9 for _, stamps, _ in told.values()):
+        pytest.skip("waveforms are even")
+    with nptdms.TdmsWriter(folder / "x.tdms") as file:
+        for name, (unit, stamps, values) in told.items():
+            even = {"wf_increment": stamps[1] - stamps[0], "wf_start_offset": stamps[0], "unit_string": unit,
+                    "wf_start_time": np.datetime64("2026-11-25T10:00:00")}  # fmt: skip
+            file.write_segment([nptdms.ChannelObject(name, name, values, even)])
+    return folder / "x.tdms"
+
+
+def by_asammdf(told: Columns, folder: Path) -> Path:
+    asammdf = pytest.importorskip("asammdf")
+    with asammdf.MDF(version="4.10") as file:
+        for name, (unit, stamps, values) in told.items():
+            file.append([asammdf.Signal(values, stamps, unit, name)])
+        file.save(folder / "x.mf4")
+    return folder / "x.mf4"
+
+
+def by_scipy(told: Columns, folder: Path) -> Path:
+    named = {n: {"time": t, "signals": {"values": v, "label": n}} for n, (_, t, v) in told.items()}
+    savemat(folder / "x.mat", named, oned_as="column")
+    return folder / "x.mat"
+
+
+WRITERS = (by_pandas, by_pandas_long, by_pyarrow, by_h5py, by_nptdms, by_asammdf, by_scipy)
+
+
+@pytest.mark.parametrize("clock", CLOCKS)
+@pytest.mark.parametrize("writer", WRITERS)
+def test_as_other_libraries_write_it(tmp_path: Path, writer: Callable[[Columns, Path], Path], clock: str) -> None:
+    units = {"command": "%", "flow": "l/min"} if writer is by_scipy else {}
+    agrees(read_recording(writer(columns(clock), tmp_path), Reading(gaps=clock != "one clock", units=units)))
 
 
 def test_in_lvm(tmp_path: Path) -> None:

@@ -1,0 +1,61 @@
+"""A response whose recording starts after the command's: what was commanded before it is not thrown away."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from hil.identification.experiment import experiment
+from hil.identification.grey_box import fit_plant, starting_model
+from hil.physics.compose import plant
+from hil.record.assemble import assemble
+from hil.record.columns import Column, Table
+from hil.record.recording import Recording
+
+STEP_S, LAG_S = 0.01, 0.3
+TIME_S = STEP_S * np.arange(600)
+COMMAND = np.where(TIME_S < 1.95, 0.0, np.where(TIME_S < 4.0, 4.0, 1.0))
+
+
+def logged(flow: np.ndarray, late_s: float) -> Recording:
+    """The command from 0 s on and the flow from `late_s` on, as two loggers write them."""
+    kept = round(late_s / STEP_S)
+    time_s = Column("time", TIME_S, "s")
+    late = [Column("time", TIME_S[kept:], "s"), Column("flow", flow[kept:], "l/min")]
+    found = assemble("x", [Table("a", [time_s, Column("command", COMMAND, "%")]), Table("b", late)])
+    assert isinstance(found, Recording)
+    return found
+
+
+def lagging() -> np.ndarray:
+    decay = np.exp(-STEP_S / LAG_S)
+    noise = 0.02 * np.random.default_rng(0).standard_normal(len(TIME_S))
+    flow: np.ndarray = 2.0 * lfilter([0.0, 1.0 - decay], [1.0, -decay], COMMAND) + noise
+    return flow
+
+
+def test_a_response_that_starts_within_a_step_is_simulated_from_before_it() -> None:
+    read = logged(lagging(), 2.0)
+    assert any("flow begins 2 s after" in said and "known before" in said for said in read.meta["assumed"])
+    start = replace(starting_model("transfer-function"), origin={"structure": "1 pole"})
+    found = fit_plant(start, [experiment(read, start.definition, "command", "flow")])
+    lag = found.model.parameters["lag_time"]
+    assert found.fits["x"] > 99.0 and lag.std is not None and lag.std < 0.002
+    assert lag.value == pytest.approx(LAG_S, abs=4.0 * lag.std)
+
+
+def test_an_integrator_stands_where_its_late_response_begins() -> None:
+    position = 3.0 + 5.0 * STEP_S * np.concatenate(([0.0], np.cumsum(COMMAND)[:-1]))
+    linear = plant("transfer-function")
+    e = experiment(logged(position, 3.0), linear, "command", "flow", 0.0)
+    drives = linear.typical | {"gain": 0.0, "integrator_gain": 5.0, "start_at_output": 1.0}
+    assert len(e.output) == 300 and e.is_late
+    np.testing.assert_allclose(e.respond(linear, drives)[0], e.output, atol=1e-6)
+
+
+def test_a_response_without_a_late_start_is_bound_as_before() -> None:
+    e = experiment(logged(lagging(), 0.0), plant("transfer-function"), "command", "flow")
+    assert e.grid_s is None and not e.is_late and len(e.output) == len(TIME_S)
