@@ -42,11 +42,17 @@ def units_ready() -> None:
     _registry()
 
 
+# Typed twice, not a share of a share: 10 %% is no 0.1 %.
+_TWICE = re.compile(r"%[\s*]*%")
+
+
 @cache
 def _unit(text: str) -> pint.Unit:
     registry = _registry()
     try:
         spelt = _spelt(text)
+        if _TWICE.search(spelt):
+            raise ValueError(spelt)
         try:
             if spelt[1:2].islower() and spelt[:1].isupper() and spelt not in registry:
                 spelt = spelt.casefold()  # written out as loggers do: Volts, Newtons

@@ -14,7 +14,8 @@ import pint
 import pytest
 
 from hil import errors
-from hil.errors import HardwareError, HilError, InputError, UnitError, UnknownNameError
+from hil.errors import HardwareError, HilError, InputError, SettingError, UnitError, UnknownNameError
+from hil.session.quantity import number_in
 from hil.units import check_unit, convert, scale_and_offset
 
 
@@ -56,6 +57,12 @@ def test_nothing_to_convert_is_the_same_array() -> None:
 def test_what_measures_something_else_is_refused(unit: str, to: str) -> None:
     with pytest.raises(UnitError, match=f"unit '{unit}' cannot be read as '{to}': they measure different things"):
         scale_and_offset(unit, to)
+
+
+@pytest.mark.parametrize("typed", ["10%%", "10 % %", "10 %*%"])
+def test_a_percent_sign_typed_twice_is_no_share_of_a_share(typed: str) -> None:
+    with pytest.raises(SettingError, match="a number in % was expected"):
+        number_in(typed, "%", "limit thd")
 
 
 @pytest.mark.parametrize("unit", ["blorp", "l/minn", "3 apples"])
