@@ -36,6 +36,10 @@ class Unknown:
         """Whether a value lies on a bound, as near as a fit comes to one."""
         return min(value - self.low, self.high - value) <= 1e-3 * self.scale
 
+    def at_natural_end(self, value: float) -> bool:
+        """Whether a share is nothing or all: an end that it may well have, and no bound that somebody chose."""
+        return (self.unit, self.low, self.high) == ("1", 0.0, 1.0) and self.at_bound(value)
+
 
 @dataclass(frozen=True)
 class Estimate:

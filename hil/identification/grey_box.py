@@ -153,7 +153,7 @@ def _driven_out(found: Estimate) -> tuple[int, ...]:
     return tuple(
         k
         for k, (u, value) in enumerate(zip(found.unknowns, found.values.tolist(), strict=True))
-        if u.at_bound(value) and abs(value) > 1e-3 * u.scale
+        if u.at_bound(value) and not u.at_natural_end(value) and abs(value) > 1e-3 * u.scale
     )
 
 
@@ -419,7 +419,9 @@ def _result(
         },
     )  # fmt: skip
     given_up = [found.unknowns[k].name for k in found.given_up]
-    notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in found.on_bound]
+    natural = [u.name for u, v in zip(found.unknowns, found.values.tolist(), strict=True) if u.at_natural_end(v)]
+    ended = [name for name in found.on_bound if name not in natural]
+    notes = [f"parameter '{name}' ended on a bound: a warning, not physics" for name in ended]
     notes += [
         f"parameter '{name}' cannot be told: the fit would have gone on beyond its bound; drive more levels, some of "
         "them near where it acts"

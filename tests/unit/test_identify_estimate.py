@@ -115,3 +115,9 @@ def test_a_step_to_where_the_plant_runs_away_is_taken_back_without_a_word() -> N
 
     found = estimate(residuals, [Unknown("a", "1", 2.0, -10.0, 10.0, 1.0)])
     assert found.values[0] == pytest.approx(0.0, abs=1e-3)
+
+
+def test_all_of_something_is_the_natural_end_of_a_share_and_no_other_bound() -> None:
+    share, ratio = Unknown("share", "1", 0.5, 0.0, 1.0, 1.0), Unknown("ratio", "1", 1.0, 0.3, 3.0, 1.0)
+    assert share.at_natural_end(1.0) and share.at_natural_end(0.0) and not share.at_natural_end(0.5)
+    assert ratio.at_bound(3.0) and not ratio.at_natural_end(3.0)

@@ -79,12 +79,12 @@ class Fitted:
         raise KeyError(term.label)
 
     def on_bound(self) -> tuple[str, ...]:
-        """Unknowns of the terms that ended on a bound of theirs."""
+        """Unknowns of the terms that ended on a bound of theirs which is no natural end."""
         return tuple(
             f"{term.name}.{u.name}"
             for term, values in zip(self.terms, self.values, strict=True)
             for u, value in zip(term.unknowns, values, strict=True)
-            if u.at_bound(value)
+            if u.at_bound(value) and not u.at_natural_end(value)
         )
 
 
