@@ -11,7 +11,8 @@ if TYPE_CHECKING:
 
     from hil.archive.entry import Entry
 
-_ENDINGS = {"TrippedError": "tripped", "StoppedError": "stopped"}
+_STOPPED = ("StoppedError", "KeyboardInterrupt", "Terminated", "Halted")
+_ENDINGS = {"TrippedError": "tripped", **dict.fromkeys(_STOPPED, "stopped")}
 _LONGEST_ENDING = 24
 
 ARCHIVE = typer.Option("", "--archive", metavar="DIR|URL", help="The archive; else HIL_ARCHIVE, else ./runs.")

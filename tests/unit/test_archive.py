@@ -265,13 +265,23 @@ def test_commands_list_follow_and_rebuild(monkeypatch, capsys, tmp_path):
     assert "2026-11-25" in said.err
 
 
-def test_a_run_that_tripped_is_listed_so_in_a_word(capsys, monkeypatch, tmp_path):
+@pytest.mark.parametrize(
+    ("outcome", "word"),
+    [
+        ("TrippedError: interlock 'too-much-flow': 35.8 for 0.05 s; outputs are safe (read back)", "tripped"),
+        ("KeyboardInterrupt: outputs are safe (read back)", "stopped"),
+        ("Terminated: SIGTERM", "stopped"),
+        ("Halted: stop was pressed", "stopped"),
+        ("LinkError: io: no answer", "failed"),
+    ],
+)
+def test_how_a_run_ended_is_listed_in_a_word(capsys, monkeypatch, tmp_path, outcome, word):
     folder = made_run(tmp_path / "lab" / "a")
     end = json.loads((folder / "end.json").read_text(encoding="utf-8"))
-    end["outcome"] = "TrippedError: interlock 'too-much-flow': 35.8 for 0.05 s; outputs are safe (read back)"
+    end["outcome"] = outcome
     (folder / "end.json").write_text(json.dumps(end), encoding="utf-8")
     _, said = _said(monkeypatch, capsys, "runs", "--archive", tmp_path / "lab")
-    assert "pass (tripped)  mk" in said.out
+    assert f"pass ({word})  mk" in said.out
 
 
 def test_a_value_is_asked_for_by_name_without_the_numbers_of_its_place():
