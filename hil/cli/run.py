@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.completed import benches_like, procedures_like
 from hil.cli.language import Language
 from hil.cli.runs import ARCHIVE
 
@@ -23,8 +24,16 @@ if TYPE_CHECKING:
 
 
 def command(
-    procedure: str = typer.Argument("", metavar="PROCEDURE", help="Name of an installed procedure."),
-    bench: str = typer.Option("", "--bench", metavar="BENCH.toml", help="Bench file, or the name of an installed one."),
+    procedure: str = typer.Argument(
+        "", metavar="PROCEDURE", help="Name of an installed procedure.", autocompletion=procedures_like
+    ),
+    bench: str = typer.Option(
+        "",
+        "--bench",
+        metavar="BENCH.toml",
+        help="Bench file, or the name of an installed one.",
+        autocompletion=benches_like,
+    ),
     settings: list[str] = typer.Option([], "--set", metavar="NAME=VALUE", help="A setting; may be given again."),
     limits: list[str] = typer.Option(
         [], "--limit", metavar="NAME=LOW..HIGH", help="Where a measured value must lie; one end may be left out."

@@ -23,6 +23,8 @@ _MOST_EVENTS = 40
 def conditions_of(recording: Recording) -> list[tuple[str, str]]:
     """Conditions of the test, and what is known of the valve beside its name."""
     valve = {name: v for name, v in (recording.meta.get("valve") or {}).items() if name not in ("name", "serial")}
+    if not valve.get("integrates"):  # as most valves do not
+        valve.pop("integrates", None)
     command = recording.channels.get(str((recording.meta.get("roles") or {}).get("command")))
     if command is not None and isinstance(point := valve.get("operating_point"), int | float):
         valve["operating_point"] = f"{number(point, 6)} {unit_text(command.unit)}"

@@ -84,3 +84,13 @@ def test_an_operating_point_has_the_unit_of_the_command() -> None:
     run = a_run({}, **{"current [A]": 0.0 * TIME_S})
     told = {"valve": {"name": "EFC", "operating_point": 1.58}, "roles": {"command": "current", "response": "flow"}}
     assert dict(conditions_of(replace(run, meta={**run.meta, **told})))["Operating point"] == "1.58 A"
+
+
+def test_that_a_response_integrates_is_a_condition_where_it_does() -> None:
+    run = a_run({}, **{"current [A]": 0.0 * TIME_S})
+    shown = {
+        given: dict(conditions_of(replace(run, meta={**run.meta, "valve": {"name": "V", "integrates": given}})))
+        for given in (True, False)
+    }
+    assert "Integrates" in shown[True]
+    assert "Integrates" not in shown[False]
