@@ -159,7 +159,7 @@ class ModbusLine:
             return False
         whole = self._received.removeprefix(self._sent) if self._settings.echo else self._received
         answer, rest = whole[:length], whole[length:]
-        return self._sent[:2] in rest and rest[:length] != answer
+        return self._sent[:2] in rest and not answer.startswith(rest[:length])  # of the second a part may have come
 
     def _what_came(self) -> str:
         """What can be said of an answer that was none."""
@@ -196,8 +196,9 @@ class ModbusLine:
         self._log.debug("%s %s", "→" if sending else "←", frame.hex(" "))
         if sending or self._settings.transport == "tcp":
             return frame
-        self._received += self._from_the_answer_on(frame) if not self._received else frame
-        return self._from_the_answer_on(frame)
+        came = self._from_the_answer_on(frame)  # the library shows it grow: the same bytes again, and more
+        self._received = came if came.startswith(self._received) else self._received + frame
+        return came
 
     def _from_the_answer_on(self, frame: bytes) -> bytes:
         """What came on a serial line without the noise of its turning around, which the library takes for an answer."""

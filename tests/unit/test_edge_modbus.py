@@ -12,6 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers import _modbus_line as modbus_line
 from drivers import modbus
 from drivers.modbus import LineSettings, ModbusLink, Model, Register
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
@@ -361,3 +362,29 @@ def test_a_late_answer_is_not_called_an_echo_once_readings_have_come() -> None:
             link.read()
         assert "one to an earlier request may have come late" in str(told.value)
         link.close()
+
+
+def _in_pieces(sent: bytes, *pieces: bytes) -> bool:
+    """Whether two answers are said to have come to what was sent, of which the library showed these pieces."""
+    line = modbus_line.ModbusLine.__new__(modbus_line.ModbusLine)
+    line._settings, line._log = LineSettings(address="/dev/ttyUSB0", transport="rtu"), logging.getLogger("pieces")
+    line._received = b""
+    line._trace(True, sent)
+    for piece in pieces:
+        line._trace(False, piece)
+    return line._two_came(modbus_line._length(sent[1], int.from_bytes(sent[4:6], "big")))
+
+
+@pytest.mark.parametrize("first", [1, 3, 6])
+def test_an_answer_that_comes_in_pieces_or_twice_is_one(first: int) -> None:
+    """Its bytes may be those with which an answer begins: 260 is 01 04."""
+    sent, read = b"\x01\x04\x00\x00\x00\x02", b"\x01\x04\x04\x00\x07\x01\x04"
+    sent, read = sent + crc(sent), read + crc(read)
+    other = b"\x01\x04\x04\x00\x08\x01\x04"
+    other += crc(other)
+    assert not _in_pieces(sent, read[:first], read)
+    assert not _in_pieces(sent, read[:first], read + read)
+    assert not _in_pieces(sent, read[:first], read + read[:first])
+    assert not _in_pieces(sent, read, read)
+    assert _in_pieces(sent, read[:first], read + other)
+    assert _in_pieces(sent, read, other)
