@@ -106,7 +106,7 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
     mine = sign * (estimate.command - neutral) >= 0.0
     command, outwards = estimate.command[mine], slice(None, None, sign)
 
-    def line(response: Array, _slope: Array) -> tuple[float, float]:
+    def line(response: Array) -> tuple[float, float]:
         share = ((response[mine] - zero) / (end - zero))[outwards]
         first, last = (level_at(command[outwards], share, part) for part in (GAIN_FROM, GAIN_TO))
         if math.isnan(first) or math.isnan(last):
@@ -118,7 +118,9 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
         left = values - np.mean(values) - gain * late
         return gain, float(np.max(np.abs(left))) / abs(end - zero)
 
-    gain, departure = (over_all(estimate, lambda r, s, i=i: line(r, s)[i]) for i in (0, 1))  # type: ignore[misc]
+    found = line(estimate.response)
+    redrawn = np.array([line(one) for one in estimate.responses])
+    gain, departure = ((value, about(again, value)) for value, again in zip(found, redrawn.T, strict=True))
     return Side(_edge(estimate, neutral, zero, end, sign), gain, departure)
 
 

@@ -13,8 +13,8 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.identification.characteristic import Loop, loop
-from hil.identification.redrawn import about
-from hil.identification.sweep_estimate import SWEEP_DRAWS, Standing, Sweep, SweepEstimate, sweep_estimate
+from hil.identification.redrawn import DRAWS, about
+from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
 from hil.record.recording import Array
 
 
@@ -96,7 +96,7 @@ def pressure_curve(
     sweeps: Sequence[Sweep],
     standing: Sequence[Standing] = (),
     certain: float = 4.0,
-    draws: int = SWEEP_DRAWS,
+    draws: int = DRAWS,
 ) -> PressureCurve:
     """The curve of the sweeps; their speeds tell lag from hysteresis.
 

@@ -131,15 +131,17 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     # where the codes lie beneath one level says nothing of where they lie beneath the other
     shifts = rng.random((2, DRAWS, 1)) if step.grid else np.zeros((2, DRAWS, 1))
 
-    def drawn(level: Array, count: int, shift: Array) -> Array:
+    def drawn(count: int) -> Array:
         noise = coloured(before_rounding(innovation, step.grid) * rng.normal(size=(DRAWS, count + 200)), whitener)
-        return rounded_again(level + noise[:, 200:], step.grid, shift)
+        return noise[:, 200:]
 
-    noisy = drawn(curve, len(curve), shifts[0])
+    noise = drawn(len(curve))
+    noisy = rounded_again(curve + noise, step.grid, shifts[0])
     again = start + smoother.at(smoother.curves(noisy - start))
     feet = start + smoother.at(smoother.curves(np.vstack((step.response, noisy)) - start, _FOOT_LOOSER))
     moved_levels = step.level_std * rng.normal(size=(2, DRAWS))
-    starts = np.mean(drawn(np.full(len(step.rest), start), len(step.rest), shifts[1]), axis=1) + moved_levels[0]
+    rests = rounded_again(start + drawn(len(step.rest)), step.grid, shifts[1])
+    starts = np.mean(rests, axis=1) + moved_levels[0]
     finals = np.mean(again[:, step.tail], axis=1) + moved_levels[1]
     read = [
         _read(step, one, first, last, band, foot)
@@ -164,8 +166,8 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
         std = replace(std, dead_time_s=math.inf)
     changes = columns[:, 1] - columns[:, 0]
     change_std = about(changes, figures.final - figures.start)
-    within = _within(curve, start, figures.final)
-    never = start + smoother.at(smoother.curves(drawn(within, len(curve), shifts[0]) - start))
+    stopped = rounded_again(_within(curve, start, figures.final) + noise, step.grid, shifts[0])
+    never = start + smoother.at(smoother.curves(stopped - start))
     moved = float(curve[-1] - curve[step.tail][0])
     return MeasuredStep(
         figures, replace(std, band=band), change_std,

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.errors import InputError
+from hil.identification.redrawn import DRAWS
 from hil.record.recording import Array
 from hil.signals.smooth_curve import Curves, Smoother
 
@@ -25,8 +26,9 @@ _ROUNDS = 4  # of shifting the branches together, at most
 _NEAR, _TOGETHER = 1e-3, 1e-6  # of the range: shifts that no longer matter, for a first look and for the result
 _TRANSIENT = 5.0  # lags after a turn until the response runs parallel to the command
 _MOST_DROPPED = 0.2  # of the range, after each turn
-# Draws are seeded: what a spread of them is off by (4 %) is the same every time. 64 made a lag's a fifth too small
-SWEEP_DRAWS = 256
+# Draws are seeded, so what their spread is off by is the same every time: 64 made that of a lag a fifth too small.
+# Half widths cost little, and are drawn so many times as often as curves.
+_OFTEN = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,8 +81,8 @@ class SweepEstimate:
         response, slope, width: of the curve there, and the width of the loop along the command that no speed
             explains, shape (LEVELS,). `responses`, `slopes`, `widths`: redrawn, shape (draws, LEVELS).
         lag_s, mean_width: what makes the loop wider with speed, and what does not; NaN for sweeps of one speed.
-            `lags_s`, `mean_widths`: redrawn, shape (draws,).
-        half_widths: of each sweep, lag included. `redrawn_half_widths`: shape (draws, sweeps).
+            `lags_s`, `mean_widths`: redrawn more often than curves are, shape (more,).
+        half_widths: of each sweep, lag included. `redrawn_half_widths`: shape (more, sweeps).
         points: the means, commands shifted to where the curve is; `std` their standard uncertainty, shape (p,).
         covered: lowest and highest command of the curve that the moving command reached on both branches.
     """
@@ -124,7 +126,7 @@ def sweep_estimate(
     sweeps: Sequence[Sweep],
     standing: Sequence[Standing] = (),
     waited_s: float = 0.0,
-    draws: int = SWEEP_DRAWS,
+    draws: int = DRAWS,
 ) -> SweepEstimate:
     """The characteristic of sweeps over one range.
 
@@ -248,20 +250,21 @@ def _estimate(
     noise_std = float(curves.noise_std[0]) / weights
     shown = smoother.at(curves)[0]
     shown[:count][points.both] += points.side[points.both] * bend[0]
-    drawn = shown + noise_std * rng.normal(size=(draws, len(shown)))
+    drawn = shown + noise_std * rng.normal(size=(_OFTEN * draws, len(shown)))
     again = smoother.curves(drawn)
     off = _apart(points, smoother, again, drawn[:, :count], sweeps)
-    _, slopes = _moving(smoother, again, count)
-    aligned = drawn[:, :count] + points.side * slopes * off[:, points.sweep]
-    _, local_again = _widths(points, wide, smoother, again, aligned, levels)
     splits = np.array([_split(one, speeds) for one in half + off])
+    again = again.first(draws)
+    _, slopes = _moving(smoother, again, count)
+    aligned = drawn[:draws, :count] + points.side * slopes * off[:draws, points.sweep]
+    _, local_again = _widths(points, wide, smoother, again, aligned, levels)
     base, bases = (2.0 * float(half[0]), 2.0 * (half + off)[:, 0]) if np.isnan(width) else (width, splits[:, 1])
     response, slope = (found[0] for found in smoother.beside(curves, levels))
     responses, slopes_again = smoother.beside(again, levels)
     reached = points.command[points.both] - (points.side * half[points.sweep])[points.both]
     shifted = Points(places[:count], points.response, points.count, points.side, points.sweep, points.both)
     return SweepEstimate(
-        levels, response, slope, base + local[0], responses, slopes_again, bases[:, None] + local_again,
+        levels, response, slope, base + local[0], responses, slopes_again, bases[:draws, None] + local_again,
         lag_s, splits[:, 0], width, splits[:, 1], half, half + off, shifted, noise_std[:count],
         (float(reached.min()), float(reached.max())),
     )  # fmt: skip
