@@ -32,6 +32,7 @@ from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
+_COVERED = 1.96  # standard uncertainties in an interval of 95 %
 # Start values tried beside the given ones when the first fit stays far above the noise.
 _RESTARTS = (0.4, 2.5)
 _WELL_ABOVE_FLOOR = 1.5
@@ -77,7 +78,7 @@ class GreyBoxFit:
 def _interval(std: float | None) -> str:
     if std is None:
         return "held"
-    return f"± {1.96 * std:.2g}" if np.isfinite(std) else "not told"
+    return f"± {_COVERED * std:.2g}" if np.isfinite(std) else "not told"
 
 
 def _whole(found: Value) -> str:
@@ -85,7 +86,7 @@ def _whole(found: Value) -> str:
     whole = found.std_with_calibration
     if whole is None or not found.calibration_std or not np.isfinite(whole):
         return ""
-    return f"with calibration ± {1.96 * whole:.2g}"
+    return f"with calibration ± {_COVERED * whole:.2g}"
 
 
 def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
@@ -367,6 +368,17 @@ def _untold(found: Estimate) -> list[str]:
     return [f"these recordings tell {names} only together; levels between those driven may part them"] if shared else []
 
 
+def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapping[str, float]) -> tuple[str, ...]:
+    """Parameters whose interval reaches farther to either side than they, and as they usually are, lie from nothing."""
+    return tuple(
+        p.name
+        for p in plant.parameters
+        if p.name in stds
+        and np.isfinite(stds[p.name])
+        and _COVERED * stds[p.name] >= max(abs(values[p.name]), abs(p.scale))
+    )
+
+
 def _inner_rms(
     plant: Plant, experiments: Sequence[Experiment], parameters: dict[str, float], effects: Sequence[ActiveEffect]
 ) -> dict[str, float]:
@@ -390,6 +402,8 @@ def _result(
     values = _merged(model, found)
     if "dead_time" in stds and follows_at_once(values):
         stds["dead_time"] = float(np.hypot(stds["dead_time"], dead_time_std_s(experiments)))
+    wide = _wider_than_themselves(plant, values, stds)
+    stds |= dict.fromkeys(wide, np.inf)
     units = plant.units(experiments[0].input, experiments[0].output_heading)
     parameters = {
         p.name: Value(values[p.name], units[p.name], stds.get(p.name), by_calibration.get(p.name))
@@ -426,6 +440,11 @@ def _result(
         f"parameter '{name}' cannot be told: the fit would have gone on beyond its bound; drive more levels, some of "
         "them near where it acts"
         for name in given_up
+    ]
+    notes += [
+        f"these recordings do not determine parameter '{name}': its interval would be wider than the value; drive more "
+        "levels and faster changes, or record a signal nearer to where it acts"
+        for name in wide
     ]
     notes += [*_untold(found), *beside.notes]
     return GreyBoxFit(made, found, fits, (*said, *notes, *doubts(made, experiments, fits)))

@@ -12,7 +12,8 @@ from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.problem import pose
 from hil.identification.estimate import Unknown, estimate
 from hil.identification.experiment import Experiment
-from hil.identification.grey_box import GreyBoxFit, fit_plant
+from hil.identification.grey_box import GreyBoxFit, _wider_than_themselves, fit_plant
+from hil.physics.compose import plant
 from hil.physics.model import typical_model
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array, recording
@@ -85,3 +86,13 @@ def test_a_unit_that_changed_in_what_they_are_together_has_changed(changed: dict
     assert set(ratios) == set(changed) - {"loop_gain", "speed_extend"}
     assert any("hich of them has changed is open" in text for text in told.warnings) is bool(changed)
     assert all(fit.corrected > fit.ceiling - 0.1 for fit in told.recordings.values())
+
+
+def test_an_interval_wider_than_its_value_is_none() -> None:
+    hpv41 = plant("brevini-hpv41")
+    values = {p.name: p.typical for p in hpv41.parameters}
+    stds = {name: 0.1 * abs(value) for name, value in values.items()} | {"dead_time": 0.6 * values["dead_time"]}
+    assert _wider_than_themselves(hpv41, values, stds) == ("dead_time",)
+    assert _wider_than_themselves(hpv41, values | {"dead_time": 1.3 * values["dead_time"]}, stds) == ()
+    # a value near nothing is told where it is known well beside what is usual
+    assert _wider_than_themselves(hpv41, values | {"dead_band": 0.0}, {"dead_band": 0.1}) == ()
