@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from hil.catalog import models
+from hil.catalog import entries, models
 from hil.errors import FileError
 from hil.physics.compose import effects as installed_effects
 from hil.physics.compose import kernel, plant
@@ -187,7 +187,9 @@ def load_model(path: Path) -> Model:
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
-        raise FileError(f"{path}: not a model file: {error.strerror}") from error
+        is_plant = any(entry.name == str(path) for entry in entries("plants"))
+        plant_of = "; a plant: `hil identify --plant` makes a model of one, `hil list models` shows the installed ones"
+        raise FileError(f"{path}: not a model file: {error.strerror}{plant_of if is_plant else ''}") from error
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
         raise FileError(f"{path}: not a model file: {error}") from error
     if not isinstance(content, dict) or content.pop("format", None) != FORMAT:

@@ -154,6 +154,8 @@ _Model = TypeVar("_Model", bound=_Strict)
 
 
 def _read(path: Path, model: type[_Model], name: str) -> _Model:
+    if path.parent.is_file():
+        raise FileError(f"{path.parent}: a file, where a run folder is needed; `hil run` makes one")
     try:
         content = json.loads(path.read_bytes())
     except OSError as error:

@@ -102,6 +102,11 @@ def test_what_is_no_model_file(tmp_path: Path, content: bytes) -> None:
         load_model(path)
 
 
+def test_a_plant_where_a_model_should_be_is_called_that() -> None:
+    with pytest.raises(FileError, match=r"brevini-hpv41: not a model file: .*; a plant: .*`hil list models`"):
+        load_model(Path("brevini-hpv41"))
+
+
 def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     with pytest.raises(FileError, match="not a model file"):
         load_model(tmp_path / "nothing.json")

@@ -15,7 +15,7 @@ from hil.errors import FileError, StorageError
 from hil.record import folder, samples
 from hil.record.durable import Syncer, write_at
 from hil.record.folder import RunWriter, read
-from hil.record.header import Column
+from hil.record.header import Column, read_header
 from hil.record.read import read_recording
 from hil.record.tail import Tail
 from hil.record.unmeasured import measured_rows
@@ -395,3 +395,9 @@ def test_a_slice_speaks_of_its_own_samples_only(tmp_path: Path) -> None:
         ("sine", 0, 50, True), ("step", 50, 100, False)]  # fmt: skip
     assert found.rows(step["first"], step["count"]).meta["events"][0]["row"] == 100
     assert found.meta["parts"][1]["first"] == 100  # the original is as it was
+
+
+def test_read_header_of_a_file_says_that_a_run_folder_is_needed(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("time [s],flow [l/min]\n0,1\n1,2\n", encoding="utf-8")
+    with pytest.raises(FileError, match=r"x\.csv: a file, where a run folder is needed"):
+        read_header(tmp_path / "x.csv")
