@@ -44,6 +44,7 @@ from hil.physics.published.efc_population import population, valve
 from hil.physics.published.tugsal import CLASSES, CLASSIFIED_CURRENT_A, SWEEPS_PSI, rms_error
 from hil.physics.simulate import Drive, simulate
 from hil.record.recording import Array
+from hil.signals.products import one_blas_thread
 from hil.signals.ramps import triangle
 
 FEATURES = ("friction", "rise", "leakage", "bandwidth")
@@ -250,7 +251,8 @@ def simulated_tests(
     def one(pair: tuple[Model, np.random.SeedSequence]) -> ValveTest:
         return tested(pair[0], np.random.default_rng(pair[1]), given, reference, frequencies_hz)
 
-    return tuple(spread(one, pairs)), labels
+    with one_blas_thread():
+        return tuple(spread(one, pairs)), labels
 
 
 def compared(tests: Sequence[ValveTest], labels: Labels) -> Comparison:

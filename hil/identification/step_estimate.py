@@ -18,6 +18,7 @@ from hil.errors import InputError
 from hil.identification.redrawn import DRAWS, about
 from hil.identification.step_response import StepFigures, leaves, moves_once, step_figures
 from hil.record.recording import Array, Recording
+from hil.signals.products import one_blas_thread
 from hil.signals.rounding import before_rounding, rounded_again, rounding_step
 from hil.signals.smooth_curve import Smoother, coloured, whitener_of
 from hil.signals.tone import Tone, standing_tone
@@ -89,7 +90,8 @@ def measured_steps(
     for before, first, stop in zip([0, *edges], edges, [*edges[1:], len(recording)], strict=False):
         time_s = stamps_s[first:stop] - recording.time_s[first]
         step = _Step(time_s, output[first:stop], output[before:first], grid, level_std)
-        made.append(_measured(step, float(command.values[first - 1]), float(command.values[first]), band))
+        with one_blas_thread():
+            made.append(_measured(step, float(command.values[first - 1]), float(command.values[first]), band))
     return tuple(made)
 
 

@@ -16,6 +16,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.identification.redrawn import DRAWS
 from hil.record.recording import Array
+from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Curves, Smoother
 
 LEVELS = 401
@@ -145,12 +146,13 @@ def sweep_estimate(
     if not high > low:
         raise InputError(f"{name}: the command does not move; a flow curve needs a sweep")
     speeds = np.array([sweep.speed_per_s for sweep in sweeps])
-    points = _points(name, sweeps, low, high, [waited_s] * len(sweeps))
-    half, _, _ = _aligned(points, standing, speeds, np.zeros(len(speeds)), _FEW_COEFFICIENTS, _NEAR * (high - low))
-    late = _TRANSIENT * np.abs(half) / speeds
-    points = _points(name, sweeps, low, high, late.tolist())
-    half, smoother, curves = _aligned(points, standing, speeds, half, _COEFFICIENTS, _TOGETHER * (high - low))
-    return _estimate(points, standing, speeds, half, smoother, curves, np.linspace(low, high, LEVELS), draws)
+    with one_blas_thread():
+        points = _points(name, sweeps, low, high, [waited_s] * len(sweeps))
+        half, _, _ = _aligned(points, standing, speeds, np.zeros(len(speeds)), _FEW_COEFFICIENTS, _NEAR * (high - low))
+        late = _TRANSIENT * np.abs(half) / speeds
+        points = _points(name, sweeps, low, high, late.tolist())
+        half, smoother, curves = _aligned(points, standing, speeds, half, _COEFFICIENTS, _TOGETHER * (high - low))
+        return _estimate(points, standing, speeds, half, smoother, curves, np.linspace(low, high, LEVELS), draws)
 
 
 def _points(name: str, sweeps: Sequence[Sweep], low: float, high: float, drops_s: Sequence[float]) -> Points:
