@@ -12,7 +12,7 @@ from hil.record.columns import Column
 from hil.record.recording import Array
 
 # What loggers and instruments write where nothing was measured (9.91e37 is SCPI's "not a number").
-_STAND_INS = frozenset({999.0, 9999.0, 99999.0, 999999.0, 999.25, 9999.99, 9.9e37, 9.91e37, 1e30, 1e37, 1e38})
+STAND_INS = frozenset({999.0, 9999.0, 99999.0, 999999.0, 999.25, 9999.99, 9.9e37, 9.91e37, 1e30, 1e37, 1e38})
 _BEYOND = 10.0  # times all other values
 _FEW = 4  # values; a channel with so few is a state, not a measurement
 _FEW_REPEATED = 0.1  # of the stamps
@@ -82,7 +82,7 @@ def _stands_for_none(values: Array) -> float | None:
     if len(values) < _FEW or np.isnan(values).all():
         return None
     for extreme in (float(np.nanmin(values)), float(np.nanmax(values))):
-        if abs(extreme) not in _STAND_INS:
+        if abs(extreme) not in STAND_INS:
             continue
         others = values[(values != extreme) & np.isfinite(values)]
         if 2 * len(others) > len(values) and _BEYOND * np.abs(others).max() < abs(extreme) and len(set(others)) > _FEW:

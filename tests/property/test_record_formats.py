@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from hil.record.not_taken import STAND_INS
 from hil.record.read import formats, read_recording, write_recording
 from hil.record.recording import Channel, Recording
 
@@ -22,7 +23,8 @@ names = st.text(
     st.characters(blacklist_categories=("Cs", "Cc", "Zl", "Zp"), blacklist_characters="[]"), min_size=1, max_size=80
 ).map(str.strip).filter(lambda text: bool(text) and text != "time" and not text.startswith("\ufeff"))  # fmt: skip
 units = st.sampled_from(["%", "V", "l/min", "bar", "°C", "1", "mm/s", "µm", "N·m"])
-values = st.floats(allow_nan=False, allow_infinity=False, width=64)
+# Numbers by which loggers say that nothing was measured are refused, whoever wrote them.
+values = st.floats(allow_nan=False, allow_infinity=False, width=64).filter(lambda value: abs(value) not in STAND_INS)
 json_values = st.recursive(
     st.none() | st.booleans() | st.integers(-(2**53), 2**53) | values | st.text(max_size=20),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=8), inner, max_size=3),

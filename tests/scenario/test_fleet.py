@@ -10,13 +10,12 @@ from typing import Any
 
 import pytest
 
-from hil.diagnosis.diagnose import Diagnosed
 from hil.errors import InputError
 from hil.physics.model import save_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.read import write_recording
 from hil.session import fleet
-from hil.session.fleet import diagnose_unit, diagnose_units, read_unit
+from hil.session.fleet import UnitAnswer, diagnose_unit, diagnose_units, read_unit
 from tests.concealed import nominal, records
 
 CLUSTER = """
@@ -44,12 +43,12 @@ def units(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     return made
 
 
-def answer(of: Diagnosed | str) -> tuple[dict[str, Any], dict[str, Any]]:
+def answer(of: UnitAnswer) -> tuple[dict[str, Any], dict[str, Any]]:
     """The diagnosis and the corrected model, as their files hold them."""
-    assert isinstance(of, Diagnosed)
-    return json.loads(json.dumps({**of.diagnosis.as_dict(), "seconds": 0})), json.loads(
-        json.dumps(of.corrected.as_dict())
-    )
+    found = of.diagnosed
+    assert found is not None
+    diagnosis, corrected = {**found.diagnosis.as_dict(), "seconds": 0}, found.corrected.as_dict()
+    return json.loads(json.dumps(diagnosis)), json.loads(json.dumps(corrected))
 
 
 def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(units: list[Path], tmp_path: Path) -> None:
@@ -64,7 +63,7 @@ def test_a_cluster_another_process_and_this_one_agree_bit_for_bit(units: list[Pa
     read = [read_unit(unit, None) for unit in units]
     assert [diagnosis["verdict"] for diagnosis, _ in cluster] == ["consistent", "explained"]
     assert [answer(diagnose_unit(unit)) for unit in read] == cluster
-    ((_, elsewhere),) = diagnose_units(read[1:])
+    (elsewhere,) = diagnose_units(read[1:])
     assert answer(elsewhere) == cluster[1]
 
 
