@@ -61,7 +61,15 @@ def diagnose_fleet(
 
 
 def diff(
-    old: str | Path, new: str | Path, *, model: Model | str | Path | None = None, progress: Progress = quiet
+    old: str | Path,
+    new: str | Path,
+    *,
+    model: Model | str | Path | None = None,
+    inputs: Sequence[str] = (),
+    output: str = "",
+    reading: Reading | None = None,
+    notes: Notes = unsaid,
+    progress: Progress = quiet,
 ) -> DateDifference:
     """What changed in a unit between two dates, by cause, and what stayed within which limit (`hil diff`).
 
@@ -69,17 +77,25 @@ def diff(
         old: passport, run folder or folder with recordings.
         new: the same of a later date.
         model: of the type, or the path of its file, where no passport holds one.
+        inputs: names of the input channels, where they are not the model's own.
+        output: name of the output channel, likewise.
+        reading: how files are read.
+        notes: told what was assumed of the recordings.
         progress: told how far it is.
     """
     from tempfile import TemporaryDirectory
 
     from hil.passport.difference import difference
     from hil.passport.sources import read_dated
+    from hil.record.reading import AS_IT_IS
+    from hil.session.sources import notes_on
 
-    kind = None if model is None else _model(model)
+    kind, asked = None if model is None else _model(model), reading or AS_IT_IS
     with TemporaryDirectory(prefix="hil-diff-") as folder:
-        first, second = (read_dated(Path(p), Path(folder) / name) for p, name in ((old, "old"), (new, "new")))
-        return difference(first, second, kind, progress)
+        first, second = (read_dated(Path(p), Path(folder) / name, asked) for p, name in ((old, "old"), (new, "new")))
+        for note in notes_on([*first.recordings, *second.recordings]):
+            notes(note)
+        return difference(first, second, kind, progress, inputs, output)
 
 
 def issue_passport(

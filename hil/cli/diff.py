@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import typer
 
+from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
+
 if TYPE_CHECKING:
     from hil.passport.difference import Change, DateDifference, Size
 
@@ -18,14 +20,25 @@ def command(
         None, "--model", metavar="MODEL.json", help="Model of the type, where no passport holds one."
     ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.diff/1."),
+    input_name: Inputs = [],  # noqa: B006 — typer makes a new one
+    output_name: Output = "",
+    time: Time = "",
+    interval: Interval = 0.0,
+    unit: Unit = [],  # noqa: B006
+    rename: Rename = [],  # noqa: B006
+    columns: Columns = "",
+    gaps: Gaps = False,
 ) -> None:
     """What changed between two dates: by cause, of the valve or of the bench, and what stayed within which limit."""
     from hil import api
     from hil.cli.progress import shown
+    from hil.cli.reading import reading_of, teller
     from hil.record.plain import to_json
 
+    reading = reading_of(time, interval, unit, rename, columns, gaps)
     with shown() as progress:
-        found = api.diff(old, new, model=model, progress=progress)
+        found = api.diff(old, new, model=model, inputs=input_name, output=output_name, reading=reading,
+                         notes=teller(aside=as_json), progress=progress)  # fmt: skip
     typer.echo(to_json(found.as_dict()) if as_json else _text(found))
 
 

@@ -84,7 +84,14 @@ class DateDifference:
         }
 
 
-def difference(old: Dated, new: Dated, kind: Model | None, progress: Progress = lambda _d, _t: None) -> DateDifference:
+def difference(
+    old: Dated,
+    new: Dated,
+    kind: Model | None,
+    progress: Progress = lambda _d, _t: None,
+    inputs: Sequence[str] = (),
+    output: str = "",
+) -> DateDifference:
     """Compare two dates.
 
     Args:
@@ -92,6 +99,8 @@ def difference(old: Dated, new: Dated, kind: Model | None, progress: Progress = 
         new: the second.
         kind: the type's model; else that of a passport, else the model of the unit in the first.
         progress: told how far it is.
+        inputs: names of the input channels, where they are not the model's own.
+        output: name of the output channel, likewise.
 
     Raises:
         SettingError: there is no model.
@@ -101,11 +110,11 @@ def difference(old: Dated, new: Dated, kind: Model | None, progress: Progress = 
     start = known or old.unit
     if start is None:
         raise SettingError(f"{old.name}: holds no model; give that of the type with --model MODEL.json")
-    first = None
+    names, first = (inputs, output), None
     if known is not None:
-        first = diagnose(known, _bound(known, old), lambda d, t: progress(0.5 * d, f"{old.name}: {t}"))
+        first = diagnose(known, _bound(known, old, *names), lambda d, t: progress(0.5 * d, f"{old.name}: {t}"))
     reference = start if first is None else _reference(start, first)
-    experiments = _bound(reference, new)
+    experiments = _bound(reference, new, *names)
     second = diagnose(reference, experiments, lambda d, t: progress(0.5 + 0.5 * d, f"{new.name}: {t}"))
     moved, same = _moved(reference, first, second, experiments)
     changes = (*moved, *condition_changes(old.recordings, new.recordings))
@@ -115,8 +124,8 @@ def difference(old: Dated, new: Dated, kind: Model | None, progress: Progress = 
     return DateDifference(changes, tuple(kept.values()), _verdict(second.diagnosis, moved), _notes(old, new, first))
 
 
-def _bound(model: Model, dated: Dated) -> list[Experiment]:
-    return [for_model(model, one) for one in dated.recordings]
+def _bound(model: Model, dated: Dated, inputs: Sequence[str], output: str) -> list[Experiment]:
+    return [for_model(model, one, inputs, output) for one in dated.recordings]
 
 
 def _reference(kind: Model, first: Diagnosed) -> Model:

@@ -14,6 +14,7 @@ from hil.passport.verify import opened
 from hil.physics.model import Model, load_model
 from hil.record.header import HEADER_FILE
 from hil.record.read import formats, read_recording
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 
 
@@ -32,12 +33,13 @@ class Dated:
         return {str(s) for one in self.recordings if (s := (one.meta.get("valve") or {}).get("serial"))}
 
 
-def read_dated(path: Path, place: Path) -> Dated:
+def read_dated(path: Path, place: Path, reading: Reading = AS_IT_IS) -> Dated:
     """Read one date.
 
     Args:
         path: passport, run folder, recording or folder with recordings.
         place: an empty folder, in which a passport is laid out.
+        reading: how recordings are read; those of a passport are as they were.
 
     Raises:
         FileError: none of these, or a passport that was changed.
@@ -46,20 +48,20 @@ def read_dated(path: Path, place: Path) -> Dated:
         content, _ = opened(path)
         lay_out(content, place)
         kind, unit = (_model(place / name) for name in (TYPE_MODEL_FILE, MODEL_FILE))
-        return Dated(path.name, _read(list(run_folders(place / RUNS))), kind, unit)
+        return Dated(path.name, _read(list(run_folders(place / RUNS)), AS_IT_IS), kind, unit)
     if path.is_file() or (path / HEADER_FILE).is_file():
-        return Dated(path.name, _read([path]))
+        return Dated(path.name, _read([path], reading))
     if not path.is_dir():
         raise FileError(f"{path}: no such file or folder; a passport, a run folder or a folder with recordings")
     ends = tuple(formats())
     found = [*run_folders(path), *(one for one in sorted(path.iterdir()) if one.name.lower().endswith(ends))]
     if not found:
         raise FileError(f"{path}: holds no recordings")
-    return Dated(path.name, _read(found))
+    return Dated(path.name, _read(found, reading))
 
 
-def _read(paths: Sequence[Path]) -> tuple[Recording, ...]:
-    return tuple(read_recording(path) for path in paths)
+def _read(paths: Sequence[Path], reading: Reading) -> tuple[Recording, ...]:
+    return tuple(read_recording(path, reading) for path in paths)
 
 
 def _model(path: Path) -> Model | None:

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 import hil
@@ -192,14 +193,21 @@ def test_two_units_of_a_fleet_with_one_name_are_refused(tmp_path):
 
 
 def test_diff(said, through, short, tmp_path):
+    """Channels with other names, one without a unit, give what the model's own names give."""
     returned, model = through("diff"), tmp_path / "model.json"
     hil.save_model(hil.typical_model("brevini-hpv41"), model)
+    read = hil.read(short)
+    called = {"command [%]": "cmd [%]", "flow [l/min]": "q"}
+    theirs = {"time [s]": read.time_s, **{called.get(c.heading, c.heading): c.values for c in read.channels.values()}}
     for name in ("old", "new"):
-        (tmp_path / name).mkdir()
-        hil.write(hil.read(short), tmp_path / name / "short.csv")
-    told = json.loads(said("diff", tmp_path / "old", tmp_path / "new", "--model", model, "--json"))
+        for folder in (tmp_path / name, tmp_path / "own" / name):
+            folder.mkdir(parents=True)
+        hil.write(read, tmp_path / "own" / name / "short.csv")
+        pd.DataFrame(theirs).to_csv(tmp_path / name / "short.csv", index=False)
+    given = ("--input", "cmd", "--output", "q", "--unit", "q=l/min")
+    told = json.loads(said("diff", tmp_path / "old", tmp_path / "new", "--model", model, *given, "--json"))
     assert len(returned) == 1 and told["verdict"] == "unchanged"
-    again = hil.diff(tmp_path / "old", tmp_path / "new", model=hil.load_model(model))
+    again = hil.diff(tmp_path / "own" / "old", tmp_path / "own" / "new", model=hil.load_model(model))
     assert told == json.loads(to_json(again.as_dict()))
 
 
