@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.api.models import model_of
 from hil.api.told import Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
@@ -99,7 +100,7 @@ def compare(
     """
     from hil.session.comparison import compared_with
 
-    return compared_with(_model(model), recordings, inputs, output, reading, notes, Path(page) if page else None)
+    return compared_with(model_of(model), recordings, inputs, output, reading, notes, Path(page) if page else None)
 
 
 def simulate(
@@ -130,7 +131,7 @@ def simulate(
     from hil.record.recording import recording as make
     from hil.session.sources import notes_on, samples_of
 
-    simulated, read = _model(model), samples_of(recording, reading or AS_IT_IS)
+    simulated, read = model_of(model), samples_of(recording, reading or AS_IT_IS)
     bound = for_model(simulated, read, inputs, output, output_needed=False)
     for note in (*notes_on([read], [bound]), *looks_wrong(simulated, bound)):
         notes(note)
@@ -175,7 +176,7 @@ def diagnose(
     from hil.session.diagnosis import bound_to, diagnosed
     from hil.session.sources import notes_on, samples_of
 
-    nominal = _model(model)
+    nominal = model_of(model)
     read = [samples_of(one, reading or AS_IT_IS) for one in recordings]
     experiments, said = bound_to(nominal, read, inputs, output)
     for note in (*notes_on(read, experiments), *said):
@@ -209,7 +210,7 @@ def linearise(
     from hil.identification.linearise import linearised
 
     return linearised(
-        _model(model), at, step=step, window_s=window_s, poles=poles, zeros=zeros, load_pressure_bar=load_pressure_bar
+        model_of(model), at, step=step, window_s=window_s, poles=poles, zeros=zeros, load_pressure_bar=load_pressure_bar
     )
 
 
@@ -258,10 +259,4 @@ def compose(curve: str | Path, dynamics: Model | str | Path) -> Model:
     """
     from hil.session.analyses import composed
 
-    return composed(Path(curve), _model(dynamics))
-
-
-def _model(model: Model | str | Path) -> Model:
-    from hil.physics.model import Model, load_model
-
-    return model if isinstance(model, Model) else load_model(Path(model))
+    return composed(Path(curve), model_of(dynamics))

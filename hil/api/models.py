@@ -25,6 +25,13 @@ def load_model(path: str | Path) -> Model:
     return loaded(Path(path))
 
 
+def model_of(given: Model | str | Path) -> Model:
+    """A model as it is, or the one in a file: what calculations take."""
+    from hil.physics.model import Model
+
+    return given if isinstance(given, Model) else load_model(given)
+
+
 def save_model(model: Model, path: str | Path) -> None:
     """Write a model file; a standard uncertainty without end (the data do not tell the parameter) is null."""
     from hil.physics.model import save_model as saved

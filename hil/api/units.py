@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.api.models import model_of
 from hil.api.told import Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
@@ -54,7 +55,7 @@ def diagnose_fleet(
     from hil.session.fleet import diagnosed_fleet
 
     paths = [Path(folder) for folder in folders]
-    nominal, to = None if model is None else _model(model), None if out is None else Path(out)
+    nominal, to = None if model is None else model_of(model), None if out is None else Path(out)
     return diagnosed_fleet(
         paths, nominal, inputs, output, to, scheduler, budget_s, reading or AS_IT_IS, notes, progress
     )
@@ -90,7 +91,7 @@ def diff(
     from hil.record.reading import AS_IT_IS
     from hil.session.sources import notes_on
 
-    kind, asked = None if model is None else _model(model), reading or AS_IT_IS
+    kind, asked = None if model is None else model_of(model), reading or AS_IT_IS
     with TemporaryDirectory(prefix="hil-diff-") as folder:
         first, second = (read_dated(Path(p), Path(folder) / name, asked) for p, name in ((old, "old"), (new, "new")))
         for note in notes_on([*first.recordings, *second.recordings]):
@@ -128,13 +129,6 @@ def issue_passport(
     from hil.passport.issue import Wanted, issue
     from hil.passport.key import signing_key
 
-    wanted = Wanted(names, identify, None if model is None else _model(model))
+    wanted = Wanted(names, identify, None if model is None else model_of(model))
     folders, signer = [Path(one) for one in runs], signing_key(None if key is None else Path(key))
     return issue(folders, Path(out), signer, wanted, progress)
-
-
-def _model(model: Model | str | Path) -> Model:
-    from hil.api.models import load_model
-    from hil.physics.model import Model
-
-    return model if isinstance(model, Model) else load_model(model)
