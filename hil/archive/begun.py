@@ -40,9 +40,9 @@ class Begun:
 
 def mark_begun(place: Place, folder: Path) -> None:
     """Keep, outside the archive, that a run begins there; a mark that cannot be written hinders no run."""
-    told = {"archive": place.url, "run": str(folder.resolve()), "pid": os.getpid()}
-    path = _mark(folder)
     with suppress(OSError):
+        told = {"archive": place.url, "run": str(folder.resolve()), "pid": os.getpid()}
+        path = _mark(folder)
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(told), encoding="utf-8")
 

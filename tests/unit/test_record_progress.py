@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from hil.record.alive import lives
 from hil.record.progress import PROGRESS_FILE, kept_progress, progress_of
 
 
@@ -42,3 +43,8 @@ def test_a_folder_that_is_not_there_hinders_no_run(tmp_path: Path) -> None:
 def test_a_file_that_says_nothing_is_none(tmp_path: Path, text: str) -> None:
     (tmp_path / PROGRESS_FILE).write_text(text, encoding="utf-8")
     assert progress_of(tmp_path) is None
+
+
+def test_a_number_that_is_none_of_a_process_is_of_none_that_lives() -> None:
+    assert lives(os.getpid())
+    assert not any(lives(number) for number in (0, -1, 10**30))

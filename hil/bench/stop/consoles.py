@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import StorageError
+from hil.record.alive import lives
 from hil.safety.latch import state_path
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
@@ -69,7 +68,7 @@ def consoles() -> list[Console]:
         for path in sorted(state_path("consoles", "any", ".json").parent.glob("*.json")):
             with suppress(OSError, ValueError, ValidationError):
                 console = Console.model_validate(json.loads(path.read_text(encoding="utf-8")))
-                if _lives(console.pid):
+                if lives(console.pid):
                     found.append(console)
     return found
 
@@ -77,17 +76,3 @@ def consoles() -> list[Console]:
 def may_read(origin: str) -> bool:
     """Whether a page of this origin is a console's."""
     return any(origin in console.origins for console in consoles())
-
-
-def _lives(pid: int) -> bool:
-    return Path(f"/proc/{pid}").exists() if Path("/proc/self").exists() else _answers(pid)
-
-
-def _answers(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
-        return False
-    except OSError:
-        return True
-    return True
