@@ -7,18 +7,10 @@ import time
 import pytest
 
 from drivers._read_back import ReadBackTimes
-from drivers.modbus import LineSettings, ModbusLink, Model, Register
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from drivers.modbus import LineSettings, ModbusLink
 from tests.foreign_line import ForeignLine, Tables
+from tests.modbus_pair import MODEL, WIRING
 
-MODEL = Model({
-    "t": Register("in", "value", "degC", -50.0, 500.0, "input", 0),
-    "q": Register("out", "value", "bar", 0.0, 500.0, "holding", 8),
-})  # fmt: skip
-WIRING = Wiring(
-    {"q": OutputChannel("q", "q", "value", "bar", 0.0, 500.0)},
-    {"t": InputChannel("t", "t", "value", "degC", -50.0, 500.0)},
-)
 READS_OUTPUTS = 3
 
 

@@ -13,23 +13,16 @@ from drivers import can as can_driver
 from drivers import scpi as scpi_driver
 from drivers import text as text_driver
 from drivers._start_up import once_started
-from drivers.modbus import LineSettings, ModbusLink, Model, Register
-from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from drivers.modbus import LineSettings, ModbusLink
+from hil.daq.channel import InputChannel, Wiring
 from hil.errors import DeviceLostError, LinkError
 from tests.described import written
 from tests.foreign_line import ForeignLine, Tables
 from tests.links import free_port
+from tests.modbus_pair import MODEL, WIRING
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "reference" / "what-links-do.md").read_text(encoding="utf-8")
-MODEL = Model({
-    "t": Register("in", "value", "degC", -50.0, 500.0, "input", 0),
-    "q": Register("out", "value", "bar", 0.0, 500.0, "holding", 8),
-})  # fmt: skip
-WIRING = Wiring(
-    {"q": OutputChannel("q", "q", "value", "bar", 0.0, 500.0)},
-    {"t": InputChannel("t", "t", "value", "degC", -50.0, 500.0)},
-)
 
 METER = """\
 protocol = "{protocol}"
