@@ -18,8 +18,10 @@ from hil.cli.app import main
 from hil.record.folder import read
 from hil.session.results import report_again
 
-TODAY = dt.datetime.now(dt.UTC).date()
-YESTERDAY, TOMORROW = TODAY - dt.timedelta(days=1), TODAY + dt.timedelta(days=1)
+
+def day(ahead: int = 0) -> dt.date:
+    """A day as a run sees it now: not that of the import, between which and the test midnight may lie."""
+    return dt.datetime.now(dt.UTC).date() + dt.timedelta(days=ahead)
 
 
 @pytest.fixture(autouse=True)
@@ -52,30 +54,32 @@ def overdue_in_archive() -> list[tuple[Path, dt.date]]:
 def test_overdue_instrument_is_a_deviation_in_header_findings_and_page(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    when = f"its calibration was due on {YESTERDAY}; the day of this test is {TODAY}."
+    yesterday = day(-1)
+    when = f"its calibration was due on {yesterday}; the day of this test is {day()}."
     text = f"Instrument 'flow meter' (serial 4711): {when}"
-    assert run(bench(YESTERDAY), monkeypatch) == 0
+    assert run(bench(yesterday), monkeypatch) == 0
     assert f"deviation: {text}" in capsys.readouterr().out
     assert json.loads(Path("run/run.json").read_text("utf-8"))["meta"]["deviations"] == [text]
     assert text in json.loads(Path("run/findings.json").read_text("utf-8"))["deviations"]
-    assert f"was due on {YESTERDAY}" in Path("run/report.html").read_text("utf-8")
-    assert overdue_in_archive() == [(Path("run").resolve(), YESTERDAY)]
+    assert f"was due on {yesterday}" in Path("run/report.html").read_text("utf-8")
+    assert overdue_in_archive() == [(Path("run").resolve(), yesterday)]
     assert report_again(Path("run")).findings.deviations.count(text) == 1  # the day is that of the run
 
 
 def test_overdue_channel_is_one_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    path = bench(TOMORROW)
-    text = path.read_text("utf-8").replace("date = 2026-03-02", f"date = 2020-03-02, due = {YESTERDAY}", 1)
+    yesterday = day(-1)
+    path = bench(day(1))
+    text = path.read_text("utf-8").replace("date = 2026-03-02", f"date = 2020-03-02, due = {yesterday}", 1)
     path.write_text(text, encoding="utf-8")
     assert run(path, monkeypatch) == 0
     (deviation,) = read(Path("run")).meta["deviations"]
-    assert overdue_in_archive() == [(Path("run").resolve(), YESTERDAY)]
-    assert deviation.startswith(f"Channel 'command': its calibration was due on {YESTERDAY};")
+    assert overdue_in_archive() == [(Path("run").resolve(), yesterday)]
+    assert deviation.startswith(f"Channel 'command': its calibration was due on {yesterday};")
 
 
-@pytest.mark.parametrize("due", [TODAY, TOMORROW])
-def test_what_is_due_today_or_later_is_none(due: dt.date, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert run(bench(due, 'overdue = "refuse"\n'), monkeypatch) == 0
+@pytest.mark.parametrize("ahead", [0, 1])
+def test_what_is_due_today_or_later_is_none(ahead: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert run(bench(day(ahead), 'overdue = "refuse"\n'), monkeypatch) == 0
     assert read(Path("run")).meta["deviations"] == []
     assert overdue_in_archive() == []
 
@@ -83,8 +87,9 @@ def test_what_is_due_today_or_later_is_none(due: dt.date, monkeypatch: pytest.Mo
 def test_overdue_run_is_refused_where_the_bench_file_says_so(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert run(bench(YESTERDAY, 'overdue = "refuse"\n'), monkeypatch) == 2
-    assert f"'flow meter' (serial 4711): its calibration was due on {YESTERDAY}" in capsys.readouterr().err
+    yesterday = day(-1)
+    assert run(bench(yesterday, 'overdue = "refuse"\n'), monkeypatch) == 2
+    assert f"'flow meter' (serial 4711): its calibration was due on {yesterday}" in capsys.readouterr().err
     assert not Path("run").exists()
 
 
