@@ -20,6 +20,7 @@ _LATE_S = 1.0  # what the dead program had sent may still be on its way, and com
 _AGAIN_S = 0.05
 _HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
 _MOMENT_S = 1.0
+_TELLS_S = 1.0  # what is not safe after so long is told at once, not when nothing is tried any more
 
 
 @dataclass(slots=True)
@@ -63,15 +64,23 @@ class Rescue:
         self._lines: dict[str, list[_Device]] = {}
         for name, device in file.devices.items():
             address = str(getattr(device.settings, "address", name))
-            self._lines.setdefault(address, []).append(_Device(name, "was not tried"))
+            self._lines.setdefault(address, []).append(_Device(name, f"{name}: no answer yet"))
 
     def at_once(self) -> None:
         """One try, for as long as a moment: while the bench is still that of a program that was killed."""
-        self._side_by_side(self._tried_all, self._begun_s + _MOMENT_S)
+        _wait(self._begun(self._tried_all), self._begun_s + _MOMENT_S)
 
-    def with_patience(self) -> None:
-        """Try until all are safe, then look until none has moved for a while; gives up after `GIVE_UP_S`."""
-        self._side_by_side(self._with_patience, self._begun_s + GIVE_UP_S + _HANGS_S)
+    def with_patience(self, not_yet: Callable[[], None] = lambda: None) -> None:
+        """Try until all are safe, then look until none has moved for a while; gives up after `GIVE_UP_S`.
+
+        Args:
+            not_yet: called once when some are not safe after a moment.
+        """
+        work = self._begun(self._with_patience)
+        _wait(work, time.monotonic() + _TELLS_S)
+        if self.left:
+            not_yet()
+        _wait(work, self._begun_s + GIVE_UP_S + _HANGS_S)
 
     @property
     def left(self) -> list[str]:
@@ -93,12 +102,12 @@ class Rescue:
     def _devices(self) -> list[_Device]:
         return [device for line in self._lines.values() for device in line]
 
-    def _side_by_side(self, do: Callable[[list[_Device]], None], until_s: float) -> None:
+    def _begun(self, do: Callable[[list[_Device]], None]) -> list[threading.Thread]:
+        """One thread for each line, begun."""
         threads = [threading.Thread(target=do, args=(line,), daemon=True) for line in self._lines.values()]
         for thread in threads:
             thread.start()
-        for thread in threads:
-            thread.join(max(0.0, until_s - time.monotonic()))
+        return threads
 
     def _tried_all(self, line: list[_Device]) -> None:
         for device in line:
@@ -118,6 +127,11 @@ class Rescue:
                 if _looked_again(self._file, device):  # a late command of the dead program came after all
                     last_s = time.monotonic()
                     self._desk.tell(device.outputs, "watchdog")
+
+
+def _wait(threads: list[threading.Thread], until_s: float) -> None:
+    for thread in threads:
+        thread.join(max(0.0, until_s - time.monotonic()))
 
 
 def _looked_again(file: BenchFile, device: _Device) -> bool:

@@ -6,11 +6,11 @@ It hears the program through a pipe, a byte for each sign of life, and answers e
 its own way to the devices once and makes their outputs safe, so that this way is known to work. From then on it does
 not touch them, until the pipe ends without a farewell (the program is dead) or is silent for too long while outputs
 are driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). Each device is made safe
-and read back by itself, whatever the others do, and those that fail are tried again; one that has the name of a device
-but is another one than before is not touched. It also listens for a stop (see `hil.bench.stop`): it tells the program,
-and takes over in the same way when that has not made its outputs safe within `CONFIRMS_S`. What it did stands in
-`watchdog.json` in the run folder, or in the user's state folder when that is gone. Paths in the bench file are meant
-from FOLDER; nothing in it is imported.
+and read back by itself, whatever the others do, and those that fail are told of and tried again; one that has the name
+of a device but is another one than before is not touched. It also listens for a stop (see `hil.bench.stop`): it tells
+the program, and takes over in the same way when that has not made its outputs safe within `CONFIRMS_S`. What it did
+stands in `watchdog.json` in the run folder, or in the user's state folder when that is gone. Paths in the bench file
+are meant from FOLDER; nothing in it is imported.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ from hil.bench.heartbeat import (
     AT_REST,
     ERROR,
     FAREWELL,
+    GIVE_UP_S,
     LINE,
     READY,
     REPORT_FILE,
@@ -220,13 +221,13 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
         rescue.at_once()
     try:
         with _lease_of_the_dead(file, pid):
-            rescue.with_patience()
+            rescue.with_patience(lambda: _report_not_yet(file, run, why, pid, rescue.left))
     except InUseError as taken:  # whoever took it has made its outputs safe on opening it
         _report(file, run, {"why": why, "left_alone": str(taken)}, f"process {pid} {why}; {taken}")
         return
     took_s = round(rescue.took_s, 3)
     if rescue.left:
-        text = f"process {pid} {why}; NOT SAFE: {'; '.join(rescue.left)}"
+        text = f"process {pid} {why}; NOT SAFE: {_with_remedy(rescue.left)}"
         _report(file, run, {"why": why, "not_safe": rescue.left, "tried_s": took_s}, text)
     elif rescue.unasked:
         text = f"process {pid} {why}; outputs told to be safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
@@ -234,6 +235,16 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
     else:
         text = f"process {pid} {why}; outputs made safe in {took_s:g} s"
         _report(file, run, {"why": why, "safe_after_s": took_s}, text)
+
+
+def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, left: list[str]) -> None:
+    text = f"process {pid} {why}; NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
+    _report(file, run, {"why": why, "not_safe_so_far": left, "goes_on_for_s": GIVE_UP_S}, text)
+
+
+def _with_remedy(left: list[str]) -> str:
+    said = "; ".join(left)
+    return said if "emergency stop" in said else f"{said}; use the emergency stop"
 
 
 @contextmanager
@@ -264,11 +275,13 @@ def _report(file: BenchFile, run: Path, told: dict[str, object], text: str) -> N
         try:
             if path is elsewhere:
                 path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(content, encoding="utf-8")
+            part = path.with_suffix(".part")
+            part.write_text(content, encoding="utf-8")
+            part.replace(path)
             break
         except OSError:  # no folder, or no room in it: half a report is none
             with suppress(OSError):
-                path.unlink()
+                part.unlink()
     _tell(text)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -89,6 +90,25 @@ def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, erro
     assert devices["healthy"].levels["a"] == 0.0 and devices["healthy"].closed
     assert len(left) == 1 and left[0].startswith("sick: nobody knows") and not unasked
     assert devices["sick"].closed > 1  # tried again, and let go of each time
+
+
+def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 2.0)
+    monkeypatch.setattr(rescue, "_TELLS_S", 0.1)
+    made = rescue.Rescue(
+        bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}), DESK
+    )
+    begun_s, told = time.monotonic(), list[tuple[float, list[str]]]()
+    made.with_patience(lambda: told.append((time.monotonic() - begun_s, made.left)))
+    ((after_s, left),) = told
+    assert after_s < 1.0 and len(left) == 1 and left[0].startswith("gone: ")
+    assert time.monotonic() - begun_s >= 2.0, "it went on trying"
+
+
+def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path: Path) -> None:
+    told: list[None] = []
+    rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}), DESK).with_patience(lambda: told.append(None))
+    assert not told
 
 
 def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
