@@ -17,7 +17,8 @@ from drivers._read_back import ReadBackTimes
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
 from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of, variable
-from hil.errors import LinkError, SettingError
+from hil.errors import HardwareError, LinkError, SettingError
+from hil.units import behind_a_number
 
 MASTER = 127  # node that sends our heartbeat
 
@@ -72,8 +73,8 @@ class CanopenLink:
         if not node:
             raise SettingError("node is missing, and its file says none")
         self._number = int(node)
-        self._outputs = {c.terminal: told.terminals[c.terminal] for c in wiring.outputs.values()}
-        self._inputs = {c.terminal: told.terminals[c.terminal] for c in wiring.inputs.values()}
+        self._outputs = {c.terminal: told.by_name[c.terminal] for c in wiring.outputs.values()}
+        self._inputs = {c.terminal: told.by_name[c.terminal] for c in wiring.inputs.values()}
         self.watchdog_s: float | None = settings.watchdog_s if self._outputs else None
         self.keep_alive_s: float | None = self.watchdog_s / 4.0 if self.watchdog_s else None
         wanted = [told.place for told in self._inputs.values()]
@@ -82,10 +83,13 @@ class CanopenLink:
         by_pdo = [*wanted, *(p for p in flagged if variable(file, p).pdo_mappable)] if synchronised else []
         self._by_sdo = [place for place in dict.fromkeys([*wanted, *flagged]) if place not in by_pdo]
         self._sent = pdos_for(file, self._number, list(dict.fromkeys(by_pdo)), "sent")
-        self._received = pdos_for(file, self._number, [told.place for told in self._outputs.values()], "received")
+        driven = dict.fromkeys(told.place for told in self._outputs.values())
+        self._received = pdos_for(file, self._number, list(driven), "received")
         self._looked_at, self._before = wiring.looked_at, set[str]()
         self.unmeasured: dict[str, str] = {}
-        self._driven: dict[tuple[int, int], float] = {}
+        self._driven: dict[str, float] = {}
+        self._held: dict[tuple[int, int], float] = {}
+        self._others_moved = False
         self._came: dict[int, bytes] = {}
         self._emergency: tuple[int, int] | None = None
         self._quiet_until_s, self._checked_s, self._drove_s = 0.0, time.monotonic(), 0.0
@@ -114,12 +118,19 @@ class CanopenLink:
 
     def drive(self, values: Mapping[str, float]) -> None:
         """Send the PDOs of the outputs, and our heartbeat."""
-        for name, value in values.items():
-            self._driven[self._outputs[name].place] = self._objects.counted(self._outputs[name], value)
+        if self._others_moved:
+            self._others_moved = False
+            with suppress(HardwareError):  # a safe value goes out also where nobody answers
+                self._look_around()
+        self._driven |= {name: self._objects.counted(self._outputs[name], value) for name, value in values.items()}
+        for name, count in self._driven.items():
+            place = self._outputs[name].place
+            self._held[place] = self._objects.with_part(self._outputs[name], self._held.get(place, 0), count)
         self._network.send_message(0x700 + MASTER, b"\x05")
+        driven = {self._outputs[name].place for name in self._driven}
         for pdo in self._received:
-            if set(pdo.places) <= set(self._driven):
-                self._network.send_message(pdo.identifier, pdo.packed(self._driven))
+            if set(pdo.places) <= driven:
+                self._network.send_message(pdo.identifier, pdo.packed(self._held))
         self._drove_s = time.monotonic()
 
     def read(self) -> dict[str, float]:
@@ -163,7 +174,12 @@ class CanopenLink:
         if why:
             self.unmeasured[name] = why
             return math.nan
-        return told.slope * counts[told.place] + told.offset
+        return self._objects.value(told, counts[told.place])
+
+    def _look_around(self) -> None:
+        """Objects that hold more than our outputs: what else stands there is sent back as it is."""
+        for place in dict.fromkeys(told.place for told in self._outputs.values() if told.field is not None):
+            self._held[place] = self._objects.count(place)
 
     def _set_up(self, told: CanopenDescription) -> None:
         self._network.send_message(0x000, bytes([0x80, self._number]))  # pre-operational
@@ -173,8 +189,9 @@ class CanopenLink:
             self._objects.write(place_of(value.object), value.value)
         configure(self._sent, "sent", self._objects.upload, self._objects.download, told.dictionary)
         configure(self._received, "received", self._objects.upload, self._objects.download, told.dictionary)
+        self._look_around()
         self._network.send_message(0x000, bytes([0x01, self._number]))  # operational
-        self._emergency = None
+        self._emergency, self._others_moved = None, False
 
     def _synchronised(self) -> dict[tuple[int, int], float]:
         """What the PDOs of this SYNC say."""
@@ -199,13 +216,14 @@ class CanopenLink:
     def _outputs_stand(self) -> None:
         self._checked_s = time.monotonic()
         for name, told in self._outputs.items():
-            if told.place not in self._driven:
+            if name not in self._driven:
                 continue
-            stands, driven = self._objects.asked(told), told.slope * self._driven[told.place] + told.offset
+            stands, driven = self._objects.asked(told), told.slope * self._driven[name] + told.offset
             if abs(stands - driven) > (told.close or 0.0) + 1e-6 * max(map(abs, told.range)):
+                self._others_moved = True
                 raise LinkError(
-                    f"{name} stands at {stands:.4g} {told.unit}, not at {driven:.4g} as it was driven: the node "
-                    f"restarted, missed our heartbeat, or another master writes to it"
+                    f"{name} stands at {stands:.4g}{behind_a_number(told.unit)}, not at {driven:.4g} as it was driven: "
+                    f"the node restarted, missed our heartbeat, or another master writes to it"
                 )
 
     def _look(self) -> None:
@@ -225,7 +243,7 @@ class CanopenLink:
 
     def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
         if len(data) >= 3 and (code := data[0] | data[1] << 8):
-            self._emergency = code, data[2]
+            self._emergency, self._others_moved = (code, data[2]), True
 
 
 def _check_level(settings: NodeSettings, told: CanopenDescription, wiring: Wiring) -> None:

@@ -8,7 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from drivers._edge import edge
-from drivers._modbus_line import LineSettings, ModbusLine
+from drivers._modbus_client import LineSettings
+from drivers._modbus_line import ModbusLine
 from drivers._modbus_model import Model, check_level
 from drivers._modbus_ready import Readiness
 from drivers._read_back import ReadBackTimes
@@ -18,6 +19,7 @@ from drivers._stretches import Stretch, stretches, written
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Wiring
 from hil.errors import LinkError
+from hil.units import behind_a_number
 
 
 @edge
@@ -154,8 +156,9 @@ class ModbusLink:
         for name, register, words in self._read_back():
             if name in self._driven and not register.stands(words, self._driven[name], self._order):
                 stands, driven = (register.value_of(w, self._order) for w in (words, self._driven[name]))
+                unit = behind_a_number(register.unit)
                 raise LinkError(
-                    f"{name} stands at {stands:.4g} {register.unit}, not at {driven:.4g} as it was driven: the device "
+                    f"{name} stands at {stands:.4g}{unit}, not at {driven:.4g} as it was driven: the device "
                     f"restarted, its watchdog expired, or another master writes to it"
                 )
 

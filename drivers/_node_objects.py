@@ -53,17 +53,39 @@ class NodeObjects:
         return f"node {self._node.id}, {', '.join(told)}" if told else ""
 
     def counted(self, told: CanopenTerminal, value: float) -> float:
-        """A value as the terminal's object takes it, the end of its type where it is beyond."""
+        """A value as the terminal's object, or its part of it, takes it; where it is beyond, the end."""
         number, form = (value - told.offset) / told.slope, self.form(told.place)[1:]
         if form == "f":
             return number
-        bits = 8 * struct.calcsize(form)
-        low = -(1 << bits - 1) if form.islower() else 0
+        _, bits = told.field or (0, 8 * struct.calcsize(form))
+        low = -(1 << bits - 1) if form.islower() and bits > 1 else 0
         return max(low, min(low + (1 << bits) - 1, round(number)))
+
+    def part(self, told: CanopenTerminal, count: float) -> float:
+        """The terminal's number in what its object says."""
+        if told.field is None:
+            return count
+        lowest, bits = told.field
+        part = int(count) >> lowest & (1 << bits) - 1
+        signed = self.form(told.place)[1:].islower() and bits > 1
+        return part - (1 << bits) if signed and part >> bits - 1 else part
+
+    def with_part(self, told: CanopenTerminal, count: float, part: float) -> float:
+        """What its object says with another number in the terminal's part, the rest as it is."""
+        if told.field is None:
+            return part
+        form, (lowest, bits) = self.form(told.place)[1:], told.field
+        mask, width = (1 << bits) - 1 << lowest, 8 * struct.calcsize(form)
+        whole = (int(count) & ~mask | int(part) << lowest & mask) & (1 << width) - 1
+        return whole - (1 << width) if form.islower() and whole >> width - 1 else whole
 
     def asked(self, told: CanopenTerminal) -> float:
         """What the terminal's object says."""
-        return float(told.slope * self.count(told.place) + told.offset)
+        return self.value(told, self.count(told.place))
+
+    def value(self, told: CanopenTerminal, count: float) -> float:
+        """The terminal's value by what its object says."""
+        return float(told.slope * self.part(told, count) + told.offset)
 
     def count(self, place: tuple[int, int]) -> float:
         """The number in an object; raises `LinkError` for one of another length than its file says."""
@@ -77,10 +99,10 @@ class NodeObjects:
 
     def why_none(self, told: CanopenTerminal, counts: Mapping[tuple[int, int], float]) -> str:
         """Why what an input's object says is no measurement, in words; empty where it is one."""
-        count, named = counts[told.place], counts_of(told.invalid)
+        count, named = self.part(told, counts[told.place]), counts_of(told.invalid)
         if math.isnan(count):
             return nan_of(told.invalid) or "not a number"
-        width = 8 * struct.calcsize(self.form(told.place))
+        _, width = told.field or (0, 8 * struct.calcsize(self.form(told.place)))
         for key in (count,) if isinstance(count, float) else (count, count & (1 << width) - 1):
             if key in named:
                 return named[int(key)] or f"count {int(key):#x}"

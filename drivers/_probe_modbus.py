@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, field_validator
 
-from drivers._modbus_line import LineSettings, client_of
+from drivers._modbus_client import LineSettings, client_of
 from hil.daq.probe import Found, Progress
 from hil.errors import DeviceLostError
 

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ConfigDict, FiniteFloat
 
 from drivers._described_modbus import model_of
-from drivers._modbus_line import LineSettings, host_and_port
+from drivers._modbus_client import LineSettings, host_and_port
 from drivers._modbus_link import ModbusLink
 from drivers._modbus_model import PER_SECOND, Model, Step, check_level, levels_of
 from drivers._registers import Flag, Format, Register, WordOrder, float32

@@ -117,6 +117,11 @@ def convert(values: NDArray[np.float64], unit: str, to: str) -> NDArray[np.float
     return a * values + b
 
 
+def behind_a_number(unit: str) -> str:
+    """A unit as it stands behind a number: a space and the unit, nothing for a pure number."""
+    return "" if unit == "1" else f" {unit}"
+
+
 def check_unit(text: str) -> None:
     """Raise `UnitError` unless `text` is a unit this program understands."""
     if text not in _COMMON:

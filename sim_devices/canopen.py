@@ -10,7 +10,7 @@ from typing import Any
 from hil.description.canopen import CanopenDescription, CanopenTerminal
 from hil.description.named import Described, description_of
 from sim_devices._can_bus import CanServer
-from sim_devices._canopen_node import CanopenNode
+from sim_devices._canopen_node import CanopenNode, Place
 from sim_devices._eds import objects_of
 from sim_devices._field import Side
 from sim_devices._quirks import Quirks
@@ -27,53 +27,98 @@ class DescribedNode(CanopenNode):
 
     def __init__(self, side: Side, told: CanopenDescription, node: int) -> None:
         self._told = told
-        self._outputs = {t.place: name for name, t in told.terminals.items() if t.direction == "out"}
-        self._inputs = {t.place: name for name, t in told.terminals.items() if t.direction == "in"}
+        self._terminals = told.by_name
+        self._outputs = self._by_place("out")
+        self._inputs = self._by_place("in")
         super().__init__(side, node, objects_of(told.eds, node))
 
     def power_on(self) -> None:
         """Outputs at the values of the file, or as near zero as they come."""
         super().power_on()
-        for place, name in self._outputs.items():
-            low, high = self._told.terminals[name].range
-            self._goes_to(place, name, min(max(0.0, low), high))
+        for place, names in self._outputs.items():
+            for name in names:
+                low, high = self._terminals[name].range
+                self._goes_to(place, name, min(max(0.0, low), high))
 
     def value(self, index: int, sub: int) -> float:
-        """A terminal as it is now, or an object as it was written."""
-        name = self._inputs.get((index, sub))
-        if name is None:
-            return super().value(index, sub)
-        terminal, form = self._told.terminals[name], self.objects[index, sub][0]
-        if form == "f":
-            return (self.side.read().get(name, 0.0) - terminal.offset) / terminal.slope
-        return _counted(terminal, self.side.number(name), form)
+        """Terminals as they are now, in an object as it was written."""
+        value, form = super().value(index, sub), self.objects[index, sub][0]
+        for name in self._inputs.get((index, sub), ()):
+            terminal = self._terminals[name]
+            if form == "f":
+                value = (self.side.read().get(name, 0.0) - terminal.offset) / terminal.slope
+            else:
+                value = _laid(terminal, value, _counted(terminal, self.side.number(name), form), form)
+        return value
 
     def store(self, index: int, sub: int, value: float) -> None:
-        """An output moves."""
+        """Outputs move; those whose bits stay stay."""
         super().store(index, sub, value)
-        if (name := self._outputs.get((index, sub))) is not None:
-            told = self._told.terminals[name]
-            self.side.drive({name: value * told.slope + told.offset})
+        for name in self._outputs.get((index, sub), ()):
+            told = self._terminals[name]
+            self.side.drive({name: _taken(told, value, self.objects[index, sub][0]) * told.slope + told.offset})
 
     def missed_heartbeat(self) -> None:
         """Outputs go where they are safe, and it says so."""
         if self._told.watchdog is None:
             return
-        for place, name in self._outputs.items():
-            self._goes_to(place, name, self._told.watchdog.expires_to)
+        for place, names in self._outputs.items():
+            for name in names:
+                self._goes_to(place, name, self._told.watchdog.expires_to)
         self.unsent.append((0x080 + self.node, struct.pack("<HB5x", 0x8130, 0x11)))
 
     def _goes_to(self, place: tuple[int, int], name: str, value: float) -> None:
-        terminal, form = self._told.terminals[name], self.objects[place][0]
+        terminal, form = self._terminals[name], self.objects[place][0]
         number = (value - terminal.offset) / terminal.slope
-        self.values[place] = number if form == "f" else _counted(terminal, value, form)
+        if form != "f":
+            number = _laid(terminal, self.values[place], _counted(terminal, value, form), form)
+        self.values[place] = number
         self.side.drive({name: value})
+
+    def _by_place(self, direction: str) -> dict[Place, list[str]]:
+        found: dict[Place, list[str]] = {}
+        for name, terminal in self._terminals.items():
+            if terminal.direction == direction:
+                found.setdefault(terminal.place, []).append(name)
+        return found
+
+
+def _is_signed(told: CanopenTerminal, form: str) -> bool:
+    return form.islower() and told.bit is None and (told.bits is None or told.bits[0] < told.bits[1])
+
+
+def _width(told: CanopenTerminal, form: str) -> int:
+    if told.bit is not None:
+        return 1
+    return 8 * struct.calcsize(form) if told.bits is None else told.bits[1] + 1 - told.bits[0]
+
+
+def _lowest(told: CanopenTerminal) -> int:
+    return told.bit or (0 if told.bits is None else told.bits[0])
+
+
+def _laid(told: CanopenTerminal, value: float, count: int, form: str) -> int:
+    """What an object says with this count in the terminal's bits."""
+    size, at, n = struct.calcsize(form), _lowest(told), _width(told, form)
+    bits = f"{int.from_bytes(struct.pack('>' + form, int(value)), 'big'):0{8 * size}b}"
+    end = len(bits) - at
+    bits = bits[: end - n] + f"{count % (1 << n):0{n}b}" + bits[end:]
+    return int(struct.unpack(">" + form, int(bits, 2).to_bytes(size, "big"))[0])
+
+
+def _taken(told: CanopenTerminal, value: float, form: str) -> float:
+    """The terminal's count in what an object says."""
+    if form == "f":
+        return value
+    n = _width(told, form)
+    count = (int(value) >> _lowest(told)) % (1 << n)
+    return count - (1 << n) if _is_signed(told, form) and 2 * count >= 1 << n else count
 
 
 def _counted(told: CanopenTerminal, value: float, form: str) -> int:
     number = (value - told.offset) / told.slope
-    width = 8 * struct.calcsize(form)
-    low, high = (-(1 << width - 1), (1 << width - 1) - 1) if form.islower() else (0, (1 << width) - 1)
+    width = _width(told, form)
+    low, high = (-(1 << width - 1), (1 << width - 1) - 1) if _is_signed(told, form) else (0, (1 << width) - 1)
     if math.isnan(number):
         none = next((int(count, 0) for count in told.invalid if count.lower() != "nan"), 0)
         return none if none <= high else none - (1 << width)

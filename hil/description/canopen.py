@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Iterator
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from io import StringIO
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -13,7 +13,7 @@ from typing import Any, Literal, Self
 from pydantic import Field, FiniteFloat, field_validator, model_validator
 
 from hil.bench.lines import Place
-from hil.daq.channel import Terminal
+from hil.daq.channel import Kind, Terminal
 from hil.description.eds import eds_text
 from hil.description.terminal import DescribedTerminal, Invalid, Strict, each, name_faults
 from hil.errors import FileError
@@ -90,11 +90,15 @@ class CanopenTerminal(DescribedTerminal):
 
     Attributes:
         object: index and sub-index, `6130.1`; the index alone is sub-index 0.
+        bit, bits: the bit, or lowest and highest bit, of an object that holds more than this. In a row each terminal
+            stands next to the one before it.
         invalid: counts that are no measurement, and what they mean; `nan` too.
         status: flags that say that it is none.
     """
 
     object: str
+    bit: int | None = Field(None, ge=0, le=31)
+    bits: tuple[int, int] | None = None
     invalid: Invalid = Field(default_factory=dict)
     status: tuple[ObjectFlag, ...] = ()
     slope: FiniteFloat = 1.0
@@ -106,10 +110,39 @@ class CanopenTerminal(DescribedTerminal):
         place_of(given)
         return given
 
+    @model_validator(mode="after")
+    def _one_part(self) -> Self:
+        if self.bit is not None and self.bits is not None:
+            raise ValueError("bit or bits, not both")
+        if self.slope == 0.0:
+            raise ValueError("slope 0 makes every reading the same")
+        return self
+
     @property
     def place(self) -> tuple[int, int]:
         """Index and sub-index."""
         return place_of(self.object)
+
+    @property
+    def field(self) -> tuple[int, int] | None:
+        """Lowest bit and number of bits, of what does not fill its object."""
+        if self.bit is not None:
+            return self.bit, 1
+        return None if self.bits is None else (self.bits[0], self.bits[1] - self.bits[0] + 1)
+
+    @property
+    def is_of(self) -> Kind:
+        """Its kind; one bit is digital where nothing else is said."""
+        return "digital" if self.kind is None and self.bit is not None else super().is_of
+
+    def of_row(self, i: int) -> Self:
+        """The terminal `i` of a row, from 0."""
+        if self.bit is not None:
+            return self.model_copy(update={"bit": self.bit + i, "count": 1})
+        if self.bits is not None:
+            on = i * (self.bits[1] - self.bits[0] + 1)
+            return self.model_copy(update={"bits": (self.bits[0] + on, self.bits[1] + on), "count": 1})
+        return self
 
 
 class NodeWatchdog(Strict):
@@ -139,7 +172,12 @@ class CanopenDescription(Strict):
     @property
     def ports(self) -> dict[str, Terminal]:
         """What a bench can connect to."""
-        return {one: told.terminal for name, told in self.terminals.items() for one, _ in each(name, told)}
+        return {name: told.terminal for name, told in self.by_name.items()}
+
+    @cached_property
+    def by_name(self) -> dict[str, CanopenTerminal]:
+        """Every terminal by its own name, rows laid out."""
+        return {one: told.of_row(i) for name, told in self.terminals.items() for one, i in each(name, told)}
 
     @property
     def dictionary(self) -> Any:
@@ -206,8 +244,10 @@ def canopen_faults(told: CanopenDescription) -> Iterator[tuple[Place, str]]:
             yield from ((("terminals", name, "status", i, "object"), text) for text in _flag(found, flag))
         if terminal.direction == "out" and (terminal.invalid or terminal.status):
             yield ("terminals", name), "invalid and status belong to an input; take them away"
-        if terminal.count > 1:
-            yield ("terminals", name, "count"), "objects have numbers: describe each terminal"
+        if terminal.count > 1 and terminal.field is None:
+            yield ("terminals", name, "count"), "a row stands in the bits of one object; describe each object"
+        yield from ((("terminals", name, key), text) for key, text in _part(found, terminal))
+    yield from _overlaps(told)
     for i, value in enumerate(told.setup):
         if (found := variable(objects, place_of(value.object))) is None or not found.writable:
             yield ("setup", i, "object"), f"{value.object}: no object of {Path(told.eds).name} that can be written"
@@ -224,6 +264,41 @@ def _object(found: Any, terminal: CanopenTerminal) -> Iterator[str]:
         yield f"{terminal.object} can only be read"
     elif terminal.direction == "in" and not found.readable:
         yield f"{terminal.object} can only be written"
+
+
+def _part(found: Any, terminal: CanopenTerminal) -> Iterator[tuple[str, str]]:
+    form = FORMS.get(found.data_type) if found is not None else None
+    if terminal.field is None or form is None:
+        return
+    key, (lowest, width), bits = (
+        "bit" if terminal.bit is not None else "bits",
+        terminal.field,
+        8 * struct.calcsize(form),
+    )
+    if form == "f":
+        yield key, f"a part of a whole number; {terminal.object} is a REAL32"
+    elif width < 1 or lowest < 0 or lowest + terminal.count * width > bits:
+        yield key, f"{terminal.object} has the bits 0 … {bits - 1}, the lowest first" + (
+            f"; this row of {terminal.count} would end at {lowest + terminal.count * width - 1}"
+            if terminal.count > 1 else ""
+        )  # fmt: skip
+    if terminal.direction == "out" and not found.readable:
+        yield key, f"{terminal.object} can only be written: a part of it goes with the rest, which must be read"
+
+
+def _overlaps(told: CanopenDescription) -> Iterator[tuple[Place, str]]:
+    """Two outputs in one bit: the one would drive the other."""
+    taken: dict[tuple[tuple[int, int], int], str] = {}
+    for name, terminal in told.terminals.items():
+        if terminal.direction != "out":
+            continue
+        lowest, width = terminal.field or (0, 32)
+        for bit in range(lowest, min(lowest + terminal.count * width, 32)):
+            other = taken.setdefault((terminal.place, bit), name)
+            if other != name:
+                where = f"bit {bit} of {terminal.object}" if terminal.field else terminal.object
+                yield ("terminals", name, "object"), f"'{other}' is driven by {where} already"
+                break
 
 
 def _flag(found: Any, flag: ObjectFlag) -> Iterator[str]:

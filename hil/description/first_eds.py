@@ -6,9 +6,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from hil.description.canopen import FORMS, dictionary
+from hil.description.canopen import FORMS, dictionary, variable
 from hil.description.gaps import GAP, head, range_line, unique, unit_line
 from hil.errors import FileError
+
+_MODULE = 401
+_LINES = {0x6000: 8, 0x6100: 16, 0x6120: 32, 0x6200: 8, 0x6300: 16, 0x6320: 32}
+"""Of the profile's objects that hold digital inputs and outputs, by index."""
 
 
 def from_eds(path: Path) -> Iterator[str]:
@@ -34,10 +38,30 @@ def from_eds(path: Path) -> Iterator[str]:
         yield f"# {more} more {are} in no PDO; a node of which inputs alone are used is asked for those too."
     names: set[str] = set()
     for entry, found in mapped or numbers:
-        yield from _object(entry, found, names)
+        lines = _of_lines(found, objects)
+        yield from _lines(found, lines, names) if lines else _object(entry, found, names)
     yield ""
     if 0x1016 in objects:
         yield f"{GAP} [watchdog] expires_to = …, where it has outputs: where they go when it misses our heartbeat"
+
+
+def _of_lines(found: Any, objects: Any) -> int:
+    """How many lines an object of an I/O module (CiA 401) has, each a bit of it; 0 for any other object."""
+    kind = variable(objects, (0x1000, 0))
+    is_module = kind is not None and int(kind.default or 0) & 0xFFFF == _MODULE
+    return _LINES.get(found.index, 0) if is_module else 0
+
+
+def _lines(found: Any, lines: int, names: set[str]) -> Iterator[str]:
+    way = "out" if found.writable else "in"
+    yield ""
+    yield f'[terminals."{unique(f"d{way[0]}{found.subindex}", names)}.{{n}}"]'
+    yield f"count = {lines}   {GAP} so many lines does the module have here"
+    yield "first = 1"
+    yield f'direction = "{way}"'
+    yield "range = [0.0, 1.0]"
+    yield f'object = "{found.index:04X}.{found.subindex}"'
+    yield "bit = 0"
 
 
 def _variables(entry: Any) -> list[Any]:

@@ -245,7 +245,7 @@ class ModbusDescription(Strict):
     def kind_of(self, told: ModbusTerminal) -> Terminal:
         """As a bench connects to it; one bit is digital where nothing else is said."""
         one = told.terminal
-        is_bit = told.kind is None and self.form_of(told) == "bit"
+        is_bit = told.kind is None and (self.form_of(told) == "bit" or told.bit is not None)
         return Terminal(one.direction, "digital", one.unit, one.low, one.high, one.over) if is_bit else one
 
     def place_of(self, told: ModbusTerminal, i: int = 0) -> tuple[Table, int]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from hil.description.can import CanDescription
-from hil.description.canopen import CanopenDescription
+from hil.description.canopen import CanopenDescription, CanopenTerminal
 from hil.description.modbus import Flag, ModbusDescription, Place, Write
 from hil.description.modbus_place import as_in_manuals
 from hil.description.read import Description
 from hil.description.terminal import DescribedTerminal
 from hil.description.text import TextDescription
+from hil.units import behind_a_number
 
 
 def page(name: str, told: Description, level: str = "#") -> Iterator[str]:
@@ -53,8 +54,16 @@ def _where(told: Description, key: str) -> str:
     if isinstance(told, CanDescription):
         return f"`{told.terminals[key].message}.{told.terminals[key].signal}`"
     if isinstance(told, CanopenDescription):
-        return f"object {told.terminals[key].object}"
+        return _in_object(told.terminals[key])
     return "a channel of the module"
+
+
+def _in_object(terminal: CanopenTerminal) -> str:
+    if terminal.field is None:
+        return f"object {terminal.object}"
+    first, width = terminal.field
+    last = first + terminal.count * width - 1
+    return f"object {terminal.object}, " + (f"bit {first}" if last == first else f"bits {first} … {last}")
 
 
 def _in_registers(told: ModbusDescription, key: str) -> str:
@@ -82,7 +91,8 @@ def _safety(told: Description) -> Iterator[str]:
         yield "**It has no watchdog**: outputs stay where they are when the computer stops; the bench needs an enable"
         yield "line."
     elif watchdog is not None and watchdog.expires_to is not None:
-        yield f"When its watchdog expires outputs go to {watchdog.expires_to:g} {outputs[0].unit}."
+        unit = behind_a_number(outputs[0].unit)
+        yield f"When its watchdog expires outputs go to {watchdog.expires_to:g}{unit}."
     if isinstance(told, ModbusDescription):
         yield from _sequences(told)
 

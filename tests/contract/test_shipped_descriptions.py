@@ -31,7 +31,7 @@ class Terminals:
     def __init__(self, wiring: Wiring) -> None:
         self.at = {c.terminal: c.safe for c in wiring.outputs.values()}
         self.safe = dict(self.at)
-        self.inputs = {c.terminal: c.low + (0.3 + 0.4 * i) * (c.high - c.low)
+        self.inputs = {c.terminal: c.low + (1 - i if c.kind == "digital" else 0.3 + 0.4 * i) * (c.high - c.low)
                        for i, c in enumerate(wiring.inputs.values())}  # fmt: skip
         self.span = {c.terminal: c.high - c.low for c in wiring.inputs.values()}
 
@@ -99,6 +99,10 @@ def _unless_safe(device: Device, name: str, value: float) -> float | None:
     return None if value == device.world.safe[name] else value
 
 
+def _graded(wiring: Wiring, _told: Any) -> bool:
+    return any(c.kind != "digital" for c in wiring.outputs.values())
+
+
 def _others(device: Device, name: str, value: float) -> float:
     low_or_high = [v for n, v in device.world.inputs.items() if n != name]
     return low_or_high[0] if low_or_high else value
@@ -106,9 +110,9 @@ def _others(device: Device, name: str, value: float) -> float:
 
 LIES = {
     "ignores": Lie(DRIVES, lambda _device, _name, _value: None),
-    "half scale": Lie(DRIVES, lambda _device, _name, value: 0.5 * value),
+    "half scale": Lie(DRIVES, lambda _device, _name, value: 0.5 * value, needs=_graded),
     "wrong sign": Lie(DRIVES, lambda _device, _name, value: -value),
-    "2 % too far": Lie(DRIVES, lambda _device, _name, value: 1.02 * value),
+    "2 % too far": Lie(DRIVES, lambda _device, _name, value: 1.02 * value, needs=_graded),
     "exchanges two outputs": Lie(DRIVES, moves=_exchanged, needs=_several),
     "sticks after four commands": Lie(OBEYS, lambda device, _name, value: value if device.commands <= 4 else None),
     "ignores the safe command": Lie(GOES_SAFE, _unless_safe),

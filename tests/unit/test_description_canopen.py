@@ -10,16 +10,18 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import can
 import pytest
 
 from drivers import canopen as driver
+from drivers._node_objects import NodeObjects
 from drivers._pdo_mapping import pdos_for
 from hil.bench.fault import BenchError
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
-from hil.description.canopen import dictionary
+from hil.description.canopen import FORMS, CanopenTerminal, dictionary
 from hil.description.find import descriptions
 from hil.description.read import read_description
 from hil.errors import DeviceLostError, FileError, HardwareError, LinkError, SettingError
@@ -320,6 +322,108 @@ def test_the_twin_says_that_a_broken_sensor_has_no_measurement(tmp_path: Path) -
     terminal = read_description(Path(with_words(tmp_path))).terminals["ai1"]
     assert twin._counted(terminal, math.nan, "h") == -32768
     assert twin._counted(terminal, 5.0, "h") == 16384
+
+
+DIGITAL = (HERE / "dio-401.toml").read_text(encoding="utf-8")
+
+
+LAMP = '[terminals.lamp]\ndirection = "out"\nrange = [0, 1]\nobject = "6200.1"\nbit = 7\n\n'
+
+
+def lines(outputs: tuple[str, ...] = ("do2", "do5"), inputs: tuple[str, ...] = ("di1", "di8")) -> Wiring:
+    return Wiring(
+        {name: OutputChannel(name, name, "digital", "1", 0.0, 1.0) for name in outputs},
+        {name: InputChannel(name, name, "digital", "1", 0.0, 1.0) for name in inputs},
+    )
+
+
+def digital_module() -> dict[tuple[int, int], bytes]:
+    """Outputs 6 and 8 are on, which belong to somebody else."""
+    objects = {(0x1000, 0): struct.pack("<I", 0x00030191), (0x1018, 1): bytes(4), (0x1016, 1): bytes(4)}
+    for comm, identifier, entry in ((0x1400, 0x205, 0x62000108), (0x1800, 0x185, 0x60000108)):
+        objects |= {(comm, 1): struct.pack("<I", identifier), (comm, 2): b"\xff", (comm + 0x200, 0): b"\1",
+                    (comm + 0x200, 1): struct.pack("<I", entry)}  # fmt: skip
+    return objects | {(0x6000, 1): b"\0", (0x6200, 1): b"\xa0", (0x6206, 1): b"\0", (0x6207, 1): b"\0"}
+
+
+def stands_soon(node: ByHand, place: tuple[int, int], byte: int) -> None:
+    until_s = time.monotonic() + 1.0
+    while node.objects[place] != bytes([byte]) and time.monotonic() < until_s:
+        time.sleep(0.005)
+    assert node.objects[place] == bytes([byte])
+
+
+def test_bits_of_an_object_are_driven_and_the_others_stay_as_they_were_found(tmp_path: Path) -> None:
+    with by_hand(tmp_path, digital_module(), model="dio-401", wiring=lines(), watchdog_s=1.0) as (link, node):
+        assert node.objects[0x6206, 1] == b"\xff"
+        assert link.standing() == {"do2": 0.0, "do5": 0.0}
+        link.drive({"do2": 1.0})
+        stands_soon(node, (0x6200, 1), 0b1010_0010)
+        link.drive({"do5": 1.0})
+        stands_soon(node, (0x6200, 1), 0b1011_0010)
+        node.objects[0x6000, 1] = b"\x80"
+        assert link.read() == {"di1": 0.0, "di8": 1.0}  # by PDO
+        node.objects[0x6200, 1] = b"\x10"
+        link._checked_s = 0.0  # as after half a second
+        with pytest.raises(LinkError, match="do2 stands at 0, not at 1 as it was driven"):
+            link.read()
+
+
+def test_bits_of_others_that_a_node_switched_off_by_itself_are_not_switched_on_again(tmp_path: Path) -> None:
+    with by_hand(tmp_path, digital_module(), model="dio-401", wiring=lines(), watchdog_s=1.0) as (link, node):
+        link.drive({"do2": 1.0, "do5": 1.0})
+        stands_soon(node, (0x6200, 1), 0b1011_0010)
+        node.objects[0x6200, 1] = b"\0"
+        node._send(0x085, struct.pack("<HB5x", 0x8130, 0x11))
+        with pytest.raises(LinkError, match="emergency 0x8130"):
+            read_on(link)
+        link.drive({"do2": 0.0, "do5": 1.0})
+        stands_soon(node, (0x6200, 1), 0b0001_0000)
+
+
+def test_bits_are_asked_for_by_sdo_where_nothing_is_driven(tmp_path: Path) -> None:
+    inputs = lines((), ("di1", "di2", "di8"))
+    with by_hand(tmp_path, digital_module(), model="dio-401", wiring=inputs) as (link, node):
+        node.objects[0x6000, 1] = b"\x82"
+        assert link.read() == {"di1": 0.0, "di2": 1.0, "di8": 1.0}
+        assert node.nmt == [] and node.objects[0x6206, 1] == b"\0"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("bit = 0\n", "bit = 1\n", "6200.1 has the bits 0 … 7, the lowest first; this row of 8 would end at 8"),
+        ("bit = 0\n", "bit = 0\nbits = [0, 1]\n", "bit or bits, not both"),
+        ("bit = 0\n", "bits = [0, 1]\n", "this row of 8 would end at 15"),
+        ("bit = 0\n", "", "a row stands in the bits of one object"),
+        ("[terminals.\"di", f"{LAMP}[terminals.\"di", "'do{n}' is driven by bit 7 of 6200.1 already"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_bits_is_told(old: str, new: str, told: str, tmp_path: Path) -> None:
+    assert old in DIGITAL
+    written(tmp_path, "dio-401.eds", (HERE / "dio-401.eds").read_text(encoding="utf-8"))
+    with pytest.raises(BenchError) as error:
+        read_description(written(tmp_path, "dio.toml", DIGITAL.replace(old, new, 1)))
+    assert any(told in fault for fault in error.value.faults), error.value.faults
+
+
+@pytest.mark.parametrize("form", ["b", "h", "i", "B", "H", "I"])
+@pytest.mark.parametrize(("lowest", "highest"), [(0, 0), (3, 3), (7, 7), (0, 7), (2, 5), (6, 7)])
+def test_driver_and_twin_take_the_same_bits_for_a_terminal(form: str, lowest: int, highest: int) -> None:
+    kind = next(kind for kind, letter in FORMS.items() if letter == form)
+    part = {"bit": lowest} if lowest == highest else {"bits": (lowest, highest)}
+    told = CanopenTerminal(direction="out", range=(-200.0, 200.0), object="2000", **part)  # type: ignore[arg-type]
+    objects = NodeObjects(None, None, {0x2000: SimpleNamespace(data_type=kind)}, "")
+    size = 8 * struct.calcsize(form)
+    rest = ((1 << size) - 1) & ~(((2 << highest) - 1) & -(1 << lowest))
+    for before in (0, (1 << size - 1) - 1, -1 if form.islower() else (1 << size) - 1):
+        for value in (0, 1, 2, 5, -1, -3, 200, -200):
+            count = objects.counted(told, value)
+            after = objects.with_part(told, before, count)
+            struct.pack("<" + form, int(after))
+            assert after == twin._laid(told, before, twin._counted(told, value, form), form)
+            assert objects.part(told, after) == twin._taken(told, after, form) == count
+            assert int(after) & rest == int(before) & rest
 
 
 @pytest.mark.slow

@@ -116,6 +116,8 @@ def test_an_eds_and_a_dbc_become_descriptions(tmp_path: Path) -> None:
     made = tomllib.loads(first_description(eds))
     assert made["eds"] == "io-401.eds" and len(made["terminals"]) == 8
     assert [t["direction"] for t in made["terminals"].values()].count("out") == 4
+    lines = tomllib.loads(first_description(eds.with_stem("dio-401")))["terminals"]
+    assert [(name, t["count"], t["bit"]) for name, t in lines.items()] == [("di1.{n}", 8, 0), ("do1.{n}", 8, 0)]
 
 
 def test_what_is_no_table_is_told(tmp_path: Path) -> None:

@@ -287,3 +287,9 @@ def test_echo_and_pause_are_those_of_the_description(tmp_path: Path) -> None:
         link = modbus.open_link(modbus.Settings.model_validate(told), wiring)
         assert [link.read()["pressure"] for _ in range(3)] == [77.0] * 3
         link.close()
+
+
+def test_a_bit_of_a_register_is_digital_so_its_1_is_a_reading(tmp_path: Path) -> None:
+    text = SMALL.replace("[0.0, 250.0]", "[0.0, 1.0]").replace('unit = "bar"\n', "") + "bit = 3\n"
+    port = read_description(written(tmp_path, "small.toml", text)).ports["pressure"]
+    assert port.kind == "digital"

@@ -17,7 +17,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers import _modbus_line, modbus
+from drivers import _modbus_client, modbus
 from drivers._described_modbus import model_of
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
@@ -145,17 +145,17 @@ def test_driver_sends_and_understands_what_the_specification_prints(name: str) -
     with socket.create_server(("127.0.0.1", 0)) as listener:
         thread = threading.Thread(target=exchange, args=(listener,))
         thread.start()
-        client = _modbus_line.client_of(
+        client = _modbus_client.client_of(
             modbus.Settings(model="wago-750", address=f"127.0.0.1:{listener.getsockname()[1]}")
         )
         client.connect()
         function, address, rest = request[0], *struct.unpack(">HH", request[1:5])
         values = [0x000A, 0x0102] if function == 16 else [rest]
-        got = _modbus_line.request(client, function, address, rest, values, 1)
+        got = _modbus_client.request(client, function, address, rest, values, 1)
         client.close()
         thread.join()
     assert heard[0][7:].hex(" ") == request.hex(" ")
-    assert _modbus_line.belongs(got, function, address, 3 if function == 3 else 1, values)
+    assert _modbus_client.belongs(got, function, address, 3 if function == 3 else 1, values)
     if function in (3, 4):
         assert got.registers == list(struct.unpack(f">{answer[1] // 2}H", answer[2:]))
     if function == 1:

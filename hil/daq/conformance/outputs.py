@@ -11,11 +11,11 @@ _KEPT_S = 0.5  # without a word
 
 
 def drives_what_it_is_told(subject: Subject) -> None:
-    """A value that is driven stands at the device, soon, on either side of the safe value."""
-    _ = subject.outputs
+    """A value that is driven stands at the device, soon, on either side of the safe value; each line its own."""
+    lines = sum(c.kind == "digital" for c in subject.outputs)
+    apart = [subject.nth(number) for number in range(2 * lines.bit_length() if lines > 1 else 0)]
     with subject.link() as link:
-        for share in (0.6, 0.25, -0.4, 0.0):
-            told = subject.levels(share)
+        for told in (*(subject.levels(share) for share in (0.6, 0.25, -0.4, 0.0)), *apart):
             subject.drive(link, told)
             subject.stand_there(link, told)
 
@@ -26,7 +26,7 @@ def obeys_every_command(subject: Subject) -> None:
     with subject.link() as link:
         until_s = time.monotonic() + _COMMANDING_S
         for number in range(_COMMANDS):
-            told = subject.levels(0.2 + 0.3 * (number % 3))
+            told = subject.nth(number)
             subject.drive(link, told)
             subject.stand_there(link, told)
             if time.monotonic() > until_s:

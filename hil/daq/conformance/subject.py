@@ -157,6 +157,18 @@ class Subject:
             for i, c in enumerate(self.wiring.outputs.values())
         }
 
+    def nth(self, number: int) -> dict[str, float]:
+        """By terminal, where outputs go with one of many commands: each elsewhere than before.
+
+        Lines are switched with every command, and of any two lines one is on and the other off now and then.
+        """
+        lines = [c for c in self.wiring.outputs.values() if c.kind == "digital"]
+        turn, other_way = divmod(number, 2)
+        bit = turn % max(1, len(lines).bit_length())
+        on = {c.terminal: (i + 1 >> bit & 1) != other_way for i, c in enumerate(lines)}
+        switched = {c.terminal: self.towards(c, 1.0 if on[c.terminal] else 0.0) for c in lines}
+        return {**self.levels(0.2 + 0.3 * (number % 3)), **switched}
+
     def towards(self, channel: OutputChannel, share: float) -> float:
         """So far from safe towards the farther end of its room; below zero to the other side. A line is off or on."""
         if channel.kind == "digital":

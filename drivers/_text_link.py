@@ -1,0 +1,241 @@
+"""A device that answers lines of text as a link: lines for each output, questions for each input, read-back."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Mapping
+
+from pydantic import ConfigDict, Field, FiniteFloat, PositiveFloat, PositiveInt
+
+from drivers._edge import edge
+from drivers._line import Line, answering
+from drivers._read_back import ReadBackTimes
+from drivers._templates import Numbers, filled, matched, names_safe, remedy
+from drivers._watchdog import DeviceWatchdog
+from hil.daq.channel import Wiring
+from hil.description.named import Described, description_of
+from hil.description.text import ENDS, TextDescription, TextTerminal
+from hil.errors import LinkError, SettingError
+
+_RESOLUTION = 1e-6  # of a number that comes back; coarser devices say `close`
+
+
+class Settings(Described):
+    """What `[devices.NAME]` may say: how the device is reached, and which it is.
+
+    Attributes:
+        model, description: see `hil.description.named`.
+        address: a serial port, `socket://host:port`, or `rfc2217://host:port`.
+        baud: of a serial port.
+        timeout_s: an answer that takes longer counts as none.
+        longest_reply_s: after a failure nothing is asked for so long, so that a late answer passes.
+        echo: what is sent comes back before the answer.
+        pause_s: so long nothing is asked after an answer.
+        startup_s: at opening the device is waited for so long, where it answers only after a start-up of its own.
+        watchdog_s: the device makes its outputs safe when it hears nothing for so long.
+        watchdog_level: where it was set to put them, where the description does not arm it.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    address: str
+    baud: PositiveInt = 9600
+    timeout_s: PositiveFloat = 0.5
+    longest_reply_s: PositiveFloat = 1.0
+    echo: bool = False
+    pause_s: float = Field(default=0.0, ge=0.0, le=1.0)
+    startup_s: float = Field(default=0.0, ge=0.0, le=300.0)
+    watchdog_s: PositiveFloat | None = None
+    watchdog_level: FiniteFloat | None = None
+
+
+def told_of(settings: Settings) -> TextDescription:
+    """The description that settings name."""
+    return description_of(settings, "text")
+
+
+def level_of(settings: Settings) -> float | None:
+    """Where its watchdog puts outputs; None where that is not always the same, or not known."""
+    watchdog = told_of(settings).watchdog
+    if settings.watchdog_level is not None:
+        return settings.watchdog_level
+    return None if watchdog is None else watchdog.expires_to
+
+
+@edge
+class TextLink:
+    """A device on its line (see `hil.daq.link.Link`).
+
+    Attributes:
+        identity: what it says of itself, where its description asks for that.
+
+    Raises:
+        LinkError: it says that it is something else.
+        SettingError: a watchdog that would put an output elsewhere than at its safe value.
+    """
+
+    def __init__(self, settings: Settings, wiring: Wiring) -> None:
+        told = told_of(settings)
+        self._check_level(settings, wiring)
+        self._talk = talk = told.text
+        self._numbers = Numbers(talk.decimal, talk.no_measurement)
+        self._watchdog = DeviceWatchdog(settings.watchdog_s)
+        self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
+        whole = told.whole
+        self._outputs = {c.terminal: whole[c.terminal] for c in wiring.outputs.values()}
+        self._inputs = {c.terminal: whole[c.terminal] for c in wiring.inputs.values()}
+        self._driven: dict[str, float] = {}
+        self._before: set[str] = set()
+        self._looked_at = wiring.looked_at
+        self.unmeasured: dict[str, str] = {}
+        self._checked_s = time.monotonic()
+        self._read_back_times = ReadBackTimes()
+        self._line, self.identity = answering(
+            lambda: Line(
+                settings.address, settings.baud, ENDS[talk.end], settings.timeout_s, settings.longest_reply_s,
+                driver="text", echo=settings.echo or talk.echo, pause_s=max(settings.pause_s, talk.pause_s),
+                answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
+            ), talk.hello, settings.startup_s,
+        )  # fmt: skip
+        try:
+            if talk.hello:
+                self._recognise()
+            if self._outputs:
+                self._set_up(told, {c.terminal: c.safe for c in wiring.outputs.values()})
+        except BaseException:
+            self.close()
+            raise
+
+    def standing(self) -> dict[str, float]:
+        """Where outputs stand, of those that can be asked."""
+        stands = self._asked({name: told for name, told in self._outputs.items() if told.ask})
+        if unknown := [name for name, value in stands.items() if not math.isfinite(value)]:
+            raise self._line.failed(f"no number in where {', '.join(unknown)} stands")
+        return stands
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        """Set the outputs one after the other; where the device replies, it must."""
+        lines = {name: self._line_of(name, value) for name, value in values.items()}
+        if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
+            for line in lines.values():
+                self._line.tell(line)
+        self._watchdog_has_not_expired()
+        for name, line in lines.items():
+            self._tell(line, self._outputs[name].reply)
+        self._no_error(lines.values())
+        self._driven.update(values)
+
+    def read(self) -> dict[str, float]:
+        """Every input, NaN where it has no measurement; now and then whether outputs stand where they were driven."""
+        self._watchdog_has_not_expired()
+        begun_s = time.monotonic()
+        readings = self._asked(self._inputs)
+        self._read_back_times.took(time.monotonic() - begun_s)
+        self.unmeasured = {name: f"the device answers {self._said[self._inputs[name].ask]!r}"
+                           for name, value in readings.items() if math.isnan(value)}  # fmt: skip
+        for name, value in readings.items():
+            if math.isnan(value) and name not in self._before and not self._looked_at:
+                raise LinkError(
+                    f"{name} reads no measurement from the first on: a dead sensor, or look at its description"
+                )
+            self._before.add(name)
+        if self._driven and self._read_back_times.is_due(self._checked_s):
+            self._outputs_stand()
+        return readings
+
+    def close(self) -> None:
+        """Close the line."""
+        self._line.close()
+
+    @staticmethod
+    def _check_level(settings: Settings, wiring: Wiring) -> None:
+        level = level_of(settings)
+        for name, channel in wiring.outputs.items():
+            if settings.watchdog_s is not None and level is not None and abs(level - channel.safe) > 1e-9:
+                raise SettingError(
+                    f"watchdog_s: when it expires the device puts {channel.terminal} at {level:g} {channel.unit}, but "
+                    f"'{name}' is safe at {channel.safe:g} {channel.unit}; take watchdog_s away, or connect the valve "
+                    f"so that {level:g} {channel.unit} is safe"
+                )
+
+    def _recognise(self) -> None:
+        self._watchdog.heard()
+        if matched(self._talk.identity, self.identity, self._numbers) is None:
+            raise LinkError(f"to {self._talk.hello} it says '{self.identity}', not '{self._talk.identity}'")
+
+    def _set_up(self, told: TextDescription, safe: Mapping[str, float]) -> None:
+        for line in self._talk.setup:
+            self._tell(line, "")
+        numbers = {name: self._number_of(name, value) for name, value in safe.items()}
+        for line in told.watchdog.arm if told.watchdog and self.watchdog_s is not None else ():
+            if all(name in numbers for name in names_safe(line)):
+                self._tell(filled(line, self._numbers, self.watchdog_s or 0.0, numbers), told.watchdog.reply)  # type: ignore[union-attr]
+        self._no_error(self._talk.setup)
+
+    def _line_of(self, name: str, value: float) -> str:
+        return filled(self._outputs[name].tell, self._numbers, value=self._number_of(name, value))
+
+    def _number_of(self, name: str, value: float) -> float:
+        told = self._outputs[name]
+        return (value - told.offset) / told.slope
+
+    def _tell(self, line: str, reply: str) -> None:
+        if not reply:
+            self._line.tell(line)
+            return
+        answer = self._line.ask(line)
+        if matched(reply, answer, self._numbers) is None:
+            raise self._line.failed(f"'{answer}' is no answer to {line}; it should be '{reply}'")
+        self._watchdog.heard()
+
+    def _no_error(self, told: object) -> None:
+        if not self._talk.errors:
+            return
+        answer = self._line.ask(self._talk.errors)
+        self._watchdog.heard()
+        if matched(self._talk.no_error, answer, self._numbers) != 0.0:
+            raise LinkError(f"the device refused {', '.join(told)}: {answer.strip()}")  # type: ignore[arg-type, call-overload]
+
+    def _asked(self, terminals: Mapping[str, TextTerminal]) -> dict[str, float]:
+        """The values of terminals; those that share a question are asked at once."""
+        answers: dict[str, str] = {}
+        self._said = answers
+        found: dict[str, float] = {}
+        for name, told in terminals.items():
+            if told.ask not in answers:
+                answers[told.ask] = self._line.ask(told.ask)
+                self._watchdog.heard()
+            number = self._number_in(answers[told.ask], told)
+            if number is None:
+                raise self._line.failed(
+                    f"'{answers[told.ask]}' is no answer to {told.ask}; it should be '{told.answer}'"
+                    f"{remedy(self._part_of(answers[told.ask], told), self._numbers)}"
+                )
+            found[name] = told.slope * number + told.offset
+        return found
+
+    def _number_in(self, answer: str, told: TextTerminal) -> float | None:
+        part = self._part_of(answer, told)
+        return matched(told.answer, part, self._numbers) if part else None
+
+    def _part_of(self, answer: str, told: TextTerminal) -> str:
+        """What of an answer is this terminal's; empty where there is no such field."""
+        fields = [answer] if told.field is None else answer.split(self._talk.separator)
+        return fields[at] if (at := told.field or 0) < len(fields) else ""
+
+    def _outputs_stand(self) -> None:
+        self._checked_s = time.monotonic()
+        for name, stands in self.standing().items():
+            told, driven = self._outputs[name], self._driven.get(name, stands)
+            sent = matched(told.tell, self._line_of(name, driven), self._numbers)  # as it was rounded
+            wanted = driven if sent is None else told.slope * sent + told.offset
+            if abs(stands - wanted) > max(told.close or 0.0, _RESOLUTION * max(map(abs, told.range))):
+                raise LinkError(
+                    f"{name} stands at {stands:.6g} {told.unit}, not at {wanted:.6g} as it was driven: the device "
+                    f"restarted, somebody else uses it, or it rounds: then say close in its description"
+                )
+
+    def _watchdog_has_not_expired(self) -> None:
+        if self._driven:
+            self._watchdog.check()
