@@ -78,7 +78,8 @@ class Column:
     def counts_rows(self) -> bool:
         """Whether it does nothing but number the rows."""
         name, unit = self.name_and_unit
-        if not (self.is_number and headings.is_counter(name) and unit in ("", "1") and len(self.values) > 1):
+        bare = unit in ("", "1") or headings.is_counter(unit.rstrip("."))
+        if not (self.is_number and headings.is_counter(name) and bare and len(self.values) > 1):
             return False
         return bool(np.all(np.diff(self.values.astype(np.float64)) == 1.0))
 

@@ -19,6 +19,7 @@ _ROUND = re.compile(r"^\s*(?P<name>.*\S)\s*\((?P<unit>[^()]+)\)\s*$")
 _SLASHED = re.compile(r"^\s*(?P<name>.*[^/\s])\s*/\s*\((?P<unit>[^()]+)\)\s*$")
 _CURLY = re.compile(r"^\s*(?P<name>.*\S)\s*[{<](?P<unit>[^{}<>]+)[}>]\s*$")
 _AFTER = re.compile(r"^\s*(?P<name>.*\S)(\s+/\s+|\s*[,;]\s+|\s+in\s+)(?P<unit>\S+)\s*$")
+_UNIT_ALONE = re.compile(r"^\s*in\s+(?P<unit>\S+)\s*$")
 # Forms that many a name has too: believed where every heading of a table has them, that of the time among them.
 _LOOSE = (
     re.compile(r"^\s*(?P<name>[^/]*[^/\s])/(?P<unit>\S+)\s*$"),
@@ -39,7 +40,7 @@ _TIME_UNITS = {
     "sekunden": "s", "sekunde": "s", "millisecond": "ms", "minute": "min", "hour": "h", "hours": "h", "hrs": "h",
 }  # fmt: skip
 _COUNTERS = frozenset(
-    {"", "index", "idx", "no", "nr", "#", "row", "point", "n", "unnamed: 0", "sample", "samples", "record"}
+    {"", "index", "idx", "no", "nr", "#", "number", "row", "point", "n", "unnamed: 0", "sample", "samples", "record"}
 )
 _INTERVALS = frozenset({"ts", "dt", "delta_t", "sample_time", "sampling_time", "sampling_interval", "wf_increment",
                         "sampletime", "samplingtime", "deltat", "interval", "tsample", "t_s", "t_sample"})  # fmt: skip
@@ -66,7 +67,8 @@ def split(heading: str) -> tuple[str, str]:
         match = pattern.match(heading)
         if match and is_unit(match["unit"]):
             return match["name"], unit_text(match["unit"])
-    return heading.strip(), ""
+    alone = _UNIT_ALONE.match(heading)  # `in s`, beside `CH1 in V`
+    return ("time", alone["unit"]) if alone and is_time_unit(alone["unit"]) else (heading.strip(), "")
 
 
 def is_loose(heading: str) -> bool:

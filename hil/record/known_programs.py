@@ -11,16 +11,20 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.errors import FileError
+from hil.errors import FileError, UnitError
 from hil.record.columns import Column, Table
-from hil.record.layout import Kind, Layout, encoding_of, open_text, split
+from hil.record.heading import split as split_heading
+from hil.record.layout import Kind, Layout, split
+from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import decimal_and_thousands, is_number
+from hil.units import scale_and_offset
 
 _LOOKED_AT = 60
 _NUMBER: tuple[Kind, ...] = ("number",)
 _RIGOL = re.compile(r"^X,(?P<names>.+),Start,Increment,?\s*$")
 _RIGOL_HEAD = re.compile(r"^(?P<names>CH.+?),\s*t0\s*=\s*(?P<start>\S+?)\s*,\s*tInc\s*=\s*(?P<step>\S+?)\s*,?\s*$")
-_SPICE_TRACE = re.compile(r"^-?[VI]\w*\(.+\)")
+_SPICE_TRACE = re.compile(r"^-?(?P<kind>[VI])\w*\((?P<of>.+)\)", re.IGNORECASE)
+_SPICE_UNITS = {"v": "V", "i": "A"}
 _SPICE_STEP = re.compile(r"^Step Information:.*\(Run:\s*\d+/(?P<runs>\d+)\)")
 _POLAR = re.compile(r"^\(?(?P<db>[-+.\deE]+)dB,(?P<deg>[-+.\deE]+)[^\d]*$")
 _CARTESIAN = re.compile(r"^\(?(?P<re>[-+.\deE]+),(?P<im>[-+.\deE]+)\)?$")
@@ -77,16 +81,19 @@ def _evenly(start_s: float, step_s: float, leading: int, columns: Sequence[Colum
 
 def _spice(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:
     """Traces such as `V(out)` over time or frequency; a complex one is text."""
-    first, *traces = lines[0].split("\t")
-    if first not in ("time", "Freq.") or not traces or not all(_SPICE_TRACE.match(trace) for trace in traces):
+    mark = "\t" if "\t" in lines[0] else ","
+    first, *traces = split(lines[0], mark)
+    if first.casefold() not in ("time", "freq.") or not any(map(_is_trace, traces)):
+        return None
+    if not all(_is_trace(trace) or split_heading(trace)[1] == "" for trace in traces):
         return None
     stepped = _SPICE_STEP.match(lines[1])
     if stepped and int(stepped["runs"]) > 1:
         raise FileError(f"{path}: holds {stepped['runs']} runs of a parameter that LTspice stepped; export one run")
     row = 3 if stepped else 2
-    if first == "time":
-        units = ("s", *("V" if trace.lstrip("-").startswith("V") else "A" for trace in traces))
-        made = Layout(encoding, "\t", ".", "", (first, *traces), units, 1, row, _NUMBER * (1 + len(traces)))
+    if first.casefold() == "time":
+        units = ("s", *(_SPICE_UNITS[trace.lstrip("-")[0].casefold()] if _is_trace(trace) else "" for trace in traces))
+        made = Layout(encoding, mark, ".", "", (first, *traces), units, 1, row, _NUMBER * (1 + len(traces)))
         return Known(made, lambda columns: [Table("", columns)])
     if len(traces) > 1:
         raise FileError(
@@ -96,6 +103,20 @@ def _spice(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:
     kinds: tuple[Kind, ...] = ("number", "text")
     made = Layout(encoding, "\t", ".", "", (first, *traces), ("Hz", ""), 1, row, kinds)
     return Known(made, partial(_complex, path))
+
+
+def _is_trace(heading: str) -> bool:
+    """Whether a heading names a voltage or a current of a circuit, `V(in)`, and not its unit, `V(mV)`."""
+    found = _SPICE_TRACE.match(heading)
+    return found is not None and not _measures(found["of"], _SPICE_UNITS[found["kind"].casefold()])
+
+
+def _measures(unit: str, quantity: str) -> bool:
+    try:
+        scale_and_offset(unit, quantity)
+    except UnitError:
+        return False
+    return True
 
 
 def _complex(path: Path, columns: Sequence[Column]) -> list[Table]:

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import csv
-import gzip
 import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import IO, Literal
+from typing import Literal
 
 from hil.errors import FileError
 from hil.record import heading as headings
+from hil.record.text_file import encoding_of, open_text
 from hil.record.tokens import decimal_and_thousands, decimal_between_commas, is_blank, is_number, is_stamp, unit_of
 
 WHITESPACE = r"\s+"
@@ -21,8 +21,6 @@ _SEPARATORS = ("\t", ";", ",", "|", WHITESPACE)
 _LOOKED_AT = 600
 _JUDGED = 60
 _LEAST_NUMERIC = 0.2
-_MOSTLY = 0.8
-_GZIP_LEVEL = 3  # noise shrinks by 3 % more at level 9, for more than twice the time
 _NAME_LABELS = frozenset({"tagname", "tag", "name", "names", "channel", "channels", "signal", "signals", "variable"})
 _UNIT_LABELS = frozenset({"unit", "units", "einheit", "einheiten", "eu", "unité"})
 _TYPES = frozenset({"float", "double", "single", "int", "integer", "real", "float64", "float32", "number", "f8"})
@@ -59,44 +57,6 @@ class Layout:
     def split(self, line: str) -> list[str]:
         """The fields of a line."""
         return split(line, self.separator)
-
-
-def open_text(path: Path, encoding: str, mode: Literal["rt", "wt"] = "rt") -> IO[str]:
-    """A text file, compressed or not; bytes that are no text in a remark do no harm."""
-    errors = "replace" if mode == "rt" else "strict"
-    packed = is_packed(path) if mode == "rt" else path.suffix.lower() == ".gz"
-    if packed:
-        return gzip.open(path, mode, _GZIP_LEVEL, encoding=encoding, errors=errors)
-    return path.open(mode, encoding=encoding, errors=errors)
-
-
-def is_packed(path: Path) -> bool:
-    """Whether a file is compressed by gzip, whatever its name says."""
-    with path.open("rb") as file:
-        return file.read(2) == b"\x1f\x8b"
-
-
-def encoding_of(path: Path) -> str:
-    """UTF-8 or UTF-16; what spreadsheets write in Western Europe where the beginning is no UTF-8.
-
-    Raises:
-        FileError: bytes that no text has.
-    """
-    with gzip.open(path) if is_packed(path) else path.open("rb") as file:
-        start = file.read(1 << 16)
-    if start.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    if b"\0" in start:
-        for encoding, zeros in (("utf-16-le", start[1::2]), ("utf-16-be", start[::2])):
-            if zeros.count(0) > _MOSTLY * len(zeros):
-                return encoding
-        raise FileError(f"{path}: holds bytes that no text has; is its name right?")
-    whole = start[: start.rfind(b"\n") + 1] or start
-    try:
-        whole.decode("utf-8")
-    except UnicodeDecodeError:
-        return "cp1252"
-    return "utf-8-sig"
 
 
 def split(line: str, separator: str) -> list[str]:
@@ -158,6 +118,8 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     at, cells, units = (0, ("",) * count, ("",) * count) if named else _headings(above, count)
     if not at and not named:
         raise FileError(f"{path}: {_unnamed(lines[:first], separator, count)}")
+    if at and not any(units):
+        units = _units_said(lines[: at - 1], separator, cells)
     inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
     units = tuple(unit or found for unit, found in zip(units, inside, strict=True))
     return Layout(encoding, separator, decimal, thousands, cells, units, at, first + 1, kinds)
@@ -226,7 +188,8 @@ def _marks_further_on(path: Path, encoding: str, first: int) -> tuple[str, str]:
 def _above(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[int, list[str]]]:
     """Numbers and cells of the lines above the rows that have a cell for each column."""
     for number, line in enumerate(lines, 1):
-        for text in (line.lstrip("#% "), line):
+        bare = line.lstrip("#% ")
+        for text in (bare, line) if bare.strip(separator) else ():
             cells = _heading_cells(text, separator, count)
             if len(cells) == count and any(cells):
                 yield number, cells
@@ -241,6 +204,14 @@ def _heading_cells(text: str, separator: str, count: int) -> list[str]:
     return next((cells for cells in tries if len(cells) == count), [])
 
 
+def _units_said(above: Sequence[str], separator: str, cells: Sequence[str]) -> tuple[str, ...]:
+    from hil.record.said_above import units_above  # which needs a layout's parts
+
+    if any(headings.split(cell)[1] for cell in cells):
+        return ("",) * len(cells)
+    return units_above(above, separator, cells)
+
+
 def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tuple[str, ...], tuple[str, ...]]:
     """Line, headings and units; line 0 where there are none."""
     texts = [(number, cells) for number, cells in above if not all(is_number(c) or is_blank(c) for c in cells)]
@@ -249,11 +220,11 @@ def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tupl
         return 0, ("",) * count, ("",) * count
     chosen = next((i for i, (_, cells) in enumerate(texts) if _is_heading(cells)), None)
     if chosen is None:
-        plain = [i for i, (_, cells) in enumerate(texts) if i == 0 or not _is_units(cells)]
+        plain = [i for i, (_, cells) in enumerate(texts) if i == 0 or not is_row_of_units(cells)]
         chosen = plain[-1]
     number, cells = texts[chosen]
     others = [*texts[chosen + 1 :], *texts[:chosen]]
-    units = next((found for _, found in others if _is_units(found)), [""] * count)
+    units = next((found for _, found in others if is_row_of_units(found)), [""] * count)
     bare = ["" if unit.casefold() in _UNIT_LABELS else headings.unit_text(unit) for unit in units]
     bare = ["" if is_time_format(unit) else unit for unit in bare]
     return number, tuple(cells), tuple(bare)
@@ -261,12 +232,13 @@ def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tupl
 
 def _is_heading(cells: Sequence[str]) -> bool:
     names = [headings.split(cell)[0] for cell in cells]
-    timed = any(headings.is_time(name) or headings.is_date(name) for name in names)
+    timed = any(headings.is_time(name) or headings.is_date(name) for name in names) and not any(map(is_stamp, cells))
     labelled = cells[0].casefold() in _NAME_LABELS
     return timed or labelled or sum("[" in cell for cell in cells) * 2 > len(cells)
 
 
-def _is_units(cells: Sequence[str]) -> bool:
+def is_row_of_units(cells: Sequence[str]) -> bool:
+    """Whether the cells of a line above the samples are units, one for each column."""
     if cells[0].casefold() in _UNIT_LABELS:
         return True
     filled = [cell for cell in cells if cell]

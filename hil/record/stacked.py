@@ -31,7 +31,7 @@ def unstacked(tables: Sequence[Table]) -> tuple[Sequence[Table], bool]:
     """The tables with each channel in one of its own, and whether that had to be done."""
     if len(tables) != 1:
         return tables, False
-    (table,) = tables
+    tables = (table,) = [replace(tables[0], columns=[_panel_clock(column) for column in tables[0].columns])]
     by_name = {plain_name(column.heading.partition("[")[0]): column for column in table.columns}
     names, values = (next((by_name[known] for known in by_name if known in kinds), None) for kinds in (_NAMES, _VALUES))
     if names is None or values is None or names.values.dtype.kind not in "OSU" or not values.is_number:
@@ -77,12 +77,18 @@ def _good(by_name: dict[str, Column], called: NDArray[Any]) -> tuple[NDArray[np.
     return kept, f"{lost} rows of bad quality left out" if lost else ""
 
 
+def _panel_clock(column: Column) -> Column:
+    """A panel's clock in seconds; any other column as it is."""
+    if plain_name(column.heading) != _PANEL_CLOCK or not column.is_number or not len(column.values):
+        return column
+    days = column.values / _PANEL_DAY
+    return replace(column, values=86_400.0 * (days - days[0]), unit="s") if _YEARS[0] < days[0] < _YEARS[1] else column
+
+
 def _clocks(columns: Sequence[Column], by_name: dict[str, Column], others: Sequence[Column]) -> list[Column]:
     panel = by_name.get(_PANEL_CLOCK)
-    if panel is not None and panel.is_number and len(panel.values):
-        days = panel.values / _PANEL_DAY
-        if _YEARS[0] < days[0] < _YEARS[1]:
-            return [Column("time", 86_400.0 * (days - days[0]), "s")]
+    if panel is not None and panel.unit == "s":
+        return [panel]
     left_out = _UNITS | _QUALITY
     return [
         column

@@ -15,8 +15,20 @@ import numpy as np
 from hil.errors import FileError
 from hil.record import heading as headings
 from hil.record.columns import Column
-from hil.record.layout import Layout, is_packed, open_text
-from hil.record.tokens import BLANKS, is_blank, is_date_only, is_number, is_stamp, joined, numbers, stamps, unit_of
+from hil.record.layout import Layout
+from hil.record.text_file import is_packed, open_text
+from hil.record.tokens import (
+    BLANKS,
+    decimal_and_thousands,
+    is_blank,
+    is_date_only,
+    is_number,
+    is_stamp,
+    joined,
+    numbers,
+    stamps,
+    unit_of,
+)
 
 _REMARKS = ("#", "%", "//", "--", "**")  # what begins a line that is none of the samples
 _SHOWN = 40
@@ -66,7 +78,7 @@ def _rows(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout, 
 def _read_by_hand(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout, str]:
     """The same where numbers are written as pandas does not read them, or where texts stand among them."""
     table = _table(pd, path, found, by_hand=True)
-    said = []
+    found, said = _with_thousands(found, table), []
     for i, kind in enumerate(found.kinds):
         if kind != "number":
             continue
@@ -84,6 +96,17 @@ def _read_by_hand(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, 
             )
         table[i] = values
     return table, found, "; ".join(said)
+
+
+def _with_thousands(found: Layout, table: Any) -> Layout:
+    """The layout with the mark between thousands, where the first such number stands far down."""
+    if found.thousands or (found.decimal == "." and found.separator == ","):
+        return found
+    dotted = [
+        text for i, kind in enumerate(found.kinds) if kind == "number" for text in table[i].dropna() if "." in text
+    ]
+    decimal, thousands = decimal_and_thousands([*dotted, *(["0,5"] if found.decimal == "," else [])])
+    return replace(found, thousands=thousands) if decimal == found.decimal else found
 
 
 def _unit_behind(texts: Any) -> str:

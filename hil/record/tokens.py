@@ -56,13 +56,17 @@ def is_stamp(field: str) -> bool:
 
 
 def decimal_and_thousands(fields: Sequence[str]) -> tuple[str, str]:
-    """The marks in numbers that are not separated by commas; (".", "") where nothing tells."""
+    """The marks in numbers that are not separated by commas; (".", "") where nothing tells.
+
+    A point beside decimal commas stands between thousands where it can: in `5.0739` it is a decimal mark too.
+    """
     numbers = [field for field in fields if is_number(field)]
     both = next((field for field in numbers if "," in field and "." in field), "")
     if both:
         return (",", ".") if both.rindex(",") > both.rindex(".") else (".", ",")
     if any("," in field for field in numbers):
-        return ",", "."
+        dotted = [field for field in numbers if "." in field]
+        return ",", "." if dotted and all(map(_GROUPED.match, dotted)) else ""
     return ".", ""
 
 
@@ -93,9 +97,11 @@ def numbers(texts: Any, decimal: str, thousands: str, unit: str = "") -> NDArray
 
     bare = texts.fillna("").astype(str).str.strip().str.replace("\u2212", "-", regex=False)
     if unit:
-        bare = bare.str.removesuffix(unit)
-    for mark in (*("'", "\u2019", "\u00a0", "\u202f", " "), thousands):
-        bare = bare.str.replace(mark, "", regex=False) if mark else bare
+        bare = bare.str.removesuffix(unit).str.strip()
+    marks = re.escape("".join(("'\u2019\u00a0\u202f ", thousands)))
+    marked = bare.str.contains(f"[{marks}]")
+    bare = bare.mask(marked & ~bare.str.match(_GROUPED), "")  # `5.07` holds no thousands
+    bare = bare.str.replace(f"[{marks}]", "", regex=True)
     bare = bare.str.replace(decimal, ".", regex=False).str.replace(r"(?<=\d)[dD](?=[+-]?\d)", "e", regex=True)
     made: NDArray[np.float64] = pd.to_numeric(bare, errors="coerce").to_numpy(dtype=np.float64)
     return made

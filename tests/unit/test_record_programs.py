@@ -11,6 +11,7 @@ import pytest
 from hil.errors import FileError
 from hil.record.read import read_any, read_recording
 from hil.record.response_table import ResponseTable
+from hil.units import convert
 
 COUNT, STEP_S = 60, 0.002
 TIME_S = STEP_S * np.arange(COUNT)
@@ -43,6 +44,21 @@ TWINCAT_HEAD = (
     "SampleTime[ms]\t2\tSampleTime[ms]\t2\nPort\t851\tPort\t851\nOffset\t0\tOffset\t0\nScaleFactor\t1\tScaleFactor\t1\n"
     "Unit\tV (Voltage)\tUnit\t(None)\n\n"
 )
+
+TDS_SAYS = [
+    "Record Length,6.0e+01", "Sample Interval,2.0e-03", "Trigger Point,5.0e+00", ",", "Source,CH1", "Vertical Units,V",
+    "Vertical Scale,2.0e-02", "Horizontal Units,s", "Probe Atten,1.0e+01", "Model Number,TDS2001C",
+]  # fmt: skip
+INFINIIUM = [
+    "Revision:0", "Points:60", "XDispRange:1.2e-01", "XInc:2e-3", "XOrg:-1.0e-02", "XUnits:Second", "YUnits:Volt",
+    "Date:12 MAY 2021", "Time:13:55:29:48", "Max Bandwidth:8e9",
+]  # fmt: skip
+
+
+def twice(said: str) -> str:
+    label, value = said.split(":", 1)
+    return f"{label}:,{value},{value}\n"
+
 
 FILES = {
     "Rigol, start and increment beside the headings": (
@@ -80,6 +96,118 @@ FILES = {
         + rows(lambda i, t, u, y: f"{i + 1};2026-11-25;10:00:{t:06.3f};{u:.4f};{y:.6f}") + "//END\n"
     ),
 }  # fmt: skip
+
+
+SAYS_ABOVE = {
+    "Tektronix TDS, one channel": rows(
+        lambda i, t, u, y: f"{TDS_SAYS[i] if i < len(TDS_SAYS) else ','},,{t - 0.01:017.12f},{u:10.5f},"
+    ),
+    "Tektronix DPO7000": rows(
+        lambda i, t, u, y: (
+            f"{['@Record Length@,60,@Points@', '@Sample Interval@,0.002,s', ',,'][min(i, 2)]},{t - 0.01:.4e},{u}"
+        ).replace("@", '"')
+    ),
+    "Tektronix DPO4000": (
+        "Model,DPO4034\n\nPoint Format,Y,\nHorizontal Units,S,\nSample Interval,0.002\nVertical Units,V,A\nLabel,,\n"
+        "TIME,CH1,CH2\n" + rows(lambda i, t, u, y: f"{t - 0.01:.7e},{u},{y}")
+    ),
+    "Tektronix MDO3000": (
+        "#Model,MDO3014\n#\n#Horizontal Units,s,\n#,,\n#Sample Interval,0.002,\n#Vertical Units,V,A\n#,,\n"
+        "#Label,a,b\n#TIME,CH1,CH2\n" + rows(lambda i, t, u, y: f"{t - 0.01:.7e},{u},{y}")
+    ),
+    "Infiniium, one channel": "\n".join([*INFINIIUM, "Data:\n"]) + rows(lambda i, t, u, y: f"{t - 0.01:.6E},{u:.5E}"),
+    "Infiniium, two channels": (
+        ",Channel 1,Channel 2\n"
+        + "".join(map(twice, INFINIIUM))
+        + "Data:\n"
+        + rows(lambda i, t, u, y: f"{t - 0.01:.6E},{u:.5E},{t - 0.01:.6E},{y:.5E}")
+    ),
+    "Infiniium without times": "\n".join([*INFINIIUM, "Data:\n"]) + rows(lambda i, t, u, y: f"{u:.5E}"),
+    "Yokogawa": (
+        '"Model Name","DL850"\n"TraceName","CH1","CH2"\n"VUnit","V","A"\n"HResolution",2.0E-03,2.0E-03\n'
+        '"HOffset",-1.0E-02,-1.0E-02\n"HUnit","s","s"\n"Date","2021/05/12","2021/05/12"\n'
+        '"Time","13:55:29.48","13:55:29.48"\n' + rows(lambda i, t, u, y: f",{u:.5E},{y:.5E},")
+    ),
+    "GW Instek": (
+        "Memory Length,60,\nSource,CH1,\nVertical Units,V,\nHorizontal Units,S,\nSampling Period,2.0E-03,\n"
+        "Time,12-May-21 13:55:29,\nMode,Detail,\nWaveform Data,\n" + rows(lambda i, t, u, y: f"{t - 0.01:.6e},{u:.5e},")
+    ),
+    "Hioki": (
+        '"COMMENT","x"\n"TIME","15:26:55"\n"INTERVAL",2.0E-03\n"HORZ_UNITS","S"\n"VERT_UNITS","S","V","A"\n'
+        '"SIGNAL","TIME","ACH1","ACH2"\n"DATA"\n' + rows(lambda i, t, u, y: f"{t:+.4E},{u:+.4E},{y:+.6E}")
+    ),
+    "Hantek": "#CHANNEL:CH1,CH2\n#CLOCK=2000uS\n#SIZE=60\n\n" + rows(lambda i, t, u, y: f"{u:.5f},{y:.5f}"),
+    "OWON": (
+        "Channel,CH1,CH2\nPK-PK,10.0V,8.0V\nTime interval,2ms\nindex,CH1_Voltage(V),CH2_Voltage(V)\n"
+        + rows(lambda i, t, u, y: f"{i},{u},{y}")
+    ),
+    "dSPACE": (
+        'version,2.0\n\ndescriptor,X,"command","flow"\nunit,s,V,A\ndevice,,P,P\ntrace_values,,,\n'
+        + rows(lambda i, t, u, y: f",{t:.6f},{u},{y}")
+    ),
+    "SignalExpress": (
+        "channel names:\nDev1_ai0\tDev1_ai1\ndt:\n0.002\t0.002\ndata:\n" + rows(lambda i, t, u, y: f"{u:.6E}\t{y:.6E}")
+    ),
+    "a logger that says its rate": (
+        "Job: 12\nSample rate: 500 Hz\ncommand (V)\tflow (A)\n" + rows(lambda i, t, u, y: f"{u}\t{y}")
+    ),
+    "Rohde & Schwarz": "in s,CH1 in V,CH2 in A\n" + rows(lambda i, t, u, y: f"{t - 0.01:.6E},{u:.5E},{y:.5E}"),
+    "LTspice, commas": "time,V(in),I(R1)\n" + rows(lambda i, t, u, y: f"{t:.15e},{u:.6e},{y:.6e}"),
+    "panel of Siemens, one column a channel": (
+        "TimeString;Time_ms;command;flow\n"
+        + rows(
+            lambda i, t, u, y: (
+                f"25.11.2026 10:00:00;{decimal_comma(1e6 * (46_351.416 + t / 86_400.0))};"
+                f"{decimal_comma(u)};{decimal_comma(y)}"
+            )
+        )
+    ),
+}
+UNITS = {"SignalExpress": "1", "Hantek": "1", "Tektronix DPO7000": "1", "panel of Siemens, one column a channel": "1"}
+
+
+@pytest.mark.parametrize("program", SAYS_ABOVE)
+def test_what_lines_above_or_beside_the_samples_say_is_used(tmp_path: Path, program: str) -> None:
+    (tmp_path / "x.csv").write_text(SAYS_ABOVE[program], encoding="utf-8")
+    found = read_recording(tmp_path / "x.csv")
+    assert found.time_s - found.time_s[0] == pytest.approx(TIME_S, abs=1e-5)
+    command, *flow = found.channels.values()
+    assert convert(command.values, command.unit, UNITS.get(program, "V")) == pytest.approx(COMMAND, abs=1e-5)
+    for channel in flow:
+        assert channel.values == pytest.approx(FLOW, abs=1e-5)
+
+
+def test_a_scope_without_times_starts_where_it_says(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text(SAYS_ABOVE["Yokogawa"], encoding="utf-8")
+    found = read_recording(tmp_path / "x.csv")
+    assert list(found.channels) == ["CH1", "CH2"] and found.channel("CH2").unit == "A"
+    assert found.time_s[0] == pytest.approx(-0.01)
+    assert found.meta["assumed"] == ["even time base of 0.002 s, as line 4 says"]
+
+
+def test_counts_of_a_converter_are_not_said_to_be_volts(tmp_path: Path) -> None:
+    fast = SAYS_ABOVE["GW Instek"].split("Waveform Data")[0].replace("Detail", "Fast") + "Waveform Data,\n"
+    (tmp_path / "x.csv").write_text(fast + rows(lambda i, t, u, y: f"{i % 50},"), encoding="utf-8")
+    assert read_recording(tmp_path / "x.csv").meta["units_missing"] == ["CH1"]
+
+
+@pytest.mark.parametrize("heading", ["V(V)", "V(mV)", "I(mA)"])
+def test_a_unit_of_a_voltage_or_current_is_no_node_of_a_circuit(tmp_path: Path, heading: str) -> None:
+    (tmp_path / "x.csv").write_text(f"time,{heading}\n0,1\n1,2\n2,3\n", encoding="utf-8")
+    (channel,) = read_recording(tmp_path / "x.csv").channels.values()
+    assert (channel.name, channel.unit) == (heading[0], heading[2:-1])
+
+
+def test_a_point_among_decimal_commas_is_no_mark_of_thousands(tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_text("time [s];flow [l/min]\n0,0;5,0\n0,1;5.0739\n0,2;-4.07\n", encoding="utf-8")
+    assert read_recording(tmp_path / "x.csv").values("flow").tolist() == [5.0, 5.0739, -4.07]
+
+
+def test_thousands_far_down_are_read(tmp_path: Path) -> None:
+    number = (f"{3.7 * i:,.1f}".translate(str.maketrans(",.", ".,")) for i in range(900))
+    text = "".join(f"{i};{text}\n" for i, text in enumerate(number))
+    (tmp_path / "x.csv").write_text(f"time [s];flow [l/min]\n{text}", encoding="utf-8")
+    assert read_recording(tmp_path / "x.csv").values("flow")[-1] == pytest.approx(3.7 * 899, abs=0.051)
 
 
 @pytest.mark.parametrize("program", FILES)

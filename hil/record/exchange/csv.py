@@ -19,10 +19,12 @@ from hil.record.assemble import assemble
 from hil.record.columns import Table
 from hil.record.flat import flat
 from hil.record.known_programs import of_known_program
-from hil.record.layout import layout, open_text
+from hil.record.layout import layout
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
+from hil.record.said_above import of_lines_said
+from hil.record.text_file import open_text
 from hil.record.text_rows import columns, place
 
 _ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".asc", ".prn", ".log")
@@ -40,7 +42,7 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         FileError: names the file, the line and the column, what was found there, and what helps.
     """
     try:
-        known = None if reading.columns else of_known_program(path)
+        known = None if reading.columns else of_known_program(path) or of_lines_said(path)
         found = layout(path, named=bool(reading.columns)) if known is None else known.layout
         read_columns, said, found = columns(path, found, reading.gaps)
         tables = [Table(path.stem, read_columns)] if known is None else known.tables(read_columns)

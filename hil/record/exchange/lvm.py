@@ -15,10 +15,11 @@ from hil.errors import FileError
 from hil.record.assemble import assemble
 from hil.record.columns import Column, Table
 from hil.record.heading import split as split_heading
-from hil.record.layout import Kind, Layout, encoding_of, open_text, split
+from hil.record.layout import Kind, Layout, split
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Array, Recording
 from hil.record.response_table import ResponseTable
+from hil.record.text_file import encoding_of, open_text
 from hil.record.text_rows import columns, place
 from hil.record.tokens import decimal_and_thousands, stamps
 

@@ -1,0 +1,295 @@
+"""Text files whose lines above or beside the samples state their names, units and interval: scopes and recorders.
+
+Tektronix' TDS and DPO series write such lines beside the first samples, Infiniium, Yokogawa, GW Instek, Hioki, Hantek,
+OWON, dSPACE and SignalExpress above them. What counts is what a line is called, not who wrote it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import islice, pairwise
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from hil.record import heading as headings
+from hil.record.columns import Column, Table
+from hil.record.known_programs import Known
+from hil.record.layout import Kind, Layout, is_row_of_units, split
+from hil.record.recording import Array
+from hil.record.text_file import encoding_of, open_text
+from hil.record.tokens import decimal_and_thousands, is_blank, is_number, is_stamp
+from hil.units import scale_and_offset
+
+_LOOKED_AT = 120
+_FEWEST_ROWS = 4
+_INTERVALS = frozenset({
+    "sample interval", "sampling interval", "sampling period", "sample period", "sample time", "xinc", "x increment",
+    "xincrement", "hresolution", "interval", "time interval", "dt", "delta t", "clock", "tinc", "abtastintervall",
+    "intervall", "messintervall",
+})  # fmt: skip
+_RATES = frozenset({
+    "sample rate", "samplerate", "sampling rate", "sampling frequency", "sample frequency", "scan rate", "abtastrate",
+    "abtastfrequenz", "messrate",
+})  # fmt: skip
+_STARTS = frozenset({"xorg", "x origin", "xorigin", "hoffset"})
+_TIME_UNITS = frozenset({"horizontal units", "horizontal unit", "hunit", "xunits", "x units", "x unit", "horz units"})
+_UNITS = frozenset(
+    {"vertical units", "vertical unit", "vunit", "yunits", "y units", "y unit", "vert units", "unit", "units"}
+)
+_NAMES = frozenset({
+    "source", "tracename", "trace name", "signal", "signals", "signal name", "descriptor", "channel names", "channel",
+    "channels", "",
+})  # fmt: skip
+_MODES = frozenset({"mode"})
+_ALL = _MODES | _INTERVALS | _RATES | _STARTS | _TIME_UNITS | _UNITS | _NAMES
+_INSIDE = re.compile(r"^(?P<label>[^:=]*[A-Za-z][^:=]*)[:=](?P<value>.+)$")
+_VALUE = re.compile(r"^(?P<number>[-+\d.,]+([eE][-+]?\d+)?)\s*(?P<unit>[A-Za-zµμ]*)$")
+
+
+@dataclass(frozen=True, slots=True)
+class _Said:
+    """What the lines state, by their labels in lower case, each with the number of its line."""
+
+    entries: dict[str, tuple[int, list[str]]] = field(default_factory=dict)
+
+    def first_of(self, labels: frozenset[str]) -> tuple[int, list[str]]:
+        """Line and values of the first label among these; 0 and none where there is none."""
+        return next((found for label, found in self.entries.items() if label in labels), (0, []))
+
+    @property
+    def time_unit(self) -> str:
+        return headings.spelt_time_unit(next(iter(self.first_of(_TIME_UNITS)[1]), ""))
+
+    def interval(self) -> tuple[float, str]:
+        """The distance of samples in s, and what says so; 0 where nothing does."""
+        for labels, is_rate in ((_INTERVALS, False), (_RATES, True)):
+            line, values = self.first_of(labels)
+            if found := _VALUE.match(next(iter(values), "")):
+                value, unit = _number(found["number"]), found["unit"]
+                timed = headings.is_time_unit(unit)
+                value *= _size(unit) if timed else 1.0 if is_rate else _size(self.time_unit)
+                if value > 0.0:
+                    step_s = 1.0 / (value * _per_second(unit)) if is_rate and not timed else value
+                    return step_s, f"even time base of {step_s:g} s, as line {line} says"
+        return 0.0, ""
+
+    @property
+    def start_s(self) -> float:
+        values = self.first_of(_STARTS)[1]
+        return _number(values[0]) * _size(self.time_unit) if values and is_number(values[0]) else 0.0
+
+    @property
+    def units(self) -> list[str]:
+        """Units of the channels; of GW Instek's fast form none, whose samples are counts of the converter."""
+        return [] if "fast" in map(str.casefold, self.first_of(_MODES)[1]) else self.first_of(_UNITS)[1]
+
+    @property
+    def is_enough(self) -> bool:
+        """Whether it says how samples lie in time, or the unit of the time and others."""
+        stated, names = self.units, self.first_of(_NAMES)[1]
+        timed = self.time_unit != "" or (len(stated) == len(names) and _timed_unit(stated, len(names)))
+        return self.interval()[0] > 0.0 or bool(stated and timed)
+
+
+def _number(text: str) -> float:
+    return float(text.replace(",", ".")) if is_number(text) else 0.0
+
+
+def _size(unit: str) -> float:
+    known = headings.spelt_time_unit(unit)
+    return scale_and_offset(known, "s")[0] if known else 1.0
+
+
+def _per_second(unit: str) -> float:
+    return {"k": 1e3, "m": 1e6, "g": 1e9}.get(unit[:1].casefold(), 1.0) if len(unit) > 1 else 1.0
+
+
+def of_lines_said(path: Path) -> Known | None:
+    """The layout of a file that says more above or beside its samples than its headings do; None for any other."""
+    encoding = encoding_of(path)
+    with open_text(path, encoding) as file:
+        lines = [line.rstrip("\r\n") for line in islice(file, _LOOKED_AT)]
+    while lines and not lines[-1].strip():
+        lines.pop()
+    for mark in ",;\t" if lines else "":
+        rows = [split(line.lstrip("#%"), mark) for line in lines]
+        found = _beside(encoding, mark, rows) or _above(encoding, mark, rows)
+        if found:
+            return found
+    return None
+
+
+def units_above(lines: Sequence[str], mark: str, cells: Sequence[str]) -> tuple[str, ...]:
+    """Units that lines above state for the columns of a row of headings; empty texts where they state none."""
+    none = ("",) * len(cells)
+    if len(mark) > 1:
+        return none
+    said = _said([split(line.lstrip("#%"), mark) for line in lines])
+    if not said.is_enough:
+        return none
+    stated = said.units
+    clocks = [headings.is_time(headings.split(cell)[0]) for cell in cells]
+    if len(stated) != len(cells) - sum(clocks) or sum(clocks) != 1:
+        return none
+    rest = iter(stated)
+    return tuple(said.time_unit if clock else next(rest) for clock in clocks)
+
+
+def _beside(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | None:
+    """Lines that say something stand in the first columns, beside the first samples."""
+    if len(rows) < 2 * _FEWEST_ROWS:
+        return None
+    blank = min(_leading_blanks(row) for row in rows[-_FEWEST_ROWS:])
+    width = len(rows[-1])
+    if not 1 < blank < width or any(len(row) != width or not _is_samples(row[blank:]) for row in rows):
+        return None
+    said = _said([row[:blank] for row in rows])
+    return _known(encoding, mark, rows, 0, said, None) if said.is_enough else None
+
+
+def _above(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | None:
+    width = len(rows[-1])
+    first = len(rows)
+    while first and len(rows[first - 1]) == width and _is_samples(rows[first - 1]):
+        first -= 1
+    if len(rows) - first < _FEWEST_ROWS or not first:
+        return None
+    said = _said(rows[:first])
+    if not said.is_enough:
+        return None
+    if any(_is_timed_heading(row) for row in rows[:first] if len(_trimmed(row)) > 1 and not _is_said(row)):
+        return None  # its headings say the time: they are read as any others
+    last = next((row for row in reversed(rows[:first]) if any(row)), [])
+    if is_row_of_units(last):
+        return None
+    return _known(encoding, mark, rows, first, said, last if _is_heading(last, len(_trimmed(rows[-1]))) else None)
+
+
+def _known(
+    encoding: str, mark: str, rows: Sequence[Sequence[str]], first: int, said: _Said, heading: Sequence[str] | None
+) -> Known | None:
+    """The layout of the columns that hold samples, and the table or tables that they are."""
+    samples = rows[first:]
+    width = len(rows[-1])
+    at = [i for i in range(width) if not all(is_blank(row[i]) for row in samples[-_FEWEST_ROWS:])]
+    interval_s, words = said.interval()
+    names = [heading[i] for i in at] if heading is not None else said.first_of(_NAMES)[1]
+    found = _columns(len(at), names, said, interval_s, _rises([row[at[0]] for row in samples]))
+    if found is None:
+        return None
+    called, units, form = found
+    by_place = {place: (name, unit) for place, name, unit in zip(at, called, units, strict=True)}
+    kinds: tuple[Kind, ...] = tuple("number" if i in by_place else "text" for i in range(width))
+    decimal = "." if mark == "," else decimal_and_thousands([c for row in samples for c in row])[0]
+    made = Layout(
+        encoding, mark, decimal, "", tuple(by_place.get(i, ("", ""))[0] for i in range(width)),
+        tuple(by_place.get(i, ("", ""))[1] for i in range(width)), 0, first + 1, kinds,
+    )  # fmt: skip
+    return Known(made, partial(_tables, form, (said.start_s, interval_s, words), at))
+
+
+_Form = Literal["with time", "in pairs", "evenly"]
+
+
+def _columns(
+    count: int, names: Sequence[str], said: _Said, interval_s: float, rises: bool
+) -> tuple[list[str], list[str], _Form] | None:
+    """What so many columns of samples are called, their units, and how they are tables; None where nothing fits."""
+    stated = said.units
+    if len(names) == count and not any(map(headings.is_time, names)) and not _timed_unit(stated, count):
+        return (list(names), _filled(stated, count), "evenly") if interval_s else None
+    if len(names) == count:
+        return list(names), _filled(stated, count), "with time"
+    channels = len(names) or len(stated) or (count - 1 if rises else count)
+    names = list(names) or ([f"channel {i}" for i in range(1, channels + 1)] if channels > 1 else ["channel"])
+    if count == channels + 1 and rises:
+        return ["time", *names], [said.time_unit or "s", *_filled(stated, channels)], "with time"
+    if count == 2 * channels and rises:
+        called = [text for name in names for text in ("time", name)]
+        units = [text for unit in _filled(stated, channels) for text in (said.time_unit or "s", unit)]
+        return called, units, "in pairs"
+    return (names, _filled(stated, channels), "evenly") if count == channels and interval_s else None
+
+
+def _timed_unit(stated: Sequence[str], count: int) -> bool:
+    return len(stated) == count > 0 and headings.is_time_unit(stated[0])
+
+
+def _filled(stated: Sequence[str], count: int) -> list[str]:
+    return list(stated) if len(stated) == count else [""] * count
+
+
+def _tables(form: _Form, clock: tuple[float, float, str], at: Sequence[int], columns: Sequence[Column]) -> list[Table]:
+    """The columns at these places as tables; `clock`: where an even time base starts, its step in s, what says so."""
+    read = [columns[i] for i in at]
+    if form == "in pairs":
+        return [Table(channel.heading, [time, channel]) for time, channel in zip(read[::2], read[1::2], strict=True)]
+    if form == "with time":
+        return [Table("", read)]
+    start_s, step_s, words = clock
+    time_s: Array = start_s + step_s * np.arange(len(read[0].values), dtype=np.float64)
+    return [Table("", [column for column in read if not column.counts_rows], time_s, words)]
+
+
+def _said(rows: Sequence[Sequence[str]]) -> _Said:
+    found = _Said()
+    for number, row in enumerate(rows, 1):
+        cells = _inside(_trimmed(row))
+        if not cells:
+            continue
+        label, values = headings.plain_name(cells[0]), cells[1:]
+        if not values and cells[0].endswith(":") and number < len(rows):
+            values = _trimmed(rows[number])
+        named = label in _NAMES and not all(value and not is_number(value) for value in values)
+        if label in _ALL and values and not named:
+            found.entries.setdefault(label, (number, list(values)))
+    return found
+
+
+def _inside(cells: Sequence[str]) -> list[str]:
+    """A label and its value that share a field, `XInc:1e-3`, as two."""
+    match = _INSIDE.match(cells[0]) if cells else None
+    if match and headings.plain_name(match["label"]) in _ALL:
+        return [match["label"], match["value"].strip(), *cells[1:]]
+    return list(cells)
+
+
+def _is_said(row: Sequence[str]) -> bool:
+    cells = _inside(_trimmed(row))
+    return bool(cells) and (headings.plain_name(cells[0]) in _ALL - {""} or any(map(is_stamp, cells[1:])))
+
+
+def _is_timed_heading(row: Sequence[str]) -> bool:
+    cells = [cell for cell in row if cell]
+    return any(headings.is_time(headings.split(cell)[0]) for cell in cells) and not any(map(is_stamp, cells))
+
+
+def _is_heading(row: Sequence[str], count: int) -> bool:
+    cells = _trimmed(row)
+    named = all(cell and not is_number(cell) and not cell.endswith(":") for cell in cells)
+    return len(cells) == count > 1 and named and not _is_said(row)
+
+
+def _is_samples(cells: Sequence[str]) -> bool:
+    return any(map(is_number, cells)) and all(is_number(cell) or is_blank(cell) for cell in cells)
+
+
+def _leading_blanks(row: Sequence[str]) -> int:
+    return next((i for i, cell in enumerate(row) if cell), len(row))
+
+
+def _trimmed(row: Sequence[str]) -> list[str]:
+    cells = list(row)
+    while cells and not cells[-1]:
+        cells.pop()
+    return cells
+
+
+def _rises(texts: Sequence[str]) -> bool:
+    values = [_number(text) for text in texts if text]
+    return len(values) > 1 and all(later >= before for before, later in pairwise(values))
