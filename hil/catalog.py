@@ -11,14 +11,15 @@ import ast
 import importlib
 import importlib.util
 import pkgutil
+import sys
 import tokenize
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cache
-from importlib.metadata import EntryPoint, entry_points
+from importlib.metadata import EntryPoint, EntryPoints, entry_points
 from pathlib import Path
 from types import ModuleType
-from typing import Literal
+from typing import Literal, cast
 
 from hil.errors import FileError, UnknownNameError
 from hil.extras import lacking
@@ -72,7 +73,7 @@ def entries(kind: Kind) -> tuple[Entry, ...]:
     """Every installed entry of one kind, sorted by name."""
     found: dict[str, Entry] = {}
     group = _GROUP.get(kind, f"hil.{kind}")
-    for point in sorted(entry_points(group=group), key=lambda point: (point.name != "hil", point.name)):
+    for point in sorted(_points(group), key=lambda point: (point.name != "hil", point.name)):
         if point.name == "hil":
             _check_not_hidden(point.value)
         for entry in _package_entries(kind, point):
@@ -102,7 +103,7 @@ def files_of(groups: Iterable[str], folder: str, pattern: str) -> dict[str, Path
     """Files that installed packages bring along in a folder of that name, by their stem: benches, models."""
     found: dict[str, Path] = {}
     for group in groups:
-        for point in entry_points(group=group):
+        for point in _points(group):
             spec = importlib.util.find_spec(point.value)
             for home in (spec.submodule_search_locations or ()) if spec else ():
                 found |= {file.stem: file for file in sorted(Path(home, folder).glob(pattern))}
@@ -117,6 +118,16 @@ def models() -> dict[str, Path]:
 def tables() -> dict[str, Path]:
     """Every table of a frequency response that packages of plants bring along in a folder `tables`, by name."""
     return files_of(["hil.plants"], "tables", "*.csv")
+
+
+def _points(group: str) -> EntryPoints:
+    return _all_points(tuple(sys.path)).select(group=group)
+
+
+@cache
+def _all_points(_path: tuple[str, ...]) -> EntryPoints:
+    """Those of everything installed on a path: asked once, since each asking opens a file of every package."""
+    return cast("EntryPoints", entry_points())  # Python 3.11 calls it by another name, and it can do the same
 
 
 def _check_not_hidden(package: str) -> None:
