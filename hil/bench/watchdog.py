@@ -53,6 +53,7 @@ from hil.safety.operator import Asked
 from hil.safety.outputs import outputs_in
 
 CONFIRMS_S = 0.2  # after a stop the program has so long to read its outputs back safe
+_SO_FAR = "watchdog-so-far"  # what is told before the last word, for who cannot hear it on stderr
 _LONGEST_LINE = 1 << 20
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
@@ -239,7 +240,8 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
 
 def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, left: list[str]) -> None:
     text = f"process {pid} {why}; NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
-    _report(file, run, {"why": why, "not_safe_so_far": left, "goes_on_for_s": GIVE_UP_S}, text)
+    _write(_places(file, run, _SO_FAR), {"why": why, "not_safe": left, "goes_on_for_s": GIVE_UP_S})
+    _tell(text)
 
 
 def _with_remedy(left: list[str]) -> str:
@@ -269,20 +271,30 @@ def _lease_of_the_dead(file: BenchFile, pid: int) -> Iterator[None]:
 
 
 def _report(file: BenchFile, run: Path, told: dict[str, object], text: str) -> None:
+    """What came of it, on stderr and on disk: the last word."""
+    _write(_places(file, run, Path(REPORT_FILE).stem), told)
+    for path in _places(file, run, _SO_FAR):
+        with suppress(OSError):
+            path.unlink()
+    _tell(text)
+
+
+def _places(file: BenchFile, run: Path, kind: str) -> tuple[Path, Path]:
+    """In the folder of the run, and where it goes when that is gone."""
+    return run / f"{kind}.json", state_path(kind, file.bench.name, ".json")
+
+
+def _write(places: tuple[Path, Path], told: dict[str, object]) -> None:
     content = json.dumps(told, indent=1, ensure_ascii=False) + "\n"
-    elsewhere = state_path("watchdog", file.bench.name, ".json")
-    for path in (run / REPORT_FILE, elsewhere):
+    for path in places:
         try:
-            if path is elsewhere:
+            if path is places[-1]:
                 path.parent.mkdir(parents=True, exist_ok=True)
-            part = path.with_suffix(".part")
-            part.write_text(content, encoding="utf-8")
-            part.replace(path)
+            path.write_text(content, encoding="utf-8")
             break
         except OSError:  # no folder, or no room in it: half a report is none
             with suppress(OSError):
-                part.unlink()
-    _tell(text)
+                path.unlink()
 
 
 def _tell(text: str) -> None:
