@@ -180,7 +180,7 @@ class Answer:
             warnings=self._all_warnings(changed),
             false_alarms=self._false_alarms(),
             seconds=round(seconds, 3),
-            shadow=shadow(self.found, shares, left.stages),
+            shadow=shadow(self.found),
             strips=drawn,
             spectra=spectra(problem, nominal, self.used),
         )

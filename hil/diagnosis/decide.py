@@ -15,6 +15,7 @@ from hil.diagnosis.events.recognise import recognised
 from hil.diagnosis.evidence import indistinguishable
 from hil.diagnosis.measures import (
     CONSISTENT_EXCESS,
+    NEARLY_ALL,
     PART_TOLERANCE,
     SMALL_EXCESS,
     Measures,
@@ -30,9 +31,6 @@ from hil.diagnosis.search.polish import finished, from_other_shapes, polish, rou
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.diagnosis.yardsticks import MOST, MUCH_THE_SAME, PLAINLY
 
-# An explanation that leaves more than the tolerance of laws is still named as part of the truth when every other one
-# leaves plainly more, or when it leaves so little that another name for it would have to look much the same.
-NEARLY_ALL = 0.12
 # Base parameters that changed are told as the effects that they grow into unless another one shows so much more.
 _CHIEF_CHANGE = 3.0
 OPEN = ("partly_explained", "unexplained")

@@ -20,8 +20,9 @@ SMALL_EXCESS = 0.03
 CONSISTENT_EXCESS = 2.0 * SMALL_EXCESS
 # Laws of nature are not the laws of the library: an explanation may leave this share of the misfit, …
 LAW_TOLERANCE = 0.04
-# … where most of the truth is told this share of it, …
-PART_TOLERANCE = 0.25
+# … where it is told as part of the truth this share, as another name for it would have to look much the same, or this
+# one, where every other name leaves plainly more, …
+NEARLY_ALL, PART_TOLERANCE = 0.12, 0.25
 # … and this share (rms) of the swing of the output, …
 OUTPUT_TOLERANCE = 0.05
 # … below this share, and the noise's own variance, nobody looks for a second cause.
@@ -142,6 +143,16 @@ def is_itself(f: Fitted, term: Term) -> bool:
 def are_themselves(f: Fitted) -> bool:
     """Whether every effect has the shape that tells it from others."""
     return all(is_itself(f, term) for term in f.terms)
+
+
+def is_another(f: Fitted) -> bool:
+    """Whether a shape that tells an effect from others has ended where the effect would be another one."""
+    return any(
+        u.at_bound(value) and _room(u, value, telling) < 0.5 * (u.high - u.low)
+        for term, own in zip(f.terms, f.values, strict=True)
+        for u, value in zip(term.unknowns, own, strict=True)
+        if (telling := dict(term.telling).get(u.name))
+    )
 
 
 def _room(u: Unknown, value: float, telling: str) -> float:
