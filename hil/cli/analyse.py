@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from hil.cli.printed import Json
-from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
+from hil.cli.reading import takes_reading, teller
+from hil.record.reading import Reading
 
 if TYPE_CHECKING:
     from hil.physics.transfer_function import TransferFunction
@@ -24,6 +25,7 @@ _Output = typer.Option("", "--output", metavar="NAME", help="Response, likewise.
 
 
 @group.command("step")
+@takes_reading
 def step(
     recording: Path | None = typer.Argument(None, metavar="[RECORDING]", help="Recording with steps of the command."),
     input_name: str = _Input,
@@ -35,17 +37,13 @@ def step(
         None, "--beside", metavar="TABLE|RUN", help="Measured frequency response to hold the models against."
     ),
     as_json: Json = False,
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006 — typer makes a new one
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Two first-order models and a second-order one from rise and settling time: eqs 9 to 22 of the HPV41 paper."""
     from hil import api
 
-    read = None if recording is None else _read(recording, time, interval, unit, rename, columns, gaps)
+    read = None if recording is None else _read(recording, reading)
     found = api.step_models(
         read, rise_s=rise, settling_s=settling, input=input_name, output=output_name, beside=beside, band=band / 100.0
     )
@@ -115,6 +113,7 @@ def corners(
 
 
 @group.command("recursive")
+@takes_reading
 def recursive(
     recording: Path = typer.Argument(..., help="Recording with even stamps."),
     poles: int = typer.Option(..., "--poles", min=0, help="Coefficients a1 …"),
@@ -128,18 +127,14 @@ def recursive(
     input_name: str = _Input,
     output_name: str = _Output,
     as_json: Json = False,
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Recursive least squares, sample by sample: eqs 3.7 to 3.15 of the EFC thesis."""
     from hil.identification.recursive_least_squares import ArxForm
     from hil.session.analyses import channels_of, estimated_online
 
-    read = _read(recording, time, interval, unit, rename, columns, gaps)
+    read = _read(recording, reading)
     found = estimated_online(
         read, *channels_of(read, input_name, output_name), ArxForm(poles, inputs, delay, difference), memory=memory,
         forgetting="exponential" if exponential else "directional", prior_std=prior,
@@ -186,18 +181,15 @@ def loop(
 
 
 @group.command("error")
+@takes_reading
 def error(
     recording: Path = typer.Argument(..., help="Pressure of a step to 1.4 or 1.6 A, from the step on."),
     reference: Path = typer.Option(..., "--reference", metavar="RECORDING", help="Pressure of a good valve."),
     level: str = typer.Option(..., "--level", metavar="low|high", help="1.4 A or 1.6 A."),
     output_name: str = typer.Option("pressure", "--output", metavar="NAME", help="Channel of the pressure."),
     as_json: Json = False,
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Eq. 4.1 of the EFC thesis, its crisp class and the degrees of eqs 4.2 to 4.7."""
     from hil.errors import SettingError
@@ -205,18 +197,15 @@ def error(
 
     if level not in ("low", "high"):
         raise SettingError(f"--level {level}: there are low (1.4 A) and high (1.6 A)")
-    measured, good = (_read(p, time, interval, unit, rename, columns, gaps) for p in (recording, reference))
+    measured, good = (_read(p, reading) for p in (recording, reference))
     found = error_between(measured, good, "low" if level == "low" else "high", output_name)
     _show(found.as_dict(), found.as_text(), as_json)
 
 
-def _read(
-    path: Path, time: str, interval: float, unit: list[str], rename: list[str], columns: str, gaps: bool
-) -> Recording:
-    from hil.cli.reading import reading_of, teller
+def _read(path: Path, reading: Reading) -> Recording:
     from hil.session.sources import notes_on, samples_of
 
-    found = samples_of(path, reading_of(time, interval, unit, rename, columns, gaps))
+    found = samples_of(path, reading)
     for note in notes_on([found]):
         teller(aside=True)(note)
     return found

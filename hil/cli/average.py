@@ -7,9 +7,11 @@ from pathlib import Path
 import typer
 
 from hil.cli.printed import Json, printed
-from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
+from hil.cli.reading import takes_reading
+from hil.record.reading import Reading
 
 
+@takes_reading
 def command(
     responses: list[Path] = typer.Argument(
         ..., metavar="TABLE|RUN...", help="Tables of a frequency response, installed ones by name, or runs."
@@ -17,22 +19,16 @@ def command(
     out: Path = typer.Option(..., "--out", help="Table to write, .csv."),
     normalised: bool = typer.Option(False, "--normalised", help="Each over its gain at the lowest frequency first."),
     part: str = typer.Option("", "--part", metavar="NAME", help="Of runs with several frequency responses, this one."),
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006 — typer makes a new one
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
     as_json: Json = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Write the mean of frequency responses on the same frequencies: mean dB and mean phase."""
     from hil import api
     from hil.cli.places import check_distinct, check_file
-    from hil.cli.reading import reading_of
 
     check_distinct(responses)
     check_file(out, responses)
-    reading = reading_of(time, interval, unit, rename, columns, gaps)
     mean = api.average(responses, normalised=normalised, reading=reading, part=part)
     api.write(mean, out)
     told = {"file": out, "frequencies": len(mean), "unit": mean.unit, "assumed": mean.meta["assumed"]}

@@ -10,13 +10,15 @@ import typer
 
 from hil.cli.language import Language
 from hil.cli.population import compare_population
-from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
+from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.cli.runs import ARCHIVE
+from hil.record.reading import Reading
 
 if TYPE_CHECKING:
     from hil.session.comparison import RunComparison
 
 
+@takes_reading
 def command(
     recordings: list[Path] = typer.Argument(
         ..., metavar="RECORDING...", help="Recordings or tables of a frequency response; without --model two runs."
@@ -32,13 +34,9 @@ def command(
     as_json: bool = typer.Option(False, "--json", help="Print JSON instead of a table."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it
+    *,
+    reading: Reading,
 ) -> None:
     """Compare a model with recordings: fit, ceiling by the noise, and where the model fails.
 
@@ -56,13 +54,11 @@ def command(
         return
     from hil import api
     from hil.cli.places import check_file
-    from hil.cli.reading import reading_of, teller
     from hil.record.plain import to_json
 
     if page is not None:
         check_file(page, (model, *recordings))
     assumed: list[str] = []
-    reading = reading_of(time, interval, unit, rename, columns, gaps)
     found = api.compare(
         model, recordings, inputs=input_name, output=output_name, reading=reading,
         page=page or "", notes=teller(aside=as_json, kept=assumed),

@@ -8,30 +8,26 @@ from typing import TYPE_CHECKING
 import typer
 
 from hil.cli.printed import Json, printed
-from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
+from hil.cli.reading import options, takes_reading
+from hil.record.reading import Reading
 
 if TYPE_CHECKING:
-    from hil.record.reading import Reading
     from hil.record.recording import Recording
     from hil.record.response_table import ResponseTable
 
 
+@takes_reading
 def command(
     source: Path = typer.Argument(..., metavar="SRC", help="Recording, table or run folder to read."),
     target: Path = typer.Argument(..., metavar="DST", help="File to write; its ending says the format."),
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006 — typer makes a new one
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
     overwrite: bool = typer.Option(False, "--overwrite", help="Replace DST if it exists."),
     as_json: Json = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Convert a recording between formats; DST without an ending becomes a run folder."""
     from hil import api
     from hil.cli.places import check_file
-    from hil.cli.reading import options, reading_of
     from hil.errors import FileError
     from hil.record.response_table import ResponseTable
 
@@ -39,7 +35,6 @@ def command(
         raise FileError(f"{target}: exists already; --overwrite replaces it")
     if not target.is_dir():  # a run folder that exists is refused where it would be made
         check_file(target)
-    reading = reading_of(time, interval, unit, rename, columns, gaps)
     found = api.read(source, **options(reading))
     api.write(found, target)
     if isinstance(found, ResponseTable):

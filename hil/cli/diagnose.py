@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import typer
 
 from hil.cli.language import Language
-from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
-
-if TYPE_CHECKING:
-    from hil.record.reading import Reading
+from hil.cli.reading import Inputs, Output, takes_reading, teller
+from hil.record.reading import Reading
 
 
+@takes_reading
 def command(
     recordings: list[Path] = typer.Argument(None, metavar="RECORDING...", help="Recordings of the unit."),
     model: Path | None = typer.Option(None, "--model", help="Nominal model file."),
@@ -44,20 +42,14 @@ def command(
     ),
     scheduler: str = typer.Option("", "--scheduler", metavar="tcp://…", help="Dask scheduler that does the fleet."),
     as_json: bool = typer.Option(False, "--json", help="Print diagnosis.json too, schema hil.diagnosis/1."),
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it
+    *,
+    reading: Reading,
 ) -> None:
     """Locate a mismatch, name the physics that was left out, model it, and show the fit improve."""
     from hil.cli.places import check_distinct, check_folder
-    from hil.cli.reading import reading_of, teller
 
     check_folder(out)
-    reading = reading_of(time, interval, unit, rename, columns, gaps)
     if fleet:
         if recordings or bench:
             raise typer.BadParameter("a fleet has its recordings in its folders, and no bench", param_hint="--fleet")
@@ -95,7 +87,6 @@ def _diagnose_fleet(
     from hil import api
     from hil.cli.printed import printed
     from hil.cli.progress import shown
-    from hil.cli.reading import teller
     from hil.session.fleet import SCHEMA
 
     with shown() as progress:

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
+from hil.cli.reading import Inputs, Output, takes_reading, teller
+from hil.record.reading import Reading
 
 if TYPE_CHECKING:
     from hil.passport.difference import Change, DateDifference, Size
 
 
+@takes_reading
 def command(
     old: Path = typer.Argument(..., metavar="OLD", help="Passport, run folder or folder with recordings."),
     new: Path = typer.Argument(..., metavar="NEW", help="The same of a later date."),
@@ -22,20 +24,14 @@ def command(
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.diff/1."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
+    *,
+    reading: Reading,
 ) -> None:
     """What changed between two dates: by cause, of the valve or of the bench, and what stayed within which limit."""
     from hil import api
     from hil.cli.progress import shown
-    from hil.cli.reading import reading_of, teller
     from hil.record.plain import to_json
 
-    reading = reading_of(time, interval, unit, rename, columns, gaps)
     with shown() as progress:
         found = api.diff(old, new, model=model, inputs=input_name, output=output_name, reading=reading,
                          notes=teller(aside=as_json), progress=progress)  # fmt: skip

@@ -7,9 +7,11 @@ from pathlib import Path
 import typer
 
 from hil.cli.language import Language
-from hil.cli.reading import Columns, Gaps, Inputs, Interval, Output, Rename, Time, Unit
+from hil.cli.reading import Inputs, Output, takes_reading, teller
+from hil.record.reading import Reading
 
 
+@takes_reading
 def command(
     recordings: list[Path] = typer.Argument(
         ..., metavar="RECORDING...", help="Recordings or tables of a frequency response, fitted together."
@@ -34,19 +36,14 @@ def command(
         None, "--page", metavar="FILE.html", help="A page that draws the model beside what it was fitted to."
     ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.identified/1."),
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
     language: Language = "",  # noqa: ARG001 — its callback takes it
+    *,
+    reading: Reading,
 ) -> None:
     """Fit a plant's parameters to all recordings together and write a model file."""
     from hil import api
     from hil.cli.places import check_distinct, check_file
     from hil.cli.progress import shown
-    from hil.cli.reading import reading_of, teller
     from hil.record.plain import to_json
 
     check_distinct(recordings)
@@ -58,7 +55,7 @@ def command(
         found = api.identify(
             recordings, plant, free=[name for names in free for name in names.split(",") if name], inputs=input_name,
             output=output_name, poles=poles, zeros=zeros, dead_time=dead_time, weights=weights, part=part,
-            reading=reading_of(time, interval, unit, rename, columns, gaps), page=page or "",
+            reading=reading, page=page or "",
             notes=teller(aside=as_json, kept=assumed), progress=progress,
         )  # fmt: skip
     api.save_model(found.model, out)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Sequence
 from dataclasses import fields
-from typing import TYPE_CHECKING, Annotated, Any
+from functools import wraps
+from typing import Annotated, Any
 
 import typer
 
-if TYPE_CHECKING:
-    from hil.record.reading import Reading
+from hil.record.reading import Reading
 
 Time = Annotated[str, typer.Option("--time", metavar="NAME", help="Column that holds the time.")]
 Interval = Annotated[float, typer.Option("--interval", metavar="S", min=0.0, help="Seconds between samples.")]
@@ -34,12 +35,39 @@ def reading_of(
         SettingError: one that is not `NAME=VALUE`.
     """
     from hil.record.named import pairs
-    from hil.record.reading import Reading
 
     return Reading(
         time.strip(), interval, pairs("--unit", unit, "flow=l/min"), pairs("--rename", rename, "ch1=flow"),
         tuple(part.strip() for part in columns.split(",")) if columns.strip() else (), gaps,
     )  # fmt: skip
+
+
+_OPTIONS: dict[str, tuple[Any, Any]] = {
+    "time": (Time, ""), "interval": (Interval, 0.0), "unit": (Unit, []), "rename": (Rename, []),
+    "columns": (Columns, ""), "gaps": (Gaps, False),
+}  # fmt: skip
+
+
+def takes_reading(command: Callable[..., None]) -> Callable[..., None]:
+    """A command for typer, with the options of reading in place of its parameter `reading`.
+
+    typer reads a command's signature: it is made here, so that each command states the reading it takes and no option.
+    """
+
+    @wraps(command)
+    def taking(**given: Any) -> None:
+        said = {name: given.pop(name) for name in _OPTIONS}
+        command(**given, reading=reading_of(**said))
+
+    own = [p for p in inspect.signature(command, eval_str=True).parameters.values() if p.name != "reading"]
+    read = [inspect.Parameter(n, _NAMED, annotation=kind, default=first) for n, (kind, first) in _OPTIONS.items()]
+    taken = [*(p.replace(kind=_NAMED) for p in own), *read]
+    taking.__signature__ = inspect.Signature(taken)  # type: ignore[attr-defined]
+    taking.__annotations__ = {p.name: p.annotation for p in taken}
+    return taking
+
+
+_NAMED = inspect.Parameter.KEYWORD_ONLY
 
 
 def options(reading: Reading) -> dict[str, Any]:

@@ -7,9 +7,11 @@ from pathlib import Path
 import typer
 
 from hil.cli.printed import Json
-from hil.cli.reading import Columns, Gaps, Interval, Rename, Time, Unit
+from hil.cli.reading import takes_reading, teller
+from hil.record.reading import Reading
 
 
+@takes_reading
 def command(
     model: Path = typer.Option(..., "--model", help="Model file."),
     recording: Path = typer.Option(..., "--input", help="Recording whose input drives the model."),
@@ -18,13 +20,9 @@ def command(
         [], "--input-name", metavar="NAME", help="Input channel, if not called so; again for a second one."
     ),
     output_name: str = typer.Option("", "--output-name", metavar="NAME", help="Output channel, if not called so."),
-    time: Time = "",
-    interval: Interval = 0.0,
-    unit: Unit = [],  # noqa: B006 — typer makes a new one
-    rename: Rename = [],  # noqa: B006
-    columns: Columns = "",
-    gaps: Gaps = False,
     as_json: Json = False,
+    *,
+    reading: Reading,
 ) -> None:
     """Simulate a model on a recording's input.
 
@@ -33,10 +31,8 @@ def command(
     """
     from hil import api
     from hil.cli.places import check_file
-    from hil.cli.reading import reading_of, teller
 
     check_file(out, (model, recording))
-    reading = reading_of(time, interval, unit, rename, columns, gaps)
     assumed: list[str] = []
     notes = teller(aside=as_json, kept=assumed)
     simulated = api.simulate(model, recording, inputs=input_name, output=output_name, reading=reading, notes=notes)
