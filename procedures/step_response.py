@@ -92,12 +92,17 @@ def run(
     if measured is not None:
         rig.note(_BESIDE, **measured)
     course.warm_up(values[0], warm_up_s)
-    before = values[0]
-    for level, piece in zip(values, rig.stream(iter(steps), rate_hz), strict=True):
-        rig.mark(len(piece), {"kind": "level", "from": before, "to": level})
-        course.say(f"{before:.4g} → {level:.4g} {rig.command.unit}")
-        before = level
+    starts = [values[0], *values]
+    course.say(_way(rig, starts[0], values[0]))
+    for i, piece in enumerate(rig.stream(iter(steps), rate_hz)):
+        rig.mark(len(piece), {"kind": "level", "from": starts[i], "to": values[i]})
+        if i + 1 < len(values):  # the next one is under way when one has been recorded
+            course.say(_way(rig, starts[i + 1], values[i + 1]))
     course.finish()
+
+
+def _way(rig: Rig, start: float, level: float) -> str:
+    return (f"at {level:.4g}" if start == level else f"{start:.4g} → {level:.4g}") + f" {rig.command.unit}"
 
 
 def evaluate(recording: Recording) -> Findings:

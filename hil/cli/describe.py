@@ -14,7 +14,7 @@ def command(
     scale; what makes the outputs safe, and what does not.
     """
     from hil.cli.faults import each_told
-    from hil.description.find import description_file
+    from hil.description.find import description_file, descriptions
     from hil.description.first import gaps
     from hil.description.page import page
     from hil.description.read import read_description
@@ -22,6 +22,7 @@ def command(
     path = description_file(model)
     with each_told(path):
         told = read_description(path)
-    typer.echo("\n".join(page(path.stem, told)))
+    named = path.stem if path == descriptions().get(path.stem) else path.name  # as a bench file beside it says it
+    typer.echo("\n".join(page(named, told)))
     if left := gaps(path.read_text(encoding="utf-8")):
         typer.echo(f"\n{left} gap{'s are' if left > 1 else ' is'} still marked in {path}")

@@ -11,6 +11,7 @@ from typing import Any
 
 from hil.description.gaps import GAP, head, number_in, range_line, unique, unit_line
 from hil.description.makers_text import makers_text
+from hil.description.modbus import WORDS
 from hil.description.modbus_place import on_the_wire
 from hil.errors import FileError
 
@@ -32,6 +33,8 @@ _TYPES = (
     (r"u(int|nsigned)? ?(16|8)?|word|ushort|unsigned( int)?", "u16"),
     (r"s?i?(nt)?(eger)? ?(16|8)?|short|signed( int)?", "s16"), (r"b(it|ool)(ean)?", "bit"),
 )  # fmt: skip
+_HERE = "\0"  # a number, in a name that braces are taken from
+_WIDEST = 4  # registers of one number
 _TABLES = (
     ("holding", "holding"),
     ("input reg", "input"),
@@ -62,6 +65,8 @@ def from_table(path: Path) -> Iterator[str]:
     for row, address in zip(rows, addresses, strict=True):
         if address is not None:
             yield from _row(row, columns, address, by_number, names)
+        elif said := row[columns["address"]]:
+            yield from ("", f"{GAP} '{_cell(row, columns, 'name')}' is left out: its address {said} is not understood")
     yield ""
     yield f"{GAP} [watchdog], where it has outputs: how it is armed, and where they go"
 
@@ -70,10 +75,16 @@ def _row(
     row: Sequence[str], columns: Mapping[str, int], address: int, by_number: bool, names: set[str]
 ) -> Iterator[str]:
     said, channel = _cell(row, columns, "name") or f"register {address}", _cell(row, columns, "channel")
-    name = unique(f"{said} {channel}" if channel else said, names)
+    form = _type(_cell(row, columns, "type"))
+    count = _count(row[columns["address"]], address, form)
+    numbered, first = _numbered(said) if count > 1 else (said, 0)
+    name = unique(f"{numbered} {channel}" if channel else numbered, names).replace(_HERE, "{n}")
     access = _cell(row, columns, "access").lower()
     yield ""
     yield f'[terminals."{name}"]'
+    if count > 1:
+        yield f"count = {count}"
+        yield f"first = {first}"
     writable = f'   {GAP} may be written ({access}): "out" if the bench drives it' if "w" in access else ""
     yield f'direction = "in"{writable}'
     yield unit_line(_cell(row, columns, "unit"), "unit" in columns)
@@ -83,7 +94,6 @@ def _row(
         table = next((found for word, found in _TABLES if word in said), "")
         yield f'table = "{table}"' if table else f'table = "holding"   {GAP} holding (function 3) or input (4)?'
     yield f"address = {address}"
-    form = _type(_cell(row, columns, "type"))
     told = f'type = "{form or _wide(_cell(row, columns, "type"))}"'
     said = _cell(row, columns, "type")
     yield told if form else f"{told}   {GAP} the table says {repr(said) if said else 'nothing'}"
@@ -135,11 +145,30 @@ def _cell(row: Sequence[str], columns: Mapping[str, int], key: str) -> str:
     return row[columns[key]] if key in columns and columns[key] < len(row) else ""
 
 
+_NUMBER = r"(0x[0-9A-Fa-f]+|[0-9A-Fa-f]+[hH]|\d+)(?![0-9A-Za-z])"
+_TO = r"\s*(?:-|–|—|~|…|\.\.+|to)\s*"
+
+
 def _address(text: str) -> int | None:
-    found = re.match(r"(0x[0-9A-Fa-f]+|[0-9A-Fa-f]+[hH]\b|\d+)", text)
-    if found is None:
-        return None
-    word = found[1]
+    found = re.match(_NUMBER, text)
+    return None if found is None else _number(found[1])
+
+
+def _count(text: str, address: int, form: str) -> int:
+    """How many terminals stand from the first to the last register of a row; registers of one number are one."""
+    found = re.match(_NUMBER + _TO + _NUMBER, text)
+    registers = _number(found[2]) - address + 1 if found else 1
+    words = next((words for name, words in WORDS.items() if name == form), registers if registers <= _WIDEST else 1)
+    return max(1, registers // words)
+
+
+def _numbered(said: str) -> tuple[str, int]:
+    """A name with a place for the number, and the first one: `Channel 1-8 data` is `Channel {n} data` from 1."""
+    found = re.search(r"(\d+)" + _TO + r"\d+", said)
+    return (f"{said[: found.start()]}{_HERE}{said[found.end() :]}", int(found[1])) if found else (f"{said} {_HERE}", 1)
+
+
+def _number(word: str) -> int:
     return int(word[:-1], 16) if word[-1] in "hH" else int(word, 0 if word[:2].lower() == "0x" else 10)
 
 

@@ -94,6 +94,30 @@ def test_headings_as_manuals_print_them(tmp_path: Path, table: str, name: str, e
     assert made == {"direction": "in", "slope": 1.0} | expected
 
 
+@pytest.mark.parametrize(
+    ("row", "name", "expected"),
+    [
+        ("0x0000-0x0007,Channel 1-8 data,uint16", "Channel {n} data", {"count": 8, "first": 1, "address": 0}),
+        ("100 to 107,Flow,float", "Flow {n}", {"count": 4, "first": 1, "address": 100, "type": "f32"}),
+        ("30001 … 30002,Flow,float", "Flow", {"address": 30001, "type": "f32"}),
+        ("16~17,Flow,", "Flow", {"address": 16}),
+    ],
+)
+def test_a_row_for_several_registers_is_several_terminals(
+    row: str, name: str, expected: dict[str, object], tmp_path: Path
+) -> None:
+    made = tomllib.loads(first_description(written(tmp_path, "a.csv", f"Address,Name,Type\n{row}\n")))
+    ((found, terminal),) = made["terminals"].items()
+    assert found == name and terminal == {**terminal, **expected}
+    assert ("count" in terminal) is ("count" in expected)
+
+
+def test_an_address_that_is_not_understood_is_left_out_and_said(tmp_path: Path) -> None:
+    text = first_description(written(tmp_path, "a.csv", "Address,Name\n4x0000,Output\n7,Flow\n"))
+    assert list(tomllib.loads(text)["terminals"]) == ["Flow"]
+    assert "'Output' is left out: its address 4x0000 is not understood" in text
+
+
 def test_a_filled_table_is_described_as_manuals_count(tmp_path: Path) -> None:
     text = first_description(written(tmp_path, "acme.csv", TABLE))
     filled = re.sub(r"# range = \[0, 0\]", "range = [0, 1000]", text).replace(

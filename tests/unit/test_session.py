@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from hil.bench.find import benches
+from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.catalog import Entry
 from hil.errors import FileError, RangeError, SettingError, UnknownNameError
@@ -196,3 +197,15 @@ def test_module_that_is_no_procedure_says_what_it_lacks(
     monkeypatch.setattr("hil.session.procedure.find", lambda _kind, _name: entry)
     with pytest.raises(FileError, match=says):
         load_procedure(path.stem)
+
+
+def test_an_operator_is_told_of_the_step_that_is_under_way(
+    bench: BenchFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.bench.told._EVERY_S", 0.0)
+    heard: list[str] = []
+    step = load_procedure("step_response")
+    with open_rig(bench, tmp_path / "run", {}, lambda _share, text: heard.append(text)) as rig:
+        step.run(rig, **parse_settings(step.settings, {"levels": "0,80,0", "hold_s": "1"}))
+    for way, command in (("at 0", "command 0.0 %"), ("0 → 80", "command 80.0 %"), ("80 → 0", "command 0.0 %")):
+        assert command in [text for text in heard if text.startswith(way)][-1]
