@@ -1,4 +1,7 @@
-"""Spread independent work over this machine's cores, at any depth, with no more threads at work than cores."""
+"""Spread independent work over this machine's cores, at any depth, with no more threads at work than cores.
+
+HIL_CORES says how many may be used; without it, as many as the system lets this program run on.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,24 @@ from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cache
 from typing import TypeVar
 
-_CORES = os.cpu_count() or 1
+from hil.errors import SettingError
+
+
+def cores() -> int:
+    """How many cores this program may use.
+
+    Raises:
+        SettingError: HIL_CORES is no number from 1 on.
+    """
+    said = os.environ.get("HIL_CORES")
+    if not said:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    if not said.isdecimal() or int(said) < 1:
+        raise SettingError(f"HIL_CORES = {said!r} in the environment: say how many cores to use, 1 or more")
+    return int(said)
+
+
+_CORES = cores()
 # One of them is the caller's.
 _idle = threading.Semaphore(_CORES - 1)
 # Set from Ctrl-C until the work that it broke off has ended on every core.

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from hil.archive.place import Place
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the console script does, before numpy is imported
+if "PYTEST_XDIST_WORKER" in os.environ:
+    os.environ.setdefault("HIL_CORES", "1")  # the cores are busy: threads would wait for each other
 
 settings.register_profile("repeatable", derandomize=True, deadline=None)
 settings.register_profile("explore", deadline=None)  # HYPOTHESIS_PROFILE=explore: other examples each time

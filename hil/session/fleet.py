@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 import multiprocessing
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -17,6 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from hil.cores import cores
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError, HilError, InputError
 from hil.physics.model import Model, load_model
@@ -164,7 +164,7 @@ def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
 
 
 def _on_cores(units: Sequence[Unit], diagnosed: _Diagnose) -> Iterator[UnitAnswer]:
-    workers = min(os.cpu_count() or 1, len(units))
+    workers = min(cores(), len(units))
     with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
         yield from pool.map(diagnosed, units)
 

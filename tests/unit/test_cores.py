@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -11,6 +14,7 @@ import pytest
 
 from hil import cores
 from hil.cores import spread
+from hil.errors import SettingError
 
 
 @pytest.fixture
@@ -113,3 +117,24 @@ def test_ctrl_c_ends_what_other_cores_are_at(three_cores: threading.Semaphore) -
     for _ in range(2):
         three_cores.release()
     assert spread(lambda k: k, range(9)) == list(range(9))
+
+
+def test_the_environment_says_how_many_cores_are_used(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_CORES", "3")
+    assert cores.cores() == 3
+    monkeypatch.delenv("HIL_CORES")
+    assert cores.cores() == len(os.sched_getaffinity(0))
+
+
+@pytest.mark.parametrize("said", ["0", "-1", "two", "1.5"])
+def test_a_number_of_cores_that_is_none_is_refused_by_name(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_CORES", said)
+    with pytest.raises(SettingError, match=f"^HIL_CORES = {said!r} in the environment: say how many"):
+        cores.cores()
+
+
+def test_at_the_prompt_it_is_one_line_and_exit_2() -> None:
+    command = [sys.executable, "-m", "hil", "identify", "no.csv", "--plant", "transfer-function", "--out", "m.json"]
+    done = subprocess.run(command, env={**os.environ, "HIL_CORES": "two"}, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert done.stderr.startswith("hil: HIL_CORES = 'two' in the environment: ") and done.stderr.count("\n") == 1
