@@ -1,6 +1,7 @@
 """What takes seconds to make, kept on disk between programs under a hash of what it was made from.
 
-The folder is HIL_CACHE_DIR, else the user's cache folder. Everything in it can be deleted at any time.
+The folder is HIL_CACHE_DIR, else the user's cache folder. Everything in it can be deleted at any time; what no program
+has asked for in a quarter of a year, such as what an earlier version had made, goes when something new comes.
 """
 
 from __future__ import annotations
@@ -9,9 +10,10 @@ import hashlib
 import os
 import platform
 import tempfile
+import time
 import zipfile
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager, nullcontext
+from contextlib import contextmanager, nullcontext, suppress
 from importlib.metadata import version
 from io import BytesIO
 from pathlib import Path
@@ -22,6 +24,8 @@ from filelock import FileLock
 from numpy.typing import NDArray
 
 Arrays = Mapping[str, NDArray[np.float64]]
+
+_KEPT_S = 90 * 86400.0
 
 
 def kept_folder(kind: str) -> Path:
@@ -40,6 +44,15 @@ def one_at_a_time(path: Path) -> Iterator[None]:
     """Programs that need the same file at once, such as workers of a fleet on a new machine, wait for the first."""
     with FileLock(path.with_suffix(".lock")) if os.access(path.parent, os.W_OK) else nullcontext():
         yield
+
+
+def forget_unused(folder: Path) -> None:
+    """Take away what nobody has asked for in a long time: who asks opens the lock of it, which is stamped then."""
+    for lock in folder.glob("*.lock"):
+        with suppress(OSError):  # another program takes it away too
+            if time.time() - lock.stat().st_mtime > _KEPT_S:
+                for path in (*folder.glob(f"{lock.stem}.*"), *folder.glob(f"__pycache__/{lock.stem}.*")):
+                    path.unlink()
 
 
 def stamp(files: Collection[Path], tools: Collection[str]) -> str:
@@ -63,6 +76,7 @@ def kept_arrays(kind: str, name: str, make: Callable[[], Arrays]) -> Arrays:
         known = _read(path)
         if known is None:
             known = make()
+            forget_unused(path.parent)
             _write(path, known)
     return known
 

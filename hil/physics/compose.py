@@ -25,7 +25,7 @@ from typing import Any, NoReturn
 
 from hil.catalog import entries, find
 from hil.errors import FileError, UnknownNameError
-from hil.kept import kept_folder, one_at_a_time, stamp, write_whole
+from hil.kept import forget_unused, kept_folder, one_at_a_time, stamp, write_whole
 from hil.physics.effect import Effect, hold_first
 from hil.physics.plant import Hook, Plant
 
@@ -359,6 +359,7 @@ def _load(source: str, name: str) -> ModuleType:
     path = kept_folder("kernels") / f"{name}.py"
     with one_at_a_time(path):
         if not path.exists():
+            forget_unused(path.parent)
             write_whole(path, source.encode())
         return _imported(path, name)
 

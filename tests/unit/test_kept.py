@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import numpy as np
@@ -58,3 +59,20 @@ def test_the_stamp_differs_with_every_source_and_tool(tmp_path: Path) -> None:
     stamps.add(stamp([one, two], ()))
     assert len(stamps) == 4
     assert stamp([two, one], ()) == stamp([one, two], ())
+
+
+def test_what_nobody_asked_for_in_a_quarter_goes_when_something_new_comes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
+    make, kind = _Made(), tmp_path / "kind"
+    for name in ("old", "asked_for", "young"):
+        kept_arrays("kind", name, make)
+    for name in ("old", "asked_for"):
+        for path in kind.glob(f"{name}.*"):
+            os.utime(path, (0.0, 0.0))
+    kept_arrays("kind", "asked_for", make)
+    kept_arrays("kind", "new", make)
+    assert sorted(path.name for path in kind.glob("*.npz")) == ["asked_for.npz", "new.npz", "young.npz"]
+    assert not list(kind.glob("old.*"))
+    assert make.count == 4
