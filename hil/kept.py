@@ -42,12 +42,15 @@ def kept_folder(kind: str) -> Path:
 @contextmanager
 def one_at_a_time(path: Path) -> Iterator[None]:
     """Programs that need the same file at once, such as workers of a fleet on a new machine, wait for the first."""
-    with FileLock(path.with_suffix(".lock")) if os.access(path.parent, os.W_OK) else nullcontext():
+    lock = path.with_suffix(".lock")
+    with FileLock(lock) if os.access(path.parent, os.W_OK) else nullcontext():
+        with suppress(OSError):
+            os.utime(lock)
         yield
 
 
 def forget_unused(folder: Path) -> None:
-    """Take away what nobody has asked for in a long time: who asks opens the lock of it, which is stamped then."""
+    """Take away what nobody has asked for in a long time: who asks stamps the lock of it."""
     for lock in folder.glob("*.lock"):
         with suppress(OSError):  # another program takes it away too
             if time.time() - lock.stat().st_mtime > _KEPT_S:
