@@ -45,7 +45,7 @@ _STYLE = {
     "xtick.minor.width": 0.5, "ytick.minor.width": 0.5, "xtick.major.size": 3, "ytick.major.size": 3,
     "lines.linewidth": 1.3, "lines.markersize": 3.6, "lines.solid_joinstyle": "round",
     "legend.frameon": False, "legend.fontsize": 8, "legend.handlelength": 2.4, "legend.borderaxespad": 0.2,
-    "figure.constrained_layout.use": True, "figure.constrained_layout.h_pad": 0.06, "path.simplify": True,
+    "figure.constrained_layout.h_pad": 0.06, "path.simplify": True, "savefig.format": "svg",
 }  # fmt: skip
 _FONT = "'Helvetica Neue',Helvetica,Arial,'Liberation Sans',sans-serif"
 
@@ -78,11 +78,19 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
     with mpl.rc_context(style), warnings.catch_warnings():  # type: ignore[arg-type]
         # A letter that the measuring font lacks is drawn by the reader's font; a crowded drawing is still a drawing.
         warnings.simplefilter("ignore", UserWarning)
-        figure = Figure(figsize=(WIDTH_IN, height_in))
+        figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
         draw(figure)
         with_decimal_sign(figure)
-        figure.savefig(file, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+        _lay_out(figure)
+        figure.savefig(file, transparent=True, metadata={"Date": None, "Creator": None})
     return Picture(_inline(file.getvalue(), name, alt or caption), caption)
+
+
+def _lay_out(figure: Figure) -> None:
+    """Find room for every text, once: while it is saved, the library would do so twice, on a drawing of its own."""
+    if engine := figure.get_layout_engine():
+        engine.execute(figure)
+        figure.set_layout_engine(None)
 
 
 def small_multiples(
