@@ -85,7 +85,7 @@ class Answer:
         beside = not found.replaces_laws and found.choice.verdict != "unexplained"
         self.by_law = not found.events or beside
         self.named = found.choice.chosen if self.verdict != "unexplained" and self.by_law else found.choice.baseline
-        self.kept = kept_back(self.problem)
+        self.kept = kept_back(self.problem, self.choice.chosen)
         self.used, self.held_out = self._used()
 
     @property

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.evidence import Mask, held_out_fit
+from hil.diagnosis.measures import CONSISTENT_EXCESS
 from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import fit
@@ -40,21 +42,26 @@ class KeptBack:
     said: str
 
 
-def kept_back(problem: Problem) -> KeptBack:
-    """How the recordings are dealt: by recording where there are several, else in halves beyond the plant's memory."""
-    if len(problem.experiments) > 1:
-        return KeptBack(_by_recording(problem), np.ones(len(problem.nominal_residuals), dtype=np.bool_),
-                        OTHER_RECORDINGS)  # fmt: skip
-    e = problem.experiments[0]
-    since = e.time_s - e.time_s[0]
-    second = since > 0.5 * e.duration_s
-    if problem.plant.forgets(problem.model.values):
-        memory_s = _FORGOTTEN * time_constant_s(problem.model, e)
-        scored = ~second | (since > 0.5 * e.duration_s + memory_s)
-        if not np.any(scored & second):
-            return KeptBack(_tiled(problem, second).astype(np.int64), _tiled(problem, scored | second), NOTHING)
-        return KeptBack(_tiled(problem, second).astype(np.int64), _tiled(problem, scored), OTHER_HALVES)
-    return KeptBack(_tiled(problem, second).astype(np.int64), _tiled(problem, second), SECOND_HALF)
+def kept_back(problem: Problem, f: Fitted) -> KeptBack:
+    """How the recordings are dealt: by recording where there are several, else in halves beyond the plant's memory.
+
+    Halves too where an explanation changes the recordings of one fold alone: no fit of the others can foretell it.
+    """
+    recordings = problem.experiments
+    everything = np.ones(len(problem.nominal_residuals), dtype=np.bool_)
+    by_recording = KeptBack(_by_recording(problem), everything, OTHER_RECORDINGS)
+    if len(recordings) > 1 and not (f.terms and _shows_in_one(problem, f, by_recording.fold)):
+        return by_recording
+    since = [e.time_s - e.time_s[0] for e in recordings]
+    second = [t > 0.5 * e.duration_s for t, e in zip(since, recordings, strict=True)]
+    fold = _tiled(problem, second).astype(np.int64)
+    if not problem.plant.forgets(problem.model.values):
+        return KeptBack(fold, _tiled(problem, second), SECOND_HALF)
+    forgotten = [t > 0.5 * e.duration_s + _FORGOTTEN * time_constant_s(problem.model, e)
+                 for t, e in zip(since, recordings, strict=True)]  # fmt: skip
+    if any(map(np.any, forgotten)):
+        return KeptBack(fold, _tiled(problem, [~s | f for s, f in zip(second, forgotten, strict=True)]), OTHER_HALVES)
+    return KeptBack(fold, everything, NOTHING) if len(recordings) == 1 else by_recording
 
 
 def predicted(problem: Problem, f: Fitted, kept: KeptBack) -> Array:
@@ -82,7 +89,16 @@ def _by_recording(problem: Problem) -> Folds:
     return np.repeat(np.arange(len(sizes)) % (FEW if problem.is_short else 2), sizes)
 
 
-def _tiled(problem: Problem, values: Mask) -> Mask:
-    """The same for the output and every inner signal of the only recording."""
-    made: Mask = np.tile(values, len(problem.channel_slices()[0]))
+def _shows_in_one(problem: Problem, f: Fitted, fold: Folds) -> bool:
+    """Whether an explanation changes nothing of consequence in the recordings that are left without some fold."""
+    change = (f.residuals - problem.nominal_residuals) ** 2
+    told = problem.size / len(change)
+    return any(float(np.mean(change[fold != k])) < CONSISTENT_EXCESS * told for k in np.unique(fold))
+
+
+def _tiled(problem: Problem, values: Sequence[Mask]) -> Mask:
+    """The same for the output and every inner signal of each recording."""
+    made: Mask = np.concatenate(
+        [np.tile(own, len(parts)) for own, parts in zip(values, problem.channel_slices(), strict=True)]
+    )
     return made

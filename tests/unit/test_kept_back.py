@@ -59,14 +59,14 @@ def test_recordings_are_short_by_what_they_hold_and_not_by_the_clock(monkeypatch
 )
 def test_what_is_kept_back(name: str, seconds: tuple[float, ...], interval_s: float, said: str) -> None:
     asked = problem(name, seconds, interval_s=interval_s)
-    kept = kept_back(asked)
+    kept = kept_back(asked, nothing(asked))
     assert kept.said == said
     assert len(kept.fold) == len(kept.scored) == len(asked.nominal_residuals)
 
 
 def test_what_the_plant_remembers_of_the_other_half_is_not_judged() -> None:
     asked = problem("throttle-flap", (8.0,))
-    kept = kept_back(asked)
+    kept = kept_back(asked, nothing(asked))
     unjudged = np.flatnonzero(~kept.scored)
     middle = np.searchsorted(asked.experiments[0].time_s, 4.0)
     assert middle <= unjudged[0] <= middle + 1
@@ -81,8 +81,27 @@ def test_a_prediction_is_of_a_fit_without_what_it_predicts() -> None:
     term = next(t for t in all_terms(asked, nothing(asked).residuals) if t.name == "sensor_offset")
     start = Fitted((term,), (term.starts[0],), asked.model.values, 0.0, asked.nominal_residuals)
     fitted = roughly(asked, start)
-    told = predicted(asked, fitted, kept_back(asked))
+    told = predicted(asked, fitted, kept_back(asked, fitted))
     assert told @ told > 1.5 * fitted.residuals @ fitted.residuals
+
+
+@pytest.mark.parametrize(
+    ("changed", "said"),
+    [((1,), rooms.OTHER_HALVES), ((0, 1), rooms.OTHER_RECORDINGS), ((), rooms.OTHER_RECORDINGS)],
+)
+def test_what_shows_in_one_recording_alone_is_judged_within_it(changed: tuple[int, ...], said: str) -> None:
+    """A limit of rate that only the steps reach was refused: a fit of the slow recordings cannot foretell it."""
+    asked = problem("throttle-flap", (8.0, 9.0))
+    term = next(t for t in all_terms(asked, asked.nominal_residuals) if t.name == "rate_limit")
+    without = asked.nominal_residuals.copy()
+    for k in changed:
+        without[asked.output_slices()[k]] += 3.0
+    f = Fitted((term,) if changed else (), (term.starts[0],) if changed else (), asked.model.values, 0.0, without)
+    kept = kept_back(asked, f)
+    assert kept.said == said
+    by_recording = [np.unique(kept.fold[part]).tolist() for part in asked.output_slices()]
+    assert by_recording == ([[0, 1], [0, 1]] if said == rooms.OTHER_HALVES else [[0], [1]])
+    assert len(kept.fold) == len(kept.scored) == len(without)
 
 
 def test_no_cause_is_excluded_that_would_do_as_well() -> None:
