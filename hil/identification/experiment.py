@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hil.errors import FileError, SettingError
 from hil.identification.driven import as_driven
-from hil.identification.time_base import held_grid, missing_of_even
+from hil.identification.time_base import held_grid, is_known_throughout, missing_of_even
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
@@ -47,6 +47,8 @@ class Experiment:
         notes: what of the recording is used in another way than it was sampled, in words.
         is_late: whether the command is known before the first sample of the output: simulated from there, a unit that
             forgets its past is in its true state when the comparison begins.
+        command_is_known: whether it was sampled apart from the output, and without a hole: gaps of the output say
+            nothing of it.
         gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
             and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
     """
@@ -67,6 +69,7 @@ class Experiment:
     silent: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     skew_s: tuple[float, ...] = ()
     is_late: bool = False
+    command_is_known: bool = False
     gain_stds: Mapping[str, float] = field(default_factory=dict)
 
     def respond(
@@ -85,8 +88,9 @@ class Experiment:
         """
         measured = self.to_follow if following else None
         rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
-        if self.is_late and self.grid_s is not None and plant.integrates is not None and plant.integrates(parameters):
-            rows[0] += self.drive.first_output - np.interp(self.time_s[0], self.grid_s, rows[0])  # where it stood then
+        if self.is_late and plant.integrates is not None and plant.integrates(parameters):
+            grid_s, begins_s = self.time_s if self.grid_s is None else self.grid_s, self.time_s[self.told][0]
+            rows[0] += self.drive.first_output - np.interp(begins_s, grid_s, rows[0])  # where it stood then
         if self.grid_s is None or self.read_s is None:
             return self._skewed(self.at_stamps(rows))
         grid_s = self.grid_s
@@ -309,7 +313,9 @@ def _on_own_stamps(
     grid_s, interval_s = held_grid(given, output.time_s, begins_s)
     inputs = np.ascontiguousarray([one.held_at(grid_s) for one in given])
     is_late = bool(output.time_s[0] - grid_s[0] > 0.5 * interval_s)
-    ignored = None if is_late else missing_of_even(grid_s, output.time_s, interval_s)
+    ignored = missing_of_even(grid_s, output.time_s, interval_s)
+    if is_late and ignored is not None and not ignored[int(np.argmin(ignored)) :].any():
+        ignored = None  # nothing is missing once it has begun
     observed, said = _inner(recording, plant, output.time_s)
     notes = [f"{recording.name}: {sentence}" for sentence in said]
     at = declared_read_at(recording) if read_at is None else read_at
@@ -319,12 +325,22 @@ def _on_own_stamps(
     if ignored is not None and not observed:
         values = output.held_at(grid_s)
         return Experiment(
-            recording.name, *headings, grid_s, drive, None, values, {}, at is not None, ignored, notes=tuple(notes)
+            recording.name,
+            *headings,
+            grid_s,
+            drive,
+            None,
+            values,
+            {},
+            at is not None,
+            ignored,
+            notes=tuple(notes),
+            is_late=is_late,
         )
     on_grid = len(grid_s) == len(output.time_s) and bool(np.all(np.abs(grid_s - output.time_s) < 1e-3 * interval_s))
     return Experiment(
         recording.name, *headings, output.time_s, drive, None if on_grid else grid_s, output.values, observed,
-        at is not None, notes=tuple(notes), is_late=is_late,
+        at is not None, notes=tuple(notes), is_late=is_late, command_is_known=all(map(is_known_throughout, given)),
     )  # fmt: skip
 
 

@@ -51,6 +51,8 @@ def filled(e: Experiment, constant_s: float, forgets: bool) -> tuple[Experiment,
     if e.grid_s is None:
         return e, []
     gaps = _long_gaps(e)
+    if e.command_is_known:
+        return e, [f"{e.name}: {_counted(gaps)} of the output; the command is known in between"] if gaps else []
     at = _places(e)
     if at is None:
         return e, [f"{e.name}: {_counted(gaps)}; the command is taken as held"] if gaps else []

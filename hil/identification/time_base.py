@@ -11,7 +11,7 @@ from hil.record.recording import Array, Samples
 
 _GRID_PER_UNEVEN_SAMPLE = 8
 # A stamp that is off its place by less than this share of an interval is on it; so many have a sample nearly all.
-_OFF_GRID, _NEARLY_ALL = 0.01, 0.8
+_OFF_GRID, _GAP = 0.01, 5.0
 
 
 def held_grid(given: Sequence[Samples], output_s: Array, from_s: float) -> tuple[Array, float]:
@@ -41,11 +41,18 @@ def _evenly(stamps: Array) -> bool:
 
 
 def missing_of_even(grid_s: Array, output_s: Array, interval_s: float) -> NDArray[np.bool_] | None:
-    """Which places of the grid have no sample of an output that has one nearly everywhere; None for other outputs."""
+    """Which places of the grid have no sample of an output that was sampled on it but for some; None for others."""
     at = np.rint((output_s - grid_s[0]) / interval_s).astype(np.intp)
     off = np.abs(grid_s[0] + at * interval_s - output_s) > _OFF_GRID * interval_s
-    if off.any() or len(output_s) < _NEARLY_ALL * len(grid_s) or len(output_s) == len(grid_s):
+    slower = len(output_s) > 1 and float(np.median(np.diff(output_s))) > 1.5 * interval_s
+    if off.any() or slower or len(output_s) == len(grid_s):
         return None
     missing = np.ones(len(grid_s), dtype=np.bool_)
     missing[at] = False
     return missing
+
+
+def is_known_throughout(samples: Samples) -> bool:
+    """Whether a command is known at every time: one sampled evenly has no hole, one kept at changes alone has none."""
+    steps = np.diff(samples.time_s)
+    return not _evenly(samples.time_s) or bool(steps.max() <= _GAP * np.median(steps))

@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 from hil.identification.experiment import experiment
+from hil.identification.gaps import filled
 from hil.identification.grey_box import fit_plant, starting_model
 from hil.physics.compose import plant
 from hil.record.assemble import assemble
@@ -20,11 +21,12 @@ TIME_S = STEP_S * np.arange(600)
 COMMAND = np.where(TIME_S < 1.95, 0.0, np.where(TIME_S < 4.0, 4.0, 1.0))
 
 
-def logged(flow: np.ndarray, late_s: float) -> Recording:
-    """The command from 0 s on and the flow from `late_s` on, as two loggers write them."""
-    kept = round(late_s / STEP_S)
+def logged(flow: np.ndarray, late_s: float, gap_s: tuple[float, float] = (0.0, 0.0)) -> Recording:
+    """The command from 0 s on and the flow from `late_s` on but for a gap, as two loggers write them."""
+    t = TIME_S
+    kept = (t >= late_s - 1e-9) & ~((t >= gap_s[0]) & (t < gap_s[1]))
     time_s = Column("time", TIME_S, "s")
-    late = [Column("time", TIME_S[kept:], "s"), Column("flow", flow[kept:], "l/min")]
+    late = [Column("time", TIME_S[kept], "s"), Column("flow", flow[kept], "l/min")]
     found = assemble("x", [Table("a", [time_s, Column("command", COMMAND, "%")]), Table("b", late)])
     assert isinstance(found, Recording)
     return found
@@ -45,6 +47,36 @@ def test_a_response_that_starts_within_a_step_is_simulated_from_before_it() -> N
     lag = found.model.parameters["lag_time"]
     assert found.fits["x"] > 99.0 and lag.std is not None and lag.std < 0.002
     assert lag.value == pytest.approx(LAG_S, abs=4.0 * lag.std)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 2.0])
+@pytest.mark.parametrize("gap_s", [(3.0, 3.4), (3.9, 5.5)])
+def test_a_gap_of_the_response_alone_takes_nothing_of_the_command(late_s: float, gap_s: tuple[float, float]) -> None:
+    start = replace(starting_model("transfer-function"), origin={"structure": "1 pole"})
+    found = fit_plant(start, [experiment(logged(lagging(), late_s, gap_s), start.definition, "command", "flow")])
+    lag = found.model.parameters["lag_time"]
+    assert found.fits["x"] > 98.5 and lag.std is not None and lag.std < 0.002
+    assert lag.value == pytest.approx(LAG_S, abs=4.0 * lag.std)
+
+
+def test_a_gap_on_stamps_off_every_grid_takes_nothing_of_the_command() -> None:
+    read = logged(lagging(), 2.0, (3.0, 3.4))
+    shifted = replace(read.own["flow"], time_s=read.own["flow"].time_s + 0.0033)
+    e = experiment(replace(read, own={**read.own, "flow": shifted}), plant("transfer-function"), "command", "flow")
+    kept, said = filled(e, LAG_S, forgets=True)
+    assert kept is e and e.grid_s is not None and e.grid_s[0] < 0.01
+    assert said == [
+        "x: 1 gap in the samples, the longest 0.41 s at 2.993 s of the output; the command is known in between"
+    ]
+
+
+def test_an_integrator_with_a_gap_stands_where_its_late_response_begins() -> None:
+    position = 3.0 + 5.0 * STEP_S * np.concatenate(([0.0], np.cumsum(COMMAND)[:-1]))
+    linear = plant("transfer-function")
+    e = experiment(logged(position, 3.0, (4.0, 4.5)), linear, "command", "flow", 0.0)
+    drives = linear.typical | {"gain": 0.0, "integrator_gain": 5.0, "start_at_output": 1.0}
+    assert int(e.told.sum()) == 250
+    np.testing.assert_allclose(e.respond(linear, drives)[0][e.told], e.told_output, atol=1e-6)
 
 
 def test_an_integrator_stands_where_its_late_response_begins() -> None:
