@@ -86,6 +86,7 @@ def compare(
     reading: Reading | None = None,
     page: str | Path = "",
     notes: Notes = unsaid,
+    progress: Progress = quiet,
 ) -> list[Comparison | TableComparison]:
     """How well a model fits each recording or frequency response, and where it fails (`hil compare`).
 
@@ -97,10 +98,12 @@ def compare(
         reading: how paths are read.
         page: file for a page with the model beside the measurements; none where not given.
         notes: told what was assumed of the recordings.
+        progress: told how far it is, where that takes long.
     """
     from hil.session.comparison import compared_with
 
-    return compared_with(model_of(model), recordings, inputs, output, reading, notes, Path(page) if page else None)
+    drawn = Path(page) if page else None
+    return compared_with(model_of(model), recordings, inputs, output, reading, notes, drawn, progress)
 
 
 def simulate(

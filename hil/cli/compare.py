@@ -17,6 +17,8 @@ from hil.record.reading import Reading
 if TYPE_CHECKING:
     from hil.session.comparison import RunComparison
 
+_SHOWN_AFTER_S = 2.0
+
 
 @takes_reading
 def command(
@@ -54,15 +56,17 @@ def command(
         return
     from hil import api
     from hil.cli.places import check_file
+    from hil.cli.progress import shown
     from hil.record.plain import to_json
 
     if page is not None:
         check_file(page, (model, *recordings))
     assumed: list[str] = []
-    found = api.compare(
-        model, recordings, inputs=input_name, output=output_name, reading=reading,
-        page=page or "", notes=teller(aside=as_json, kept=assumed),
-    )  # fmt: skip
+    with shown(_SHOWN_AFTER_S) as progress:
+        found = api.compare(
+            model, recordings, inputs=input_name, output=output_name, reading=reading,
+            page=page or "", notes=teller(aside=as_json, kept=assumed), progress=progress,
+        )  # fmt: skip
     if as_json:
         typer.echo(to_json({"schema": "hil.compare/1", "model": str(model), "recordings": [c.as_dict() for c in found],
                             "assumed": assumed}))  # fmt: skip

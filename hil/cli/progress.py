@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -14,10 +15,17 @@ EVERY = "HIL_PROGRESS_S"
 
 
 @contextmanager
-def shown() -> Iterator[Callable[[float, str], None]]:
-    """A function of (share done, text) that shows progress while the context lasts."""
+def shown(after_s: float = 0.0) -> Iterator[Callable[[float, str], None]]:
+    """A function of (share done, text) that shows progress while the context lasts.
+
+    `after_s`: as plain lines only once it has lasted so long, for work that is mostly over sooner.
+    """
     if not _is_terminal():
-        yield _while_it_lasts(_plain())
+        late = _Late(_while_it_lasts(_plain()), after_s)
+        try:
+            yield late.tell if after_s else late.show
+        finally:
+            late.stop()
         return
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
@@ -55,6 +63,33 @@ def _while_it_lasts(show: Callable[[float, str], None]) -> Callable[[float, str]
                 gone = True
 
     return show_or_not
+
+
+class _Late:
+    """Shows nothing at first, then what was told last, then each thing that is told."""
+
+    def __init__(self, show: Callable[[float, str], None], after_s: float) -> None:
+        self.show = show
+        self._lock, self._last, self._begun = threading.Lock(), (0.0, "working"), False
+        self._timer = threading.Timer(after_s, self._begin)
+        self._timer.daemon = True
+        if after_s:
+            self._timer.start()
+
+    def tell(self, done: float, text: str) -> None:
+        with self._lock:
+            self._last = done, text
+            if self._begun:
+                self.show(done, text)
+
+    def stop(self) -> None:
+        """Show nothing more."""
+        self._timer.cancel()
+
+    def _begin(self) -> None:
+        with self._lock:
+            self._begun = True
+            self.show(*self._last)
 
 
 def _plain() -> Callable[[float, str], None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -86,12 +86,19 @@ class Comparison:
         )
 
 
-def compare_all(model: Model, experiments: Sequence[Experiment]) -> list[Comparison]:
+def compare_all(
+    model: Model, experiments: Sequence[Experiment], progress: Callable[[float, str], None] = lambda _done, _text: None
+) -> list[Comparison]:
     """Each recording as `compare` does, with what looks wrong in it beside this model among its notes."""
+    found = []
+    for i, e in enumerate(experiments):
+        progress(i / (len(experiments) + 1), f"{e.name}: the model beside {len(e.output)} samples")
+        found.append(compare(model, e))
+    progress(len(experiments) / (len(experiments) + 1), "does a recording look wrong beside the model?")
     looks_wrong = list(suspicions(model, experiments))
     return [
-        replace(one, notes=(*one.notes, *(found.sentence for found in looks_wrong if found.recording == one.name)))
-        for one in (compare(model, e) for e in experiments)
+        replace(one, notes=(*one.notes, *(wrong.sentence for wrong in looks_wrong if wrong.recording == one.name)))
+        for one in found
     ]
 
 

@@ -22,6 +22,8 @@ from hil.session.responses import holds_responses, responses_of_run, speaks_of
 from hil.session.results import results_of_run
 from hil.session.sources import Source, notes_on, read_source
 
+_READING = 0.5  # share of the work that is reading
+
 
 @dataclass(frozen=True, slots=True)
 class RunComparison:
@@ -41,22 +43,32 @@ def compared_with(
     reading: Reading | None = None,
     notes: Callable[[str], None] = lambda _note: None,
     page: Path | None = None,
+    progress: Callable[[float, str], None] = lambda _done, _text: None,
 ) -> list[Comparison | TableComparison]:
     """How well a model fits each of what is read; `notes` is told what was assumed when it was.
 
-    `page`: where the model is drawn beside the measurements.
+    `page`: where the model is drawn beside the measurements; `progress`: told how far it is.
     """
-    read = [table for one in sources for table in _read_for(model, one, inputs, output, reading or AS_IT_IS)]
+    sources = list(sources)
+    read: list[Recording | ResponseTable] = []
+    for i, one in enumerate(sources):
+        progress(_READING * i / len(sources), f"reading {_name_of(one)}")
+        read += _read_for(model, one, inputs, output, reading or AS_IT_IS)
     for note in notes_on(read):
         notes(note)
     measured = [one if isinstance(one, ResponseTable) else for_model(model, one, inputs, output) for one in read]
-    in_time = iter(compare_all(model, [one for one in measured if not isinstance(one, ResponseTable)]))
+    samples = [one for one in measured if not isinstance(one, ResponseTable)]
+    in_time = iter(compare_all(model, samples, lambda done, text: progress(_READING + (1.0 - _READING) * done, text)))
     found = [compare_table(model, one) if isinstance(one, ResponseTable) else next(in_time) for one in measured]
     if page is not None:
         from hil.report.fit_page import write_fit_page
 
         write_fit_page(model, measured, {one.name: one.headline for one in found}, notes_on(read), page)
     return found
+
+
+def _name_of(source: Source) -> str:
+    return str(source) if isinstance(source, str | Path) else source.name
 
 
 def _read_for(
