@@ -59,6 +59,9 @@ def catalogue(room: str, path: Path) -> Catalog:
     if room == "pages":
         for text in declared():
             template.add(text)
+    if room == "console":
+        for text in described():
+            template.add(text)
     language = path.parent.parent.name
     made = read_po(io.BytesIO(path.read_bytes()), locale=language) if path.exists() else Catalog(language)
     made.update(template, no_fuzzy_matching=True, update_creation_date=False)
@@ -85,6 +88,14 @@ def declared() -> Iterator[str]:
     for model in (Conditions, Valve, InstrumentEntry):
         for field in model.model_fields:
             yield split_unit(field)[0]
+
+
+def described() -> Iterator[str]:
+    """What the form of a run says of procedures and their settings."""
+    for entry in entries("procedures"):
+        procedure = load_procedure(entry.name)
+        yield from procedure.doc.splitlines()[:1]
+        yield from (setting.meaning for setting in procedure.settings.values() if setting.meaning)
 
 
 def text_of(made: Catalog) -> bytes:

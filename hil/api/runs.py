@@ -121,7 +121,7 @@ def find_runs(
         verdict: with this verdict.
         archive: folder or URL; else `HIL_ARCHIVE`, else `./runs`.
         values: whether their measured values are wanted.
-        notes: told why runs that wait to be entered could not be entered now.
+        notes: told why runs that wait to be entered could not be entered.
     """
     from hil.archive.archive import Search
     from hil.archive.archive import find_runs as found
@@ -131,7 +131,8 @@ def find_runs(
 
     place = archive_place(str(archive))
     try:
-        catch_up(place)
+        for text in catch_up(place):
+            notes(text)
     except ArchiveError as error:
         notes(str(error))
     return found(place, Search(serial, procedure.replace("-", "_"), since, verdict), values=values)

@@ -43,6 +43,25 @@ def enter(place: Place, folders: Iterable[Path]) -> None:
         _enter(session, entries)
 
 
+def enter_readable(place: Place, folders: Iterable[Path]) -> list[str]:
+    """Enter those run folders that can be read; why the others were left out.
+
+    Raises:
+        ArchiveError: the index cannot be written.
+    """
+    left_out: list[str] = []
+    entries = []
+    for folder in folders:
+        try:
+            entries.append(entry_of(folder))
+        except FileError as error:  # a header that a power cut tore keeps no other run out
+            left_out.append(str(error))
+    if entries:
+        with opened(place) as engine, Session(engine) as session, session.begin():
+            _enter(session, entries)
+    return left_out
+
+
 def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Entry]:
     """Runs by what was asked, the oldest first; with their measured values when these are wanted.
 

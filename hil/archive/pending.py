@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from hil.archive.archive import enter, rebuild
+from hil.archive.archive import enter, enter_readable, rebuild
 from hil.archive.begun import begun_in
 from hil.archive.place import Place
 from hil.record.header import HEADER_FILE
@@ -25,7 +25,9 @@ def enter_or_keep(place: Place, folder: Path) -> str:
     """
     waiting = [*waiting_for(place), *([place.folder] if place.is_unmade and place.folder else []), folder.resolve()]
     try:
-        enter(place, [path for path in waiting if (path / HEADER_FILE).is_file()])
+        enter_readable(place, [path for path in waiting[:-1] if (path / HEADER_FILE).is_file()])
+        if (folder / HEADER_FILE).is_file():
+            enter(place, [folder])
     except Exception as error:
         _keep(place, waiting)
         return f"{' '.join(str(error).split())}; the run is safe in {folder} and will be entered later"
@@ -33,8 +35,11 @@ def enter_or_keep(place: Place, folder: Path) -> str:
     return ""
 
 
-def catch_up(place: Place) -> None:
+def catch_up(place: Place) -> list[str]:
     """Enter the runs that wait, and those that have begun; an index that is missing is made anew from the folders.
+
+    Returns:
+        Why runs among them were left out: their folders cannot be read.
 
     Raises:
         ArchiveError: the index cannot be written.
@@ -45,12 +50,12 @@ def catch_up(place: Place) -> None:
     begun = list(begun_in(place))
     waiting = [path for path in known if (path / HEADER_FILE).is_file()]
     waiting += [one.folder for one in begun if one.is_there and one.folder not in waiting]
-    if waiting:
-        enter(place, waiting)
+    left_out = enter_readable(place, waiting)
     _keep(place, [])
     for one in begun:
         if one.is_over:
             one.mark.unlink(missing_ok=True)
+    return left_out
 
 
 def waiting_for(place: Place) -> list[Path]:

@@ -64,7 +64,8 @@ def calibrations(
 
     place = archive_place(archive)
     try:
-        catch_up(place)
+        for text in catch_up(place):
+            not_entered(text)
     except ArchiveError as error:
         not_entered(str(error))
     found, unread = instruments(place)

@@ -11,7 +11,7 @@ from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
-    from hil.passport.difference import Change, DateDifference, Size
+    from hil.passport.difference import Change, DateDifference, Size, Unchanged
 
 
 @takes_reading
@@ -43,7 +43,11 @@ def _text(found: DateDifference) -> str:
     if found.unchanged:
         lines.append("  unchanged within these limits (95 %):")
         width = max(len(one.name) for one in found.unchanged)
-        lines += [f"    {one.name:{width}}  {_limit(one.limit, one.unit)}" for one in found.unchanged]
+        lines += [f"    {one.name:{width}}  {_kept(one)}" for one in found.unchanged]
+    if found.cannot_tell:
+        lines.append("  cannot be told:")
+        width = max(len(one.name) for one in found.cannot_tell)
+        lines += [f"    {one.name:{width}}  known only within {_limit(one)}" for one in found.cannot_tell]
     return "\n".join([*lines, *(f"  note: {note}" for note in found.notes)])
 
 
@@ -58,10 +62,14 @@ def _sentence(change: Change) -> str:
     return text.replace(MINUS, "-")
 
 
-def _limit(limit: float, unit: str) -> str:
+def _kept(one: Unchanged) -> str:
+    return f"none at {_limit(one)} or less" if one.is_place else _limit(one)
+
+
+def _limit(one: Unchanged) -> str:
     from hil.report.number import number, unit_text
 
-    return f"{number(limit, 2)} {unit_text(unit)}".rstrip()
+    return f"{number(one.limit, 2)} {unit_text(one.unit)}".rstrip()
 
 
 def _size(size: Size) -> str:

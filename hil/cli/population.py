@@ -24,7 +24,8 @@ def compare_population(runs: Sequence[Path], archive: str, as_json: bool) -> Non
 
     place = archive_place(archive)
     try:
-        catch_up(place)
+        for text in catch_up(place):
+            not_entered(text)
     except ArchiveError as error:
         not_entered(str(error))
     found = in_population(runs, place)

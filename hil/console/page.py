@@ -12,12 +12,19 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 from hil.console.console import Console
 from hil.console.script_words import SAID_BY_SCRIPTS
 from hil.errors import HilError, UnknownNameError
+from hil.language.reworded import reworded
 from hil.language.words import ENGLISH, _, languages, marked, speaking, spoken
 from hil.report.page import templates
 from hil.version import __version__
 
 COOKIE = "hil_language"
 _FOR_A_STOP = ("run", "state", "outcome", "listener", "stop_url", "token")
+_REFUSALS = (
+    marked(
+        "{name} operates this console since {time}, in another browser; you may look, and you may stop; take over to "
+        "operate"
+    ),
+)  # that every operator may meet
 PAGES = (
     ("bench", marked("Bench")), ("run", marked("Run")), ("results", marked("Results")),
     ("diagnose", marked("Diagnose")), ("devices", marked("Devices")),
@@ -60,7 +67,8 @@ def refusal(request: Request, error: HilError) -> Response:
     """What was asked for cannot be done, in one line: as a page, or as JSON for a script."""
     missing = isinstance(error, UnknownNameError) or str(error).startswith("no run ")
     status = HTTPStatus.NOT_FOUND if missing else HTTPStatus.BAD_REQUEST
-    text = " ".join(str(error).split())
+    with speaking(language_of(request)):
+        text = reworded(" ".join(str(error).split()), _REFUSALS)
     if request.method != "GET" or "application/json" in request.headers.get("accept", ""):
         return JSONResponse({"error": text}, status)
     return page(request, "refused.html", status, why=text)

@@ -23,4 +23,6 @@ SAID_BY_SCRIPTS = (
     marked("F12 does not reach this page: click here"), marked("(no watchdog: the run itself listens)"),
     marked("cannot be stopped from here; end it where it was started, or use the emergency stop"),
     marked("safe"), marked("unconfirmed"), marked("unknown"),
+    marked("trip"), marked("stop"), marked("hold"), marked("indicate"), marked("resume"), marked("limits tightened"),
+    marked("resumed"), marked("the device makes another sample rate"), marked("no stop from a console"),
 )  # fmt: skip

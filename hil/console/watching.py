@@ -25,6 +25,7 @@ class _Watch:
     told: dict[str, Any] = field(default_factory=dict)
     told_s: float = 0.0
     said: str = ""
+    is_over: bool = False  # nobody looked any more
 
 
 class Watching:
@@ -75,7 +76,7 @@ class Watching:
         lives = watch.process.poll() is None
         late_s = time.monotonic() - watch.told_s
         readings = [_reading(row, late_s) for row in watch.told.get("channels", [])]
-        return readings, "" if lives else (watch.said or "the inputs are not read any more"), lives
+        return readings, "" if lives or watch.is_over else (watch.said or "the inputs are not read any more"), lives
 
     def _follow(self, watch: _Watch) -> None:
         for line in watch.process.stdout or ():
@@ -84,6 +85,7 @@ class Watching:
             except ValueError:
                 watch.said = line.strip()
             if time.monotonic() - watch.asked_s > _NOBODY_S:
+                watch.is_over = True
                 _ended(watch.process)
         watch.process.wait()
 

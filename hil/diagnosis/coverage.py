@@ -35,6 +35,11 @@ class Limit:
     typical: float
     visible: bool
 
+    @property
+    def is_place(self) -> bool:
+        """Whether it belongs to an effect that is itself a limit: `upper` is where it would have been seen."""
+        return self.upper == self.typical
+
 
 def limits(place: Around, terms: Sequence[Term], twins: Sequence[Fitted] = ()) -> tuple[Limit, ...]:
     """Upper limits for effects beside what is accepted; one for each effect, at its most visible place.

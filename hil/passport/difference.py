@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import Diagnosis, Finding
 from hil.errors import SettingError
@@ -57,31 +58,49 @@ class Change:
 
 @dataclass(frozen=True, slots=True)
 class Unchanged:
-    """An effect that these data would have shown beyond this limit (95 %)."""
+    """What these data would have shown beyond this limit (95 %).
+
+    Attributes:
+        name: of an effect or parameter.
+        limit: the largest change that may have gone unseen. Of what is itself a limit, such as an end stop, the place
+            where it would have been seen: there is none there, nor below.
+        unit: of the limit.
+        is_told: whether that excludes anything: a limit as large as the usual size of the effect, or as the parameter
+            itself, does not.
+        is_place: whether the limit is a place.
+    """
 
     name: str
     limit: float
     unit: str
+    is_told: bool = True
+    is_place: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class DateDifference:
-    """The answer. `notes`: what its reader should know."""
+    """The answer. `cannot_tell`: what may have changed unseen; `notes`: what its reader should know."""
 
     changes: tuple[Change, ...]
     unchanged: tuple[Unchanged, ...]
     verdict: Verdict
     notes: tuple[str, ...] = ()
+    cannot_tell: tuple[Unchanged, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """`hil.diff/1`."""
         return {
             "schema": SCHEMA,
             "changes": [change.as_dict() for change in self.changes],
-            "unchanged": [plain(one) for one in self.unchanged],
+            "unchanged": [_limit_dict(one) for one in self.unchanged],
+            "cannot_tell": [_limit_dict(one) for one in self.cannot_tell],
             "verdict": self.verdict,
             "notes": list(self.notes),
         }
+
+
+def _limit_dict(one: Unchanged) -> dict[str, Any]:
+    return {"name": one.name, "limit": one.limit, "unit": one.unit, "is_place": one.is_place}
 
 
 def difference(
@@ -119,9 +138,12 @@ def difference(
     moved, same = _moved(reference, first, second, experiments)
     changes = (*moved, *condition_changes(old.recordings, new.recordings))
     named = {change.name for change in moved}
-    limits = (Unchanged(x.effect, x.upper, x.unit) for x in second.diagnosis.limits if x.visible)
+    limits = (_excluded(x) for x in second.diagnosis.limits if x.visible)
     kept = {one.name: one for one in (*limits, *same) if one.name not in named}
-    return DateDifference(changes, tuple(kept.values()), _verdict(second.diagnosis, moved), _notes(old, new, first))
+    return DateDifference(
+        changes, tuple(one for one in kept.values() if one.is_told), _verdict(second.diagnosis, moved),
+        _notes(old, new, first), tuple(one for one in kept.values() if not one.is_told),
+    )  # fmt: skip
 
 
 def _bound(model: Model, dated: Dated, inputs: Sequence[str], output: str) -> list[Experiment]:
@@ -231,8 +253,16 @@ def _beyond_uncertainty(change: Change) -> bool:
 
 def _still(change: Change) -> Unchanged:
     stds = [size.std or 0.0 for size in (change.before, change.after)]
-    apart = abs((change.after.value or 0.0) - (change.before.value or 0.0))
-    return Unchanged(change.name, apart + _ONE_SIDED * math.hypot(*stds), change.unit)
+    before, after = change.before.value or 0.0, change.after.value or 0.0
+    limit = abs(after - before) + _ONE_SIDED * math.hypot(*stds)
+    size = max(abs(before), abs(after))
+    return Unchanged(change.name, limit, change.unit, is_told=limit < size or size == 0.0)
+
+
+def _excluded(limit: Limit) -> Unchanged:
+    return Unchanged(
+        limit.effect, limit.upper, limit.unit, limit.is_place or limit.upper < limit.typical, limit.is_place
+    )
 
 
 def _shares(reference: Model, second: Diagnosed, experiments: Sequence[Experiment]) -> dict[str, float]:

@@ -12,6 +12,7 @@ from threading import Thread
 import numpy as np
 import pytest
 
+from hil.archive import pending
 from hil.archive.archive import Search, enter, find_runs, rebuild
 from hil.archive.begun import begun_in, forget_begun, mark_begun
 from hil.archive.pending import catch_up, enter_or_keep, waiting_for
@@ -364,3 +365,18 @@ def test_killed_and_running_are_told_apart_in_the_list(capsys, monkeypatch, tmp_
         (folder / "progress.json").write_text(json.dumps({"share": 0.4, "text": "2 Hz", "pid": pid}), encoding="utf-8")
     _, said = _said(monkeypatch, capsys, "runs", "--archive", tmp_path / "lab")
     assert [line.split("(")[1].split(")")[0] for line in said.out.splitlines()[1:]] == ["lost", "running"]
+
+
+def test_a_waiting_run_whose_header_is_torn_keeps_no_other_out(place, monkeypatch, tmp_path):
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    enter(place, [made_run(tmp_path / "lab" / "before")])
+    lab = tmp_path / "lab"
+    torn, sound, last = (made_run(lab / name, day=i) for i, name in enumerate(("torn", "sound", "last")))
+    (torn / "run.json").write_text("{", encoding="utf-8")
+    pending._keep(place, [torn, sound])
+    (said,) = catch_up(place)
+    assert "torn" in said and [run.folder.name for run in find_runs(place, Search())] == ["before", "sound"]
+    assert catch_up(place) == []
+    pending._keep(place, [torn])
+    assert enter_or_keep(place, last) == "" and waiting_for(place) == []
+    assert [run.folder.name for run in find_runs(place, Search())] == ["before", "sound", "last"]

@@ -7,9 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from hil.cli.diff import _text
+from hil.diagnosis.coverage import Limit
 from hil.errors import FileError, SettingError
 from hil.passport.conditions import condition_changes
-from hil.passport.difference import difference
+from hil.passport.difference import Change, DateDifference, Size, _excluded, _still, difference
 from hil.passport.owner import owner_among, owner_of
 from hil.passport.sources import Dated, read_dated
 from hil.physics.simulate import ActiveEffect
@@ -65,3 +67,15 @@ def test_a_date_is_a_run_folder_or_a_folder_of_runs_and_says_what_it_is_not(tmp_
     (tmp_path / "empty").mkdir()
     with pytest.raises(FileError, match="no recordings"):
         read_dated(tmp_path / "empty", tmp_path / "c")
+
+
+def test_what_may_have_changed_unseen_is_not_called_unchanged() -> None:
+    tight = _excluded(Limit("leakage", "spool", "gain", "%", 0.2, 2.0, visible=True))
+    wide = _excluded(Limit("backlash", "spool", "width", "%", 3.0, 2.0, visible=True))
+    stop = _excluded(Limit("end_stop", "load", "upper", "%", 80.0, 80.0, visible=True))
+    lag = _still(Change("lag", "spool", "valve", "lag", Size(20.0, 1.0), Size(20.5, 1.0), "ms", None, None))
+    delay = _still(Change("delay", "spool", "valve", "delay", Size(2.0, 2.0), Size(2.5, 2.0), "ms", None, None))
+    assert [one.is_told for one in (tight, wide, stop, lag, delay)] == [True, False, True, True, False]
+    said = _text(DateDifference((), (tight, stop, lag), "unchanged", cannot_tell=(wide, delay)))
+    assert "end_stop  none at 80 % or less" in said
+    assert "cannot be told:\n    backlash  known only within 3 %\n    delay     known only within 5.2 ms" in said

@@ -12,10 +12,14 @@ import pytest
 from babel.messages.pofile import read_po
 
 from docs.catalogues import CATALOGUES, ROOMS, catalogue, compiled, text_of
+from hil.bench.find import benches
+from hil.bench.read import read_bench
 from hil.cli.app import main
+from hil.console.board import interlocks_of, lines_of
 from hil.errors import SettingError
 from hil.language.choice import choose, page_language
 from hil.language.figures import decimal_sign, localised
+from hil.language.reworded import reworded
 from hil.language.words import _, languages, plural, speaking, spoken
 from hil.record.measurement import Findings, Measurement
 from hil.report.number import fixed, number, with_uncertainty
@@ -125,3 +129,24 @@ def test_the_certificate_in_german_and_its_files_in_english(tmp_path: Path, monk
     assert content["model"].startswith("No model of this unit is inside")
     assert re.findall(r"value(?:XMLList)?>[^<]*\d[^<]*<", xml)
     assert not re.search(r"\d,\d", xml), "a decimal comma in a file for programs"
+
+
+def test_a_sentence_with_values_is_said_again_in_german() -> None:
+    templates = ("stale: nothing new for {time}", "no measurement: {why}")
+    with speaking("de"):
+        assert reworded("stale: nothing new for 13.1 s", templates) == "veraltet: seit 13,1 s nichts Neues"
+        assert reworded("no measurement: no sample yet", templates) == "kein Messwert: no sample yet"
+        assert reworded("said by nobody", templates) == "said by nobody"
+    assert reworded("stale: nothing new for 13.1 s", templates) == "stale: nothing new for 13.1 s"
+
+
+def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels() -> None:
+    bench = read_bench(benches()["brevini-hpv41"])
+    with speaking("de"):
+        lines = lines_of(bench, [], {"command": (12.5, 0.0)})
+        asked = {one["name"]: one["asks"] for one in interlocks_of(bench, lines)}
+    assert asked["over-pressure"] == "supply pressure ≤ 140, höchstens 0,02 s lang verletzt"
+    assert asked["command-not-obeyed"].startswith("command read-back − command zwischen −5 … 5, ")
+    assert asked["flow-without-command"].startswith("flow zwischen −10 … 10, solange command zwischen −5 … 5, ")
+    assert asked["dead-flow-meter"] == "flow ändert sich innerhalb von 0,5 s"
+    assert next(line.limit for line in lines if line.name == "command") == "−100 … 100"

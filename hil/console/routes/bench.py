@@ -12,11 +12,13 @@ from starlette.routing import Route
 
 from hil.bench.hand.reading import Reading
 from hil.bench.read import BenchFile
-from hil.console.board import RunReader, check_tripped, interlocks_of, lines_of, reset_trip, trips_of
+from hil.console.board import STATES, RunReader, check_tripped, interlocks_of, lines_of, reset_trip, trips_of
 from hil.console.console import Console
-from hil.console.page import page
+from hil.console.page import language_of, page
 from hil.console.underway import Run
 from hil.errors import FileError, HilError, InUseError
+from hil.language.reworded import reworded
+from hil.language.words import _, speaking
 
 Levels = dict[str, tuple[float, float]]
 
@@ -29,7 +31,8 @@ def show(request: Request) -> Response:
     if not name:
         return page(request, "bench.html", benches=[], name="", board=None, fault="")
     try:
-        board, fault = _board(console, name), ""
+        with speaking(language_of(request)):
+            board, fault = _board(console, name), ""
     except HilError as error:
         if name not in files:
             raise
@@ -39,7 +42,8 @@ def show(request: Request) -> Response:
 
 def state(request: Request) -> Response:
     """The board as JSON."""
-    return JSONResponse(_board(Console.of(request), request.path_params["bench"]))
+    with speaking(language_of(request)):
+        return JSONResponse(_board(Console.of(request), request.path_params["bench"]))
 
 
 async def watch(request: Request) -> Response:
@@ -120,7 +124,7 @@ def _links(file: BenchFile, run: Run | None, readings: list[Reading], fault: str
     return [
         {
             "name": name, "driver": device.driver or device.simulated,
-            "where": str(device.settings.get("address", "")) or ("in this computer" if device.simulated else ""),
+            "where": str(device.settings.get("address", "")) or (_("in this computer") if device.simulated else ""),
             "latency": f"{1e3 * latency:.3g} ms" if isinstance(latency, float) and latency > 0.0 else "",
             **_answering([r for r in readings if file.bench.channels[r.name].device == name], fault),
         }
@@ -133,7 +137,7 @@ def _answering(readings: list[Reading], fault: str) -> dict[str, str]:
         return {"state": "not asked", "tone": "missing", "why": fault}
     silent = [reading for reading in readings if reading.value is None or reading.state.startswith("stale")]
     if len(silent) == len(readings):
-        return {"state": "silent", "tone": "bad", "why": silent[0].state}
+        return {"state": "silent", "tone": "bad", "why": reworded(silent[0].state, STATES)}
     return {"state": "answers", "tone": "good", "why": ""}
 
 

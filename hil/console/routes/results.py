@@ -14,14 +14,16 @@ from starlette.routing import Route
 from hil.archive.archive import Search, find_runs
 from hil.archive.entry import Entry
 from hil.archive.pending import catch_up
-from hil.archive.trend import drift_of, points_of
+from hil.archive.trend import Drift, drift_of, points_of
 from hil.catalog import entries
 from hil.console.console import Console
-from hil.console.page import page
+from hil.console.page import language_of, page
 from hil.console.routes import jobs
 from hil.console.routes.passports import passports
 from hil.errors import ArchiveError, FileError, HilError, SettingError
 from hil.findings.results import RESULTS_FILE, Results, read_results
+from hil.language.reworded import reworded
+from hil.language.words import marked, speaking
 from hil.record.folder import read
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.session.comparison import compare_runs
@@ -136,7 +138,7 @@ def trend(request: Request) -> Response:
         names=names,
         chosen=chosen,
         points=told,
-        drift=drift_of(points).sentence if points else "",
+        drift=_drift(request, drift_of(points)) if points else "",
         serials=_serials(console),
     )
 
@@ -226,6 +228,18 @@ def _compared(console: Console, first: str, second: str) -> Path:
     path = folder / f"{hashlib.sha256(f'{first}|{second}'.encode()).hexdigest()[:16]}.html"
     write_comparison_page(found.first, found.second, found.differences, found.one_bench, path)
     return path
+
+
+_DRIFTS = (
+    marked("No drift can be told: at least {count} values with an uncertainty, at different times, are needed."),
+    marked("It drifts: {found} per year (false-alarm rate {rate})."),
+    marked("No drift: {found} per year (false-alarm rate {rate})."),
+)
+
+
+def _drift(request: Request, found: Drift) -> str:
+    with speaking(language_of(request)):
+        return reworded(found.sentence, _DRIFTS)
 
 
 ROUTES = [

@@ -11,7 +11,7 @@ function cell(tag, className, text, small) {
 
 function row(line) {
   const made = make("tr", line.tone), name = cell("th", "", line.name, line.source);
-  const limit = line.limit.replaceAll("-", "\u2212");
+  const limit = line.limit;
   name.scope = "row";
   made.append(
     name, cell("td", "num", told_to(line.value, line.noise)), cell("td", "", line.unit),
@@ -27,7 +27,7 @@ function lock(one, tripped) {
   const bad = tripped || one.state === "broken", made = make("tr", ""), name = cell("th", "", one.name);
   name.scope = "row";
   const tone = bad ? "bad" : one.state === "kept" ? "good" : "missing";
-  made.append(name, cell("td", "", one.asks.replaceAll("-", "\u2212")), cell("td", "", one.action),
+  made.append(name, cell("td", "", one.asks), cell("td", "", say(one.action)),
     make("td", "", make("span", "tag " + tone, say(tripped ? "tripped" : one.state))));
   return made;
 }

@@ -100,7 +100,7 @@ function events(list) {
   for (const one of list) {
     if (QUIET.has(one.event)) continue;
     const text = one.details.text || Object.entries(one.details).filter(([, v]) => v !== null).map(([k, v]) => k + " " + (typeof v === "object" ? JSON.stringify(v) : v)).join(", ");
-    at.prepend(make("li", LOUD.test(one.event) ? "bad" : "", make("span", "t", one.time_s === null ? "" : shown(one.time_s, 6) + " s"), make("b", "", one.event), " " + text));
+    at.prepend(make("li", LOUD.test(one.event) ? "bad" : "", make("span", "t", one.time_s === null ? "" : shown(one.time_s, 6) + " s"), make("b", "", say(one.event)), " " + text));
   }
   while (at.children.length > 200) at.lastChild.remove();
 }
