@@ -68,10 +68,11 @@ BANDWIDTH_RATIO = Measurement(
     "bandwidth_over_good", "1", "−3 dB frequency at the medium level over that of the good reference"
 )
 _CONDITION = (GOOD, MALFUNCTIONED, SEVERE, USUAL, RISE_RATIO, BANDWIDTH_RATIO)
-ERROR_4_1 = Measurement(
-    "error_4_1",
+DEVIATION = Measurement(
+    "deviation_from_good",
     "psi/s",
-    "eq. 4.1 of the EFC thesis against a simulated good valve, mean of the steps: grows with the rate",
+    "of its steps from those of a simulated good valve, mean of the steps (eq. 4.1 of the EFC thesis): grows with the "
+    "rate",
 )
 COMPLETE = Measurement("parts_completed", "1", "parts of the test that were completed, of six", 6.0)
 CERTIFICATE = True
@@ -79,7 +80,7 @@ MEASUREMENTS = (
     COMPLETE,
     FUNCTION,
     *_CONDITION,
-    ERROR_4_1,
+    DEVIATION,
     *electrical_check.MEASUREMENTS,
     *leakage_check.MEASUREMENTS,
     *pressure_current.MEASUREMENTS,
@@ -346,7 +347,7 @@ def _thesis(recording: Recording) -> tuple[list[Measured], list[str]]:
         errors = np.array([one.error for one in found])
         mean = thesis_class(float(errors.mean()), level, shared / _THESIS_RATE_HZ, _THESIS_RATE_HZ)
         std = float(errors.std(ddof=1)) / math.sqrt(len(errors)) if len(errors) > 1 else None
-        measured.append(ERROR_4_1.at(f"{current:g} A").of(mean.error, std))
+        measured.append(DEVIATION.at(f"{current:g} A").of(mean.error, std))
         notes.append(f"EFC thesis, {mean.sentence}.")
     return measured, notes
 

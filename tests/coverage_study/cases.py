@@ -20,7 +20,7 @@ WITHOUT_TRUTH = {
     "usual_among_good": "a rank among classes",
     "rise_over_good": "a ratio to the good reference, held against it in `make acceptance-risk`",
     "bandwidth_over_good": "a ratio to the good reference",
-    "error_4_1": "the thesis's own number; it grows with noise and duration, and is stated with both",
+    "deviation_from_good": "the thesis's own number; it grows with noise and duration, and is stated with both",
     "reading": "what an input showed while an output was moved by hand",
 }
 MADE_OF = {
