@@ -7,11 +7,12 @@ busy (measured: 0.8 ms against 140 ms for one sine fit), and a bench is busy whi
 from __future__ import annotations
 
 from contextlib import AbstractContextManager
+from functools import cache
 from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from hil.kernel import kernel
 
@@ -55,4 +56,12 @@ def rows_by_columns(a: Array, b: Array) -> Array:
 
 def one_blas_thread() -> AbstractContextManager[Any]:
     """Keep BLAS to one thread meanwhile: fits multiply small matrices, in threads of their own."""
-    return cast(AbstractContextManager[Any], threadpool_limits(limits=1, user_api="blas"))
+    return cast(AbstractContextManager[Any], _libraries().limit(limits=1, user_api="blas"))
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """The BLAS of numpy and that of scipy: looked for once, which takes longer than many a fit."""
+    import scipy.linalg  # noqa: F401 # what is not loaded cannot be found
+
+    return ThreadpoolController()
