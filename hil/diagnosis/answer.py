@@ -191,7 +191,9 @@ class Answer:
             return []
         least = self.choice.chosen.chi2
         most = max(least + indistinguishable(least), least + (PLAINLY - 1.0) * max(least - self.problem.size, 0.0))
-        return [f for f in (*self.choice.candidates, *self.choice.descriptions) if f.chi2 <= most]
+        choice = self.choice
+        found = (choice.chosen, *choice.candidates, *choice.descriptions, *choice.pairs)
+        return [f for f in found if f.chi2 <= most]
 
     # -- findings ----------------------------------------------------------------------------------------
 

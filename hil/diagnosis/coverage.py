@@ -8,6 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hil.cores import spread
+from hil.diagnosis.measures import CONSISTENT_EXCESS, excess
+from hil.diagnosis.problem import Problem
 from hil.diagnosis.search.around import Around, adapted_residuals
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.terms import Term
@@ -25,6 +27,7 @@ class Limit:
     What is itself a limit (saturation, a rate) does nothing at infinity: `upper` is then the typical value where that
     would have been seen, infinity where not. `visible`: whether an effect of typical size would stand out for
     certain; if not, nothing can be said of it. Sizes are distances from the value at which the effect does nothing.
+    Where what is accepted leaves more than noise, an effect may be as large as makes all that is left.
     """
 
     effect: str
@@ -77,10 +80,10 @@ def _as_large_as(limit: Limit, term: Term, values: Sequence[float], std: float) 
 
 def _limit(place: Around, term: Term, without: Array) -> Limit:
     """From one small step in the effect's strength, all else adapting."""
-    first = term.unknowns[0]
+    first, hidden = term.unknowns[0], _left(place.problem, without)
     if not np.isfinite(term.null):
         change = adapted_residuals(place, (term, [u.start for u in term.unknowns]), coarse=True) - without
-        seen = bool(np.linalg.norm(change) > CERTAIN)
+        seen = bool(np.linalg.norm(change) > max(CERTAIN, hidden))
         upper = first.start if seen else float("inf")
         return Limit(term.told, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
@@ -90,6 +93,12 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
     if power < 1e-12 or size == 0.0:
         return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False)
     strength = -float(step @ without) / power
-    upper = (max(strength, 0.0) + _ONE_SIDED / np.sqrt(power)) * size
-    visible = np.sqrt(power) * typical / size > CERTAIN
+    upper = max(max(strength, 0.0) + _ONE_SIDED / np.sqrt(power), hidden / np.sqrt(power)) * size
+    visible = np.sqrt(power) * typical / size > max(CERTAIN, hidden)
     return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible))
+
+
+def _left(problem: Problem, without: Array) -> float:
+    """What is left beyond the noise, as a length of residuals; nothing where that is no more than noise."""
+    beyond = excess(problem, float(without @ without))
+    return float(np.sqrt(beyond * problem.size)) if beyond >= CONSISTENT_EXCESS else 0.0

@@ -120,6 +120,19 @@ def test_no_cause_is_excluded_that_would_do_as_well() -> None:
     assert fitted["friction"].upper == pytest.approx(7.0 + 1.645 * 0.5)  # it may be larger than it was fitted
 
 
+def test_beside_what_nobody_explains_an_effect_may_be_all_that_is_left() -> None:
+    """Of a unit called unexplained a heating coil was excluded at a hundred thousandth of what it had."""
+    offset = ActiveEffect("sensor_offset", "sensor", {"offset": 0.5})
+    upper = {}
+    for concealed in ((), (offset,)):
+        asked = problem("throttle-flap", (10.0,), *concealed)
+        term = next(t for t in all_terms(asked, asked.nominal_residuals) if t.name == "sensor_offset")
+        (limit,) = limits(around(asked, nothing(asked)), [term])
+        upper[len(concealed)] = limit.upper
+    assert upper[0] < 0.05
+    assert upper[1] == pytest.approx(0.5, rel=0.2)
+
+
 def test_a_rate_of_false_alarms_is_that_of_a_plant_that_was_counted() -> None:
     known, unknown = false_alarms("cummins-efc", "coloured", 133.0), false_alarms("throttle-flap", "coloured", 133.0)
     assert known.rate is not None and 0.07 < known.rate < 0.09  # 0 of 43
