@@ -45,7 +45,12 @@ class ModbusLine:
     @property
     def is_clean(self) -> bool:
         """Whether the next answer can only be that to the next request."""
-        return time.monotonic() >= self._quiet_until_s
+        return time.monotonic() >= self._quiet_s
+
+    @property
+    def _quiet_s(self) -> float:
+        """Until when a late answer may still come, to this device or to another one on its line."""
+        return max(self._quiet_until_s, getattr(self.client, "quiet_until_s", 0.0))
 
     def identity(self) -> str:
         """What the device says of itself; most that say nothing refuse the question at once.
@@ -168,7 +173,7 @@ class ModbusLine:
 
     def _wait_until_clean(self) -> None:
         """Let a late answer pass on a serial line, and a device its pause, before the next request."""
-        wait_s = max(self._quiet_until_s, self._rest_until_s) - time.monotonic()
+        wait_s = max(self._quiet_s, self._rest_until_s) - time.monotonic()
         if wait_s > 0.0:
             time.sleep(wait_s)
         self._quiet_until_s = 0.0
@@ -178,6 +183,8 @@ class ModbusLine:
         self.client.close()
         if self._settings.transport == "rtu":
             self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
+            if hasattr(self.client, "quiet_until_s"):
+                self.client.quiet_until_s = self._quiet_until_s
         raise kind(text) from error
 
 

@@ -9,6 +9,7 @@ import serial
 from pymodbus.client import ModbusSerialClient
 from pymodbus.exceptions import ConnectionException
 
+from drivers._shared_port import keep_quiet, quiet_until_s, shared_port
 from hil.daq.address import Port
 from hil.errors import DeviceLostError
 
@@ -16,12 +17,12 @@ from hil.errors import DeviceLostError
 class SteadySerialClient(ModbusSerialClient):
     """The serial client of pymodbus, which waits by the wall clock: when that is set back, it waits for so long.
 
-    It opens its port again by itself, and only the same one.
+    It opens its port again by itself, and only the same one. Devices on one line have one port.
     """
 
     def __init__(self, address: str, **settings: Any) -> None:
         super().__init__(address, **settings)
-        self._address, self._place = address, Port(address)
+        self._address, self._place, self._path = address, Port(address), address
 
     def connect(self) -> bool:
         """Open the port if it is not.
@@ -30,8 +31,24 @@ class SteadySerialClient(ModbusSerialClient):
             DeviceLostError: it is not there, another program has it, or another device has its name now.
         """
         if self.socket is None:
-            self.socket = self._opened(self._place.path())
+            self._path = path = self._place.path()
+            self.socket = shared_port(path, self.comm_params.baudrate, lambda: self._opened(path))  # type: ignore[assignment]
         return True
+
+    def execute(self, no_response_expected: bool, request: Any) -> Any:
+        """A request and its answer, while nobody else speaks on the line."""
+        self.connect()
+        with self.socket.line:  # type: ignore[union-attr]
+            return super().execute(no_response_expected, request)
+
+    @property
+    def quiet_until_s(self) -> float:
+        """Until when nobody asks on this line."""
+        return quiet_until_s(self._path)
+
+    @quiet_until_s.setter
+    def quiet_until_s(self, until_s: float) -> None:
+        keep_quiet(self._path, until_s)
 
     def _opened(self, path: str) -> serial.Serial:
         told = self.comm_params

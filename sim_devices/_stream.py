@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import queue
 import select
 import socket
 import threading
@@ -11,7 +12,7 @@ import tty
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Protocol
+from typing import ClassVar, Protocol
 
 from hil.errors import FileError
 from sim_devices._field import Side
@@ -168,11 +169,40 @@ class TcpServer(StreamServer):
 class PtyServer(StreamServer):
     """A device on a pseudo terminal, reached through a link of the asked name, as a serial port has one.
 
+    Several of one process may be on one, as on an RS-485 line: each hears every request.
+
     Raises:
         FileError: something of that name exists already.
     """
 
     def __init__(self, device: Device, side: Side, quirks: Quirks, name: str) -> None:
+        self._pty = _Pty.at(name)
+        self._heard: queue.Queue[bytes] = queue.Queue()
+        super().__init__(device, side, quirks, name)
+        self._pty.join(self._heard)
+        self._start(self._serve, self._read, self._pty.write)
+
+    def close(self) -> None:
+        """Take the port away, if nobody else is on it."""
+        first = not self._ended.is_set()
+        super().close()
+        if first:
+            self._pty.leave(self._heard)
+
+    def _read(self) -> bytes | None:
+        try:
+            return self._heard.get(timeout=0.2)
+        except queue.Empty:
+            return None if self._pty.is_gone else b""
+
+
+class _Pty:
+    """A pseudo terminal and who is on it."""
+
+    _all: ClassVar[dict[str, _Pty]] = {}
+    _registry: ClassVar[threading.Lock] = threading.Lock()
+
+    def __init__(self, name: str) -> None:
         self._master, self._slave = os.openpty()
         tty.setraw(self._master)
         tty.setraw(self._slave)
@@ -183,21 +213,48 @@ class PtyServer(StreamServer):
             os.close(self._master)
             os.close(self._slave)
             raise FileError(f"{name}: cannot be made a serial port: {error.strerror}") from None
-        super().__init__(device, side, quirks, name)
-        self._start(self._serve, self._read, lambda answer: os.write(self._master, answer))
+        self.is_gone = False
+        self._listeners: list[queue.Queue[bytes]] = []
+        self._thread = threading.Thread(target=self._run, name="hil-pty", daemon=True)
 
-    def close(self) -> None:
-        """Take the port away."""
-        first = not self._ended.is_set()
-        super().close()
-        if first:
-            self._name.unlink(missing_ok=True)
-            os.close(self._master)
-            os.close(self._slave)
+    @classmethod
+    def at(cls, name: str) -> _Pty:
+        """That of this name, made if there is none."""
+        with cls._registry:
+            if name not in cls._all:
+                cls._all[name] = cls(name)
+            return cls._all[name]
 
-    def _read(self) -> bytes | None:
-        ready, _, _ = select.select([self._master], [], [], 0.2)
-        try:
-            return os.read(self._master, _CHUNK) if ready else b""
-        except OSError:
-            return None
+    def join(self, heard: queue.Queue[bytes]) -> None:
+        """Hand on what comes from now on."""
+        self._listeners = [*self._listeners, heard]
+        if not self._thread.ident:
+            self._thread.start()
+
+    def leave(self, heard: queue.Queue[bytes]) -> None:
+        """Hand on no more; who leaves last takes the port away."""
+        with self._registry:
+            self._listeners = [one for one in self._listeners if one is not heard]
+            if self._listeners:
+                return
+            self._all.pop(str(self._name), None)
+        self.is_gone = True
+        self._thread.join(2.0)
+        self._name.unlink(missing_ok=True)
+        os.close(self._master)
+        os.close(self._slave)
+
+    def write(self, answer: bytes) -> None:
+        """Put an answer on the line."""
+        os.write(self._master, answer)
+
+    def _run(self) -> None:
+        while not self.is_gone:
+            ready, _, _ = select.select([self._master], [], [], 0.2)
+            try:
+                came = os.read(self._master, _CHUNK) if ready else b""
+            except OSError:
+                self.is_gone = True
+                return
+            for one in self._listeners if came else ():
+                one.put(came)
