@@ -24,9 +24,10 @@ from hil.console.access_limits import Limiter, Rate, TooLargeError, limited
 from hil.console.access_seat import Seat, SeatTakenError
 from hil.console.access_session import COOKIE, LASTS_S, Session, Sessions, account_of
 from hil.console.access_where import Where
-from hil.console.page import page
+from hil.console.page import REFUSALS, language_of, page
 from hil.errors import HilError
-from hil.language.words import marked
+from hil.language.reworded import reworded
+from hil.language.words import marked, speaking
 
 _ASKS_FOR_NOBODY = ("/login", "/logout", "/controls")  # and what lies below /static/
 _NEEDS_NO_SEAT = ("/run/check", "/seat", "/login", "/logout")
@@ -76,10 +77,11 @@ class Access:
         most = _LARGE if path.startswith(_UPLOADS) else _SMALL
         request = Request(scope, limited(receive, most))
         try:
-            answer = self._refused(request, most) or await self._let_in(request)
-            if answer is None:
-                await self._app(scope, request.receive, self._with_cookie(scope, sent))
-                return
+            with speaking(language_of(request)):
+                answer = self._refused(request, most) or await self._let_in(request)
+                if answer is None:
+                    await self._app(scope, request.receive, self._with_cookie(scope, sent))
+                    return
         except TooLargeError as error:
             if begun:
                 raise
@@ -242,7 +244,7 @@ def _local_name() -> str:
 
 
 def _no(status: int, text: str) -> Response:
-    return JSONResponse({"error": text}, status)
+    return JSONResponse({"error": reworded(text, REFUSALS)}, status)
 
 
 def _login_page(request: Request, why: str = "", status: int = 200) -> Response:

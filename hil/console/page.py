@@ -19,7 +19,7 @@ from hil.version import __version__
 
 COOKIE = "hil_language"
 _FOR_A_STOP = ("run", "state", "outcome", "listener", "stop_url", "token")
-_REFUSALS = (
+REFUSALS = (
     marked(
         "{name} operates this console since {time}, in another browser; you may look, and you may stop; take over to "
         "operate"
@@ -67,8 +67,7 @@ def refusal(request: Request, error: HilError) -> Response:
     """What was asked for cannot be done, in one line: as a page, or as JSON for a script."""
     missing = isinstance(error, UnknownNameError) or str(error).startswith("no run ")
     status = HTTPStatus.NOT_FOUND if missing else HTTPStatus.BAD_REQUEST
-    with speaking(language_of(request)):
-        text = reworded(" ".join(str(error).split()), _REFUSALS)
+    text = reworded(" ".join(str(error).split()), REFUSALS)
     if request.method != "GET" or "application/json" in request.headers.get("accept", ""):
         return JSONResponse({"error": text}, status)
     return page(request, "refused.html", status, why=text)

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.errors import StorageError
+from hil.language.choice import VARIABLE
+from hil.language.words import spoken
 
 _TOLD_BYTES = 16_384
 
@@ -62,7 +64,7 @@ def start(name: str, arguments: Sequence[str], log: Path) -> Started:
             process = subprocess.Popen(
                 [sys.executable, "-m", "hil", *arguments],
                 stdin=subprocess.DEVNULL, stdout=written, stderr=subprocess.STDOUT, start_new_session=True,
-                env={**os.environ, "PYTHONUNBUFFERED": "1", "HIL_PROGRESS_S": "1"},
+                env={**os.environ, "PYTHONUNBUFFERED": "1", "HIL_PROGRESS_S": "1", VARIABLE: spoken()},
             )  # fmt: skip
     except OSError as error:
         raise StorageError(f"{log}: hil {arguments[0]} cannot be started: {error.strerror or error}") from error

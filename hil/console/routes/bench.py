@@ -14,11 +14,11 @@ from hil.bench.hand.reading import Reading
 from hil.bench.read import BenchFile
 from hil.console.board import STATES, RunReader, check_tripped, interlocks_of, lines_of, reset_trip, trips_of
 from hil.console.console import Console
-from hil.console.page import language_of, page
+from hil.console.page import page
 from hil.console.underway import Run
 from hil.errors import FileError, HilError, InUseError
 from hil.language.reworded import reworded
-from hil.language.words import _, speaking
+from hil.language.words import _
 
 Levels = dict[str, tuple[float, float]]
 
@@ -31,8 +31,7 @@ def show(request: Request) -> Response:
     if not name:
         return page(request, "bench.html", benches=[], name="", board=None, fault="")
     try:
-        with speaking(language_of(request)):
-            board, fault = _board(console, name), ""
+        board, fault = _board(console, name), ""
     except HilError as error:
         if name not in files:
             raise
@@ -42,8 +41,7 @@ def show(request: Request) -> Response:
 
 def state(request: Request) -> Response:
     """The board as JSON."""
-    with speaking(language_of(request)):
-        return JSONResponse(_board(Console.of(request), request.path_params["bench"]))
+    return JSONResponse(_board(Console.of(request), request.path_params["bench"]))
 
 
 async def watch(request: Request) -> Response:

@@ -14,18 +14,19 @@ from starlette.routing import Route
 from hil.archive.archive import Search, find_runs
 from hil.archive.entry import Entry
 from hil.archive.pending import catch_up
-from hil.archive.trend import Drift, drift_of, points_of
+from hil.archive.trend import drift_of, points_of
 from hil.catalog import entries
 from hil.console.console import Console
-from hil.console.page import language_of, page
+from hil.console.page import page
 from hil.console.routes import jobs
 from hil.console.routes.passports import passports
 from hil.errors import ArchiveError, FileError, HilError, SettingError
 from hil.findings.results import RESULTS_FILE, Results, read_results
 from hil.language.reworded import reworded
-from hil.language.words import marked, speaking
+from hil.language.words import _, marked
 from hil.record.folder import read
 from hil.record.measurement import COVERAGE_FACTOR
+from hil.report.name import quantity_words
 from hil.session.comparison import compare_runs
 
 _MOST = 200
@@ -138,7 +139,7 @@ def trend(request: Request) -> Response:
         names=names,
         chosen=chosen,
         points=told,
-        drift=_drift(request, drift_of(points)) if points else "",
+        drift=reworded(drift_of(points).sentence, _DRIFTS) if points else "",
         serials=_serials(console),
     )
 
@@ -174,10 +175,16 @@ def _row(console: Console, entry: Entry) -> dict[str, Any]:
     }
 
 
+def _shown(name: str) -> str:
+    """`dead time, 0 → 80 %` for `dead_time, 0 → 80 %`."""
+    quantity, comma, place = name.partition(", ")
+    return f"{_(quantity_words(quantity))}{comma}{place}"
+
+
 def _value(value: Any) -> dict[str, Any]:
     expanded = None if value.std is None else COVERAGE_FACTOR * value.std
     return {
-        "name": value.name,
+        "name": _shown(value.name),
         "value": value.value,
         "expanded": expanded,
         "unit": value.unit,
@@ -235,11 +242,6 @@ _DRIFTS = (
     marked("It drifts: {found} per year (false-alarm rate {rate})."),
     marked("No drift: {found} per year (false-alarm rate {rate})."),
 )
-
-
-def _drift(request: Request, found: Drift) -> str:
-    with speaking(language_of(request)):
-        return reworded(found.sentence, _DRIFTS)
 
 
 ROUTES = [
