@@ -60,11 +60,12 @@ def real_time_bench(folder: Path, name: str = "real", channels: int = 0) -> Path
 
 
 @contextmanager
-def console(folder: Path) -> Iterator[Lab]:
-    """A console in a folder; what it started is ended with it."""
+def console(folder: Path, port: int = 0) -> Iterator[Lab]:
+    """A console in a folder; what it started is ended with it, unless it was killed."""
     environment = {**os.environ, "HIL_STATE_DIR": str(folder / "state"), "HIL_LANGUAGE": "en", "LC_ALL": "C.UTF-8"}
+    places = ["--benches", folder, "--archive", folder / "runs"]
     process = subprocess.Popen(
-        [sys.executable, "-m", "hil", "console", "--port", "0", "--benches", folder, "--archive", folder / "runs"],
+        [sys.executable, "-m", "hil", "console", "--port", str(port), *places],
         stdout=subprocess.PIPE, text=True, env=environment, cwd=folder,
     )  # fmt: skip
     try:
@@ -73,11 +74,13 @@ def console(folder: Path) -> Iterator[Lab]:
         assert line.startswith("console at http"), line
         yield Lab(folder, line.split()[2].rstrip("/"), process)
     finally:
+        was_killed = process.poll() is not None
         process.send_signal(signal.SIGINT)
         process.wait(20.0)
         assert process.stdout is not None
         process.stdout.close()
-        _end_all(folder)
+        if not was_killed:
+            _end_all(folder)
 
 
 def _end_all(folder: Path) -> None:

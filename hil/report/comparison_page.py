@@ -15,6 +15,7 @@ from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plain_log, thinned
+from hil.report.name import value_words
 from hil.report.number import number, with_uncertainty
 from hil.report.page import write_page
 from hil.report.section import Section, Table
@@ -47,7 +48,7 @@ def write_comparison_page(
 
 def headline(found: Sequence[Difference]) -> str:
     """How many values differ, in one sentence."""
-    moved = [one.name for one in found if one.meaning == "differs"]
+    moved = [value_words(one.name) for one in found if one.meaning == "differs"]
     if not moved:
         return _("No value differs beyond its uncertainty.")
     names = "; ".join(moved)
@@ -83,7 +84,7 @@ def change_text(one: Difference) -> str:
 def _table(first: Results, second: Results, found: Sequence[Difference]) -> Table:
     heads = (_("Quantity"), _("Unit"), first.run, second.run, _("Change ± U"), _("Chance"), "")
     rows = tuple(
-        (one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one),
+        (value_words(one.name), one.unit, value_text(one.first), value_text(one.second), change_text(one),
          _chance(one), _(one.meaning))
         for one in found
     )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from hil.language.words import ENGLISH, spoken
+from hil.language.words import ENGLISH, _, spoken
 
 _UNITS = {
     "_s": "s", "_hz": "Hz", "_db": "dB", "_deg": "°", "_c": "°C", "_bar": "bar", "_mm": "mm", "_l_min": "l/min",
@@ -34,6 +34,12 @@ def quantity_words(name: str) -> str:
     for ending, unit in (("db", " dB"), ("deg", "°"), ("hz", " Hz")):
         text = re.sub(rf"(?<=\d){ending}\b", unit, text)
     return re.sub(r"\b(thd|efc)\b", lambda found: found[0].upper(), text)
+
+
+def value_words(name: str) -> str:
+    """`dead time, 0 → 80 %` from `dead_time, 0 → 80 %`, in the language that is spoken."""
+    quantity, comma, place = name.partition(", ")
+    return f"{_(quantity_words(quantity))}{comma}{place}"
 
 
 def picture_name(*texts: str) -> str:

@@ -298,3 +298,29 @@ def test_a_killed_run_is_shown_as_lost_within_a_second(page: Page, lab: Lab) -> 
         os.kill(int(str(lab.control(name)["pid"])), signal.SIGKILL)
         until(lambda: word.text_content() == "Lost", 5.0, 0.01)  # noqa: B023
         assert time.monotonic() - begun_s < 1.0
+
+
+@pytest.mark.slow
+def test_a_console_that_was_killed_and_started_again_shows_the_run_and_stops_it(
+    browser: Browser, tmp_path: Path
+) -> None:
+    real_time_bench(tmp_path)
+    port = free_port()
+    context = browser.new_context(base_url=f"http://127.0.0.1:{port}", locale="en-GB")
+    page = context.new_page()
+    with console(tmp_path, port) as first:
+        run = started(page, "SN-9", **{**SHORT, "frequencies": "0.5,1", "measure_s": "60 s"})
+        samples = first.runs / run / "samples.f8"
+        until(lambda: samples.exists() and samples.stat().st_size > 10_000)
+        first.process.kill()
+        expect(page.get_by_text("No connection to the console")).to_be_visible()
+        before = samples.stat().st_size
+        until(lambda: samples.stat().st_size > before)
+        with console(tmp_path, port):
+            expect(page.get_by_text("No connection to the console")).to_be_hidden()  # the page that was open
+            expect(page.locator("body")).to_contain_text(f"ends {run}")
+            page.keyboard.press("F12")
+            expect(page.locator("body")).to_contain_text("stop confirmed, outputs read back safe")
+            page.goto("/results")
+            expect(page.locator("body")).to_contain_text("SN-9")
+    context.close()

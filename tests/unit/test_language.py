@@ -112,7 +112,7 @@ def test_a_page_in_german_by_option(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     page = tmp_path / "page.html"
     monkeypatch.setattr("sys.argv", ["hil", "compare", *runs, "--page", str(page), "--language", "de"])
     assert main() == 0
-    assert "1 von 1 Werten weichen über ihre Unsicherheit hinaus ab: gain." in read_page(page).text
+    assert "1 von 1 Werten weichen über ihre Unsicherheit hinaus ab: Verstärkung." in read_page(page).text
     assert page_language({}) == "en", "the option outlasts its command"
 
 

@@ -23,10 +23,10 @@ from hil.console.routes.passports import passports
 from hil.errors import ArchiveError, FileError, HilError, SettingError
 from hil.findings.results import RESULTS_FILE, Results, read_results
 from hil.language.reworded import reworded
-from hil.language.words import _, marked
+from hil.language.words import marked
 from hil.record.folder import read
 from hil.record.measurement import COVERAGE_FACTOR
-from hil.report.name import quantity_words
+from hil.report.name import value_words
 from hil.session.comparison import compare_runs
 
 _MOST = 200
@@ -175,16 +175,10 @@ def _row(console: Console, entry: Entry) -> dict[str, Any]:
     }
 
 
-def _shown(name: str) -> str:
-    """`dead time, 0 → 80 %` for `dead_time, 0 → 80 %`."""
-    quantity, comma, place = name.partition(", ")
-    return f"{_(quantity_words(quantity))}{comma}{place}"
-
-
 def _value(value: Any) -> dict[str, Any]:
     expanded = None if value.std is None else COVERAGE_FACTOR * value.std
     return {
-        "name": _shown(value.name),
+        "name": value_words(value.name),
         "value": value.value,
         "expanded": expanded,
         "unit": value.unit,
