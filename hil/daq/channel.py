@@ -63,8 +63,10 @@ class OutputChannel:
     @property
     def driven(self) -> dict[str, float]:
         """How what it is told reaches the valve, as a recording keeps it: lowest and highest level, step, dither."""
-        dither = 0.0 if self.pwm is None or self.pwm.dither_hz is None else self.pwm.dither_amplitude
-        return {"low": self.low, "high": self.high - self.step, "step": self.step, "dither_amplitude": dither}
+        made = {"low": self.low, "high": self.high - self.step, "step": self.step, "dither_amplitude": 0.0}
+        if self.pwm is None or self.pwm.dither_hz is None:
+            return made
+        return made | {"dither_amplitude": self.pwm.dither_amplitude, "dither_hz": self.pwm.dither_hz}
 
 
 @dataclass(frozen=True, slots=True)

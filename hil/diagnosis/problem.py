@@ -221,7 +221,7 @@ def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
     experiments = [_without_hum(model, e) for e in experiments]
     floors = channel_floors([{"output": e.told_output} for e in experiments])
     noises = tuple(_noise(model, own["output"]) for own in floors)
-    return Problem(model, tuple(experiments), noises, channel_floors([e.observed for e in experiments]))
+    return Problem(model, tuple(experiments), noises, channel_floors([e.told_observed for e in experiments]))
 
 
 def _noise(model: Model, floor: float) -> Noise:

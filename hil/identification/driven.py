@@ -4,12 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from hil.record.recording import Array, Recording
+
+FINER = 2  # so much finer than its command is a dither driven: held over a whole sample, it would be cut off too little
+_SAMPLES_PER_PERIOD = 4.0  # below which the samples of a command cannot carry its dither
+
+
+@dataclass(frozen=True, slots=True)
+class _Wave:
+    """A dither with a phase, at the times of a command's samples."""
+
+    phase_rad: float
+    time_s: Array
+
+    def of(self, how: Mapping[str, Any]) -> Array:
+        """Its values where its frequency is known."""
+        turned = 2.0 * math.pi * float(how["dither_hz"]) * self.time_s
+        made: Array = float(how["dither_amplitude"]) * np.sin(turned + self.phase_rad)
+        return made
 
 
 def as_driven(recording: Recording) -> Recording:
@@ -19,10 +36,7 @@ def as_driven(recording: Recording) -> Recording:
     sees that a current drive neither pulls nor exceeds itself: at the end of its range half of a dither is missing. The
     phase of a dither is not known; its mean over a period is what is taken.
     """
-    told = recording.meta.get("driven")
-    if not isinstance(told, Mapping):
-        return recording
-    outputs = {name: how for name, how in told.items() if name in recording.channels}
+    outputs = _outputs(recording)
     channels = {name: replace(c, values=_acted(c.values, outputs[name])) for name, c in recording.channels.items()
                 if name in outputs}  # fmt: skip
     own = {name: replace(taken, values=_acted(taken.values, outputs[name])) for name, taken in recording.own.items()
@@ -30,13 +44,60 @@ def as_driven(recording: Recording) -> Recording:
     return replace(recording, channels={**recording.channels, **channels}, own={**recording.own, **own})
 
 
-def _acted(command: Array, how: Mapping[str, Any]) -> Array:
+def with_dither(recording: Recording) -> tuple[Recording, ...]:
+    """The same as `as_driven` with the dither itself, at four phases a quarter apart, on a grid `FINER` times as fine.
+
+    The first sample is left at the mean. Empty where nothing says what the dither is, or where the samples lie too far
+    apart to carry it.
+    """
+    outputs = {name: how for name, how in _outputs(recording).items() if _is_carried(how, recording)}
+    if not outputs or recording.own:
+        return ()
+    recording = _finer(recording)
+    mean = as_driven(recording)
+    return tuple(_waved(recording, mean, outputs, k * math.pi / 2.0) for k in range(4))
+
+
+def _finer(recording: Recording) -> Recording:
+    time_s = recording.time_s[0] + recording.interval_s / FINER * np.arange(FINER * len(recording))
+    held = {name: replace(c, values=np.repeat(c.values, FINER)) for name, c in recording.channels.items()}
+    return replace(recording, time_s=time_s, channels=held)
+
+
+def _waved(recording: Recording, mean: Recording, outputs: Mapping[str, Mapping[str, Any]], phase: float) -> Recording:
+    wave, channels = _Wave(phase, recording.time_s), dict(mean.channels)
+    for name, how in outputs.items():
+        values = _acted(recording.channels[name].values, how, wave)
+        values[0] = channels[name].values[0]
+        channels[name] = replace(channels[name], values=values)
+    return replace(mean, channels=channels)
+
+
+def _outputs(recording: Recording) -> dict[str, Mapping[str, Any]]:
+    told = recording.meta.get("driven")
+    return {n: how for n, how in told.items() if n in recording.channels} if isinstance(told, Mapping) else {}
+
+
+def _is_carried(how: Mapping[str, Any], recording: Recording) -> bool:
+    if not float(how.get("dither_amplitude", 0.0)) > 0.0 or "dither_hz" not in how or not recording.is_even():
+        return False
+    return _SAMPLES_PER_PERIOD * float(how["dither_hz"]) * recording.interval_s <= 1.0 + 1e-9
+
+
+def _range(how: Mapping[str, Any]) -> tuple[float, float, float]:
     low, high = float(how.get("low", -math.inf)), float(how.get("high", math.inf))
-    step, dither = float(how.get("step", 0.0)), float(how.get("dither_amplitude", 0.0))
+    return low, high, float(how.get("dither_amplitude", 0.0))
+
+
+def _acted(command: Array, how: Mapping[str, Any], wave: _Wave | None = None) -> Array:
+    low, high, dither = _range(how)
+    step = float(how.get("step", 0.0))
     exact = not step > 0.0 or not math.isfinite(low)
     rounded = command if exact else np.clip(low + step * np.rint((command - low) / step), low, high)
     if dither <= 0.0:
         return rounded
+    if wave is not None:
+        return np.clip(rounded + wave.of(how), low, high)
     acted: Array = rounded + dither * (_missing((low - rounded) / dither) - _missing((rounded - high) / dither))
     return acted
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError, SettingError
-from hil.identification.driven import as_driven
+from hil.identification.driven import FINER, as_driven, with_dither
+from hil.identification.noise import white_floor
 from hil.identification.time_base import held_grid, is_known_throughout, missing_of_even
 from hil.physics.model import Model
 from hil.physics.plant import Plant
@@ -18,6 +19,7 @@ from hil.record.recording import Array, Channel, Recording, Samples, split_headi
 from hil.record.unmeasured import across, measured_rows
 
 _GRID_PER_UNEVEN_SAMPLE = 8
+_FELT_BEND = 0.5  # of the noise, as an error
 DEAD = "a dead sensor, no supply or a wrong column"
 # A rest of fewer samples tells no more than its first; halves that differ by more than this moved.
 _FEWEST_AT_REST, _NO_MOTION_SIGMAS = 8, 3.0
@@ -51,6 +53,8 @@ class Experiment:
             nothing of it.
         gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
             and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
+        ripples: what the command's dither adds to `drive.inputs` of a plant that rectifies it, at four phases a quarter
+            apart, shape (4, inputs, FINER * n); None where there is none.
     """
 
     name: str
@@ -71,6 +75,7 @@ class Experiment:
     is_late: bool = False
     command_is_known: bool = False
     gain_stds: Mapping[str, float] = field(default_factory=dict)
+    ripples: Array | None = None
 
     def respond(
         self,
@@ -87,7 +92,12 @@ class Experiment:
         `factor` and `inject` as in `hil.physics.simulate.simulate`; `following`: led back to the recorded output.
         """
         measured = self.to_follow if following else None
-        rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
+        if self.ripples is None:
+            rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
+        else:
+            # what the plant makes of a dither is the same at any phase but for its ripple, opposite at opposite ones
+            each = [self._dithered(plant, parameters, effects, self.ripples[k], factor, inject) for k in (0, 2)]
+            rows = (each[0] + each[1]) / 2.0
         if self.is_late and plant.integrates is not None and plant.integrates(parameters):
             grid_s, begins_s = self.time_s if self.grid_s is None else self.grid_s, self.time_s[self.told][0]
             rows[0] += self.drive.first_output - np.interp(begins_s, grid_s, rows[0])  # where it stood then
@@ -95,6 +105,27 @@ class Experiment:
             return self._skewed(self.at_stamps(rows))
         grid_s = self.grid_s
         return np.array([np.interp(read_s, grid_s, row) for read_s, row in zip(self.read_s, rows, strict=True)])
+
+    def by_dither(
+        self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect] = ()
+    ) -> tuple[Array, ...]:
+        """What a dither with each of two phases a quarter apart adds to the rows of `respond`; none if unknown."""
+        if self.ripples is None:
+            return ()
+        each = [self._skewed(self._dithered(plant, parameters, effects, ripple)) for ripple in self.ripples]
+        return (each[0] - each[2]) / 2.0, (each[1] - each[3]) / 2.0
+
+    def _dithered(
+        self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], ripple: Array,
+        factor: float = 1.0, inject: tuple[str, Array] | None = None,
+    ) -> Array:  # fmt: skip
+        inputs = np.repeat(self.drive.inputs, FINER, axis=1) + ripple
+        finer = Drive(inputs, self.drive.first_output, self.drive.interval_s / FINER)
+        given = (inject[0], np.repeat(inject[1], FINER)) if inject else None
+        rows = simulate(plant, parameters, finer, effects, factor=factor, inject=given)
+        read = FINER * np.arange(len(self.time_s)) + round(FINER * self.drive.read_at)
+        made: Array = rows[:, np.minimum(read, rows.shape[1] - 1)]
+        return made
 
     def _skewed(self, rows: Array) -> Array:
         """Rows that were read a little later than the output, along straight lines between the samples."""
@@ -129,6 +160,11 @@ class Experiment:
         return told
 
     @property
+    def told_observed(self) -> dict[str, Array]:
+        """Inner signals where they say something, one sample after another."""
+        return {name: values[self.inner_tells(name)] for name, values in self.observed.items()}
+
+    @property
     def count_lost(self) -> int:
         """How many samples no channel says anything at."""
         return 0 if self.lost is None else int(self.lost.sum())
@@ -136,6 +172,11 @@ class Experiment:
     def telling(self, errors: Array) -> Array:
         """Errors of the output, 0 where it says nothing, shape (n,)."""
         return _but_for(self.ignored, errors)
+
+    def inner_tells(self, name: str) -> NDArray[np.bool_]:
+        """Which samples of an inner signal say something, shape (n,)."""
+        none = np.zeros(len(self.output), dtype=np.bool_)
+        return ~(self.silent.get(name, none) | (none if self.lost is None else self.lost))
 
     def across_silence(self, errors: Array) -> Array:
         """Errors of the output, straight from one telling sample to the next where it says nothing, shape (n,).
@@ -234,6 +275,7 @@ def experiment(
         FileError: a channel is missing, or the input never changes.
         UnitError: a channel's unit does not convert to the plant's.
     """
+    with_dithers = with_dither(recording) if plant.rectifies else ()
     recording = as_driven(recording)
     names = _input_names(plant, input_name)
     output_name = output_name or plant.output.name
@@ -259,13 +301,34 @@ def experiment(
     if read_s is not None:
         at = 0.0
     grid_s, on_grid, interval_s = _even(recording, inputs, read_s)
+    ripples = None
+    if with_dithers and grid_s is None and FINER * len(recording) == len(with_dithers[0]):
+        driven = [[one.values(n, u) for n, u in zip(names, units, strict=True)] for one in with_dithers]
+        ripples = np.array(driven) - np.repeat(on_grid, FINER, axis=1)
     drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
+    skew_s = () if read_s is not None else _skew_s(recording, measured.name, plant, at or 0.0)
+    if any(skew_s):
+        late_s = dict(zip((signal.name for signal in plant.observed), skew_s[1:], strict=True))
+        bent = {name: _bends(values, late_s[name] / interval_s) for name, values in observed.items()}
+        silent |= {name: _either(silent.get(name), samples) for name, samples in bent.items() if samples.any()}
     return Experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
         recording.time_s, drive, grid_s, output, observed, at is not None, ignored if ignored.any() else None,
         read_s=read_s, gain_stds=stated, silent=silent,
-        skew_s=() if read_s is not None else _skew_s(recording, measured.name, plant, at or 0.0),
+        ripples=ripples, skew_s=skew_s,
     )  # fmt: skip
+
+
+def _bends(values: Array, late: float) -> NDArray[np.bool_]:
+    """Samples beside which a channel bends so much that straight lines do not tell it `late` samples later, shape (n,).
+
+    A corner between two samples shows in what was read of it only from the corner on.
+    """
+    bend = np.abs(np.diff(values, 2, prepend=values[0], append=values[-1]))
+    within = (values > values.min()) & (values < values.max())  # at the end of a range there is no noise
+    beyond: NDArray[np.bool_] = bend * abs(late) > _FELT_BEND * white_floor(values[within])
+    beyond[:-1] |= beyond[1:].copy()
+    return beyond
 
 
 def _gain_stds(recording: Recording, command: str, output: str, plant: Plant) -> dict[str, float]:

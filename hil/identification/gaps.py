@@ -133,7 +133,7 @@ def _bridged(e: Experiment, grid_s: Array, at: NDArray[np.intp], missing: NDArra
     silent = {name: on_even for name, samples in e.silent.items() if (on_even := moved(samples)) is not None}
     even = replace(
         e, time_s=time_s, drive=drive, grid_s=None, output=output, observed=observed,
-        ignored=moved(e.ignored), lost=moved(e.lost), silent=silent,
+        ignored=moved(e.ignored), lost=moved(e.lost), silent=silent, ripples=None,
     )  # fmt: skip
     return even.without_all(missing)
 
@@ -178,5 +178,6 @@ def _cut(even: Experiment, missing: NDArray[np.bool_], unknown: list[tuple[int, 
     return replace(
         even, time_s=even.time_s[part], drive=drive, output=even.output[part],
         observed={name: values[part] for name, values in even.observed.items()},
-        ignored=missing[part], lost=missing[part],
+        silent={name: samples[part] for name, samples in even.silent.items()},
+        ignored=None if even.ignored is None else even.ignored[part], lost=missing[part], ripples=None,
     )  # fmt: skip

@@ -181,9 +181,13 @@ def _fitted(
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     names += [name for name in dict.fromkeys(also_free) if "." in name]
     found, used = _best_reading(model, names, experiments, weights, tick)
+    near = model
+    if any(e.ripples is not None for e in used):  # what the phase of a dither does is only known about the fit itself
+        near = moved(model, _merged(model, found))
+        found = _fit_from(near, used, weights, _unknowns(model, names, _merged(model, found)), tick)
     found = replace(found, given_up=_driven_out(found))
     at = _merged(model, found)
-    about = Residuals(plant, used, weights, model.values, moved_effects(model, at))
+    about = Residuals(plant, used, weights, near.values, moved_effects(model, at))
     beside = systematic(about, found, {p.name: at[p.name] for p in plant.parameters})
 
     def fit_at(values: Mapping[str, float], names: Sequence[str]) -> Estimate:

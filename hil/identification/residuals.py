@@ -42,8 +42,22 @@ class Residuals:
         ]
 
     @cached_property
+    def _dithers(self) -> list[list[UnknownSizes | None]]:
+        """By recording, of its output and its inner signals: what the phase of a dither does to them."""
+        made = []
+        for e, inner, weight in zip(self.experiments, self._inner, self.weights, strict=True):
+            places = {name: 1 + k for k, name in enumerate(s.name for s in self.plant.observed)}
+            each = e.by_dither(self.plant, self.about, self.effects)
+            channels = [
+                (0, weight, e.told),
+                *((places[n], 1.0 / noise, e.inner_tells(n)) for n, noise in inner.items()),
+            ]
+            made.append([_unknown([w * rows[k] * tells for rows in each]) for k, w, tells in channels])
+        return made
+
+    @cached_property
     def _inner(self) -> tuple[dict[str, float], ...]:
-        return channel_floors([e.observed for e in self.experiments])
+        return channel_floors([e.told_observed for e in self.experiments])
 
     def at(
         self,
@@ -63,7 +77,8 @@ class Residuals:
             given = inject(i) if inject else None
             rows = e.respond(self.plant, parameters, effects, factor=factor, inject=given)
             output = with_free_start(e.telling((rows[0] - e.output) * self.weights[i]), self._starts[i])
-            return [output, *e.observed_errors(self.plant, rows, self._inner[i])]
+            errors = [output, *e.observed_errors(self.plant, rows, self._inner[i])]
+            return [_without(dither, error) for dither, error in zip(self._dithers[i], errors, strict=True)]
 
         return side_by_side(errors_of, len(self.experiments))
 
@@ -106,3 +121,23 @@ class Residuals:
             simulate(self.plant, parameters, e.drive, self.effects, trace=trace)
             made.append(trace)
         return made
+
+
+@dataclass(frozen=True, slots=True)
+class UnknownSizes:
+    """Additions of unknown size, of variance one: orthonormal rows, shape (k, n), and the share of each to take out."""
+
+    rows: Array
+    shares: Array
+
+
+def _unknown(additions: list[Array]) -> UnknownSizes | None:
+    if not additions:
+        return None
+    left, sizes, _ = np.linalg.svd(np.array(additions).T, full_matrices=False)
+    return UnknownSizes(np.ascontiguousarray(left.T), 1.0 - 1.0 / np.sqrt(1.0 + sizes**2))
+
+
+def _without(unknown: UnknownSizes | None, errors: Array) -> Array:
+    """Errors whose sum of squares is that of the marginal likelihood, additions of unknown size being in them, (n,)."""
+    return errors if unknown is None else errors - (unknown.shares * (unknown.rows @ errors)) @ unknown.rows

@@ -39,8 +39,9 @@ class Bench:
         span, slope = (3.0, 1.0) if entry["terminal"].startswith("pwm") else (20.0, entry["calibration"]["slope"])
         low = 0.0 if entry["terminal"].startswith("pwm") else -10.0 * slope
         step = span * slope / 2.0**16
-        dither = float(entry.get("pwm", {}).get("dither_amplitude", 0.0))
-        return {"low": low, "high": low + span * slope - step, "step": step, "dither_amplitude": dither}
+        pwm = entry.get("pwm", {})
+        dither = {name: float(pwm[name]) for name in ("dither_amplitude", "dither_hz") if name in pwm}
+        return {"low": low, "high": low + span * slope - step, "step": step, "dither_amplitude": 0.0} | dither
 
     def acting(self, command: Array, sub_steps: int) -> Array:
         """What the converter and the current drive make of a command, for each small step."""

@@ -97,10 +97,10 @@ CASES = (
     Case("HPV41, 1 % friction", "brevini-hpv41", Bench("brevini-hpv41"), plants.hpv41, _HPV41, _HPV41_COMMANDS, 10,
          {"friction": 1.0}),
     Case("EFC", "cummins-efc", Bench("cummins-efc"), plants.efc, _EFC, _EFC_COMMANDS, 10, {}),
-    Case("EFC with drive", "efc-drive", Bench("cummins-efc-acceptance"), plants.efc_drive, _DRIVE, _EFC_COMMANDS, 20,
+    Case("EFC with drive", "efc-drive", Bench("cummins-efc-acceptance"), plants.efc_drive, _DRIVE, _EFC_COMMANDS, 100,
          {}),
     Case("EFC with drive, friction as installed", "efc-drive", Bench("cummins-efc-acceptance"), plants.efc_drive,
-         _DRIVE, _EFC_COMMANDS, 20, {"friction": 0.001}),
+         _DRIVE, _EFC_COMMANDS, 100, {"friction": 0.001}),
     Case("SP08-47C, closed loop", "hydraforce-sp08-47c", Bench("hydraforce-sp08-47c"), plants.closed, _CLOSED, {
         "full range": (steps((0.0, 100.0, -100.0, 50.0, -30.0, 0.0), 3.0),),
         "half range": (steps((0.0, 40.0, -40.0, 20.0, -12.0, 0.0), 3.0),),

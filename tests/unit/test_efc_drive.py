@@ -31,6 +31,16 @@ def test_static_curve_goes_through_the_thesis_s_points():
         assert run(DRIVE, np.full(3, current))[PRESSURE, -1] == pytest.approx(pressure, abs=1.0)
 
 
+@pytest.mark.parametrize("dead_time", [0.0021, 0.0023, 0.0024])
+def test_a_fraction_of_a_step_in_its_dead_time_is_exact_at_the_end_of_the_voltage(dead_time):
+    command = step(1.8, 200, at=50)
+    coarse = run(DRIVE, command, dead_time=dead_time)[CURRENT]
+    fine = simulate(
+        DRIVE, DRIVE.typical | {"dead_time": dead_time}, Drive(command[None], math.nan, 1e-3, 1.0), factor=40.0
+    )[CURRENT]
+    assert coarse == pytest.approx(fine, abs=1e-3)  # the mean of two demands began to act up to half a step early: 0.03
+
+
 def test_static_curve_is_the_monotone_cubic_of_its_points():
     from scipy.interpolate import PchipInterpolator
 
@@ -60,7 +70,7 @@ def test_a_fast_demand_waits_for_the_coil_and_a_high_one_for_the_supply():
 def test_falling_current_freewheels():
     command = np.concatenate((np.full(300, 2.0), np.zeros(500)))
     out = run(DRIVE, command, **PROMPT, loop_bandwidth=5000.0, warming=0.0)
-    assert out[VOLTAGE, 305:].min() == 0.0
+    assert out[VOLTAGE, 305:].min() == pytest.approx(0.0, abs=1e-9)
     hot = out[VOLTAGE, 250] / 2.0
     assert out[CURRENT, 339] == pytest.approx(2.0 * math.exp(-0.04 * hot / 0.09), rel=0.02)
 

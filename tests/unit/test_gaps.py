@@ -123,6 +123,15 @@ def test_samples_that_said_nothing_before_say_nothing_on_the_even_grid() -> None
     assert not even.silent["spool position"][:910].any() and even.silent["spool position"][910:].all()
 
 
+def test_a_stretch_that_is_kept_keeps_what_said_nothing_before() -> None:
+    (each, *_) = records(seed=48, with_spool=True)
+    (e,) = bound(nominal(), [with_rows(each, np.delete(np.arange(len(each)), slice(200, 600)))])
+    late = np.arange(len(e.output)) >= len(e.output) - 30
+    cut, _ = filled(e.without(late).without_inner("spool position", late), 0.0, forgets=False)
+    assert len(cut.silent["spool position"]) == len(cut.output) < len(e.output) + 400
+    assert cut.silent["spool position"].sum() == 30 and cut.ignored is not None and cut.ignored[-30:].all()
+
+
 @pytest.mark.parametrize("kept", ["all but a second", "four of five"])
 def test_missing_samples_do_not_bend_what_is_identified(kept: str) -> None:
     rng, start = np.random.default_rng(48), typical_model(PLANT)

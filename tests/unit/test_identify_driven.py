@@ -12,9 +12,10 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.daq.channel import OutputChannel, Pwm
-from hil.identification.driven import as_driven
+from hil.identification.driven import FINER, as_driven, with_dither
 from hil.identification.experiment import experiment
 from hil.physics.compose import plant
+from hil.physics.simulate import Drive, simulate
 from hil.record.folder import read
 from hil.record.recording import Recording, recording
 
@@ -40,6 +41,35 @@ def test_a_current_drive_that_cannot_pull_adds_the_mean_of_what_its_dither_lacks
         assert mean == pytest.approx(np.mean(np.clip(told + 0.2 * np.sin(turns), 0.0, 3.0)), abs=1e-6)
 
 
+def dithered(hz: float) -> Recording:
+    return recorded(low=0.0, high=3.0, dither_amplitude=0.2, dither_hz=hz)
+
+
+def test_opposite_phases_of_a_dither_have_the_command_as_their_mean_but_near_the_end_of_the_range() -> None:
+    one, _, opposite, _ = (made.values("current") for made in with_dither(dithered(10.0)))
+    told = np.repeat(np.linspace(0.0, 1.0, 100), FINER)
+    assert (one + opposite)[told > 0.2] == pytest.approx(2.0 * told[told > 0.2])
+    assert one.min() == 0.0 and (one + opposite - 2.0 * told)[told < 0.1].mean() > 0.05
+
+
+def test_samples_too_far_apart_carry_no_dither() -> None:
+    assert with_dither(dithered(25.0)) and not with_dither(dithered(26.0))
+    assert not with_dither(recorded(low=0.0, high=3.0, dither_amplitude=0.2))
+
+
+def test_a_coil_that_cannot_be_driven_below_0_v_keeps_more_current_than_the_mean_of_its_dither() -> None:
+    drive, time_s = plant("efc-drive"), np.arange(2000) * 1e-3
+    command = np.where(time_s < 1.5, 0.0, 1.5)
+    made = recording("made", time_s, {"current [A]": command, "pressure [psi]": command})
+    how = {"low": 0.0, "high": 3.0, "dither_amplitude": 0.02, "dither_hz": 125.0}
+    told = experiment(replace(made, meta={"driven": {"current": how}}), drive)
+    held = told.respond(drive, drive.typical)[1]
+    wave = np.clip(np.repeat(command, 20) + 0.02 * np.sin(2.0 * np.pi * 125.0 * np.arange(40_000) * 5e-5), 0.0, 3.0)
+    whole = simulate(drive, drive.typical, Drive(wave[None], 0.0, 5e-5))[1].reshape(-1, 20).mean(axis=1)
+    assert whole[500:1500].mean() > 0.012  # of the dither itself 0.0064 A are left
+    assert held[500:1500].mean() == pytest.approx(whole[500:1500].mean(), abs=5e-4)
+
+
 def test_an_experiment_is_driven_by_what_acted_and_a_plain_file_by_what_it_says() -> None:
     efc = plant("cummins-efc")
     told = recorded(low=0.0, high=3.0, step=0.1)
@@ -49,7 +79,9 @@ def test_an_experiment_is_driven_by_what_acted_and_a_plain_file_by_what_it_says(
 
 def test_an_output_says_how_it_is_driven() -> None:
     channel = OutputChannel("current", "pwm0", "pwm_current", "A", 0.0, 3.0, pwm=Pwm(1000.0, 125.0, 0.05), step=0.5)
-    assert channel.driven == {"low": 0.0, "high": 2.5, "step": 0.5, "dither_amplitude": 0.05}
+    assert channel.driven == {
+        "low": 0.0, "high": 2.5, "step": 0.5, "dither_amplitude": 0.05, "dither_hz": 125.0
+    }  # fmt: skip
 
 
 def test_the_header_of_a_run_knows_how_its_outputs_are_driven(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ from hil.identification.fit import fit_percent
 from hil.identification.grey_box import fit_plant
 from hil.identification.looks import Looked, believed, doubts, look, runs_the_other_way
 from hil.identification.mistaken.suspicion import Suspicion
+from hil.identification.noise import channel_floor
 from hil.physics.model import typical_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array, Recording, recording
@@ -194,3 +195,15 @@ def test_an_output_that_runs_away_is_called_unstable(rate: float, said: bool) ->
     start = typical_model("transfer-function")
     found = doubts(start, [experiment(one, start.definition, "u", "y", 0.0)], {})
     assert any("unstable" in sentence for sentence in found) == said
+
+
+def test_the_noise_of_an_inner_channel_is_that_of_samples_within_its_range() -> None:
+    def clipped(one: Recording) -> Array:
+        noisy = 50.0 * command_of(one) / np.abs(command_of(one)).max()
+        noisy += 0.5 * np.random.default_rng(3).standard_normal(len(one))
+        return np.clip(noisy, -90.0, 20.0)
+
+    made = records(parameters=OWN, seed=41, with_spool=True)[0]
+    (e,) = looked_at(with_values(made, **{"spool position": clipped})).experiments
+    assert e.silent["spool position"].mean() > 0.1
+    assert channel_floor(e.told_observed["spool position"]) == pytest.approx(0.5, rel=0.1)

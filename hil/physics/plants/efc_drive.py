@@ -74,10 +74,21 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     The rotor's angle is expressed as the current that would hold it there, pressure in psi.
     """
     current = hook.command(current)
-    demand = delayed(x.line, current, c.dead_steps)
+    whole = 1.0 * int(c.dead_steps)
+    part = c.dead_steps - whole
+    demand = delayed(x.line, current, whole)
     resistance = c.resistance * (1.0 + c.copper * (x.warm + c.ambient - c.reference))
     keep = math.exp(-c.over_inductance * resistance)
-    reached = driven(demand, x.current, c.follow, keep, resistance, c.supply_voltage, c.volts_per_unit)
+    # for the fraction of a step that the dead time has, the demand is still the one before: a loop at the end of its
+    # voltage does not respond to their mean as to one after the other
+    volts = c.volts_per_unit
+    keeps = math.exp(-part * c.over_inductance * resistance)
+    follows = math.exp(-part * c.follow_rate)
+    before = driven(x.demand, x.current, follows, keeps, resistance, c.supply_voltage, volts)
+    keeps = math.exp((part - 1.0) * c.over_inductance * resistance)
+    follows = math.exp((part - 1.0) * c.follow_rate)
+    reached = driven(demand, before, follows, keeps, resistance, c.supply_voltage, volts)
+    x.demand = demand
     # the mean voltage that makes this step of the current; instruments average both over the PWM, alike
     voltage = resistance * (reached - keep * x.current) / (1.0 - keep)
     x.shown_voltage = c.a_keep * x.shown_voltage + (1.0 - c.a_keep) * voltage
@@ -121,7 +132,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float]:
         "ambient": p["coil_temperature"],
         "reference": COPPER_REFERENCE_C,
         "over_inductance": min(step_s / p["inductance"], 1e9),
-        "follow": held_first_order(1.0 / p["loop_bandwidth"], step_s),
+        "follow_rate": min(step_s * p["loop_bandwidth"], 1e9),
         "a_keep": averaging[0],
         "a_old": averaging[1],
         "a_new": averaging[2],
@@ -204,6 +215,7 @@ PLANT = Plant(
         Hook("sensor", "sensor", "psi", 200.0),
     ),
     states={
+        "demand": 1,
         "current": 1,
         "shown_current": 1,
         "shown_voltage": 1,
@@ -219,6 +231,7 @@ PLANT = Plant(
     equations=equations,
     coefficients=coefficients,
     sub_step_s=0.0005,
+    rectifies=True,  # below 0 V there is none: the current decays slowly there, and rises fast
     source="Tugsal: Fault diagnosis of electronic fuel control (EFC) valves via dynamic performance test "
     "method, Purdue 2009; copper and drive as customary",
 )

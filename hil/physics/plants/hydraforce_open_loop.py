@@ -17,10 +17,10 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
 
     A positive current is that of the coil that extends, a negative one that of the other. Below 1 bar the root of a
     pressure drop becomes a line. A pressure is implicit in its own edge, so that a small drop over a wide edge does not
-    ring; cavitation holds it at 0.
+    ring; cavitation holds it at 0. Place and pressures stand at the ends of a sub-step, the speed in its middle
+    (leapfrog); edges are open as in the mean of it: second order, so that the piston is neither late nor early.
     """
     current = hook.command(current)
-    current = delayed(x.line, current, c.dead_steps)
     current = hook.coil(current)
     if current - x.held > c.play:
         x.held = current - c.play
@@ -29,12 +29,15 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     drive = min(max(abs(x.held) - c.first, 0.0) * c.per_ampere, 100.0)
     if x.held < 0.0:
         drive = -drive
+    # behind the play and the ends of the range, which respond to the mean of two commands otherwise than to one by one
+    drive = delayed(x.line, drive, c.dead_steps)
     free_position = c.xx * x.spool + c.xv * x.speed + c.compliance * drive
     free_speed = c.vx * x.spool + c.vv * x.speed + c.mobility * drive
     force = hook.force(free_speed, c.mobility)
-    x.spool = free_position - c.compliance * force
+    spool = free_position - c.compliance * force
     x.speed = free_speed - c.mobility * force
-    opening = hook.opening(x.spool)
+    opening = hook.opening(0.5 * (x.spool + spool))
+    x.spool = spool
     share = min(max(0.01 * opening, -1.0), 1.0)
     supply = hook.supply(c.supply, share)
     from_a = supply
@@ -62,8 +65,8 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     push = 0.1 * (x.pressure_a * c.head_area - x.pressure_b * c.rod_area) - c.load
     free_rate = c.keep * (x.rate + c.inverse_mass * push)
     stopped = c.keep * c.inverse_mass * c.coulomb
-    x.rate = math.copysign(max(abs(free_rate) - stopped, 0.0), free_rate)
     x.place += c.step * x.rate
+    x.rate = math.copysign(max(abs(free_rate) - stopped, 0.0), free_rate)
     if abs(x.place) > c.half_stroke:
         x.place = math.copysign(c.half_stroke, x.place)
         x.rate = 0.0
