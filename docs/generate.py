@@ -312,6 +312,13 @@ have `.plot()` (a matplotlib figure) and `.to_pandas()`, recordings `.to_xarray(
 `hil.errors.HilError`, one sentence each."""
 
 
+def _place(name: str) -> str:
+    """Where a public name is imported from: most stand in `hil` too."""
+    import hil
+
+    return "hil" if name in hil.__all__ else "hil.api"
+
+
 def python_page() -> Iterator[str]:
     """The page of the public interface: every name with its signature and what it says of itself."""
     from hil import api
@@ -320,7 +327,16 @@ def python_page() -> Iterator[str]:
     for name in sorted(api.__all__, key=str.lower):
         public = getattr(api, name)
         signature = "" if inspect.isclass(public) else signature_of(public)
-        yield from ("", f"## `hil.{name}`", "", "```text", *wrapped(f"{name}{signature}"), "", *said_of(public), "```")
+        yield from (
+            "",
+            f"## `{_place(name)}.{name}`",
+            "",
+            "```text",
+            *wrapped(f"{name}{signature}"),
+            "",
+            *said_of(public),
+            "```",
+        )
 
 
 def _example(doc: str) -> list[str]:

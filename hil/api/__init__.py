@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from hil.api.by_hand import calibrate, demo, jog, watch
 from hil.api.calculations import compare, compose, diagnose, identify, linearise, simulate, step_models
 from hil.api.models import export, load_model, save_model, typical_model
 from hil.api.recordings import average, read, write
@@ -31,9 +32,9 @@ if TYPE_CHECKING:
     from hil.record.recording import Recording
 
 __all__ = [
-    "Model", "Recording", "Results", "average", "compare", "compose", "diagnose", "diagnose_fleet", "diff", "export",
-    "find_runs", "identify", "issue_passport", "linearise", "load_model", "open_bench", "read", "results", "run",
-    "save_model", "simulate", "step_models", "typical_model", "write",
+    "Model", "Recording", "Results", "average", "calibrate", "compare", "compose", "demo", "diagnose", "diagnose_fleet",
+    "diff", "export", "find_runs", "identify", "issue_passport", "jog", "linearise", "load_model", "open_bench", "read",
+    "results", "run", "save_model", "simulate", "step_models", "typical_model", "watch", "write",
 ]  # fmt: skip
 
 _TYPES = {"Model": "hil.physics.model", "Recording": "hil.record.recording", "Results": "hil.findings.results"}

@@ -8,6 +8,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hil.api.bench import bench_of
 from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def run(
     chosen = load_procedure(procedure) if isinstance(procedure, str) else procedure
     labels = labels_of(serial, operator, [f"{key}={value}" for key, value in notes.items()])
     return run_procedure(
-        chosen, _bench(bench), {**settings, **named}, Path(out), progress, resets, split_limits(limits),
+        chosen, bench_of(bench), {**settings, **named}, Path(out), progress, resets, split_limits(limits),
         None if resume is None else Path(resume), outputs, labels, archive=str(archive),
     )  # fmt: skip
 
@@ -83,16 +84,9 @@ def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet
     from hil.bench.audit import on_the_trail
     from hil.bench.open import open_rig
 
-    file = _bench(bench)
+    file = bench_of(bench)
     with on_the_trail(file, Path(out), {}), open_rig(file, Path(out), {}, progress) as rig:
         yield rig
-
-
-def _bench(bench: str | Path | BenchFile) -> BenchFile:
-    from hil.bench.find import find_bench
-    from hil.bench.read import read_bench
-
-    return read_bench(find_bench(str(bench))) if isinstance(bench, str | Path) else bench
 
 
 def results(run: str | Path) -> Results:

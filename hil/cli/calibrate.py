@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import datetime as dt
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,13 +10,12 @@ import typer
 from hil.cli.runs import ARCHIVE
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
-    from hil.bench.file import CalibrationLine
-    from hil.bench.hand.fit import Line, Point
     from hil.bench.read import BenchFile
     from hil.cli.typed import Typed
-    from hil.session.labels import Labels
+    from hil.safety.outputs import Outputs
+    from hil.session.calibration import Calibrated
 
 
 def command(
@@ -47,85 +45,62 @@ def command(
     output is driven through the guard and held until the answer is there, then goes back. The bench file keeps its
     comments, and the values before in a history.
     """
-    from hil.bench.hand.fit import fit_line
-    from hil.bench.hand.write import write_calibration
+    from hil import api
     from hil.bench.read import read_bench
     from hil.cli.quantity import quantity
+    from hil.cli.run_end import entered, safely
     from hil.cli.typed import Typed
     from hil.errors import UnknownNameError
-    from hil.session.labels import labels_of
 
     file = read_bench(bench)
     if channel not in file.bench.channels:
         raise UnknownNameError("channel", channel, file.bench.channels)
     unit = file.bench.channels[channel].unit
-    labels = labels_of("", operator, [])
     expanded = quantity(reference_uncertainty, unit, "--reference-uncertainty") if reference_uncertainty else None
+    ends = between.partition("..")
+    limits = (quantity(ends[0], unit, "--between"), quantity(ends[2], unit, "--between")) if between else None
     typed = Typed()
-    found = _points(file, channel, points, between, typed, labels, out, archive)
-    line = fit_line(found, None if expanded is None else 0.5 * abs(expanded))
-    new = _calibration(line, reference, labels.operator, valid_days)
-    typer.echo(_described(file, channel, found, line, new, reference_stated=expanded is not None), err=as_json)
+    folder = _folder(file, channel, out)
+
+    def ask_all(known: Outputs | None = None) -> Calibrated:
+        return api.calibrate(
+            file, channel, reference, _answers(typed, unit), points=points, between=limits, operator=operator,
+            reference_uncertainty=expanded, valid_days=valid_days, out=folder or "", ask=_ask, outputs=known,
+        )  # fmt: skip
+
+    if folder is None:
+        found = ask_all()
+    else:
+        found = safely(ask_all, folder, archive)
+        entered(archive, folder)
+    typer.echo(_described(found, reference_stated=expanded is not None), err=as_json)
     written = yes or _confirmed(f"write this into {bench}? [y/N] ", typed)
     if written:
-        write_calibration(file, channel, new)
+        found.write()
     typer.echo(f"{'written into' if written else 'not written:'} {bench}", err=as_json)
     if as_json:
         from hil.record.plain import to_json
 
-        typer.echo(to_json({"schema": "hil.calibrate/1", "channel": channel, "unit": unit, "points": found,
-                            "line": line, "calibration": new.model_dump(), "written": written}))  # fmt: skip
+        typer.echo(to_json({"schema": "hil.calibrate/1", "channel": channel, "unit": unit, "points": found.points,
+                            "line": found.line, "calibration": found.entry.model_dump(),
+                            "written": written}))  # fmt: skip
 
 
-def _points(
-    file: BenchFile,
-    channel: str,
-    count: int,
-    between: str,
-    typed: Typed,
-    labels: Labels,
-    out: Path | None,
-    archive: str,
-) -> list[Point]:
+def _folder(file: BenchFile, channel: str, out: Path | None) -> Path | None:
+    """Where an output's run is recorded; an input has none."""
     from hil.cli.places import check_folder
-    from hil.cli.run_end import entered, safely
-    from hil.session.calibration import input_points, output_points
     from hil.session.labels import folder_name
 
-    entry = file.bench.channels[channel]
-    answered = _answers(typed, entry.unit)
-    if not entry.is_output:
-        return input_points(file, channel, count, _ask, answered)
+    if not file.bench.channels[channel].is_output:
+        return None
     folder = out or Path("runs") / folder_name("jog", "")
     check_folder(folder)
-    targets = _targets(file, channel, count, between)
-    found = safely(
-        lambda known: output_points(file, channel, targets, _ask, answered, folder, known, labels), folder, archive
-    )
-    entered(archive, folder)
-    return found
+    return folder
 
 
 def _ask(text: str) -> None:
     """Beside what the command prints."""
     typer.echo(text, nl=False, err=True)
-
-
-def _targets(file: BenchFile, channel: str, count: int, between: str) -> Sequence[float]:
-    """Places of an output, evenly from end to end."""
-    import numpy as np
-
-    from hil.cli.quantity import quantity
-
-    entry = file.bench.channels[channel]
-    terminal = file.devices[entry.device].terminals[entry.terminal]
-    low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
-    if entry.limits is not None:
-        low, high = entry.limits.low, entry.limits.high
-    if between:
-        ends = between.partition("..")
-        low, high = (quantity(end, entry.unit, "--between") for end in (ends[0], ends[2]))
-    return [float(target) for target in np.linspace(low, high, count)]
 
 
 def _answers(typed: Typed, unit: str) -> Callable[[], float | None]:
@@ -144,30 +119,10 @@ def _answers(typed: Typed, unit: str) -> Callable[[], float | None]:
     return answered
 
 
-def _calibration(line: Line, reference: str, operator: str, valid_days: int) -> CalibrationLine:
-    from hil.bench.file import CalibrationLine
-
-    today = dt.datetime.now(dt.UTC).date()
-    return CalibrationLine(
-        slope=_short(line.slope, line.slope_interval), offset=_short(line.offset, line.offset_interval),
-        uncertainty=float(f"{line.uncertainty:.3g}"), date=today, due=today + dt.timedelta(days=valid_days),
-        source=reference, operator=operator, lag_s=None,
-    )  # fmt: skip
-
-
-def _short(value: float, interval: float) -> float:
-    """As many digits as a hundredth of its interval; the line does not notice what is left out."""
-    import math
-
-    places = 2 - math.floor(math.log10(interval)) if interval > 0.0 else 12
-    return round(value, min(places, 12))
-
-
-def _described(
-    file: BenchFile, channel: str, points: Sequence[Point], line: Line, new: CalibrationLine, reference_stated: bool
-) -> str:
+def _described(found: Calibrated, *, reference_stated: bool) -> str:
     from hil.bench.hand.write import narrowed
 
+    file, channel, points, line, new = found.file, found.channel, found.points, found.line, found.entry
     entry = file.bench.channels[channel]
     raw_unit = file.devices[entry.device].terminals[entry.terminal].unit
     per = f"{entry.unit} per {raw_unit}"

@@ -17,14 +17,14 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Test and identify a valve, meet recordings that conceal an effect, diagnose them, write the reports."""
+    from hil import api
     from hil.cli.places import check_folder
     from hil.cli.progress import shown
-    from hil.session.demo import demonstrate
 
     check_folder(out)
     typer.echo("Brevini HPV41 on the simulated bench, in virtual time", err=as_json)
     with shown() as progress:
-        done = demonstrate(out, conceal, progress)
+        done = api.demo(out, conceal=conceal, progress=progress)
     identified, diagnosis = done.identified, done.diagnosed.diagnosis
     reports = [f"{name}: {outcome.report}" for name, outcome in done.tests.items()]
     concealed = f"concealed in the second recordings: {conceal}"

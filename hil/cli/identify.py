@@ -16,7 +16,7 @@ def command(
     recordings: list[Path] = typer.Argument(
         ..., metavar="RECORDING...", help="Recordings or tables of a frequency response, fitted together."
     ),
-    plant: str = typer.Option(..., "--plant", help="Name of a plant, or a model file to start from."),
+    plant: str = typer.Option(..., "--plant", help="Plant, or a model to start from: its file or its name."),
     out: Path = typer.Option(..., "--out", help="Model file to write."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",

@@ -37,35 +37,33 @@ def command(
     It goes back to its safe value when the time is over, on any key, on a signal, and when a link is lost. What every
     input did is shown, and recorded as a run.
     """
-    from hil.bench.find import find_bench
-    from hil.bench.read import read_bench
+    from hil import api
+    from hil.api.bench import bench_of
     from hil.cli.key import any_key
     from hil.cli.places import check_folder
     from hil.cli.progress import shown
     from hil.cli.quantity import quantity
     from hil.cli.run_end import ended
     from hil.errors import SettingError
-    from hil.session.by_hand import output_of, to_be_ended
+    from hil.session.by_hand import output_of
     from hil.session.labels import folder_name, labelled, labels_of
     from hil.session.procedure import load_procedure
-    from hil.session.run import run_procedure
 
-    found = read_bench(find_bench(bench))
-    unit = found.bench.channels[output_of(found, channel)].unit
-    settings = {"value": quantity(value, unit, "VALUE"), "for_s": quantity(for_time, "s", "--for")}
-    if settings["for_s"] <= 0.0:
+    found = bench_of(bench)
+    place = quantity(value, found.bench.channels[output_of(found, channel)].unit, "VALUE")
+    for_s = quantity(for_time, "s", "--for")
+    if for_s <= 0.0:
         raise SettingError(f"--for {for_time}: a time longer than 0 s was expected")
-    procedure = load_procedure("jog")
-    found, labels = labelled(found, procedure, labels_of(serial, operator, notes))
+    found, labels = labelled(found, load_procedure("jog"), labels_of(serial, operator, notes))
     folder = out or Path("runs") / folder_name("jog", labels.serial)
     check_folder(folder)
 
     def run(known: Outputs) -> Outcome:
         with any_key() as pressed, shown() as progress:
-            mine = to_be_ended(procedure, lambda: not pressed())
             typer.echo(f"jog {channel} on {found.bench.name}, recording into {folder}; any key ends it", err=as_json)
-            return run_procedure(
-                mine, found, settings, folder, progress, resets, known=known, labels=labels, commanding=channel
-            )
+            return api.jog(
+                found, channel, place, folder, for_s=for_s, serial=labels.serial, operator=labels.operator,
+                notes=labels.notes, resets=resets, wanted=lambda: not pressed(), progress=progress, outputs=known,
+            )  # fmt: skip
 
     ended(run, folder, archive, as_json=as_json)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
@@ -33,34 +33,38 @@ def command(
     No output is opened, and nothing is written to a device that could move one. A device that does not answer is asked
     again each second; when one does not at the end, the exit status is 3.
     """
-    from hil.bench.find import find_bench
-    from hil.bench.hand.inputs import inputs_of
-    from hil.bench.read import read_bench
+    from hil import api
+    from hil.api.bench import bench_of
     from hil.cli.places import check_file
-    from hil.errors import LinkError, SettingError
-    from hil.safety.interrupt import terminable
+    from hil.errors import LinkError
 
-    if not 0.05 <= every <= 60.0 or not seconds > 0.0:
-        raise SettingError("--every: 0.05 … 60 s, and --seconds more than 0")
-    file = read_bench(find_bench(bench))
+    file = bench_of(bench)
     if csv is not None:
         check_file(csv)
-    with terminable(), ExitStack() as stack:
-        looked = stack.enter_context(inputs_of(file, channels))
+    readings: Sequence[Reading] = []
+    with ExitStack() as stack:
         show = _shower(file.bench.name, as_json, lines, stack)
         keep = _kept(stack.enter_context(csv.open("w", encoding="utf-8"))) if csv else (lambda _at_s, _readings: None)
-        readings: Sequence[Reading] = []
-        for step in range(math.ceil(min(seconds / every, 1e12) - 1e-9)):
-            begun_s = time.monotonic()
-            readings = looked.look(every)
-            show((step + 1) * every, readings)
-            keep((step + 1) * every, readings)
-            if not file.is_simulated or lines or sys.stdout.isatty():  # virtual time waits for who looks on
-                time.sleep(max(0.0, begun_s + every - time.monotonic()))
-        if as_json:
-            typer.echo(_as_json(file.bench.name, readings))
-        if looked.failures:
-            raise LinkError("; ".join(looked.failures.values()))
+        looks = stack.enter_context(closing(api.watch(file, channels, every_s=every, seconds=seconds)))
+        begun_s, step = time.monotonic(), 0
+        try:
+            for step, readings in enumerate(looks, 1):
+                show(step * every, readings)
+                keep(step * every, readings)
+                if not file.is_simulated or lines or sys.stdout.isatty():  # virtual time waits for who looks on
+                    time.sleep(max(0.0, begun_s + every - time.monotonic()))
+                begun_s = time.monotonic()
+        except LinkError:
+            if not step:  # it could not begin
+                raise
+            _say_last(file.bench.name, readings, as_json)
+            raise
+        _say_last(file.bench.name, readings, as_json)
+
+
+def _say_last(bench: str, readings: Sequence[Reading], as_json: bool) -> None:
+    if as_json:
+        typer.echo(_as_json(bench, readings))
 
 
 def _shower(bench: str, as_json: bool, lines: bool, stack: ExitStack) -> Callable[[float, Sequence[Reading]], None]:

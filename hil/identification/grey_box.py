@@ -11,6 +11,7 @@ from threading import Lock
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.catalog import entries, models
 from hil.identification.at_once import dead_time_std_s, follows_at_once
 from hil.identification.elsewhere import elsewhere
 from hil.identification.estimate import Estimate, Unknown, estimate
@@ -90,13 +91,14 @@ def _whole(found: Value) -> str:
 
 
 def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
-    """The start of an identification: a plant at its typical values, or the values of a model file.
+    """The start of an identification: a plant at its typical values, or a model: its file, or an installed one's name.
 
     Raises:
         FileError, UnknownNameError: no such plant or file. SettingError: a parameter to free is unknown.
     """
     path = Path(plant_or_file)
-    model = load_model(path) if path.suffix == ".json" else typical_model(plant_or_file)
+    installed = plant_or_file in models() and plant_or_file not in {entry.name for entry in entries("plants")}
+    model = load_model(path) if path.suffix == ".json" or installed else typical_model(plant_or_file)
     for name in free:
         check_free(model, name)
     return model

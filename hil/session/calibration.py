@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import datetime as dt
+import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hil.bench.audit import on_the_trail
 from hil.bench.ending import accounted
-from hil.bench.hand.fit import Point
+from hil.bench.file import CalibrationLine
+from hil.bench.hand.fit import Line, Point, fit_line
 from hil.bench.hand.inputs import inputs_of
+from hil.bench.hand.write import write_calibration
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import LinkError, SettingError
@@ -26,6 +31,52 @@ from hil.session.preload import preload
 from hil.session.procedure import load_procedure
 from hil.session.run import evaluate_run
 from hil.signals.batch_mean import batch_mean
+
+
+@dataclass(frozen=True, slots=True)
+class Calibrated:
+    """Slope and offset of a channel against a reference: the points, the line through them, the entry for the bench."""
+
+    file: BenchFile
+    channel: str
+    points: tuple[Point, ...]
+    line: Line
+    entry: CalibrationLine
+
+    def write(self) -> None:
+        """Write it into the bench file; its comments stay, and the values before in a history."""
+        write_calibration(self.file, self.channel, self.entry)
+
+
+def calibrated(
+    file: BenchFile, channel: str, points: Sequence[Point], reference: str, std: float | None, operator: str,
+    valid_days: int,
+) -> Calibrated:  # fmt: skip
+    """The line through the points, as an entry of the bench; `std`: standard uncertainty of a reference reading."""
+    line, today = fit_line(points, std), dt.datetime.now(dt.UTC).date()
+    entry = CalibrationLine(
+        slope=_short(line.slope, line.slope_interval), offset=_short(line.offset, line.offset_interval),
+        uncertainty=float(f"{line.uncertainty:.3g}"), date=today, due=today + dt.timedelta(days=valid_days),
+        source=reference, operator=operator, lag_s=None,
+    )  # fmt: skip
+    return Calibrated(file, channel, tuple(points), line, entry)
+
+
+def targets_of(file: BenchFile, channel: str, count: int, between: tuple[float, float] | None = None) -> list[float]:
+    """Places of an output, evenly from end to end: of its limits where not said."""
+    entry = file.bench.channels[channel]
+    terminal = file.devices[entry.device].terminals[entry.terminal]
+    low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
+    if entry.limits is not None:
+        low, high = entry.limits.low, entry.limits.high
+    return [float(target) for target in np.linspace(*(between or (low, high)), count)]
+
+
+def _short(value: float, interval: float) -> float:
+    """As many digits as a hundredth of its interval; the line does not notice what is left out."""
+    places = 2 - math.floor(math.log10(interval)) if interval > 0.0 else 12
+    return round(value, min(places, 12))
+
 
 Asked = Callable[[str], None]
 """Poses a question to the operator."""

@@ -12,6 +12,7 @@ from hil.catalog import models
 from hil.cli import app
 from hil.errors import FileError
 from hil.findings.results import read_results
+from hil.identification.grey_box import starting_model
 from hil.physics.model import load_model
 from hil.physics.published import tordal
 from hil.physics.published.models import FOLDER, TABLES, published_models, published_tables
@@ -164,3 +165,7 @@ def test_orders_are_asked_of_a_frequency_response_only(monkeypatch, capsys, tmp_
     status, said = _said(monkeypatch, capsys, "identify", path, *options)
     assert status == 2
     assert "where a frequency response is fitted" in said.err
+
+
+def test_an_identification_starts_from_an_installed_model_by_name() -> None:
+    assert starting_model("hpv41-identified").parameters["pilot_ratio"].value == 1.107

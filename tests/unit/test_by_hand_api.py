@@ -1,0 +1,35 @@
+"""A bench by hand from Python: what `hil jog`, `hil watch` and `hil calibrate` do, as functions."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hil import api
+from hil.errors import RangeError, SettingError, UnknownNameError
+
+BENCH = "brevini-hpv41"
+
+
+@pytest.mark.parametrize(
+    ("channel", "value", "for_s", "error"),
+    [("flow", 5.0, 1.0, SettingError), ("command", 500.0, 1.0, RangeError), ("command", 5.0, 0.0, SettingError)],
+)
+def test_what_cannot_be_driven_is_refused(
+    tmp_path: Path, channel: str, value: float, for_s: float, error: type[Exception]
+) -> None:
+    with pytest.raises(error):
+        api.jog(BENCH, channel, value, tmp_path / "run", for_s=for_s)
+
+
+def test_inputs_are_read_again_and_again() -> None:
+    looks = list(api.watch(BENCH, ["flow"], every_s=0.1, seconds=0.3))
+    assert [[reading.name for reading in look] for look in looks] == [["flow"]] * 3
+
+
+def test_an_output_is_calibrated_into_a_run_folder_alone() -> None:
+    with pytest.raises(SettingError, match="a run folder is needed"):
+        api.calibrate(BENCH, "command", "a gauge", lambda: 1.0)
+    with pytest.raises(UnknownNameError):
+        api.calibrate(BENCH, "nothing", "a gauge", lambda: 1.0)
