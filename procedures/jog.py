@@ -17,6 +17,7 @@ from hil.record.recording import Channel, Recording
 from hil.rig import Rig
 from hil.session.by_hand import HELD, hold
 from hil.signals.batch_mean import batch_mean
+from hil.units import behind_a_number
 
 READING = Measurement(
     "reading", "1", "mean of a channel while the output stands at its value",
@@ -61,7 +62,7 @@ def _settled(values: np.ndarray, part: Mapping[str, Any]) -> np.ndarray:
 
 
 def _at(part: Mapping[str, Any]) -> str:
-    return f" at {part['to']:g} {part['unit']}"
+    return f" at {part['to']:g}{behind_a_number(part['unit'])}"
 
 
 def _measured(channel: Channel, values: np.ndarray, at: str) -> list[Measured]:

@@ -171,7 +171,7 @@ def _instrument_faults(
         text = f"there is no signal '{instrument.signal}' of plant {plant.name} here, only {', '.join(known)}"
         yield place, f"{text}; in [simulation.{'.'.join(map(str, place))}] say which one it carries, or {otherwise}"
     if not is_out and bool(instrument.signal) == (instrument.value is not None):
-        yield place, "an input reads either a signal of the plant or a value that stands still"
+        yield place, "an input reads either a signal of the plant (signal = …) or a value that stands still (value = …)"
 
 
 def _unit_faults(place: Place, unit: str, of_plant: str) -> Iterator[tuple[Place, str]]:

@@ -93,6 +93,8 @@ def _range(found: BenchFile, name: str) -> tuple[float, float]:
 
 
 def _described(found: BenchFile) -> list[str]:
+    from hil.units import behind_a_number
+
     bench = found.bench
     lines = [f"{found.path}: no faults", f"{bench.name}: {bench.valve.name}, {bench.sample_rate_hz:g} Hz"]
     for name, entry in bench.channels.items():
@@ -100,6 +102,6 @@ def _described(found: BenchFile) -> list[str]:
         limits = entry.limits
         allowed = f", limits {limits.low:g} … {limits.high:g}, safe at {entry.safe:g}" if limits else ""
         role = "" if entry.role == "other" else f" ({entry.role})"
-        lines.append(f"  {entry.terminal:5} {name}{role}: {low:g} … {high:g} {entry.unit}{allowed}")
+        lines.append(f"  {entry.terminal:5} {name}{role}: {low:g} … {high:g}{behind_a_number(entry.unit)}{allowed}")
     lines += [f"  {entry.action:8} {name}" for name, entry in bench.interlocks.items()]
     return lines
