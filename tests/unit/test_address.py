@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -154,10 +155,12 @@ def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path: Pat
 def test_a_port_that_another_program_has_is_said_to_be_so(tmp_path: Path) -> None:
     with served("hpv41-modbus-rtu", tmp_path) as (file, _):
         settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
-        link = modbus.open_link(settings, Wiring({}, {}))
+        held = os.open(settings.address, os.O_RDWR | os.O_NOCTTY)
+        fcntl.flock(held, fcntl.LOCK_EX)  # as another program that has it alone
         with pytest.raises(DeviceLostError, match="cannot be opened: another program has it"):
             modbus.open_link(settings, Wiring({}, {}))
-        link.close()
+        os.close(held)
+        modbus.open_link(settings, Wiring({}, {})).close()
 
 
 def test_who_answers_as_another_one_is_another_device(tmp_path: Path) -> None:
