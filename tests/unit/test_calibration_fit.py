@@ -50,6 +50,11 @@ def test_a_value_read_through_the_line_lies_within_its_uncertainty() -> None:
     assert np.mean(inside) >= 0.95
 
 
+def test_readings_on_a_line_leave_nothing() -> None:
+    points = [Point(raw, RAW_STD, 10.1 * raw + 0.2) for raw in (-10.0, -5.0, 0.0, 5.0, 10.0)]
+    assert fit_line(points, REFERENCE_STD).residuals == (0.0,) * 5
+
+
 def test_what_is_no_line() -> None:
     with pytest.raises(SettingError, match="three without"):
         fit_line([Point(0.0, 0.0, 0.0), Point(1.0, 0.0, 1.0)])

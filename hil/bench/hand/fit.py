@@ -11,6 +11,7 @@ import numpy as np
 from hil.errors import SettingError
 
 _LEVEL = 0.95
+_ROUNDED = 1e-12  # of the largest reading: what is left is arithmetic
 _REFUSED = 0.01  # residuals that the stated uncertainties would give more rarely than that are larger than stated
 _ROUNDS = 3  # the noise of the raw reading weighs by the slope, which is not known before
 
@@ -80,6 +81,7 @@ def fit_line(points: Sequence[Point], reference_std: float | None = None) -> Lin
             std = np.hypot(reference_std or 0.0, slope * noise)
         (slope, offset), *_ = np.linalg.lstsq(rows / std[:, None], told / std, rcond=None)
     residuals = told - rows @ (slope, offset)
+    residuals[np.abs(residuals) <= _ROUNDED * np.abs(told).max()] = 0.0
     covariance = np.linalg.inv((rows / std[:, None]).T @ (rows / std[:, None]))
     square = float(np.sum((residuals / std) ** 2))
     exceeds = bool(stated and free and stats.chi2.sf(square, free) < _REFUSED)
