@@ -89,7 +89,7 @@ class Causes:
 
         No answer where all of them together, `free`, leave more than an effect does.
         """
-        if polished and _NEARLY_ALL * free.chi2 > min(self.m.cost(f) for f in polished):
+        if polished and free.chi2 > min(self.m.cost(f) for f in polished):
             return []
         names = self.m.problem.prior.moved(free.parameters)
         fitted = polish(self.m.problem, self._parameter_terms(free, names))

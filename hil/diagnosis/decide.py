@@ -31,8 +31,6 @@ from hil.diagnosis.search.polish import finished, from_other_shapes, polish, rou
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.diagnosis.yardsticks import MOST, MUCH_THE_SAME, PLAINLY
 
-# Base parameters that changed are told as the effects that they grow into unless another one shows so much more.
-_CHIEF_CHANGE = 3.0
 OPEN = ("partly_explained", "unexplained")
 
 
@@ -219,8 +217,8 @@ class _Judge:
         return "partly_explained" if named else "unexplained"
 
     def is_changed_unit(self, f: Fitted) -> bool:
-        """Whether all that an explanation brings are base parameters, and one that no effect is named after shows much
-        more than those that have grown into an effect.
+        """Whether all that an explanation brings are base parameters, and one that no effect is named after shows more
+        than those that have grown into an effect.
         """
         if len(f.names) == len(f.terms) or any(term.kind == "effect" for term in f.terms):
             return False
@@ -228,7 +226,7 @@ class _Judge:
         for k, (term, values) in enumerate(zip(f.terms, f.values, strict=True)):
             shown = float(np.linalg.norm(change_without(self.problem, f, k)))
             (named if term.effect_name(values) else plain).append(shown)
-        return max(plain) > _CHIEF_CHANGE * max(named)
+        return max(plain) > max(named)
 
     def is_nameable(self, f: Fitted) -> bool:
         """Whether an explanation has few causes, each there beyond doubt and with the shape that tells it."""

@@ -30,9 +30,6 @@ FULL_TOLERANCE = 0.003
 _INSIDE_SIGMAS = 2.0
 # An unknown costs so many times what it would if the laws of the library were those of nature (Schwarz: ln n).
 _PRICE = 2.0
-# No law is so exact that an unknown of it is worth this share of the misfit: beside an end stop that throws a carriage
-# far, what another contact leaves is many times the noise. The nominal model's own parameters are no such law.
-_EXACT = 1e-6
 
 
 def excess(problem: Problem, chi2: float) -> float:
@@ -73,10 +70,8 @@ class Measures:
 
     def cost(self, f: Fitted) -> float:
         """χ² and the price of unknowns; for physics that the nominal model lacks evidence must be very strong."""
-        added = [term for term in f.terms if term.kind == "effect"]
-        size = self.problem.size
-        shapes = sum(len(term.unknowns) for term in added) * _EXACT * self.excess(self.baseline) * size
-        return bic_of_known_noise(f.chi2, size, _PRICE * f.unknowns) + shapes + len(added) * VERY_STRONG
+        added = sum(term.kind == "effect" for term in f.terms)
+        return bic_of_known_noise(f.chi2, self.problem.size, _PRICE * f.unknowns) + added * VERY_STRONG
 
     def burden(self, f: Fitted) -> float:
         """Variance that an explanation leaves beyond the noise, and what it costs, as a share of it."""

@@ -21,7 +21,7 @@ EFC = typical_model("cummins-efc")
         ({"closed_pressure": 1.4, "pressure_span": 1.12}, "parameter_change", []),
     ],
 )
-def test_a_parameter_is_told_as_an_effect_unless_others_changed_by_much_more(
+def test_a_parameter_is_told_as_an_effect_unless_others_changed_by_more(
     changed: dict[str, float], verdict: str, effects: list[str]
 ) -> None:
     values = {**EFC.values, **{name: times * EFC.values[name] for name, times in changed.items()}}

@@ -111,20 +111,6 @@ def test_a_loop_of_one_width_is_backlash_and_no_hysteresis(least: float, itself:
     assert are_themselves(f) is itself
 
 
-@pytest.mark.parametrize(("misfit", "closer_wins"), [(1e3, True), (1e6, False)])
-def test_no_law_is_so_exact_that_shapes_are_worth_a_millionth_of_the_misfit(misfit: float, closer_wins: bool) -> None:
-    """Beside an end stop with another contact a coil with eddy currents bends closer to a dead time than one does."""
-    problem = pose(nominal(), bound(nominal(), records(seed=3)[:1]))
-    size = problem.size
-    plain = explanation("end_stop", "dead_time", chi2=2.0 * size)
-    shaped = explanation("end_stop", "coil_lag", "shape", "shape", chi2=1.1 * size)
-    m = Measures(problem, explanation(chi2=misfit * size))
-    assert (m.cost(shaped) < m.cost(plain)) is closer_wins
-    assert (m.burden(shaped) < m.burden(plain)) is closer_wins
-    masses = tuple(replace(term, kind="parameter") for term in shaped.terms)
-    assert m.cost(replace(shaped, terms=masses)) < m.cost(plain)  # parameters that changed are no law that is off
-
-
 def test_pairs_that_still_fall_are_carried_on_before_they_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     """A dead time beside a lag falls slowly along its valley; what has settled, or is far off, is left."""
     problem = pose(nominal(), bound(nominal(), records(seed=3)[:1]))
