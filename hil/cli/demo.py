@@ -12,7 +12,7 @@ from hil.cli.printed import Json, printed
 
 def command(
     out: Path = typer.Option(Path("demo"), "--out", help="Folder to make, with everything that the job leaves."),
-    conceal: str = typer.Option("friction", "--conceal", help="The effect that the second recordings conceal."),
+    conceal: str = typer.Option("backlash", "--conceal", help="The effect that the second recordings conceal."),
     language: Language = "",  # noqa: ARG001 — its callback takes it
     as_json: Json = False,
 ) -> None:
@@ -22,7 +22,7 @@ def command(
     from hil.cli.progress import shown
 
     check_folder(out)
-    typer.echo("Brevini HPV41 on the simulated bench, in virtual time", err=as_json)
+    typer.echo("the Brevini HPV41 of the paper, as identified, on the simulated bench, in virtual time", err=as_json)
     with shown() as progress:
         done = api.demo(out, conceal=conceal, progress=progress)
     identified, diagnosis = done.identified, done.diagnosed.diagnosis

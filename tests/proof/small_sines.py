@@ -27,7 +27,7 @@ from hil.physics.compose import Site, kernel
 from hil.physics.model import Model, load_model, save_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.read import read_recording
-from hil.session.demo import BENCH, PLANT, write_bench_with
+from hil.session.demo import write_bench_with
 from hil.session.diagnosis import conclude
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
@@ -41,6 +41,7 @@ HEALTHY = {
     "step_response": {},
 }
 BUDGET_S = 60.0
+BENCH, PLANT = "brevini-hpv41", "brevini-hpv41"
 _RATE_HZ = 250
 _WEAKEST, _STRONGEST = 0.8, 1.6
 
