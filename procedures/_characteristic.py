@@ -233,7 +233,7 @@ def _both_ways(
     estimate = swept_.estimate
     per = f"{swept_.response.unit} per {swept_.command.unit}"
     sides = {
-        sign: side(estimate, neutral, zero, end.response, sign)
+        sign: side(estimate, neutral, zero, end.response, sign, rounding_step(swept_.response.values))
         for sign, end in ((1, swept_.high), (-1, swept_.low))
     }  # fmt: skip
     share = math.hypot(calibration_share(swept_.response), calibration_share(swept_.command))

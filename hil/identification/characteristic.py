@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.redrawn import about
-from hil.identification.sweep_estimate import LEVELS, SweepEstimate
+from hil.identification.sweep_estimate import BINS, LEVELS, SweepEstimate
 from hil.record.recording import Array
+from hil.signals.rounding import rounding_of_means
 
 GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
 _GAIN_POINTS = 200
@@ -87,7 +88,7 @@ def loop(estimate: SweepEstimate, certain: float, speeds: tuple[float, ...]) -> 
     return Loop((estimate.lag_s, lag_std_s), (width, width_std), friction)
 
 
-def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int) -> Side:
+def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int, step: float = 0.0) -> Side:
     """Edge of the dead band, gain, and largest departure from its line as a share of the response at the end.
 
     Args:
@@ -96,6 +97,7 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
         zero: response there.
         end: response at the end of this side.
         sign: 1 for the side above neutral, −1 for that below.
+        step: between two codes of the converter that read the response; 0 where there is none.
 
     Raises:
         InputError: no response beyond the noise, or too few levels carry one.
@@ -121,7 +123,7 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
     found = line(estimate.response)
     redrawn = np.array([line(one) for one in estimate.responses])
     gain, departure = ((value, about(again, value)) for value, again in zip(found, redrawn.T, strict=True))
-    return Side(_edge(estimate, neutral, zero, end, sign), gain, departure)
+    return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure)
 
 
 def level_at(levels: Array, values: Array, wanted: float) -> float:
@@ -167,8 +169,12 @@ def polyline(count: int = 121) -> NDArray[np.int64]:
     return made
 
 
-def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int) -> Read:
-    """Where a power law through the foot of the curve begins, with its uncertainty."""
+def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign: int, step: float) -> Read:
+    """Where a power law through the foot of the curve begins, with its uncertainty.
+
+    At the foot the response stays on one code of a coarse converter for many samples; what that hides is no noise, and
+    is drawn beside it, with the codes anywhere.
+    """
     from scipy.optimize import least_squares
 
     points = estimate.points
@@ -181,9 +187,13 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     weight = 1.0 / np.maximum(estimate.std[foot] / abs(end - zero), 1e-6)
     top = float(opening.max())
 
+    def law_at(place: Array, p: Array) -> Array:
+        over = np.maximum((place - p[0]) / (top - p[0]), 0.0)
+        made: Array = p[3] + p[4] * place / top + p[2] * over ** p[1]
+        return made
+
     def residuals(p: Array) -> Array:
-        over = np.maximum((opening - p[0]) / (top - p[0]), 0.0)
-        made: Array = (p[3] + p[4] * opening / top + p[2] * over ** p[1] - part) * weight
+        made: Array = (law_at(opening, p) - part) * weight
         return made
 
     # leakage beside a dead band makes its foot lean
@@ -196,9 +206,14 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     )  # fmt: skip
     # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
     scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 4, 1)))
-    law, rng = residuals(found.x) / weight + part, np.random.default_rng(0)
+    law, rng = law_at(opening, found.x), np.random.default_rng(0)
+    half = float(np.ptp(estimate.command)) / BINS / 2.0
+    passed = np.abs(law_at(opening + half, found.x) - law_at(opening - half, found.x))
+    code = step / abs(end - zero)
+    noise = float(np.median(estimate.std[foot] * np.sqrt(points.count[foot])))
     edges = []
     for _ in range(_EDGE_DRAWS):
-        part = law + scale * rng.normal(size=len(law)) / weight
+        hidden = rounding_of_means(law, passed, code, noise / abs(end - zero), rng.uniform())
+        part = law + hidden + scale * rng.normal(size=len(law)) / weight
         edges.append(least_squares(residuals, found.x, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0]).x[0])
     return neutral + sign * float(found.x[0]), about(np.array(edges), float(found.x[0]))

@@ -20,7 +20,7 @@ from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Curves, Smoother
 
 LEVELS = 401
-_BINS = 240  # of a sweep's range, for each branch
+BINS = 240  # of a sweep's range, for each branch
 _LEAST_SHARE = 0.25  # of the range that both branches must cover
 _FEW_COEFFICIENTS, _COEFFICIENTS, _WIDTH_COEFFICIENTS = 40, 100, 24
 _ROUNDS = 4  # of shifting the branches together, at most
@@ -156,7 +156,7 @@ def sweep_estimate(
 
 
 def _points(name: str, sweeps: Sequence[Sweep], low: float, high: float, drops_s: Sequence[float]) -> Points:
-    width = (high - low) / _BINS
+    width = (high - low) / BINS
     found = []
     for number, (sweep, drop_s) in enumerate(zip(sweeps, drops_s, strict=True)):
         drop = min(drop_s * sweep.speed_per_s, _MOST_DROPPED * (high - low))
@@ -164,15 +164,15 @@ def _points(name: str, sweeps: Sequence[Sweep], low: float, high: float, drops_s
         for side in (1.0, -1.0):
             begun = sweep.current - low if side > 0.0 else high - sweep.current
             kept = (side * slope > 0.0) & (begun >= drop)
-            bins = np.clip(((sweep.current[kept] - low) / width).astype(np.int64), 0, _BINS - 1)
-            count = np.bincount(bins, minlength=_BINS)
+            bins = np.clip(((sweep.current[kept] - low) / width).astype(np.int64), 0, BINS - 1)
+            count = np.bincount(bins, minlength=BINS)
             full = count >= max(2.0, 0.5 * float(np.median(count[count > 0]))) if count.any() else count > 0
-            sums = [np.bincount(bins, values[kept], _BINS)[full] for values in (sweep.current, sweep.pressure)]
+            sums = [np.bincount(bins, values[kept], BINS)[full] for values in (sweep.current, sweep.pressure)]
             place = np.flatnonzero(full)
             found.append((sums[0] / count[full], sums[1] / count[full], count[full], side, number, place))
     up, down = (set(np.concatenate([p for *_, s, _, p in found if s == side]).tolist()) for side in (1.0, -1.0))
     shared = up & down
-    if len(shared) < _LEAST_SHARE * _BINS:
+    if len(shared) < _LEAST_SHARE * BINS:
         raise InputError(f"{name}: the command does not sweep both up and down over one range")
     return Points(
         np.concatenate([one[0] for one in found]),

@@ -69,3 +69,27 @@ def mean_rounding_std(noise_std: float, step: float) -> float:
     k = np.arange(1.0, 20.0)
     faded = np.exp(-2.0 * (np.pi * k * before_rounding(noise_std, step) / step) ** 2)
     return float(step * np.sqrt(np.sum((faded / (np.pi * k)) ** 2 / 2.0)))
+
+
+def rounding_of_means(values: Array, passed: Array, step: float, noise_std: float, shift: float) -> Array:
+    """What a converter adds to means of readings that move on evenly by `passed` about each of `values`, shape (n,).
+
+    The integral of the rounding of a value that lies d from its code is −d²/2. Noise of more than a step takes all of
+    it; less is not counted on, because rounding is a part of what is seen of it.
+
+    Args:
+        values: means of what was there, shape (n,).
+        passed: by each, shape (n,).
+        step: between codes; 0 for no converter.
+        noise_std: of single readings.
+        shift: of the codes, in steps.
+    """
+    if step == 0.0 or noise_std > step:
+        return np.zeros_like(values)
+    at, wide = values / step + shift, np.maximum(passed / step, _ON_GRID)
+
+    def integral(place: Array) -> Array:
+        return -0.5 * np.square(place - np.rint(place))
+
+    made: Array = step * (integral(at + wide / 2.0) - integral(at - wide / 2.0)) / wide
+    return made

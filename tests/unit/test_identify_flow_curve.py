@@ -8,6 +8,7 @@ from hil.identification.characteristic import largest_slope, loop, side
 from hil.identification.flow_curve import polynomial, spline
 from hil.identification.sweep_estimate import Sweep, sweep_estimate
 from hil.signals.ramps import triangle
+from hil.signals.rounding import rounding_of_means
 
 RATE_HZ = 100.0
 
@@ -132,3 +133,11 @@ def test_half_widths_are_as_uncertain_as_the_slopes_and_the_noise_make_them():
         mine = (points.sweep == number) & points.both
         closed = 0.3 / math.sqrt(float(np.sum(slopes[mine] ** 2 * points.count[mine])))
         assert stated == pytest.approx(closed, rel=0.12)
+
+
+def test_rounding_of_means_is_that_of_readings_that_move_on_evenly():
+    values, passed, step = np.array([0.13, 0.4, 0.91]), np.array([0.0, 0.07, 0.33]), 0.2
+    each = [np.linspace(v - p / 2.0, v + p / 2.0, 20_001) for v, p in zip(values, passed, strict=True)]
+    rounded = [np.mean((np.rint(one / step + 0.3) - 0.3) * step) for one in each]
+    assert values + rounding_of_means(values, passed, step, 0.0, 0.3) == pytest.approx(rounded, abs=1e-3)
+    assert not rounding_of_means(values, passed, step, 0.21, 0.3).any()
