@@ -95,6 +95,7 @@ def test_bench_tells_every_channel_and_reads_when_asked(page: Page, lab: Lab) ->
 
 def test_a_run_is_rehearsed_started_followed_and_stopped(page: Page, lab: Lab) -> None:
     page.goto("/run?bench=real&procedure=frequency_response")
+    expect(page.locator("#serial")).to_be_focused()
     page.keyboard.type("SN-7\nMK")
     assert page.input_value("#serial") == "SN-7"
     assert page.input_value("#operator") == "MK"

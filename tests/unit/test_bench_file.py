@@ -80,7 +80,7 @@ def changed(old: str, new: str) -> str:
         ('{ signal = "command" }', '{ signal = "voltage" }', 'simulation.instruments."command read-back"',
          "no signal 'voltage' of plant brevini-hpv41"),
         ('{ signal = "command" }', "{ value = 1.0, signal = \"flow\" }", 'simulation.instruments."command read-back"',
-         "either a signal of the plant or a value"),
+         "either a signal of the plant (signal = …) or a value"),
         ("flow = { noise = 0.3 }", "flw = { noise = 0.3 }", "simulation.instruments.flw", "no channel 'flw'"),
         ('unit = "l/min"', 'unit = "bar"', "simulation.instruments.flow", "unit 'bar' cannot be read as 'l/min'"),
         ("sample_rate_hz = 1000", "sample_rate_hz = 0.5", "protection.block_s",

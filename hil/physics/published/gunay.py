@@ -80,8 +80,8 @@ CYLINDER = Cylinder(50.0, 30.0, LVDT_RANGE_MM)
 # Eqs 6 and 8 before the loop is closed, current in A to position in mm: `hil linearise hydraforce-open-loop --at ±0.75
 # --set hysteresis=0 --set coulomb=0 --poles 2 --zeros 0`. The paper says that the directions differ, and prints one.
 LINEARISED_AT_A = 0.75
-EXTENDING = transfer_function((1.001e6,), (1.0, 84.22, 4823.0, 0.0))
-RETRACTING = transfer_function((7.899e5,), (1.0, 84.05, 4799.0, 0.0))
+EXTENDING = transfer_function((9.249e5,), (1.0, 77.73, 4480.0, 0.0))
+RETRACTING = transfer_function((7.305e5,), (1.0, 77.56, 4460.0, 0.0))
 
 # What the paper leaves open, and what was taken for it.
 DECLARED = {
