@@ -29,10 +29,10 @@ check: $(STAMP)  ## format, lint, types, import layers
 warm: $(STAMP)   ## compile the plants and test files that are not in the cache yet
 	$(BIN)/python -m tests.warm
 
-# Five at a time on two cores: some tests wait for the clock of a process, and their core would wait with them.
+# Six at a time on two cores: tests that wait for clocks are groups on workers of their own, and the cores compute.
 test: $(STAMP)   ## everything CI asks for
 	$(MAKE) --no-print-directory -j 2 check warm
-	$(BIN)/pytest -n 5 --dist loadgroup -m "not slow"
+	$(BIN)/pytest -n 6 --dist loadgroup -m "not slow"
 	@echo "not checked here: the calibration certificate against its XML schemas; python -m tests.dcc --schemas DIR does"
 
 test-slow: $(STAMP)  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else

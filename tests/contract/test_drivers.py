@@ -23,6 +23,8 @@ from hil.errors import DeviceLostError, LinkError
 from tests.conftest import Install
 from tests.links import moved
 
+pytestmark = pytest.mark.xdist_group("waits for twins")  # for clocks: on one worker, beside others that compute
+
 QUICK = "timeout_s = 0.1\nlongest_reply_s = 0.2\n"
 FAST = ("watchdog_s = 1.0", f"watchdog_s = 0.3\n{QUICK}")
 SCANNER = [

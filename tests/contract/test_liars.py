@@ -18,6 +18,8 @@ from hil.daq.conformance import CHECKS, Subject, examine, left_safe, verdict_of
 from hil.errors import DeviceLostError
 from tests.liars import LIES, WIRES, Port, Server
 
+pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
+
 BENCH = """
 name = "liar"
 sample_rate_hz = 50

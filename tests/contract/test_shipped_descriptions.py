@@ -19,6 +19,8 @@ from hil.description.read import read_description
 from sim_devices._quirks import Quirks
 from tests.links import free_port
 
+pytestmark = pytest.mark.xdist_group("waits for descriptions")  # for clocks: on one worker, beside others that compute
+
 NAMES = sorted(descriptions())
 DRIVES, OBEYS, GOES_SAFE = "drives_what_it_is_told", "obeys_every_command", "goes_to_its_safe_value_when_told"
 WATCHDOG, READS = "has_the_watchdog_that_it_promises", "reads_what_is_there"

@@ -31,6 +31,8 @@ from sim_devices._modbus_frames import RtuFrames, TcpFrames, answered, crc16
 from sim_devices._quirks import Quirks
 from sim_devices.kit import Place, Table, Timer, serve_registers
 
+pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
+
 SIMULATION = {
     "plant": "brevini-hpv41",
     "instruments": {

@@ -28,6 +28,8 @@ from sim_devices._field import Field, Side
 from sim_devices._quirks import Quirks
 from sim_devices._simulation import Simulation
 
+pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
+
 INSTRUMENTS = {
     "command": {"direction": "out", "signal": "command", "unit": "%", "slope": 10.0},
     "read back": {"signal": "command", "unit": "%", "slope": 10.0},

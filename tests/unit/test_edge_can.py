@@ -24,6 +24,8 @@ from sim_devices._quirks import Quirks
 from sim_devices._simulation import Simulation
 from tests.sick_bus import SickBus
 
+pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
+
 SIMULATION = Simulation.model_validate({
     "plant": "brevini-hpv41",
     "instruments": {"out": {"direction": "out", "signal": "command", "unit": "%"},

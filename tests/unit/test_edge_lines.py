@@ -20,6 +20,8 @@ from hil.errors import DeviceLostError, HardwareError, LinkError
 from tests.foreign_line import ForeignLine
 from tests.links import free_port
 
+pytestmark = pytest.mark.xdist_group("waits for descriptions")  # for clocks: on one worker, beside others that compute
+
 READINGS = ">+01.234-05.678+00.000+09.999-09.999+04.000+03.210-00.001"
 QUICK = {"timeout_s": 0.15, "longest_reply_s": 0.15}
 

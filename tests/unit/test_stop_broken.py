@@ -26,6 +26,8 @@ from tests.unit import test_safety_operator as by_run
 from tests.unit import test_stop_listener as by_listener
 from tests.unit import test_stop_watchdog as by_watchdog
 
+pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
+
 Patch = pytest.MonkeyPatch
 
 
