@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import socket
+from textwrap import shorten
 from typing import Any
 
 from drivers._edge import quiet, said_by
 from hil.errors import DeviceLostError
+
+_LONGEST_WHY = 200
 
 
 def bus_fault(address: str) -> str:
@@ -36,7 +39,8 @@ def open_bus(address: str, bitrate: int) -> Any:
         socket.create_connection((host, int(port)), 1.0).close()  # python-can alone would try for 10 s
         return can.Bus(interface=interface, channel="can0", host=host, port=int(port), tcp_tune=True)
     except Exception as error:  # interfaces that are not installed raise whatever their libraries do
-        raise DeviceLostError(f"{address}: this bus cannot be opened: {error or type(error).__name__}") from error
+        why = shorten(str(error), _LONGEST_WHY) or type(error).__name__  # some print all that came
+        raise DeviceLostError(f"{address}: this bus cannot be opened: {why}") from error
 
 
 def heard(bus: Any, address: str, wait_s: float) -> Any:

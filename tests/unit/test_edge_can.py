@@ -15,6 +15,7 @@ import can
 import pytest
 
 from drivers import canopen_valve, j1939_valve
+from drivers._can import open_bus
 from drivers._edge import said_by
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
@@ -242,3 +243,14 @@ def test_traceback_that_a_library_puts_into_its_text_is_left_out() -> None:
         error = OSError(f"Could not read from the bus:\n{traceback.format_exc()}")
     assert said_by(error) == "Could not read from the bus: ValueError: could not convert string to float: '0*000'"
     assert said_by(OSError("two\n lines")) == "two lines"
+
+
+def test_a_bus_that_says_no_end_of_things_is_told_in_one_short_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    def endless(**_settings: object) -> object:
+        raise can.CanError("Expected '< hi >' got: " + "< hi >" * 5000)
+
+    monkeypatch.setattr(can, "Bus", endless)
+    with pytest.raises(DeviceLostError) as raised:
+        open_bus("virtual:x", 500_000)
+    assert str(raised.value).startswith("virtual:x: this bus cannot be opened: Expected '< hi >' got:")
+    assert len(str(raised.value)) < 300
