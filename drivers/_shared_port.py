@@ -90,5 +90,5 @@ def quiet_until_s(path: str) -> float:
 
 
 def keep_quiet(path: str, until_s: float) -> None:
-    """Nobody asks on this line until then."""
-    _quiet_until_s[os.path.realpath(path)] = until_s
+    """Nobody asks on this line until then; a shorter time does not end a longer one."""
+    _quiet_until_s[os.path.realpath(path)] = max(until_s, quiet_until_s(path))

@@ -38,9 +38,7 @@ def enter(place: Place, folders: Iterable[Path]) -> None:
         ArchiveError: the index cannot be written.
         FileError: not a run folder.
     """
-    entries = [entry_of(folder) for folder in folders]
-    with opened(place) as engine, Session(engine) as session, session.begin():
-        _enter(session, entries)
+    _put(place, [entry_of(folder) for folder in folders])
 
 
 def enter_readable(place: Place, folders: Iterable[Path]) -> list[str]:
@@ -57,9 +55,13 @@ def enter_readable(place: Place, folders: Iterable[Path]) -> list[str]:
         except FileError as error:  # a header that a power cut tore keeps no other run out
             left_out.append(str(error))
     if entries:
-        with opened(place) as engine, Session(engine) as session, session.begin():
-            _enter(session, entries)
+        _put(place, entries)
     return left_out
+
+
+def _put(place: Place, entries: list[Entry]) -> None:
+    with opened(place) as engine, Session(engine) as session, session.begin():
+        _enter(session, entries)
 
 
 def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Entry]:

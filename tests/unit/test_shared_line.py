@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from drivers import modbus
-from drivers._shared_port import shared_port
+from drivers._shared_port import keep_quiet, quiet_until_s, shared_port
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, LinkError
 from sim_devices import modbus as twin
@@ -118,3 +118,12 @@ def test_a_port_that_broke_is_opened_anew_though_another_has_it_still(tmp_path: 
     assert shared_port(path, 9600, Broken) is anew
     anew.close()
     anew.close()
+
+
+def test_a_shorter_quiet_of_one_does_not_end_the_longer_of_another(tmp_path: Path) -> None:
+    path = str(tmp_path / "port")
+    keep_quiet(path, 5.0)
+    keep_quiet(path, 2.0)
+    assert quiet_until_s(path) == 5.0
+    keep_quiet(path, 7.0)
+    assert quiet_until_s(path) == 7.0
