@@ -43,8 +43,13 @@ def step_model(time_s: Array, measured: Array, figures: StepFigures) -> StepMode
         made: Array = follow(p) - share
         return made
 
+    def slopes(p: Array) -> Array:
+        late = np.maximum(time_s - p[1], 0.0)
+        left = np.exp(-late / p[0]) / p[0]
+        return np.column_stack((-left * late / p[0], -left * (late > 0.0)))
+
     found = least_squares(
-        residuals, np.clip(first, 1e-6, 0.9 * longest_s),
+        residuals, np.clip(first, 1e-6, 0.9 * longest_s), jac=slopes,
         bounds=([1e-7, 0.0], [10.0 * longest_s, longest_s]), x_scale=[first[0], first[0]],
     )  # fmt: skip
     constant_s, dead_time_s = found.x.tolist()

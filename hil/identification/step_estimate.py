@@ -125,8 +125,8 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     places = np.log1p(np.maximum(step.time_s, 0.0) / (_SHARP * float(step.time_s[-1])))
     smoother = Smoother.on(places, min(_COEFFICIENTS, max(8, len(places) // 2)), whitener, twice=True)
     start = float(np.mean(step.rest))
-    found = smoother.curves(step.response - start)
-    curve, innovation = start + smoother.at(found)[0], float(found.noise_std[0])
+    found, loose = smoother.curves_each(step.response - start, (1.0, _FOOT_LOOSER))
+    (curve,), (foot,), innovation = smoother.at(found) + start, smoother.at(loose) + start, float(found.noise_std[0])
     figures = step_figures(step.time_s, curve, start=start, final=float(np.mean(curve[step.tail])), band=band)
 
     rng = np.random.default_rng(0)
@@ -139,41 +139,41 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
 
     noise = drawn(len(curve))
     noisy = rounded_again(curve + noise, step.grid, shifts[0])
-    again = start + smoother.at(smoother.curves(noisy - start))
-    feet = start + smoother.at(smoother.curves(np.vstack((step.response, noisy)) - start, _FOOT_LOOSER))
+    again, feet = (smoother.at(one) for one in smoother.curves_each(noisy - start, (1.0, _FOOT_LOOSER)))
+    again += start
+    feet += start
     moved_levels = step.level_std * rng.normal(size=(2, DRAWS))
     rests = rounded_again(start + drawn(len(step.rest)), step.grid, shifts[1])
     starts = np.mean(rests, axis=1) + moved_levels[0]
     finals = np.mean(again[:, step.tail], axis=1) + moved_levels[1]
     read = [
-        _read(step, one, first, last, band, foot)
-        for one, foot, first, last in zip(again, feet[1:], starts.tolist(), finals.tolist(), strict=True)
+        _read(step, one, first, last, band, its_foot)
+        for one, its_foot, first, last in zip(again, feet, starts.tolist(), finals.tolist(), strict=True)
     ]
     columns = np.array([_values(one) for one in read if one is not None], dtype=np.float64)
     std = _spread(columns, figures, missing=len(read) - len(columns))
-    std = _with_loose(std, figures, _read(step, feet[0], start, figures.final, band))
-    figures = replace(figures, dead_time_s=_foot_time(step, feet[0], figures))
+    std = _with_loose(std, figures, _read(step, foot, start, figures.final, band))
+    figures = replace(figures, dead_time_s=_foot_time(step, foot, figures))
     sharp = [
-        _read(step, one, first, last, band)
+        _read(step, _sharp(one), first, last, band)
         for one, first, last in zip(
-            _sharp(np.vstack((step.response, noisy))), [start, *starts.tolist()], [figures.final, *finals.tolist()],
-            strict=True,
+            (step.response, *noisy), [start, *starts.tolist()], [figures.final, *finals.tolist()], strict=True
         )
-    ]  # fmt: skip
+    ]
     std = _with_hidden(std, figures, [figures, *read], sharp)
     if before_rounding(innovation, step.grid) > 0.0:  # else a sharp reading is one of codes
         figures, std = _sharper(figures, std, sharp, float(np.median(np.diff(step.time_s))))
-    once = moves_once(feet[0], start, figures.final)
-    if not once or np.mean([moves_once(*one) for one in zip(feet[1:], starts, finals, strict=True)]) < _SURE:
+    once = moves_once(foot, start, figures.final)
+    if not once or np.mean([moves_once(*one) for one in zip(feet, starts, finals, strict=True)]) < _SURE:
         std = replace(std, dead_time_s=math.inf)
     changes = columns[:, 1] - columns[:, 0]
     change_std = about(changes, figures.final - figures.start)
     stopped = rounded_again(_within(curve, start, figures.final) + noise, step.grid, shifts[0])
-    never = start + smoother.at(smoother.curves(stopped - start))
+    never = smoother.at(smoother.curves(stopped - start))
     moved = float(curve[-1] - curve[step.tail][0])
     return MeasuredStep(
         figures, replace(std, band=band), change_std,
-        float(np.std(step.response - curve)), _overshoot(never, step.tail, start),
+        float(np.std(step.response - curve)), _overshoot(never, step.tail),
         moved if abs(moved) > _MOVING * std.final else 0.0,
         from_command, to_command, None if tone is None else tone.frequency_hz,
     )  # fmt: skip
@@ -185,10 +185,11 @@ def _within(curve: Array, start: float, final: float) -> Array:
     return made
 
 
-def _overshoot(curves: Array, tail: slice, start: float) -> float:
-    """Root mean square of the overshoots of responses, shape (m, n), as a share of their change."""
-    changes = np.mean(curves[:, tail], axis=1) - start
-    over = np.max((curves - start) / changes[:, None], axis=1) - 1.0
+def _overshoot(changed: Array, tail: slice) -> float:
+    """Root mean square of the overshoots of what responses have changed by, shape (m, n), as a share of it."""
+    changes = np.mean(changed[:, tail], axis=1)
+    farthest = np.where(changes > 0.0, np.max(changed, axis=1), np.min(changed, axis=1))
+    over = farthest / changes - 1.0
     return float(np.sqrt(np.mean(np.maximum(over, 0.0) ** 2)))
 
 
@@ -216,10 +217,10 @@ def _with_loose(std: StepFigures, smooth: StepFigures, loose: StepFigures | None
 
 
 def _sharp(samples: Array) -> Array:
-    """Parabolas through every five samples, shape (m, n): sharper than the estimate, and noisier."""
+    """Parabolas through every five samples, shape (n,): sharper than the estimate, and noisier."""
     made = samples.copy()
-    if samples.shape[1] > len(_PARABOLA):
-        made[:, 2:-2] = sum(w * samples[:, k : samples.shape[1] - 4 + k] for k, w in enumerate(_PARABOLA))
+    if len(samples) > len(_PARABOLA):
+        made[2:-2] = np.convolve(samples, _PARABOLA, "valid")
     return made
 
 

@@ -112,10 +112,10 @@ def dead_time_explaining(rise_s: float, settling_s: float, band: float = 0.02) -
 
 def _reaches(time_s: Array, share: Array, level: float) -> float:
     """First time at a level, between samples where it lies between them."""
-    over = np.flatnonzero(share >= level)
-    if not over.size:
+    over = share >= level
+    i = int(np.argmax(over))
+    if not over[i]:
         raise InputError(f"step response: the output does not reach {100 * level:g} % of its change; record longer")
-    i = int(over[0])
     if i == 0:
         return float(time_s[0])
     part = (level - share[i - 1]) / (share[i] - share[i - 1])
@@ -141,22 +141,27 @@ def leaves(time_s: Array, response: Array, start: float, final: float) -> float:
 def _leaves(time_s: Array, share: Array) -> float:
     """Time from which on it has moved, seen back from half its change."""
     half = int(np.argmax(share >= 0.5))
-    below = np.flatnonzero(share[:half] < MOVED)
-    if not below.size:
+    i = _last(share[:half] < MOVED)
+    if i < 0:
         return float(time_s[0])
-    i = int(below[-1])
     part = (MOVED - share[i]) / (share[i + 1] - share[i])
     return float(time_s[i] + part * (time_s[i + 1] - time_s[i]))
 
 
 def _stays(time_s: Array, share: Array, band: float) -> float:
     """Time after which the response stays within a band about its final value."""
-    outside = np.flatnonzero(np.abs(share - 1.0) > band)
-    if not outside.size:
+    i = _last(np.abs(share - 1.0) > band)
+    if i < 0:
         return float(time_s[0])
-    i = int(outside[-1])
     if i + 1 == len(share):
         return math.inf
     edge = 1.0 + math.copysign(band, share[i] - 1.0)
     part = (edge - share[i]) / (share[i + 1] - share[i])
     return float(time_s[i] + part * (time_s[i + 1] - time_s[i]))
+
+
+def _last(true: NDArray[np.bool_]) -> int:
+    """Place of the last one that is true; −1 where none is."""
+    if not true.any():
+        return -1
+    return len(true) - 1 - int(np.argmax(true[::-1]))

@@ -47,19 +47,18 @@ class Smoother:
     Attributes:
         basis: of the curve at the places, shape (n, k).
         whitener: what makes the noise white, [1, −a₁, −a₂, …].
-        weights: of the samples, one over the relative size of their noise, shape (n,).
+        weights: of the samples, one over the relative size of their noise, shape (n,); None where all are alike.
         knots: of the splines. `places`: of the samples, shape (n,).
     """
 
     basis: Array
     whitener: Array
-    weights: Array
+    weights: Array | None
     knots: Array
     places: Array
     _heard: Array
     _turn: Array
     _cost: Array
-    _unit: float
     _twice: bool
 
     @classmethod
@@ -77,8 +76,7 @@ class Smoother:
         knots = _knots(float(np.min(places)), float(np.max(places)), count)
         basis = _basis(places, knots)
         filter_ = np.ones(1) if whitener is None else whitener
-        known = np.ones(len(places)) if weights is None else weights
-        heard = _whitened(basis * known[:, None], filter_, axis=0)
+        heard = _whitened(basis if weights is None else basis * weights[:, None], filter_, axis=0)
         normal = heard.T @ heard
         rough = np.diff(np.eye(count), _ROUGHNESS, axis=0)
         penalty = rough.T @ rough
@@ -87,29 +85,36 @@ class Smoother:
         root = cholesky(normal / scale + _LEAST_HEARD * (penalty + np.eye(count)), lower=True)
         half = solve_triangular(root, penalty, lower=True)
         cost, vectors = eigh(solve_triangular(root, half.T, lower=True))
-        turn = solve_triangular(root.T, vectors)
-        return cls(
-            basis, filter_, known, knots, places, heard / scale**0.5, turn, np.maximum(cost, 0.0), scale**0.5, twice
-        )
+        turn = solve_triangular(root.T, vectors) / scale**0.5
+        return cls(basis, filter_, weights, knots, places, heard, turn, np.maximum(cost, 0.0), twice)
 
-    def curves(self, samples: Array, looser: float = 1.0) -> Curves:
-        """One curve for each row of samples, shape (m, n), each as stiff as it asks for, or `looser` times less."""
-        white = _whitened(np.atleast_2d(samples) * self.weights, self.whitener, axis=1)
+    def curves(self, samples: Array) -> Curves:
+        """One curve for each row of samples, shape (m, n), each as stiff as it asks for."""
+        (made,) = self.curves_each(samples, (1.0,))
+        return made
+
+    def curves_each(self, samples: Array, looser: tuple[float, ...]) -> tuple[Curves, ...]:
+        """For each of `looser` one curve for each row of samples, so many times less stiff than the row asks for."""
+        rows = np.atleast_2d(samples)
+        white = _whitened(rows if self.weights is None else rows * self.weights, self.whitener, axis=1)
         loads = (white @ self._heard) @ self._turn
-        power = np.sum(white**2, axis=1)
+        power = np.einsum("mn,mn->m", white, white)
         bent = len(self._cost) - _ROUGHNESS
         dof = white.shape[1] - _ROUGHNESS
         paid = _STIFFNESSES[:, None] * self._cost
         left = np.maximum(power[:, None] - loads**2 @ (1.0 / (1.0 + paid)).T, 1e-12 * power[:, None] + 1e-300)
         price = np.sum(np.log1p(paid), axis=1) - bent * np.log(_STIFFNESSES)
-        chosen = np.argmin(dof * np.log(left) + price, axis=1)
-        kept = 1.0 / (1.0 + paid[chosen] / looser)
+        chosen = paid[np.argmin(dof * np.log(left) + price, axis=1)]
+        return tuple(self._kept(loads, power, white.shape[1], chosen / one) for one in looser)
+
+    def _kept(self, loads: Array, power: Array, count: int, paid: Array) -> Curves:
+        kept = 1.0 / (1.0 + paid)
         if self._twice:
             kept = kept * (2.0 - kept)
-        coefficients = (loads * kept) @ self._turn.T / self._unit
         rest = power - np.sum(loads**2 * (2.0 * kept - kept**2), axis=1)
         spent = np.sum(kept, axis=1)
-        return Curves(coefficients, np.sqrt(np.maximum(rest, 0.0) / (white.shape[1] - spent)), spent)
+        noise_std = np.sqrt(np.maximum(rest, 0.0) / (count - spent))
+        return Curves((loads * kept) @ self._turn.T, noise_std, spent)
 
     def at(self, curves: Curves) -> Array:
         """The curves at the places, shape (m, n)."""
