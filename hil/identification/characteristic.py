@@ -196,13 +196,24 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
         made: Array = (law_at(opening, p) - part) * weight
         return made
 
+    def slopes(p: Array) -> Array:
+        over = np.maximum((opening - p[0]) / (top - p[0]), 0.0)
+        flows = over > 0.0
+        safe = np.where(flows, over, 1.0)
+        power = np.where(flows, safe ** p[1], 0.0)
+        moved = (opening - top) / (top - p[0]) ** 2
+        made: Array = np.column_stack((
+            p[2] * p[1] * power / safe * moved, p[2] * power * np.log(safe), power, np.ones(len(opening)), opening / top
+        ))  # fmt: skip
+        return made * weight[:, None]
+
     # leakage beside a dead band makes its foot lean
     bounds = ([0.0, 0.3, 0.0, -0.5, -0.5], [0.98 * top, 5.0, 2.0, 0.5, 0.5])
     flowing = np.sort(opening[part > 0.02])
     start = float(flowing[0]) if len(flowing) else 0.0
     found = least_squares(
         residuals, [min(0.9 * start, 0.9 * top), 1.2, float(part.max()), 0.0, 0.0],
-        bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0],
+        jac=slopes, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0],
     )  # fmt: skip
     # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
     scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 4, 1)))
@@ -215,5 +226,7 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     for _ in range(_EDGE_DRAWS):
         hidden = rounding_of_means(law, passed, code, noise / abs(end - zero), rng.uniform())
         part = law + hidden + scale * rng.normal(size=len(law)) / weight
-        edges.append(least_squares(residuals, found.x, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0]).x[0])
+        edges.append(
+            least_squares(residuals, found.x, jac=slopes, bounds=bounds, x_scale=[top, 1.0, 1.0, 1.0, 1.0]).x[0]
+        )
     return neutral + sign * float(found.x[0]), about(np.array(edges), float(found.x[0]))
