@@ -1,5 +1,6 @@
 """`hil` and `python -m hil`."""
 
+import gc
 import os
 import sys
 from contextlib import suppress
@@ -10,6 +11,10 @@ from hil.safety.interrupt import ignore_signals, status_of, terminable
 # Fits multiply small matrices in threads of their own. A threaded BLAS beneath them waits for cores that are
 # busy: with other work on both cores one fit took 18 s instead of 1. Read when numpy is first imported.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# What a command loads, modules and compiled models, stays to its end. Python's usual thresholds look through all of it
+# for garbage again and again: a fifth of a short command's time, and pauses while a valve stands open.
+gc.set_threshold(20_000, 10, 10)
 
 
 def main() -> None:

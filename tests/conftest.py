@@ -34,12 +34,14 @@ def pytest_configure() -> None:
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+    gc.disable()  # the tests that are collected stay to the end: to look through them for garbage is a quarter of it
 
 
 def pytest_collection_finish() -> None:
     """Tests and the modules that they import stay to the end: no search for garbage need look at them again."""
-    gc.collect()
     gc.freeze()
+    gc.enable()
+    gc.set_threshold(20_000, 10, 10)  # as the console script does
 
 
 @pytest.fixture(autouse=True)
