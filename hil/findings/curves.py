@@ -71,7 +71,8 @@ def _of_one_length(name: str, columns: Mapping[str, Array], units: Mapping[str, 
     for number, length in enumerate(lengths):
         mine = {key: values for key, values in columns.items() if len(values) == length}
         heads = tuple(_column(key, units) for key in mine)
-        rows = tuple(tuple(plain(float(value)) for value in row) for row in zip(*mine.values(), strict=True))
+        cells = [plain(np.asarray(values, float)) for values in mine.values()]
+        rows = tuple(zip(*cells, strict=True))
         yield Curve(name=name if number == 0 else f"{name}, {heads[0].name}", columns=heads, rows=rows)
 
 

@@ -40,6 +40,8 @@ def _plain_object(value: Any) -> Any:
         return plain(value.value)
     if isinstance(value, complex | np.complexfloating):
         return [plain(float(value.real)), plain(float(value.imag))]
+    if isinstance(value, np.ndarray) and (value.dtype.kind in "iub" or _finite(value)):
+        return value.tolist()
     if isinstance(value, np.ndarray | np.generic):
         return plain(value.tolist())
     if isinstance(value, datetime | date):
@@ -47,6 +49,11 @@ def _plain_object(value: Any) -> Any:
     if isinstance(value, PurePath):
         return str(value)
     raise TypeError(f"{type(value).__name__} {value!r:.60} cannot be written as JSON")
+
+
+def _finite(values: np.ndarray[Any, Any]) -> bool:
+    """Whether these are real numbers, all of them finite: then nothing in them needs another form."""
+    return values.dtype.kind == "f" and bool(np.isfinite(values).all())
 
 
 def to_json(value: Any) -> str:

@@ -81,12 +81,12 @@ def drawn(name: str, height_in: float, draw: Callable[[Figure], None], caption: 
         figure = Figure(figsize=(WIDTH_IN, height_in), layout="constrained")
         draw(figure)
         with_decimal_sign(figure)
-        _lay_out(figure)
+        lay_out(figure)
         figure.savefig(file, transparent=True, metadata={"Date": None, "Creator": None})
     return Picture(_inline(file.getvalue(), name, alt or caption), caption)
 
 
-def _lay_out(figure: Figure) -> None:
+def lay_out(figure: Figure) -> None:
     """Find room for every text, once: while it is saved, the library would do so twice, on a drawing of its own."""
     if engine := figure.get_layout_engine():
         engine.execute(figure)

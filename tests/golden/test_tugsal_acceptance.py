@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 from efc_bench import failed, outcome, published, value
 
-pytestmark = pytest.mark.xdist_group("efc population")  # drawn once, for all of them
+# The population is drawn once, for all of them.
+pytestmark = [pytest.mark.xdist_group("efc population"), pytest.mark.usefixtures("unprinted")]
 SHORT = {"sweep_s": 10.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 8.0)}
 
 

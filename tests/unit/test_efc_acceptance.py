@@ -11,7 +11,8 @@ from handed_on import check_handed_on
 
 from hil.record.read import read_recording
 
-pytestmark = pytest.mark.xdist_group("efc population")  # drawn once, for all of them
+# The population is drawn once, for all of them.
+pytestmark = [pytest.mark.xdist_group("efc population"), pytest.mark.usefixtures("unprinted")]
 SHORT = {"sweep_s": 10.0, "levels": ("medium",), "frequencies": (1.0, 3.0, 8.0)}
 
 

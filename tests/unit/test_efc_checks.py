@@ -19,6 +19,8 @@ from hil.record.measurement import Findings
 from hil.record.read import read_recording
 from hil.signals.ramps import triangle
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 
 def run(folder: Path, procedure: str, changes: dict[str, str] | None = None, **settings: object) -> Findings:
     return outcome(folder, procedure, changes, **settings).findings

@@ -20,6 +20,7 @@ from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
 from tests.links import bench_text
 
+pytestmark = pytest.mark.usefixtures("unprinted")
 ENABLE = """[channels.enable]
 device = "daq"
 terminal = "do0"

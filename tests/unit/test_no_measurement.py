@@ -28,6 +28,7 @@ from hil.session.run import evaluate_run, run_procedure
 from tests.concealed import bound, nominal, records
 from tests.wire import Wire
 
+pytestmark = pytest.mark.usefixtures("unprinted")
 NONE = (np.nan, np.inf, -np.inf)
 VALUE, BOUND = Measurement("top", "V", "largest"), Measurement("beyond", "V", "a bound")
 

@@ -18,6 +18,8 @@ from hil.cli.app import main
 from hil.record.folder import read
 from hil.session.results import report_again
 
+pytestmark = pytest.mark.usefixtures("unprinted")
+
 
 def day(ahead: int = 0) -> dt.date:
     """A day as a run sees it now: not that of the import, between which and the test midnight may lie."""

@@ -5,6 +5,7 @@ import pytest
 
 import hil
 
+pytestmark = pytest.mark.usefixtures("unprinted")
 BENCH = """based_on = "cummins-efc"
 name = "coil"
 [channels.current]

@@ -12,6 +12,7 @@ from hil.errors import SettingError
 from hil.session.labels import NO_LABELS, Labels, folder_name, labelled, labels_of
 from hil.session.procedure import load_procedure
 
+pytestmark = pytest.mark.usefixtures("unprinted")
 STEP = ("run", "step_response", "--set", "levels=0,80")
 
 
