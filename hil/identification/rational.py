@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.kernel import kernel
 from hil.record.recording import Array
 
 Complex = NDArray[np.complex128]
@@ -105,7 +106,8 @@ def data(frequency_hz: Array, response: Complex, whitening: Array) -> Data:
     """Data with frequency scaled to the geometric middle of its band, for the conditioning of the powers of s."""
     omega = 2.0 * math.pi * frequency_hz
     scale = math.sqrt(omega[0] * omega[-1])
-    return Data(np.asarray(1j * omega / scale, dtype=np.complex128), response, whitening, scale)
+    s = np.asarray(1j * omega / scale, dtype=np.complex128)
+    return Data(s, np.ascontiguousarray(response, np.complex128), np.ascontiguousarray(whitening, np.float64), scale)
 
 
 def solve(form: Form, given: Data, start: Array | None = None) -> Solution:
@@ -117,23 +119,84 @@ def solve(form: Form, given: Data, start: Array | None = None) -> Solution:
 
 def evaluate(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]:
     """Model values (n,) and their derivatives (n, p) with respect to the parameters."""
-    at = int(form.dc_gain is None)
-    powers = np.stack((s, s * s), axis=1)
-    shape = np.ones(len(s), dtype=np.complex128)
-    slopes: list[Complex] = []
-    for order, sign in [*((o, -1) for o in form.lags), *((o, 1) for o in form.leads)]:
-        factor = 1.0 + powers[:, :order] @ parameters[at : at + order]
-        shape = shape * factor if sign > 0 else shape / factor
-        slopes += [sign * powers[:, k] / factor for k in range(order)]
-        at += order
-    dead_time = parameters[at] if form.dead_time else form.dead_time_s
-    shape = shape * np.exp(-s * dead_time)
-    gain = parameters[0] if form.dc_gain is None else form.dc_gain
-    value = gain * shape
-    columns = [shape] if form.dc_gain is None else []
-    columns += [value * slope for slope in slopes]
-    columns += [-s * value] if form.dead_time else []
-    return value, np.stack(columns, axis=1)
+    return _model(np.ascontiguousarray(s, np.complex128), parameters, *_layout(form))
+
+
+_Layout = tuple[NDArray[np.int64], bool, float, bool, float]
+
+
+def _layout(form: Form) -> _Layout:
+    """A form as the compiled model takes it: orders of the factors, those of leads negative, and what is not free."""
+    orders = np.array([*form.lags, *(-order for order in form.leads)], np.int64)
+    return orders, form.dc_gain is None, float(form.dc_gain or 0.0), form.dead_time, form.dead_time_s
+
+
+_OF_FORM = "i8[::1], b1, f8, b1, f8"
+
+
+@kernel(f"Tuple((c16[::1], c16[:,::1]))(c16[::1], f8[::1], {_OF_FORM})", error_model="numpy")
+def _model(
+    s: Complex,
+    parameters: Array,
+    orders: NDArray[np.int64],
+    free_gain: bool,
+    known_gain: float,
+    free_dead_time: bool,
+    known_dead_time: float,
+) -> tuple[Complex, Complex]:
+    values = np.empty(len(s), np.complex128)
+    slopes = np.empty((len(s), len(parameters)), np.complex128)
+    first = 1 if free_gain else 0
+    gain = parameters[0] if free_gain else known_gain
+    dead_time = parameters[-1] if free_dead_time else known_dead_time
+    for i in range(len(s)):
+        shape, at = np.exp(-s[i] * dead_time), first
+        for k in range(len(orders)):
+            sign, order = (-1.0, orders[k]) if orders[k] > 0 else (1.0, -orders[k])
+            power, factor = s[i], 1.0 + 0.0j
+            for j in range(order):
+                factor += parameters[at + j] * power
+                power *= s[i]
+            power = s[i]
+            for j in range(order):
+                slopes[i, at + j] = sign * power / factor
+                power *= s[i]
+            shape = shape * factor if sign > 0.0 else shape / factor
+            at += order
+        values[i] = gain * shape
+        for k in range(first, at):
+            slopes[i, k] *= values[i]
+        if free_gain:
+            slopes[i, 0] = shape
+        if free_dead_time:
+            slopes[i, at] = -s[i] * values[i]
+    return values, slopes
+
+
+@kernel(f"Tuple((f8[::1], f8[:,::1]))(c16[::1], c16[::1], f8[:,:,::1], f8[::1], {_OF_FORM})", error_model="numpy")
+def _whitened(
+    s: Complex,
+    response: Complex,
+    whitening: Array,
+    parameters: Array,
+    orders: NDArray[np.int64],
+    free_gain: bool,
+    known_gain: float,
+    free_dead_time: bool,
+    known_dead_time: float,
+) -> tuple[Array, Array]:
+    """Whitened errors of the model, shape (2n,), and their derivatives, shape (2n, p)."""
+    values, slopes = _model(s, parameters, orders, free_gain, known_gain, free_dead_time, known_dead_time)
+    errors = np.empty(2 * len(s))
+    changes = np.empty((2 * len(s), len(parameters)))
+    for i in range(len(s)):
+        missed = values[i] - response[i]
+        for row in range(2):
+            real, imag = whitening[i, row, 0], whitening[i, row, 1]
+            errors[2 * i + row] = real * missed.real + imag * missed.imag
+            for k in range(len(parameters)):
+                changes[2 * i + row, k] = real * slopes[i, k].real + imag * slopes[i, k].imag
+    return errors, changes
 
 
 def bounds(form: Form) -> tuple[Array, Array]:
@@ -150,12 +213,13 @@ def _refine(form: Form, given: Data, start: Array) -> Solution:
     from scipy.optimize import least_squares
 
     low, high = bounds(form)
+    layout = _layout(form)
 
     def residuals(parameters: Array) -> Array:
-        return given.white(evaluate(form, parameters, given.s)[0] - given.response)
+        return _whitened(given.s, given.response, given.whitening, parameters, *layout)[0]
 
     def slopes(parameters: Array) -> Array:
-        return given.white(evaluate(form, parameters, given.s)[1])
+        return _whitened(given.s, given.response, given.whitening, parameters, *layout)[1]
 
     found = least_squares(residuals, start, slopes, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12)
     if np.any(found.x < low) or not np.all(np.isfinite(found.fun)):
@@ -172,7 +236,7 @@ def _starts(form: Form, given: Data) -> list[Array]:
     tried = []
     for dead_time in np.linspace(0.0, lag / top, _DELAY_STARTS):
         start = _linear_start(form, given, float(dead_time))
-        error = given.white(evaluate(form, start, given.s)[0] - given.response)
+        error, _ = _whitened(given.s, given.response, given.whitening, start, *_layout(form))
         tried.append((float(error @ error), start))
     tried.sort(key=lambda pair: pair[0])
     return [start for _, start in tried[:_REFINED_STARTS]]
