@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -55,13 +55,15 @@ class SharedPort:
                 del _ports[self._key]
         self._port.close()
 
-    def taken(self, baud: int) -> SharedPort:
-        """The same for one more; raises `DeviceLostError` for another speed."""
-        if self._port.baudrate != baud:
-            raise DeviceLostError(
-                f"{self._key}: another device of this bench speaks with {self._port.baudrate} baud on it, this one "
-                f"with {baud}: all on one line need the same"
-            )
+    def taken(self, speech: Mapping[str, object]) -> SharedPort:
+        """The same for one more; raises `DeviceLostError` where that one speaks otherwise."""
+        for name, wanted in speech.items():
+            there = getattr(self._port, name)
+            if there != wanted:
+                raise DeviceLostError(
+                    f"{self._key}: another device of this bench speaks with {name} {there} on it, this one "
+                    f"with {wanted}: all on one line need the same"
+                )
         self._users += 1
         return self
 
@@ -73,13 +75,16 @@ class SharedPort:
             raise
 
 
-def shared_port(path: str, baud: int, opened: Callable[[], Any]) -> SharedPort:
-    """The port at a path: that which is open already, else a new one."""
+def shared_port(path: str, speech: Mapping[str, object], opened: Callable[[], Any]) -> SharedPort:
+    """The port at a path: that which is open already, else a new one.
+
+    `speech`: speed, parity and the like, by the port's own names.
+    """
     key = os.path.realpath(path)
     with _registry:
         there = _ports.get(key)
         if there is not None and not there.is_broken:
-            return there.taken(baud)
+            return there.taken(speech)
         _ports[key] = SharedPort(key, opened())
         return _ports[key]
 

@@ -32,7 +32,9 @@ class SteadySerialClient(ModbusSerialClient):
         """
         if self.socket is None:
             self._path = path = self._place.path()
-            self.socket = shared_port(path, self.comm_params.baudrate, lambda: self._opened(path))  # type: ignore[assignment]
+            told = self.comm_params
+            speech = {"baudrate": told.baudrate, "parity": told.parity, "stopbits": told.stopbits}
+            self.socket = shared_port(path, speech, lambda: self._opened(path))  # type: ignore[assignment]
         return True
 
     def execute(self, no_response_expected: bool, request: Any) -> Any:

@@ -86,8 +86,15 @@ def test_a_late_answer_of_one_is_not_taken_by_the_other(tmp_path: Path) -> None:
         assert other.read() == {"in": 2.5}
 
 
-def test_two_speeds_on_one_line_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(DeviceLostError, match="19200 baud on it, this one with 9600"), line(tmp_path, baud=9600):
+@pytest.mark.parametrize(
+    ("otherwise", "said"),
+    [
+        ({"baud": 9600}, "baudrate 19200 on it, this one with 9600"),
+        ({"parity": "E"}, "parity N on it, this one with E"),
+    ],
+)
+def test_two_ways_to_speak_on_one_line_are_refused(tmp_path: Path, otherwise: dict[str, Any], said: str) -> None:
+    with pytest.raises(DeviceLostError, match=said), line(tmp_path, **otherwise):
         raise AssertionError("it was opened")
 
 
@@ -106,16 +113,16 @@ class Broken:
 
 def test_a_port_that_broke_is_opened_anew_though_another_has_it_still(tmp_path: Path) -> None:
     path, broken = str(tmp_path / "tty"), Broken()
-    one, two = (shared_port(path, 9600, lambda: broken) for _ in range(2))
+    one, two = (shared_port(path, {"baudrate": 9600}, lambda: broken) for _ in range(2))
     assert one is two
     with pytest.raises(OSError, match="gone"):
         one.read(1)
     one.close()
     assert broken.is_closed
-    anew = shared_port(path, 9600, Broken)
+    anew = shared_port(path, {"baudrate": 9600}, Broken)
     assert anew is not two
     two.close()
-    assert shared_port(path, 9600, Broken) is anew
+    assert shared_port(path, {"baudrate": 9600}, Broken) is anew
     anew.close()
     anew.close()
 
