@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.bench import bench_of
+from hil.api.several import several
 from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
@@ -29,7 +30,7 @@ def jog(
     serial: str = "",
     operator: str = "",
     notes: Mapping[str, str] = NOTHING,
-    resets: Iterable[str] = (),
+    resets: str | Iterable[str] = (),
     wanted: Callable[[], bool] = lambda: True,
     progress: Progress = quiet,
     outputs: Outputs | None = None,
@@ -66,7 +67,7 @@ def jog(
         raise SettingError(f"for_s {for_s:g}: a time longer than 0 s was expected")
     file, labels = labelled(file, procedure, labels_of(serial, operator, [f"{k}={v}" for k, v in notes.items()]))
     return run_procedure(
-        to_be_ended(procedure, wanted), file, {"value": value, "for_s": for_s}, Path(out), progress, resets,
+        to_be_ended(procedure, wanted), file, {"value": value, "for_s": for_s}, Path(out), progress, several(resets),
         known=outputs, labels=labels, commanding=channel,
     )  # fmt: skip
 

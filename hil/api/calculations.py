@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.models import model_of
+from hil.api.several import several
 from hil.api.told import Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
@@ -24,11 +25,11 @@ if TYPE_CHECKING:
 
 
 def identify(
-    recordings: Sequence[Source],
+    recordings: Source | Iterable[Source],
     plant: str | Path,
     *,
-    free: Sequence[str] = (),
-    inputs: Sequence[str] = (),
+    free: str | Iterable[str] = (),
+    inputs: str | Iterable[str] = (),
     output: str = "",
     poles: int | None = None,
     zeros: int | None = None,
@@ -43,8 +44,8 @@ def identify(
     """Fit a plant's parameters to recordings together (`hil identify`).
 
     Args:
-        recordings: samples in time, or tables of a frequency response, or their paths. Of a run that measured frequency
-            responses, given by its path, the plant `transfer-function` is fitted to those.
+        recordings: one or several: samples in time, or tables of a frequency response, or their paths. Of a run that
+            measured frequency responses, given by its path, the plant `transfer-function` is fitted to those.
         plant: name of a plant, or the path of a model file to start from.
         free: parameters that are held fixed otherwise.
         inputs: names of the input channels, where they are not the plant's own.
@@ -67,11 +68,11 @@ def identify(
     from hil.session.identification import identified, read_for
     from hil.session.sources import notes_on
 
-    read = read_for(str(plant), recordings, reading or AS_IT_IS, part, inputs, output)
+    read = read_for(str(plant), several(recordings), reading or AS_IT_IS, part, several(inputs), output)
     for note in notes_on(read):
         notes(note)
     orders = orders_of(poles, zeros, dead_time, weights)
-    found = identified(str(plant), read, free, inputs, output, orders, notes, progress)
+    found = identified(str(plant), read, several(free), several(inputs), output, orders, notes, progress)
     if page:
         found.write_page(Path(page))
     return found
@@ -79,9 +80,9 @@ def identify(
 
 def compare(
     model: Model | str | Path,
-    recordings: Iterable[Source],
+    recordings: Source | Iterable[Source],
     *,
-    inputs: Sequence[str] = (),
+    inputs: str | Iterable[str] = (),
     output: str = "",
     reading: Reading | None = None,
     page: str | Path = "",
@@ -103,14 +104,14 @@ def compare(
     from hil.session.comparison import compared_with
 
     drawn = Path(page) if page else None
-    return compared_with(model_of(model), recordings, inputs, output, reading, notes, drawn, progress)
+    return compared_with(model_of(model), several(recordings), several(inputs), output, reading, notes, drawn, progress)
 
 
 def simulate(
     model: Model | str | Path,
     recording: Source,
     *,
-    inputs: Sequence[str] = (),
+    inputs: str | Iterable[str] = (),
     output: str = "",
     reading: Reading | None = None,
     notes: Notes = unsaid,
@@ -135,7 +136,7 @@ def simulate(
     from hil.session.sources import notes_on, samples_of
 
     simulated, read = model_of(model), samples_of(recording, reading or AS_IT_IS)
-    bound = for_model(simulated, read, inputs, output, output_needed=False)
+    bound = for_model(simulated, read, several(inputs), output, output_needed=False)
     for note in (*notes_on([read], [bound]), *looks_wrong(simulated, bound)):
         notes(note)
     response = bound.respond(simulated.definition, simulated.values, simulated.active_effects)[0]
@@ -144,9 +145,9 @@ def simulate(
 
 def diagnose(
     model: Model | str | Path,
-    recordings: Iterable[Source],
+    recordings: Source | Iterable[Source],
     *,
-    inputs: Sequence[str] = (),
+    inputs: str | Iterable[str] = (),
     output: str = "",
     out: str | Path | None = None,
     bench: str | Path = "",
@@ -180,8 +181,9 @@ def diagnose(
     from hil.session.sources import notes_on, samples_of
 
     nominal = model_of(model)
-    read = [samples_of(one, reading or AS_IT_IS) for one in recordings]
-    experiments, said = bound_to(nominal, read, inputs, output)
+    sources: list[Source] = several(recordings)
+    read = [samples_of(one, reading or AS_IT_IS) for one in sources]
+    experiments, said = bound_to(nominal, read, several(inputs), output)
     for note in (*notes_on(read, experiments), *said):
         notes(note)
     origins = [*([origin_at(model)] if isinstance(model, str | Path) else []), *map(origin_of, read)]

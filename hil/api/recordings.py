@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.api.several import several
 from hil.api.told import NOTHING
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ def read(
     interval_s: float = 0.0,
     units: Mapping[str, str] = NOTHING,
     renamed: Mapping[str, str] = NOTHING,
-    columns: Sequence[str] = (),
+    columns: str | Iterable[str] = (),
     gaps: bool = False,
     responses: bool = False,
     part: str = "",
@@ -46,7 +47,7 @@ def read(
     from hil.record.reading import Reading
     from hil.session.sources import read_source
 
-    reading = Reading(time, interval_s, dict(units), dict(renamed), tuple(columns), gaps)
+    reading = Reading(time, interval_s, dict(units), dict(renamed), tuple(several(columns)), gaps)
     return read_source(path, reading, responses=responses, part=part)
 
 
@@ -66,7 +67,7 @@ def write(recording: Recording | ResponseTable, path: str | Path) -> None:
 
 
 def average(
-    responses: Sequence[Source], *, normalised: bool = False, reading: Reading | None = None, part: str = ""
+    responses: Source | Iterable[Source], *, normalised: bool = False, reading: Reading | None = None, part: str = ""
 ) -> ResponseTable:
     """The mean of frequency responses on the same frequencies: mean dB and mean phase (`hil average`).
 
@@ -80,4 +81,4 @@ def average(
     from hil.record.reading import AS_IT_IS
     from hil.session.sources import tables_of
 
-    return averaged(tables_of(responses, reading or AS_IT_IS, part), normalised=normalised)
+    return averaged(tables_of(several(responses), reading or AS_IT_IS, part), normalised=normalised)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.api.bench import bench_of
+from hil.api.several import several
 from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
@@ -26,11 +27,11 @@ def run(
     bench: str | Path | BenchFile,
     out: str | Path,
     *,
-    limits: Iterable[str] = (),
+    limits: str | Iterable[str] = (),
     serial: str = "",
     operator: str = "",
     notes: Mapping[str, str] = NOTHING,
-    resets: Iterable[str] = (),
+    resets: str | Iterable[str] = (),
     resume: str | Path | None = None,
     archive: str | Path = "",
     progress: Progress = quiet,
@@ -67,7 +68,8 @@ def run(
     chosen = load_procedure(procedure) if isinstance(procedure, str) else procedure
     labels = labels_of(serial, operator, [f"{key}={value}" for key, value in notes.items()])
     return run_procedure(
-        chosen, bench_of(bench), {**settings, **named}, Path(out), progress, resets, split_limits(limits),
+        chosen, bench_of(bench), {**settings, **named}, Path(out), progress, several(resets),
+        split_limits(several(limits)),
         None if resume is None else Path(resume), outputs, labels, archive=str(archive),
     )  # fmt: skip
 

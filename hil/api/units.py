@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.models import model_of
+from hil.api.several import several
 from hil.api.told import Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
@@ -19,10 +20,10 @@ if TYPE_CHECKING:
 
 
 def diagnose_fleet(
-    folders: Sequence[str | Path],
+    folders: str | Path | Iterable[str | Path],
     *,
     model: Model | str | Path | None = None,
-    inputs: Sequence[str] = (),
+    inputs: str | Iterable[str] = (),
     output: str = "",
     out: str | Path | None = None,
     scheduler: str = "",
@@ -54,10 +55,11 @@ def diagnose_fleet(
     from hil.record.reading import AS_IT_IS
     from hil.session.fleet import diagnosed_fleet
 
-    paths = [Path(folder) for folder in folders]
+    given: list[str | Path] = several(folders)
+    paths = [Path(folder) for folder in given]
     nominal, to = None if model is None else model_of(model), None if out is None else Path(out)
     return diagnosed_fleet(
-        paths, nominal, inputs, output, to, scheduler, budget_s, reading or AS_IT_IS, notes, progress
+        paths, nominal, several(inputs), output, to, scheduler, budget_s, reading or AS_IT_IS, notes, progress
     )
 
 
@@ -66,7 +68,7 @@ def diff(
     new: str | Path,
     *,
     model: Model | str | Path | None = None,
-    inputs: Sequence[str] = (),
+    inputs: str | Iterable[str] = (),
     output: str = "",
     reading: Reading | None = None,
     notes: Notes = unsaid,
@@ -96,11 +98,11 @@ def diff(
         first, second = (read_dated(Path(p), Path(folder) / name, asked) for p, name in ((old, "old"), (new, "new")))
         for note in notes_on([*first.recordings, *second.recordings]):
             notes(note)
-        return difference(first, second, kind, progress, inputs, output)
+        return difference(first, second, kind, progress, several(inputs), output)
 
 
 def issue_passport(
-    runs: Sequence[str | Path],
+    runs: str | Path | Iterable[str | Path],
     out: str | Path,
     *,
     names: bool = True,
@@ -130,5 +132,6 @@ def issue_passport(
     from hil.passport.key import signing_key
 
     wanted = Wanted(names, identify, None if model is None else model_of(model))
-    folders, signer = [Path(one) for one in runs], signing_key(None if key is None else Path(key))
+    given: list[str | Path] = several(runs)
+    folders, signer = [Path(one) for one in given], signing_key(None if key is None else Path(key))
     return issue(folders, Path(out), signer, wanted, progress)

@@ -120,3 +120,13 @@ def test_bench_is_driven_by_hand_and_recorded(tmp_path):
 def test_every_function_says_what_it_does():
     for name in api.__all__:
         assert inspect.getdoc(getattr(api, name)), name
+
+
+def test_one_recording_or_name_by_itself_is_meant_as_just_that_one(response, tmp_path):
+    path = tmp_path / "one.csv"
+    hil.write(hil.read(response.folder), path)
+    (alone,) = hil.compare(hil.typical_model("brevini-hpv41"), str(path), inputs="command", output="flow")
+    (listed,) = hil.compare(hil.typical_model("brevini-hpv41"), [path], inputs=["command"], output="flow")
+    assert alone.as_dict() == listed.as_dict()
+    with pytest.raises(InputError, match="limit 'nothing': not measured here"):
+        hil.run("step_response", "brevini-hpv41", tmp_path / "run", limits="nothing=1..2")
