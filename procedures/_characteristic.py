@@ -17,7 +17,7 @@ from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.signals.colour import colour_factor
 from hil.signals.rounding import mean_rounding_std, rounding_step
-from procedures._extreme import CERTAIN, extreme, rounded_up
+from procedures._extreme import CERTAIN, at_most_one, extreme, rounded_up
 from procedures._recorded import calibration_share, calibration_std, reading_step, roles_of
 
 _A_SIDE = 0.05  # of the sweep: less beyond neutral is no side of the valve
@@ -247,7 +247,7 @@ def _both_ways(
         found.append(of[f"gain_{word}"].at(unit=per).of(value, std, calibration=share * abs(value)))
     weak, strong = sorted((sides[sign].gain for sign in (1, -1)), key=lambda gain: abs(gain[0]))
     ratio = abs(weak[0] / strong[0])
-    found.append(of["symmetry"].of(ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])))
+    found.append(at_most_one(of["symmetry"], ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])))
     departure, std = max(sides[sign].departure for sign in (1, -1))
     found.append(extreme(of["linearity"], 100.0 * departure, 100.0 * std))
     return found, (sides[-1].edge[0], sides[1].edge[0])

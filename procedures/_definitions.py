@@ -57,7 +57,7 @@ SWEEPS: Mapping[str, str] = {
         "90 % of the change of response between neutral and the upper end."
     ),
     "gain_negative": "The same below neutral.",
-    "symmetry": "Smaller of the two gains over the larger.",
+    "symmetry": "Smaller of the two gains over the larger. `>` where noise alone could make the difference.",
     "linearity": (
         "ISO 10770-1 linearity error within the gain's range: largest departure from its line, in % of the change of "
         "response between neutral and the end; the worse of the two sides."

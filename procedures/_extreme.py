@@ -30,6 +30,14 @@ def extreme(
     return what.of(rounded_up(bound), 0.0, relation="<")
 
 
+def at_most_one(what: Measurement, value: float, std: float) -> Measured:
+    """A ratio of the smaller to the larger, or `>` the bound that these data give it: noise alone tells equals apart."""
+    short = extreme(what, 1.0 - value, std)
+    if short.relation == "=":
+        return what.of(value, std)
+    return what.of(None if short.value is None else 1.0 - short.value, 0.0, relation=">")
+
+
 def rounded_up(bound: float) -> float:
     """An upper bound to two digits, never lower."""
     if not bound > 0.0:

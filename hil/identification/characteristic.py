@@ -17,6 +17,7 @@ from hil.signals.rounding import rounding_of_means
 
 GAIN_FROM, GAIN_TO = 0.3, 0.9  # of the response at the end, between which a gain is read
 _GAIN_POINTS = 200
+_EVENLY = np.array([0.5, *[1.0] * (_GAIN_POINTS - 2), 0.5]) / (_GAIN_POINTS - 1)  # weights of an integral
 _EDGE_DRAWS = 12
 _STEEP = 0.3  # of the steepest slope: where the width of the loop can be read
 _AVERAGED = 101  # places at which a slope is averaged
@@ -115,9 +116,11 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
             raise InputError("flow curve: too few levels carry flow on one side of centre")
         places = np.linspace(first, last, _GAIN_POINTS)
         values = np.interp(places, command, response[mine])
-        late = places - np.mean(places)
-        gain = float(late @ values / (late @ late))
-        left = values - np.mean(values) - gain * late
+        # over all commands between, not over so many points: whole weight at both ends would turn the line of a curve
+        # that bends
+        late, level = places - (first + last) / 2.0, float(_EVENLY @ values)
+        gain = float((_EVENLY * late) @ values / (_EVENLY @ late**2))
+        left = values - level - gain * late
         return gain, float(np.max(np.abs(left))) / abs(end - zero)
 
     found = line(estimate.response)

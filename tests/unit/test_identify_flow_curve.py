@@ -7,8 +7,10 @@ from hil.errors import InputError
 from hil.identification.characteristic import largest_slope, loop, side
 from hil.identification.flow_curve import polynomial, spline
 from hil.identification.sweep_estimate import Sweep, sweep_estimate
+from hil.record.measurement import Measurement
 from hil.signals.ramps import triangle
 from hil.signals.rounding import rounding_of_means
+from procedures._extreme import at_most_one
 
 RATE_HZ = 100.0
 
@@ -50,6 +52,22 @@ def test_figures_of_a_known_curve_lie_within_their_uncertainty():
     assert above.gain[0] == pytest.approx(gain, abs=4 * above.gain[1])
     assert above.departure[0] == pytest.approx(departure, abs=4 * above.departure[1])
     assert above.gain[1] < 0.002
+
+
+def test_the_gain_of_a_curve_that_bends_is_that_of_all_commands_between():
+    value, std = sides(estimate(noise=0.003))[0].gain
+    command = np.linspace(20.0, 100.0, 20001)
+    body = (metered(command) >= 0.3 * 70.0) & (metered(command) <= 0.9 * 70.0)
+    truth = np.polyfit(command[body], metered(command[body]), 1)[0]
+    assert abs(value - truth) < 1.5e-5  # at 200 places alike, both ends weigh too much: 3.4e-5
+
+
+def test_equal_gains_are_told_as_a_bound_and_unequal_ones_as_their_ratio():
+    what = Measurement("symmetry", "", "")
+    near = [at_most_one(what, 1.0 - abs(off), 1e-3) for off in np.random.default_rng(0).normal(size=200) * 1e-3]
+    assert all(found.relation == ">" and found.value is not None and found.value <= 1.0 - 2e-3 for found in near)
+    far = at_most_one(what, 0.95, 1e-3)
+    assert (far.relation, far.value, far.std) == ("=", 0.95, 1e-3)
 
 
 def test_edges_are_as_uncertain_as_they_scatter():
