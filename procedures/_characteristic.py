@@ -248,8 +248,9 @@ def _both_ways(
     weak, strong = sorted((sides[sign].gain for sign in (1, -1)), key=lambda gain: abs(gain[0]))
     ratio = abs(weak[0] / strong[0])
     found.append(at_most_one(of["symmetry"], ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])))
-    departure, std = max(sides[sign].departure for sign in (1, -1))
-    found.append(extreme(of["linearity"], 100.0 * departure, 100.0 * std))
+    departure = max(one.departure[0] for one in sides.values())
+    worse = np.max([one.departures for one in sides.values()], axis=0)  # noise makes the worse of two equal ones larger
+    found.append(extreme(of["linearity"], 100.0 * departure, 100.0 * about(worse, departure)))
     return found, (sides[-1].edge[0], sides[1].edge[0])
 
 

@@ -81,7 +81,9 @@ FREQUENCIES: Mapping[str, str] = {
     ),
     "bandwidth_3db": (
         "ISO 10770-1: lowest frequency at which the amplitude ratio is 3.000 dB below that at the reference (a ratio "
-        "of 0.7079, not 1/√2), on a cubic spline through the lines over log frequency; without the measuring chain."
+        "of 0.7079, not 1/√2), on a cubic spline through the lines over log frequency; without the measuring chain. "
+        "Value and uncertainty are the middle and half of where the spline with its uncertainty may be at that level; "
+        "`>` where noise or the highest frequency leaves that open."
     ),
     "bandwidth_90deg": (
         "ISO 10770-1: lowest frequency at which the response lags by 90°, read as the −3 dB frequency."

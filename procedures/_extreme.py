@@ -31,7 +31,7 @@ def extreme(
 
 
 def at_most_one(what: Measurement, value: float, std: float) -> Measured:
-    """A ratio of the smaller to the larger, or `>` the bound that these data give it: noise alone tells equals apart."""
+    """A ratio of the smaller to the larger, or `>` the bound that these data give it: noise tells equals apart."""
     short = extreme(what, 1.0 - value, std)
     if short.relation == "=":
         return what.of(value, std)

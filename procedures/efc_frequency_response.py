@@ -153,7 +153,7 @@ def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[flo
     """−3 dB frequency at a level and its standard uncertainty, in Hz; the top frequency where it was not reached.
 
     Raises:
-        InputError: the level was not measured, or the uncertainty is not known.
+        InputError: the level was not measured, or noise hides where it is.
     """
     told = [event["details"] for event in recording.meta.get("events", ()) if event.get("event") == "level"]
     swings = [(one["low_a"], one["high_a"]) for one in told if one["level"] == level]
@@ -161,10 +161,13 @@ def bandwidth_at(recording: Recording, found: Findings, level: str) -> tuple[flo
         raise InputError(f"the frequency response at the {level} level was not measured")
     low, high = swings[-1]
     curve = min(found.curves["responses"], key=lambda c: abs(c["bias"] - (low + high) / 2.0))
-    if _known(found, "bandwidth_3db", curve["label"]) is None:
+    known, top = _known(found, "bandwidth_3db", curve["label"]), float(curve["frequency_hz"][-1])
+    if known is None:
         raise InputError(f"the pressure does not follow the current at the {level} level")
     if curve["bandwidth_3db_hz"] is None:
-        return float(curve["frequency_hz"][-1]), 0.0
+        if known < top:
+            raise InputError(f"noise hides the −3 dB frequency at the {level} level; it lies above {known:.3g} Hz")
+        return top, 0.0
     if curve["bandwidth_3db_std_hz"] is None:
         raise InputError(f"the −3 dB frequency at the {level} level lies at the lowest frequency or below")
     return float(curve["bandwidth_3db_hz"]), float(curve["bandwidth_3db_std_hz"])

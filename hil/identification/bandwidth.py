@@ -10,6 +10,7 @@ import numpy as np
 
 from hil.identification.frequency_response import FrequencyResponse
 from hil.physics.transfer_function import TransferFunction
+from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.recording import Array
 
 if TYPE_CHECKING:
@@ -25,9 +26,9 @@ class Crossing:
 
     Attributes:
         level, unit: −3 dB, −90 °.
-        frequency_hz: None when the curve does not get there within the measured range.
+        frequency_hz: None when the curve does not get there within the measured range, or noise hides where.
         std_hz: standard uncertainty; NaN when that of the response is unknown.
-        beyond_hz: the highest measured frequency.
+        beyond_hz: up to which the curve is above the level for sure: the highest measured frequency, or less.
     """
 
     level: float
@@ -107,9 +108,11 @@ def reference_notes(response: FrequencyResponse, phase_90: Crossing, rule: Refer
 
 def magnitude_crossing(response: FrequencyResponse, level_db: float, reference_hz: float | None = None) -> Crossing:
     """Where magnitude falls to a level relative to that at a reference (the lowest frequency when None)."""
-    relative = response.normalised(reference_hz)
-    own = relative.magnitude_std_db
-    return _crossing(relative.frequency_hz, relative.magnitude_db, own, np.zeros(len(relative)), level_db, "dB")
+    at = 0 if reference_hz is None else int(np.argmin(np.abs(response.frequency_hz - reference_hz)))
+    own = response.magnitude_std_db
+    shared = np.full(len(own), own[at])  # the reference is in every other line
+    shared[at] = own[at] = 0.0
+    return _crossing(response.frequency_hz, response.normalised(reference_hz).magnitude_db, own, shared, level_db, "dB")
 
 
 def phase_crossing(response: FrequencyResponse, level_deg: float) -> Crossing:
@@ -119,33 +122,54 @@ def phase_crossing(response: FrequencyResponse, level_deg: float) -> Crossing:
 
 
 def _crossing(frequency_hz: Array, values: Array, own: Array, shared: Array, level: float, unit: str) -> Crossing:
+    """First fall to a level; lines that are hardly heard are left out: their noise would bend the whole curve.
+
+    Where none that is heard is so low, the others tell whether it is reached, and no less is known than by those heard.
+    """
+    heard = own <= _HEARD[unit]
+    by_all = _fall(frequency_hz, values, own, shared, level, unit)
+    if heard.sum() < 2 or heard.all():
+        return by_all
+    alone = _fall(frequency_hz[heard], values[heard], own[heard], shared[heard], level, unit)
+    if np.any(values[heard] <= level):
+        return alone
+    return by_all if by_all.frequency_hz is not None else max(alone, by_all, key=lambda one: one.beyond_hz)
+
+
+def _fall(frequency_hz: Array, values: Array, own: Array, shared: Array, level: float, unit: str) -> Crossing:
     """First fall to a level of the cubic spline through the values over log frequency.
 
-    The spline is linear in the values, so its uncertainty at the crossing follows from theirs exactly; over
-    the slope there it is that of the frequency. `own` errors of the lines are independent, `shared` ones common. Lines
-    that are hardly heard are left out.
+    The spline is linear in the values, so its uncertainty at every frequency follows from theirs exactly: `own` errors
+    of the lines are independent, `shared` ones common. Where the curve less its expanded uncertainty is above the
+    level, and where with it it is below, there is no crossing: what lies between is the interval (Fieller, J. R.
+    Statist. Soc. B 16(2), 1954), and its middle the value. Over the slope at the crossing alone the interval would be
+    too narrow: noise crosses where it makes a flat curve steep.
     """
     top = float(frequency_hz[-1])
-    heard = own <= _HEARD[unit]
-    if heard.sum() > 1 and np.any(
-        values[heard] <= level
-    ):  # noise on a line that is hardly heard would bend the whole curve
-        frequency_hz, values, own, shared = (of[heard] for of in (frequency_hz, values, own, shared))
-    spline = _spline(frequency_hz, values)
     grid = np.linspace(math.log(frequency_hz[0]), math.log(frequency_hz[-1]), _GRID)
-    below = spline(grid) <= level
-    if not below.any():
-        return Crossing(level, unit, None, math.nan, top)
-    i = int(np.argmax(below))
-    if i == 0:
+    weights = _spline(frequency_hz, np.eye(len(values)))(grid)
+    curve = weights @ values
+    if curve[0] <= level:
         return Crossing(level, unit, float(frequency_hz[0]), math.nan, top)
-    from scipy.optimize import brentq
+    wide = COVERAGE_FACTOR * np.hypot(np.linalg.norm(weights * own, axis=1), weights @ shared)
+    if not np.isfinite(wide).all():
+        at = _first_fall(grid, curve - level)
+        return Crossing(level, unit, None if at is None else math.exp(at), math.nan, top)
+    low, high = (_first_fall(grid, curve + sign * wide - level) for sign in (-1.0, 1.0))
+    if low is None or high is None:
+        return Crossing(level, unit, None, math.nan, top if low is None else math.exp(low))
+    least, most = math.exp(low), math.exp(high)
+    return Crossing(level, unit, (least + most) / 2.0, (most - least) / (2.0 * COVERAGE_FACTOR), top)
 
-    at = float(brentq(lambda x: float(spline(x)) - level, grid[i - 1], grid[i], xtol=1e-12))
-    weights = np.array([float(_spline(frequency_hz, unit_value)(at)) for unit_value in np.eye(len(values))])
-    slope = abs(float(spline.derivative()(at)))
-    std_hz = math.exp(at) * math.hypot(float(np.linalg.norm(weights * own)), float(weights @ shared)) / slope
-    return Crossing(level, unit, math.exp(at), std_hz, top)
+
+def _first_fall(places: Array, above: Array) -> float | None:
+    """Where values first fall to 0, between two places along a straight line; None where they do not."""
+    i = int(np.argmax(above <= 0.0))
+    if above[i] > 0.0:
+        return None
+    if i == 0:
+        return float(places[0])
+    return float(places[i - 1] + above[i - 1] / (above[i - 1] - above[i]) * (places[i] - places[i - 1]))
 
 
 def _spline(frequency_hz: Array, values: Array) -> BSpline:

@@ -36,11 +36,12 @@ Read = tuple[float, float]
 
 @dataclass(frozen=True, slots=True)
 class Side:
-    """One side of a curve that goes both ways from neutral."""
+    """One side of a curve that goes both ways from neutral; `departures` are those of the redrawn curves."""
 
     edge: Read
     gain: Read
     departure: Read
+    departures: Array
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,7 +127,7 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
     found = line(estimate.response)
     redrawn = np.array([line(one) for one in estimate.responses])
     gain, departure = ((value, about(again, value)) for value, again in zip(found, redrawn.T, strict=True))
-    return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure)
+    return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure, redrawn[:, 1])
 
 
 def level_at(levels: Array, values: Array, wanted: float) -> float:

@@ -55,7 +55,7 @@ def test_figures_of_a_known_curve_lie_within_their_uncertainty():
 
 
 def test_the_gain_of_a_curve_that_bends_is_that_of_all_commands_between():
-    value, std = sides(estimate(noise=0.003))[0].gain
+    value, _ = sides(estimate(noise=0.003))[0].gain
     command = np.linspace(20.0, 100.0, 20001)
     body = (metered(command) >= 0.3 * 70.0) & (metered(command) <= 0.9 * 70.0)
     truth = np.polyfit(command[body], metered(command[body]), 1)[0]

@@ -194,6 +194,42 @@ def test_crossings_come_with_uncertainty_or_say_not_reached():
     assert str(phase_crossing(table(), -90.0)).startswith("-90 °: 1.0")
 
 
+@pytest.mark.parametrize(("noise", "least_told"), [(0.003, 1.0), (0.03, 1.0), (0.06, 0.9)])
+def test_the_crossing_of_a_flat_noisy_curve_is_held_by_its_interval(noise, least_told):
+    # a small amplitude within friction: 4 dB over a decade; the slope at a noisy crossing alone would hold too few
+    frequencies = np.array([0.2, 0.5, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 8.0, 10.0, 12.0, 15.0])
+    size = np.interp(np.log(frequencies), np.log([0.2, 1.0, 4.0, 15.0]), [1.0, 0.85, 0.65, 0.2])
+    clean = from_polar("bench", frequencies, size * np.exp(-0.2j * frequencies))
+    covariance = np.tile(noise**2 * np.eye(2), (len(frequencies), 1, 1))
+    wanted = [(crossing, level, crossing(clean, level).frequency_hz) for crossing, level in
+              ((magnitude_crossing, -3.0), (phase_crossing, -90.0))]  # fmt: skip
+    rng, held, told, bounds = np.random.default_rng(0), [], [], []
+    for _ in range(120):
+        parts = noise * rng.normal(size=(2, len(frequencies)))
+        noisy = replace(clean, response=clean.response + parts[0] + 1j * parts[1], covariance=covariance)
+        for crossing, level, truth in wanted:
+            found = crossing(noisy, level)
+            told.append(found.frequency_hz is not None)
+            if found.frequency_hz is None:
+                bounds.append(found.beyond_hz <= truth)
+            else:
+                held.append(abs(found.frequency_hz - truth) <= 2.0 * found.std_hz)
+    assert np.mean(told) >= least_told
+    assert 0.92 <= np.mean(held) <= 0.985
+    assert all(bounds)
+
+
+def test_the_reference_is_in_every_line_alike():
+    frequencies = np.array([0.2, 0.4, 0.65, 1.15, 2.5])
+    covariance = np.tile(1e-12 * np.eye(2), (5, 1, 1))
+    covariance[0] = 1e-4 * np.eye(2)  # the reference alone is uncertain, by 0.087 dB
+    made = replace(from_polar("bench", frequencies, MODEL.at(frequencies)), covariance=covariance)
+    gain = np.abs(made.response[0])
+    shifted = [magnitude_crossing(made, -3.0 + sign * 20.0 * math.log10(1.0 + 0.01 / gain)) for sign in (1.0, -1.0)]
+    apart = (shifted[1].frequency_hz - shifted[0].frequency_hz) / 2.0
+    assert magnitude_crossing(made, -3.0).std_hz == pytest.approx(apart, rel=0.02)
+
+
 def test_lines_that_nothing_passes_do_not_bend_a_crossing():
     frequencies = np.array([0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0])
     heard = MODEL.at(frequencies)
@@ -204,7 +240,9 @@ def test_lines_that_nothing_passes_do_not_bend_a_crossing():
         alone = noisy.select(np.arange(10) < 8)
         assert magnitude_crossing(noisy, -3.0).frequency_hz == magnitude_crossing(alone, -3.0).frequency_hz
         assert phase_crossing(noisy, -90.0).frequency_hz == phase_crossing(alone, -90.0).frequency_hz
-        assert magnitude_crossing(noisy, -60.0).beyond_hz == 20.0  # none that is heard is so low: all lines count
+        far = magnitude_crossing(noisy, -60.0)  # none that is heard is so low: all lines count, and do not tell it
+        assert far.frequency_hz is None
+        assert 4.0 <= far.beyond_hz < 20.0
 
 
 def test_the_smaller_bandwidth_is_quoted_and_the_reference_rule_held():
