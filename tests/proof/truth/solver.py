@@ -68,6 +68,14 @@ def step(rhs: Any, r: Any, laws: Any, records: Any, t: float, h: float, old: Any
             records[j].z[q] = old[j, q] + total[j, q]
 
 
+@njit(inline="always")
+def _stands(r: Any, before: Any) -> bool:
+    for q in range(_PLANT_STATES):
+        if r.s[q] != before[q]:
+            return False
+    return True
+
+
 def _integrate(rhs: Any, r: Any, laws: Any, records: Any, u: Any, y: Any, times: Any) -> None:
     """Fill y (samples × channels); times is (sample_s, sub-steps a sample, settle_s, delay_s)."""
     sample_s, substeps, settle_s, delay_s = times
@@ -76,6 +84,8 @@ def _integrate(rhs: Any, r: Any, laws: Any, records: Any, u: Any, y: Any, times:
     r.u = u[0]
     for k in range(-int(settle_s / h), 0):
         step(rhs, r, laws, records, k * h, h, old, total)
+        if len(records) == 0 and _stands(r, old[0]):  # without laws only states decide: it stands from now on
+            break
     for i in range(len(u)):
         for j in range(substeps):
             t = i * sample_s + j * h
