@@ -7,6 +7,8 @@ import inspect
 import math
 import re
 import string
+from collections.abc import Callable, Iterable
+from functools import cache
 
 import numpy as np
 import pytest
@@ -37,20 +39,22 @@ def stays_where_it_is_put(definition: Plant) -> bool:
     return goes_on and bool(definition.initial(definition.typical, at_rest, math.nan))
 
 
-# By effect, not by plant: tests beside each other then compile different plants instead of waiting for the same one.
-SITES = sorted(
-    ((found, site) for found in PLANTS for site in kernel(found.name).sites), key=lambda pair: pair[1].effect.name
-)
-RESTING_SITES = [
-    (found, site)
-    for found, site in SITES
-    if not stays_where_it_is_put(found) and found.name not in WARMING and site.effect.name not in RESTLESS
-]
+SITES = [(found, site) for found in PLANTS for site in kernel(found.name).sites]
+Place = tuple[Plant, Site]
 
 
-def at(sites: list[tuple[Plant, Site]]) -> pytest.MarkDecorator:
-    names = [f"{found.name}-{site.hook.name}-{site.effect.name}" for found, site in sites]
-    return pytest.mark.parametrize(("definition", "site"), sites, ids=names)
+def places(effect: Effect) -> list[Place]:
+    return [(found, site) for found, site in SITES if site.effect is effect]
+
+
+def rests(place: Place) -> bool:
+    found, site = place
+    return not stays_where_it_is_put(found) and found.name not in WARMING and site.effect.name not in RESTLESS
+
+
+def where_not(holds: Callable[[Plant, Site], bool], at: Iterable[Place]) -> list[str]:
+    """The plants and hooks where something does not hold."""
+    return [f"{found.name}, {site.hook.name}" for found, site in at if not holds(found, site)]
 
 
 for_every_effect = pytest.mark.parametrize("effect", effects(), ids=lambda effect: effect.name)
@@ -96,46 +100,67 @@ def at_typical(site: Site) -> ActiveEffect:
     return ActiveEffect(*site.key, {p.name: p.typical for p in site.effect.parameters_at(site.hook)})
 
 
-@at(SITES)
-def test_at_null_it_does_nothing(definition: Plant, site: Site) -> None:
-    null = ActiveEffect(*site.key, site.effect.null_at(site.hook))
-    assert np.allclose(run(definition, null), run(definition), rtol=0.0, atol=1e-12 * definition.output.full_scale)
-
-
-@at(SITES)
-def test_at_its_typical_size_it_shows(definition: Plant, site: Site) -> None:
+@cache
+def plain(name: str) -> tuple[Array, Array]:
+    """What a plant gives without any effect, and what passes each of its hooks."""
+    definition = plant(name)
     trace = np.zeros((len(definition.hooks), course(definition).shape[1]))
-    plain = run(definition, trace=trace)
-    arrives = trace[[hook.name for hook in definition.hooks].index(site.hook.name)]
-    change = np.abs(run(definition, at_typical(site)) - plain).max()
-    one_sided = site.effect.name == "asymmetry" and arrives.min() >= 0.0  # nothing negative passes
-    out_of_reach = definition.name == "servo-valve-blocked" and site.effect.name == "saturation"  # the supply is first
-    assert (change > 1e-6 * definition.output.full_scale) != (one_sided or out_of_reach)
+    return run(definition, trace=trace), trace
 
 
-@at(SITES)
-def test_the_same_twice_and_in_blocks(definition: Plant, site: Site) -> None:
-    inputs, active = course(definition), at_typical(site)
-    whole = run(definition, active)
-    assert np.array_equal(whole, run(definition, active))
-    twin = Twin(definition, definition.typical, interval_s(definition), (active,))
-    parts = [twin.advance(inputs[:, a:b]) for a, b in ((0, 1), (1, 700), (700, 701), (701, 3000))]
-    assert np.array_equal(np.hstack(parts), whole)
+@for_every_effect
+def test_at_null_it_does_nothing(effect: Effect) -> None:
+    def holds(definition: Plant, site: Site) -> bool:
+        null = run(definition, ActiveEffect(*site.key, effect.null_at(site.hook)))
+        return np.allclose(null, plain(definition.name)[0], rtol=0.0, atol=1e-12 * definition.output.full_scale)
+
+    assert where_not(holds, places(effect)) == []
 
 
-@at(RESTING_SITES)
-def test_at_rest_nothing_moves(definition: Plant, site: Site) -> None:
-    still = np.repeat(course(definition)[:, 400:401], 1500, axis=1)
-    assert np.ptp(run(definition, at_typical(site), inputs=still), axis=1).max() < 1e-9 * definition.output.full_scale
+@for_every_effect
+def test_at_its_typical_size_it_shows(effect: Effect) -> None:
+    def holds(definition: Plant, site: Site) -> bool:
+        without, trace = plain(definition.name)
+        arrives = trace[[hook.name for hook in definition.hooks].index(site.hook.name)]
+        change = np.abs(run(definition, at_typical(site)) - without).max()
+        one_sided = effect.name == "asymmetry" and arrives.min() >= 0.0  # nothing negative passes
+        out_of_reach = definition.name == "servo-valve-blocked" and effect.name == "saturation"  # the supply is first
+        return bool(change > 1e-6 * definition.output.full_scale) != (one_sided or out_of_reach)
+
+    assert where_not(holds, places(effect)) == []
 
 
-@at(SITES)
-def test_at_every_bound_it_stays_finite(definition: Plant, site: Site) -> None:
-    typical = at_typical(site).parameters
-    for parameter in site.effect.parameters_at(site.hook):
-        for bound in (parameter.low, parameter.high):
-            found = run(definition, ActiveEffect(*site.key, {**typical, parameter.name: bound}))
-            assert np.isfinite(found).all(), f"{parameter.name} = {bound} {parameter.unit}"
+@for_every_effect
+def test_the_same_twice_and_in_blocks(effect: Effect) -> None:
+    def holds(definition: Plant, site: Site) -> bool:
+        inputs, active = course(definition), at_typical(site)
+        whole = run(definition, active)
+        twin = Twin(definition, definition.typical, interval_s(definition), (active,))
+        parts = [twin.advance(inputs[:, a:b]) for a, b in ((0, 1), (1, 700), (700, 701), (701, 3000))]
+        return np.array_equal(whole, run(definition, active)) and np.array_equal(np.hstack(parts), whole)
+
+    assert where_not(holds, places(effect)) == []
+
+
+@for_every_effect
+def test_at_rest_nothing_moves(effect: Effect) -> None:
+    def holds(definition: Plant, site: Site) -> bool:
+        still = np.repeat(course(definition)[:, 400:401], 1500, axis=1)
+        moved = np.ptp(run(definition, at_typical(site), inputs=still), axis=1).max()
+        return bool(moved < 1e-9 * definition.output.full_scale)
+
+    assert where_not(holds, filter(rests, places(effect))) == []
+
+
+@for_every_effect
+def test_at_every_bound_it_stays_finite(effect: Effect) -> None:
+    for definition, site in places(effect):
+        typical = at_typical(site).parameters
+        for parameter in effect.parameters_at(site.hook):
+            for bound in (parameter.low, parameter.high):
+                found = run(definition, ActiveEffect(*site.key, {**typical, parameter.name: bound}))
+                at = f"{definition.name}, {site.hook.name}: {parameter.name} = {bound} {parameter.unit}"
+                assert np.isfinite(found).all(), at
 
 
 @for_every_effect
