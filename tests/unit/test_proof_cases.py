@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.drawn import LEAK, SEED, drawn
 from tests.proof.cases.draw import changed, draw
 from tests.proof.cases.folder import unseen, write_case
 from tests.proof.cases.label import SEVERITIES, Label, parse
@@ -23,12 +24,11 @@ from tests.proof.truth.noise import Colour, converted, noise
 pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
 
 OFFSET = Label("sensor_offset", "brevini-hpv41", "half", 3)
-LEAK = Label("leakage", "cummins-efc", "full", 0)
 
 
 @pytest.fixture(scope="module")
 def leak() -> Truth:
-    return draw(5, LEAK)
+    return drawn(LEAK)
 
 
 @pytest.fixture(scope="module")
@@ -44,11 +44,11 @@ def test_a_label_survives_being_written() -> None:
 
 
 def test_a_case_is_drawn_again_exactly(leak: Truth) -> None:
-    assert draw(5, LEAK) == leak
+    assert draw(SEED, LEAK) == leak
 
 
 def test_another_seed_draws_another_case(leak: Truth) -> None:
-    other = draw(6, LEAK)
+    other = draw(SEED + 1, LEAK)
     assert other.unit != leak.unit
     assert other.hidden != leak.hidden
     assert other.salt != leak.salt
@@ -81,7 +81,7 @@ def test_full_severity_shows_with_three_to_ten_deviations(leak: Truth) -> None:
 
 
 def test_an_offset_shows_as_large_as_it_is() -> None:
-    truth = draw(5, OFFSET)
+    truth = draw(SEED, OFFSET)
     assert truth.sigma[0] == pytest.approx(abs(truth.hidden[0].parameters[0]) / 0.3, rel=1e-6)
     assert 1.5 * 0.9 < truth.sigma[0] < 5.0 * 1.1  # half severity
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -27,11 +28,12 @@ WANTED_SIGMA = {"linear-axis": 30.0}
 
 @cache
 def short_stand(plant: str) -> Stand:
-    """Eight seconds of the plant's own programme that move it over its range; an axis starts at rest."""
+    """Eight seconds of the plant's own programme that move it over its range, after half a second at rest."""
     changed = programme(plant, np.random.default_rng(11)).changed
     command = changed["step-response" if plant == "cummins-efc" else "steps"]
     command = command[:2000] if PLANTS[plant].tracked else command[3000:5000]
-    healthy = Unit(PLANTS[plant], {b.name: b.value for b in PLANTS[plant].base})
+    short = replace(PLANTS[plant], settle_s=min(PLANTS[plant].settle_s, 0.5))
+    healthy = Unit(short, {b.name: b.value for b in short.base})
     return stand(healthy, {"short": command}, 1000, SUBSTEPS // 2)
 
 

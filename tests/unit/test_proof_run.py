@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from tests.proof.cases.draw import draw
+from tests.drawn import LEAK, SEED, drawn
 from tests.proof.cases.label import Label
 from tests.proof.cases.seal import BrokenSealError
 from tests.proof.cases.truth import Truth, to_json
@@ -21,18 +21,25 @@ from tests.proof.run import OtherSealsError, prove
 from tests.proof.score.calibration import bands
 from tests.proof.score.rates import Rate
 from tests.proof.score.result import Result
+from tests.proof.truth.law import Array, Hidden
 from tests.proof.truth.simulate import Unit, respond
 
 pytestmark = pytest.mark.xdist_group("proof")  # what is drawn once is for all of them
 
-SEED = 3
-LABELS = [Label("leakage", "cummins-efc", "full", 1), Label("none", "cummins-efc", "full", 1)]
+HEALTHY = Label("none", "cummins-efc", "full", 0)
+LABELS = [LEAK, HEALTHY]
 TRUTHS = {label.veiled(SEED): label for label in LABELS}
 
 
-@cache
 def known(veiled: str) -> Truth:
-    return draw(SEED, TRUTHS[veiled])
+    return drawn(TRUTHS[veiled])
+
+
+@cache
+def answered(veiled: str, hidden: tuple[Hidden, ...], command: tuple[float, ...]) -> Array:
+    """The output of the unit of a case, with this in it; oracle and liar are asked the same."""
+    found = known(veiled)
+    return respond(Unit(found.plant, found.unit, hidden), np.array(command))[:, 0]
 
 
 @dataclass(frozen=True)
@@ -62,10 +69,9 @@ class Oracle:
 
     def simulate(self, model: Path, recording: Path, out: Path) -> None:
         said = json.loads(model.read_text())
-        found = known(said["case"])
-        unit = Unit(found.plant, found.unit, found.hidden if said["hidden"] else ())
+        hidden = known(said["case"]).hidden if said["hidden"] else ()
         time_s, command = np.loadtxt(recording, delimiter=",", skiprows=1, usecols=(0, 1), unpack=True)
-        simulated = np.column_stack([time_s, respond(unit, command)[:, 0]])
+        simulated = np.column_stack([time_s, answered(said["case"], hidden, tuple(command.tolist()))])
         np.savetxt(out, simulated, delimiter=",", header="time [s],pressure [psi]", comments="")
 
 
@@ -78,7 +84,7 @@ def proof(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A proof with an oracle that tells the truth; the one that the oracle knows already is not drawn once more."""
     out = tmp_path_factory.mktemp("proof")
     (out / "truth").mkdir()
-    (out / "truth" / f"{LABELS[0]}.json").write_text(to_json(known(LABELS[0].veiled(SEED))))
+    (out / "truth" / f"{LEAK}.json").write_text(to_json(drawn(LEAK)))
     run(out, Oracle())
     return out
 
@@ -146,8 +152,8 @@ def _break(arguments: Sequence[str], log: Path) -> None:
 
 def test_a_program_that_fails_is_counted_not_forgiven(proof: Path, tmp_path: Path) -> None:
     _reuse_truths(proof, tmp_path)
-    results, _ = run(tmp_path, Commands(_break), jobs=2)
-    assert [(r.said, r.right, r.error) for r in results] == [("failed", False, "RuntimeError: no license")] * 2
+    results, _ = prove([HEALTHY], SEED, tmp_path, Commands(_break), 2, lambda *_: None)  # in a process of its own
+    assert [(r.said, r.right, r.error) for r in results] == [("failed", False, "RuntimeError: no license")]
 
 
 def _reuse_truths(proof: Path, out: Path) -> None:

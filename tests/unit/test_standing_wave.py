@@ -26,7 +26,7 @@ def passed(values: Array, reflection: float) -> Array:
 
 @cache
 def gains(reflection: float) -> dict[float, complex]:
-    """Gain at each of `FREQUENCIES_HZ`, from all of them at once: the effect is linear, and each is alone in its line."""
+    """Gain at each of `FREQUENCIES_HZ`, from all at once: the effect is linear, and each has its own line."""
     time_s = np.arange(8000) * STEP_S
     out = passed(np.sum([np.sin(2.0 * np.pi * f * time_s) for f in FREQUENCIES_HZ], axis=0), reflection)
     last = time_s >= 4.0  # whole periods of every frequency asked for

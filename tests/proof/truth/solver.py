@@ -70,10 +70,10 @@ def step(rhs: Any, r: Any, laws: Any, records: Any, t: float, h: float, old: Any
 
 @njit(inline="always")
 def _stands(r: Any, before: Any) -> bool:
+    same = True
     for q in range(_PLANT_STATES):
-        if r.s[q] != before[q]:
-            return False
-    return True
+        same = same and r.s[q] == before[q]
+    return same
 
 
 def _integrate(rhs: Any, r: Any, laws: Any, records: Any, u: Any, y: Any, times: Any) -> None:

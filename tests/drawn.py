@@ -1,0 +1,18 @@
+"""Cases of the proof that several tests read: what takes seconds to draw is drawn once in a process."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from tests.proof.cases.draw import draw
+from tests.proof.cases.label import Label
+from tests.proof.cases.truth import Truth
+
+SEED = 5
+LEAK = Label("leakage", "cummins-efc", "full", 0)
+
+
+@cache
+def drawn(label: Label) -> Truth:
+    """The truth of a case of this seed."""
+    return draw(SEED, label)
