@@ -241,9 +241,11 @@ class Answer:
                 "change": Quantity(values[0] - term.nominal, std, u.unit, "beyond the nominal model"),
             }
         effect = installed_effect(term.name)
-        meanings = {p.name: p.meaning for p in effect.parameters}
+        meanings, held = {p.name: p.meaning for p in effect.parameters}, dict(term.held)
         return {
-            u.name: Quantity(float(v), stds.get((f"{term.name}.{u.name}", term.hook)), u.unit, meanings[u.name])
+            u.name: Quantity(
+                float(v), stds.get((f"{term.name}.{u.name}", term.hook)), u.unit, meanings[u.name], held.get(u.name)
+            )
             for u, v in zip(term.unknowns, values, strict=True)
         }
 

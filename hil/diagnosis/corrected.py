@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -47,10 +48,20 @@ def corrected(problem: Problem, f: Fitted, verdict: Verdict) -> Model:
     return replace(
         model,
         parameters=values,
-        effects=(*model.effects, *found),
+        effects=_with(model, found),
         covariance=_covariance(f, model),
         origin=origin,
     )
+
+
+def _with(model: Model, found: Sequence[ModelEffect]) -> tuple[ModelEffect, ...]:
+    """The effects of a model and those found; one that it has already keeps its place and what was not estimated."""
+    held = {(e.name, e.hook): e for e in model.effects}
+    for e in found:
+        key = (e.name, e.hook)
+        known = held[key].parameters if key in held else {}
+        held[key] = replace(e, parameters={**known, **e.parameters})
+    return tuple(held.values())
 
 
 def standard_uncertainties(f: Fitted) -> dict[tuple[str, str], float | None]:

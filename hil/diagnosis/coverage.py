@@ -27,7 +27,8 @@ class Limit:
     What is itself a limit (saturation, a rate) does nothing at infinity: `upper` is then the typical value where that
     would have been seen, infinity where not. `visible`: whether an effect of typical size would stand out for
     certain; if not, nothing can be said of it. Sizes are distances from the value at which the effect does nothing.
-    Where what is accepted leaves more than noise, an effect may be as large as makes all that is left.
+    Where what is accepted leaves more than noise, an effect may be as large as makes all that is left. Of an effect
+    that the nominal model has, `about` is its size there, and sizes are changes of it.
     """
 
     effect: str
@@ -37,6 +38,7 @@ class Limit:
     upper: float
     typical: float
     visible: bool
+    about: float = 0.0
 
     @property
     def is_place(self) -> bool:
@@ -87,15 +89,16 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
         upper = first.start if seen else float("inf")
         return Limit(term.told, term.stage, first.name, first.unit, upper, first.start, seen)
     start = min(term.starts, key=lambda s: abs(s[0] - term.null))
-    size, typical = abs(start[0] - term.null), abs(first.start - term.null)
+    about = term.null if term.held else 0.0
+    size, typical = abs(start[0] - term.null), abs(about or first.start - term.null)
     step = adapted_residuals(place, (term, start), coarse=True) - without
     power = float(step @ step)
     if power < 1e-12 or size == 0.0:
-        return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False)
+        return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False, about)
     strength = -float(step @ without) / power
     upper = max(max(strength, 0.0) + _ONE_SIDED / np.sqrt(power), hidden / np.sqrt(power)) * size
     visible = np.sqrt(power) * typical / size > max(CERTAIN, hidden)
-    return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible))
+    return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible), about)
 
 
 def _left(problem: Problem, without: Array) -> float:

@@ -20,6 +20,7 @@ from hil.diagnosis.happened import Happened, happened, posed_again
 from hil.diagnosis.levels import read_coarsely
 from hil.diagnosis.next_test import Span
 from hil.diagnosis.problem import pose
+from hil.diagnosis.roughly_known import as_in_this_unit
 from hil.diagnosis.solver import settled
 from hil.diagnosis.wording import quantity_text
 from hil.diagnosis.work import Progress, Work
@@ -99,6 +100,10 @@ def _diagnose(model: Model, experiments: Sequence[Experiment], work: Work, span:
         if second.verdict not in OPEN:
             problem, choice = set_right, second
             warnings += checked.clock_warnings
+    problem, no_news = as_in_this_unit(problem, choice)
+    if no_news:
+        choice = decide(problem)
+        warnings += no_news
     standing = as_before(problem) if what_changed else ""
     if standing:
         choice = healthy(choice)

@@ -21,17 +21,27 @@ Verdict = Literal["consistent", "parameter_change", "explained", "partly_explain
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number with its standard uncertainty (None when the data do not say) and unit."""
+    """A number with its standard uncertainty (None when the data do not say) and unit.
+
+    Attributes:
+        was: what it is in the nominal model, where that has the effect already.
+    """
 
     value: float
     std: float | None
     unit: str
     meaning: str = ""
+    was: float | None = None
+
+    def as_dict(self) -> dict[str, Any]:
+        """As in `diagnosis.json`."""
+        told = {"value": self.value, "std": self.std, "unit": self.unit}
+        return told if self.was is None else {**told, "from": self.was}
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """An effect that was left out of the nominal model.
+    """An effect that was left out of the nominal model, or that is in it and has changed.
 
     Attributes:
         name: of the effect. `title`: in the words of a fitter. `equation`: for the engineer.
@@ -50,6 +60,11 @@ class Finding:
     sentence: str
     equation: str
     source: str
+
+    @property
+    def is_new(self) -> bool:
+        """Whether the nominal model lacks it."""
+        return all(q.was is None for q in self.parameters.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -256,7 +271,7 @@ def _finding(f: Finding) -> dict[str, Any]:
         "name": f.name,
         "probability": f.probability,
         "stage": f.stage,
-        "parameters": {name: {"value": q.value, "std": q.std, "unit": q.unit} for name, q in f.parameters.items()},
+        "parameters": {name: q.as_dict() for name, q in f.parameters.items()},
         "where": _where(f.where),
         "sentence": f.sentence,
         "equation": f.equation,

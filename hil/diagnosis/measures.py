@@ -70,7 +70,7 @@ class Measures:
 
     def cost(self, f: Fitted) -> float:
         """χ² and the price of unknowns; for physics that the nominal model lacks evidence must be very strong."""
-        added = sum(term.kind == "effect" for term in f.terms)
+        added = sum(term.is_new for term in f.terms)
         return bic_of_known_noise(f.chi2, self.problem.size, _PRICE * f.unknowns) + added * VERY_STRONG
 
     def burden(self, f: Fitted) -> float:

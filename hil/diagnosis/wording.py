@@ -54,6 +54,10 @@ def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> 
         now = quantities[term.name]
         title = effect.title[0].upper() + effect.title[1:]
         return f"{title}: {now.meaning} is {_change_text(term.nominal, now.value, now.std, now.unit)}."
+    if term.held:
+        title = effect.title[0].upper() + effect.title[1:]
+        told = [f"{q.meaning} is {_change_text(q.was or 0.0, q.value, q.std, q.unit)}" for q in quantities.values()]
+        return f"{title} has changed: {_listed(told)}."
 
     def text(match: re.Match[str]) -> str:
         q = quantities.get(match.group(1))
@@ -82,20 +86,30 @@ def headline(
     """The verdict in one sentence; `hidden`: why an agreement would mean nothing, if it would."""
     if verdict == "consistent" and hidden:
         return hidden
-    names = _listed([f"{f.title} ({f.stage})" if f.stage else f.title for f in found])
     if verdict == "consistent":
         return "The model agrees with the recordings within their noise."
     if verdict == "parameter_change":
         return " ".join(["No physics is missing, but the unit has changed.", *(_change(c) for c in changed)])
     if verdict == "explained":
         them = "it" if len(found) == 1 else "them"
-        return f"The model leaves out {names}. With {them} {_how_far(left)}."
+        return f"{_what(found)} With {them} {_how_far(left)}."
     if verdict == "partly_explained":
-        return f"The model leaves out {names}. Something more is missing: {100 * left.share:.3g} % of the misfit stays."
+        return f"{_what(found)} Something more is missing: {100 * left.share:.3g} % of the misfit stays."
     return (
         f"The model and the recordings differ by {left.rms:.2g}{_unit_text(left.unit)} (rms) beyond the noise, "
         "and nothing in the library explains it."
     )
+
+
+def _what(found: Sequence[Finding]) -> str:
+    """What the model leaves out, and what in it has changed, a sentence each."""
+    new, held = ([_placed(f) for f in found if f.is_new is wanted] for wanted in (True, False))
+    said = [f"The model leaves out {_listed(new)}."] if new else []
+    return " ".join([*said, *([f"What the model has of {_listed(held)} has changed."] if held else [])])
+
+
+def _placed(f: Finding) -> str:
+    return f"{f.title} ({f.stage})" if f.stage else f.title
 
 
 def _how_far(left: Left) -> str:

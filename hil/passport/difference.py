@@ -18,7 +18,7 @@ from hil.passport.conditions import condition_changes
 from hil.passport.owner import Owner, owner_among, owner_of
 from hil.passport.sources import Dated
 from hil.physics.compose import kernel
-from hil.physics.model import Model
+from hil.physics.model import Model, ModelEffect
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
 
@@ -151,10 +151,13 @@ def _bound(model: Model, dated: Dated, inputs: Sequence[str], output: str) -> li
 
 
 def _reference(kind: Model, first: Diagnosed) -> Model:
-    """The unit at the first date, its effects apart: what grew is then found as the whole effect, and compared."""
+    """The unit at the first date, effects that were told apart: what grew is then found as a whole, and compared."""
     if first.diagnosis.verdict in ("unexplained", "partly_explained"):
         return kind
-    return replace(first.corrected, effects=kind.effects, origin=kind.origin)
+    told = {(f.name, f.hook) for f in first.diagnosis.effects}
+    there = {(e.name, e.hook): e for e in first.corrected.effects}
+    effects = tuple(e if (key := (e.name, e.hook)) in told else there[key] for e in kind.effects)
+    return replace(first.corrected, effects=effects, origin=kind.origin)
 
 
 def _notes(old: Dated, new: Dated, first: Diagnosed | None) -> tuple[str, ...]:
@@ -201,6 +204,10 @@ def _of_finding(
         was = Size(reference.parameters[parameter].value, reference.parameters[parameter].std)
     elif before is not None and parameter in before.parameters:
         was = Size(before.parameters[parameter].value, before.parameters[parameter].std)
+    elif after.was is not None:
+        upper = limits.get(f.name)
+        known = _std_in(reference, f, parameter) if upper is None else upper / _ONE_SIDED
+        was = Size(after.was, known)
     else:
         upper = limits.get(f.name)
         was = Size(_null(reference, f, parameter), None if upper is None else upper / _ONE_SIDED)
@@ -224,10 +231,15 @@ def _gone(f: Finding, told: Diagnosis) -> Change | None:
     if limit is None:
         return None
     parameter, was = next(iter(f.parameters.items()))
-    now = Size(0.0, limit.upper / _ONE_SIDED)
+    now = Size(limit.about, limit.upper / _ONE_SIDED)
     return Change(
         f.name, f.stage, owner_of(f.stage), parameter, Size(was.value, was.std), now, was.unit, None, f.probability
     )
+
+
+def _std_in(model: Model, f: Finding, parameter: str) -> float | None:
+    """How well a model knows a parameter of an effect that it has."""
+    return next((e.parameters[parameter].std for e in model.effects if e.hook == f.hook and e.name == f.name), None)
 
 
 def _null(model: Model, f: Finding, parameter: str) -> float | None:
@@ -281,7 +293,7 @@ def _without(reference: Model, second: Diagnosed) -> Iterator[tuple[str, Model]]
     corrected = second.corrected
     for f in second.diagnosis.effects:
         base = next((name for name in f.parameters if name in reference.parameters), None)
-        yield f"{f.name}@{f.hook}", _back(corrected, reference, base) if base else _less(corrected, f)
+        yield f"{f.name}@{f.hook}", _back(corrected, reference, base) if base else _less(corrected, reference, f)
     for changed in second.diagnosis.changed_parameters:
         yield changed.name, _back(corrected, reference, changed.name)
 
@@ -290,12 +302,15 @@ def _back(corrected: Model, reference: Model, name: str) -> Model:
     return replace(corrected, parameters={**corrected.parameters, name: reference.parameters[name]})
 
 
-def _less(corrected: Model, f: Finding) -> Model:
+def _less(corrected: Model, reference: Model, f: Finding) -> Model:
+    """Without an effect, or with what the reference has of it."""
     installed = {(s.hook.name, s.effect.name): _names(s.effect) for s in kernel(corrected.plant).sites}
-    kept = [
-        e for e in corrected.effects if e.hook != f.hook or f.name not in installed.get((e.hook, e.name), (e.name,))
-    ]
-    return replace(corrected, effects=tuple(kept))
+
+    def is_it(e: ModelEffect) -> bool:
+        return e.hook == f.hook and f.name in installed.get((e.hook, e.name), (e.name,))
+
+    kept = [e for e in corrected.effects if not is_it(e)]
+    return replace(corrected, effects=(*kept, *(e for e in reference.effects if is_it(e))))
 
 
 def _misfit(model: Model, experiments: Sequence[Experiment]) -> float:

@@ -13,6 +13,7 @@ from hil.language.figures import localised
 from hil.language.words import _, marked
 from hil.passport.unit import Unit
 from hil.record.measurement import COVERAGE_FACTOR
+from hil.report.diagnosis_tables import changed_from
 from hil.report.number import number, with_uncertainty
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ class Understood:
         if self.told is None:
             return []
         return [
-            [_(limit.effect.replace("_", " ")), _(limit.stage),
+            [_(limit.effect.replace("_", " ")) + changed_from(limit), _(limit.stage),
              number(limit.upper, 2) if limit.visible else _("cannot be seen"),
              limit.unit if limit.visible else ""] for limit in self.told.diagnosis.limits
         ]  # fmt: skip

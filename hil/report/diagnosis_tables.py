@@ -135,7 +135,8 @@ def limit_table(limits: Sequence[Limit]) -> Table | None:
         return None
     rows = [
         (
-            _(limit.effect.replace("_", " ")), _(limit.stage), _(limit.parameter.replace("_", " ")),
+            _(limit.effect.replace("_", " ")), _(limit.stage),
+            _(limit.parameter.replace("_", " ")) + changed_from(limit),
             with_unit(limit.upper, limit.unit) if math.isfinite(limit.upper) else _("no limit"),
             with_unit(limit.typical, limit.unit),
             _("would have been seen") if limit.visible else _("cannot be seen in these data"),
@@ -151,6 +152,11 @@ def limit_table(limits: Sequence[Limit]) -> Table | None:
         _("At its typical size it"),
     )
     return Table("", heads, tuple(rows), text_columns=(1, 2, 5))
+
+
+def changed_from(limit: Limit) -> str:
+    """` − 0.8 %` where a limit is that of a change of what the model has."""
+    return f" − {with_unit(limit.about, limit.unit)}" if limit.about else ""
 
 
 def with_unit(value: float, unit: str) -> str:

@@ -38,6 +38,8 @@ class Term:
         telling: unknowns without whose shape the effect would be another one, and at which end of their range.
         rugged: whether a fit ends in one of many valleys.
         by_clock: whether it runs by the clock, whatever the command does.
+        held: what the nominal model has of the effect already, every parameter by name: then the unknowns are its
+            sizes, their nulls what they are in the model, and the term stands in its place. Empty for new physics.
     """
 
     kind: Literal["parameter", "effect"]
@@ -53,6 +55,12 @@ class Term:
     telling: tuple[tuple[str, str], ...] = ()
     rugged: bool = False
     by_clock: bool = False
+    held: tuple[tuple[str, float], ...] = ()
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it is physics that the nominal model lacks, and not something in it that has changed."""
+        return self.kind == "effect" and not self.held
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -103,7 +111,7 @@ class Term:
             parameters[self.name] = float(values[0])
         else:
             named = {u.name: float(value) for u, value in zip(self.unknowns, values, strict=True)}
-            effects.append(ActiveEffect(self.name, self.hook, named))
+            effects.append(ActiveEffect(self.name, self.hook, {**dict(self.held), **named}))  # the last of a key counts
 
 
 def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
@@ -113,9 +121,13 @@ def all_terms(problem: Problem, left: Array) -> tuple[Term, ...]:
     """
     seen = signals_seen(problem, left)
     sites = kernel(problem.plant.name).sites
-    present = {effect.key for effect in problem.model.active_effects} | problem.refuted
+    held = {effect.key: effect.parameters for effect in problem.model.active_effects}
     told = problem.model.told_unit
-    effects = [_effect_term(site, seen[site.hook.name], told) for site in sites if site.key not in present]
+    effects = [
+        _held_term(site, held[site.key], told) if site.key in held else _effect_term(site, seen[site.hook.name], told)
+        for site in sites
+        if site.key not in problem.refuted
+    ]
     parameters = [_parameter_term(p, problem.model.values[p.name], problem.plant.stage(p.name)) for p in problem.base]
     return tuple(parameters + [term for term in effects if term.starts])
 
@@ -157,6 +169,26 @@ def _effect_term(site: Site, seen: Seen, told_unit: Callable[[str], str]) -> Ter
         "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, tuple(dict.fromkeys(starts)),
         change=site.effect.known_as, nulls=nulls, rugged=site.effect.rugged,
         telling=tuple((p.name, p.telling) for p in site.effect.parameters if p.telling), by_clock=site.by_clock,
+    )  # fmt: skip
+
+
+def _held_term(site: Site, held: Mapping[str, float], told_unit: Callable[[str], str]) -> Term:
+    """An effect that the nominal model has: its sizes may have changed, its shapes stay."""
+    there = [p.at(site.hook) for p in site.effect.parameters if p.null is not None and held[p.name] != 0.0]
+    values = tuple(held[p.name] for p in there)
+    factors = sorted({f for larger in _FACTORS for f in (larger, 1.0 / larger)}) if there else []
+    starts = tuple(
+        tuple(float(np.clip(factor * v, min(p.low, v), max(p.high, v))) for p, v in zip(there, values, strict=True))
+        for factor in factors
+    )
+    unknowns = tuple(
+        Unknown(p.name, told_unit(p.unit), v, min(p.low, v), max(p.high, v), _size(p, starts, k))
+        for k, (p, v) in enumerate(zip(there, values, strict=True))
+    )
+    return Term(
+        "effect", site.effect.name, site.hook.name, site.hook.stage, unknowns, starts,
+        change=site.effect.known_as, nulls=values, rugged=site.effect.rugged, by_clock=site.by_clock,
+        held=tuple(held.items()),
     )  # fmt: skip
 
 

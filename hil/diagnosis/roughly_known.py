@@ -1,0 +1,55 @@
+"""Sizes of effects that the nominal model has and was never sure of: what they are in this unit is no news."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from hil.diagnosis.decide import Choice
+from hil.diagnosis.problem import Problem
+from hil.diagnosis.search.terms import Term
+from hil.diagnosis.wording import quantity_text
+from hil.diagnosis.yardsticks import SELDOM_BY_CHANCE
+from hil.physics.compose import effect as installed_effect
+from hil.physics.model import Model, ModelEffect
+
+
+def as_in_this_unit(problem: Problem, choice: Choice) -> tuple[Problem, tuple[str, ...]]:
+    """The question with such sizes as they were found, no farther off than was known, and a word on each.
+
+    The same question and no words where there are none.
+    """
+    found = zip(choice.chosen.terms, choice.chosen.values, strict=True) if choice.verdict != "unexplained" else ()
+    near = [(term, values) for term, values in found if _is_no_news(problem.model, term, values)]
+    if not near:
+        return problem, ()
+    moved = {(term.name, term.hook): (term, values) for term, values in near}
+    effects = tuple(
+        _moved(e, *moved[e.name, e.hook]) if (e.name, e.hook) in moved else e for e in problem.model.effects
+    )
+    said = tuple(text for term, values in near for text in _words(term, values))
+    return replace(problem, model=replace(problem.model, effects=effects)), said
+
+
+def _is_no_news(model: Model, term: Term, values: Sequence[float]) -> bool:
+    if not term.held:
+        return False
+    had = next(e for e in model.effects if (e.name, e.hook) == (term.name, term.hook))
+    return all(
+        abs(value - null) <= SELDOM_BY_CHANCE * (had.parameters[u.name].std or 0.0)
+        for u, value, null in zip(term.unknowns, values, term.nulls, strict=True)
+    )
+
+
+def _moved(had: ModelEffect, term: Term, values: Sequence[float]) -> ModelEffect:
+    now = {u.name: replace(had.parameters[u.name], value=float(v)) for u, v in zip(term.unknowns, values, strict=True)}
+    return replace(had, parameters={**had.parameters, **now})
+
+
+def _words(term: Term, values: Sequence[float]) -> Iterator[str]:
+    meanings = {p.name: p.meaning for p in installed_effect(term.name).parameters}
+    for u, value, was in zip(term.unknowns, values, term.nulls, strict=True):
+        yield (
+            f"{term.label}: {meanings[u.name]} is {quantity_text(value, None, u.unit)} instead of "
+            f"{quantity_text(was, None, u.unit)}, within what was known of it. The corrected model has it"
+        )
