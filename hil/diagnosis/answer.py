@@ -80,7 +80,9 @@ class Answer:
         self.problem, self.choice, self.events = found.problem, found.choice, found.events
         self.judged = self._judged()
         self.verdict = _verdict(found)
+        self.alike: tuple[str, ...] = ()
         if not found.events and self._is_doubted():
+            self.alike = self._as_good() if self.verdict == "explained" else ()
             self.verdict = "unexplained"
         beside = not found.replaces_laws and found.choice.verdict != "unexplained"
         self.by_law = not found.events or beside
@@ -99,6 +101,11 @@ class Answer:
         names = self.choice.chosen.names
         likely = max((self._probability(name) for name in names), default=1.0)
         return likely < min(_ONE_IN_FIVE, self._none_of_these())
+
+    def _as_good(self) -> tuple[str, ...]:
+        """Names that would each explain everything, where there are several and none is more probable."""
+        alike = [name for pair in self.choice.rivals for name in pair]
+        return tuple(dict.fromkeys(alike))
 
     def _used(self) -> tuple[Fitted, Fit]:
         """What the corrected model holds, with the fits on data kept back: never what predicts worse than the nominal
@@ -159,7 +166,7 @@ class Answer:
         drawn = strips(problem, self.used)
         return Diagnosis(
             verdict=self.verdict,
-            headline=headline(self.verdict, found, changed, left, self._hidden(unseen)),
+            headline=headline(self.verdict, found, changed, left, self._hidden(unseen), self.alike),
             plant=plant.name,
             plant_title=plant.title,
             input=problem.experiments[0].input,
@@ -340,7 +347,7 @@ class Answer:
         return tuple(sorted(rows, key=lambda c: -c.evidence))
 
     def _not_separable(self) -> tuple[tuple[str, ...], ...]:
-        if self.verdict == "unexplained" or not self.by_law:
+        if (self.verdict == "unexplained" and not self.alike) or not self.by_law:
             return ()
         told = {name for e in self._told_events() for name in e.told}
         return tuple(names for names in self.choice.rivals if names[0] not in told)

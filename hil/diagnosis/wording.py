@@ -81,9 +81,18 @@ def nothing_can_be_said(ceiling: float) -> str:
 
 
 def headline(
-    verdict: Verdict, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left, hidden: str = ""
+    verdict: Verdict,
+    found: Sequence[Finding],
+    changed: Sequence[ChangedParameter],
+    left: Left,
+    hidden: str = "",
+    alike: Sequence[str] = (),
 ) -> str:
-    """The verdict in one sentence; `hidden`: why an agreement would mean nothing, if it would."""
+    """The verdict in one sentence.
+
+    `hidden`: why an agreement would mean nothing, if it would; `alike`: effects that would each explain everything,
+    where none is named because the data do not tell them apart.
+    """
     if verdict == "consistent" and hidden:
         return hidden
     if verdict == "consistent":
@@ -95,10 +104,11 @@ def headline(
         return f"{_what(found)} With {them} {_how_far(left)}."
     if verdict == "partly_explained":
         return f"{_what(found)} Something more is missing: {100 * left.share:.3g} % of the misfit stays."
-    return (
-        f"The model and the recordings differ by {left.rms:.2g}{_unit_text(left.unit)} (rms) beyond the noise, "
-        "and nothing in the library explains it."
-    )
+    differ = f"The model and the recordings differ by {left.rms:.2g}{_unit_text(left.unit)} (rms) beyond the noise"
+    if alike:
+        names = _listed([name.replace("_", " ") for name in alike])
+        return f"{differ}. Each of {names} would explain it; these data do not tell which."
+    return f"{differ}, and nothing in the library explains it."
 
 
 def _what(found: Sequence[Finding]) -> str:

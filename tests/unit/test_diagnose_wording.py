@@ -50,6 +50,13 @@ def test_a_stop_that_was_not_reached_is_not_told() -> None:
     assert said == "It runs against a stop: below at -0.099400 ± 0.000039 m, above at none that was reached."
 
 
+def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing() -> None:
+    left = Left(0.145, 0.029, 0.3, "l/min", None, ())
+    several = headline("unexplained", (), (), left, alike=("dead_time", "sensor_lag"))
+    assert several.endswith("Each of dead time and sensor lag would explain it; these data do not tell which.")
+    assert headline("unexplained", (), (), left).endswith("and nothing in the library explains it.")
+
+
 def test_the_headline_says_what_stays_beside_the_noise() -> None:
     where = Where("", (), (0.0, 1.0), "", {})
     droop = Finding("supply_droop", "drooping supply", 0.9, "supply", "supply", {}, where, "", "", "")
