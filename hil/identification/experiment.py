@@ -53,6 +53,7 @@ class Experiment:
             nothing of it.
         gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
             and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
+        is_timed: whether the bench that made the recording timed its samples: their unit of time is no heading.
         ripples: what the command's dither adds to `drive.inputs` of a plant that rectifies it, at four phases a quarter
             apart, shape (4, inputs, FINER * n); None where there is none.
     """
@@ -75,6 +76,7 @@ class Experiment:
     is_late: bool = False
     command_is_known: bool = False
     gain_stds: Mapping[str, float] = field(default_factory=dict)
+    is_timed: bool = False
     ripples: Array | None = None
 
     def respond(
@@ -315,7 +317,7 @@ def experiment(
         recording.name, f"{names[0]} [{units[0]}]", f"{measured.name} [{output_unit}]",
         recording.time_s, drive, grid_s, output, observed, at is not None, ignored if ignored.any() else None,
         read_s=read_s, gain_stds=stated, silent=silent,
-        ripples=ripples, skew_s=skew_s,
+        ripples=ripples, skew_s=skew_s, is_timed="sampling" in recording.meta,
     )  # fmt: skip
 
 

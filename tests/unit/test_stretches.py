@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -73,3 +75,24 @@ def test_a_recording_that_is_no_longer_than_that_is_used_as_it_is(few: None) -> 
     start, short = starting_model("brevini-hpv41"), made(long_command()[29_000:34_000])
     (e,), said = bound(start, short)
     assert (e.name, len(e.output), said) == ("long", 5000, ())
+
+
+def test_a_stretch_begins_as_warm_as_the_whole_has_made_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(stretches, "MOST_SAMPLES", 900)
+    monkeypatch.setattr(stretches, "_SAMPLES", 300)
+    start = starting_model("efc-drive")
+    command = np.concatenate((np.full(1800, 1.9), np.tile(np.repeat([1.2, 1.7, 1.45], 40), 20)))
+    true = start.definition.typical | {"warming_time": 60.0}
+    rows = simulate(start.definition, true, Drive(command[None, :], 0.0, INTERVAL_S))
+    rows += np.array([[0.5], [0.002], [0.02], [0.1], [0.5], [0.5]]) * np.random.default_rng(3).standard_normal(
+        rows.shape
+    )
+    names = [f"{s.name} [{s.unit}]" for s in (start.definition.output, *start.definition.observed)]
+    channels = {"current [A]": command} | dict(zip(names, rows, strict=True))
+    warm = recording("warm", INTERVAL_S * np.arange(len(command)), channels)
+    model = replace(start, parameters={n: replace(v, value=true[n]) for n, v in start.parameters.items()})
+    found, _ = experiments_of(model, [warm], lambda _: "current", lambda part: experiment(part, model.definition))
+    row = 1 + [signal.name for signal in model.definition.observed].index("coil temperature")
+    for e in found:
+        off = e.respond(model.definition, model.values)[row] - e.observed["coil temperature"]
+        assert abs(float(off.mean())) < 0.05  # at rest at its first command the coil would be a kelvin off
