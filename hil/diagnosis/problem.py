@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -221,7 +222,18 @@ def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
     experiments = [_without_hum(model, e) for e in experiments]
     floors = channel_floors([{"output": e.told_output} for e in experiments])
     noises = tuple(_noise(model, own["output"]) for own in floors)
-    return Problem(model, tuple(experiments), noises, channel_floors([e.told_observed for e in experiments]))
+    inner = channel_floors([e.told_observed for e in experiments])
+    return Problem(model, tuple(experiments), noises, tuple(map(partial(_with_dither, model), experiments, inner)))
+
+
+def _with_dither(model: Model, e: Experiment, floors: dict[str, float]) -> dict[str, float]:
+    """Noise of inner signals with the ripple of a dither, whose phase nobody recorded: no comparison can foresee it."""
+    quarters = e.by_dither(model.definition, model.values, model.active_effects)
+    if not quarters:
+        return floors
+    power = sum(np.mean(rows**2, axis=1) for rows in quarters) / len(quarters)
+    ripple = dict(zip((s.name for s in model.definition.observed), np.sqrt(power[1:]).tolist(), strict=True))
+    return {name: math.hypot(floor, ripple[name]) for name, floor in floors.items()}
 
 
 def _noise(model: Model, floor: float) -> Noise:
