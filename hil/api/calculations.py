@@ -183,7 +183,7 @@ def diagnose(
     nominal = model_of(model)
     sources: list[Source] = several(recordings)
     read = [samples_of(one, reading or AS_IT_IS) for one in sources]
-    experiments, said = bound_to(nominal, read, several(inputs), output)
+    experiments, said = bound_to(nominal, read, several(inputs), output, budget_s)
     for note in (*notes_on(read, experiments), *said):
         notes(note)
     origins = [*([origin_at(model)] if isinstance(model, str | Path) else []), *map(origin_of, read)]

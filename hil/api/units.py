@@ -70,6 +70,7 @@ def diff(
     model: Model | str | Path | None = None,
     inputs: str | Iterable[str] = (),
     output: str = "",
+    budget_s: float = math.inf,
     reading: Reading | None = None,
     notes: Notes = unsaid,
     progress: Progress = quiet,
@@ -82,6 +83,8 @@ def diff(
         model: of the type, or the path of its file, where no passport holds one.
         inputs: names of the input channels, where they are not the model's own.
         output: name of the output channel, likewise.
+        budget_s: computing time after which no further search is begun; of long recordings as much is taken as it
+            allows.
         reading: how files are read.
         notes: told what was assumed of the recordings.
         progress: told how far it is.
@@ -98,7 +101,7 @@ def diff(
         first, second = (read_dated(Path(p), Path(folder) / name, asked) for p, name in ((old, "old"), (new, "new")))
         for note in notes_on([*first.recordings, *second.recordings]):
             notes(note)
-        return difference(first, second, kind, progress, several(inputs), output)
+        return difference(first, second, kind, progress, several(inputs), output, budget_s)
 
 
 def issue_passport(

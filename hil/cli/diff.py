@@ -21,6 +21,14 @@ def command(
     model: Path | None = typer.Option(
         None, "--model", metavar="MODEL.json", help="Model of the type, where no passport holds one."
     ),
+    budget_s: float = typer.Option(
+        120.0,
+        "--budget",
+        metavar="S",
+        min=0.0,
+        help="Computing time after which no further search is begun, in s; of long recordings as much is taken as it "
+        "allows. inf: no end.",
+    ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.diff/1."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one
     output_name: Output = "",
@@ -33,8 +41,8 @@ def command(
     from hil.record.plain import to_json
 
     with shown() as progress:
-        found = api.diff(old, new, model=model, inputs=input_name, output=output_name, reading=reading,
-                         notes=teller(aside=as_json), progress=progress)  # fmt: skip
+        found = api.diff(old, new, model=model, inputs=input_name, output=output_name, budget_s=budget_s,
+                         reading=reading, notes=teller(aside=as_json), progress=progress)  # fmt: skip
     typer.echo(to_json(found.as_dict()) if as_json else _text(found))
 
 

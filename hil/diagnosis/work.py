@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 Progress = Callable[[float, str], None]
+OUT_OF_TIME = "was over before these were looked at"
 
 
 class Work:
@@ -38,5 +39,5 @@ class Work:
         if not self.left_out:
             return ()
         what = ", ".join(self.left_out)
-        over = f"the computing time of {self._budget_s:g} s was over before these were looked at: {what}"
+        over = f"the computing time of {self._budget_s:.3g} s {OUT_OF_TIME}: {what}"
         return (f"{over}; a larger --budget may find more",)

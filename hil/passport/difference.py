@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -12,8 +13,9 @@ import numpy as np
 from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import Diagnosis, Finding
+from hil.diagnosis.work import OUT_OF_TIME
 from hil.errors import SettingError
-from hil.identification.experiment import Experiment, for_model
+from hil.identification.experiment import Experiment
 from hil.passport.conditions import condition_changes
 from hil.passport.owner import Owner, owner_among, owner_of
 from hil.passport.sources import Dated
@@ -21,6 +23,7 @@ from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
+from hil.session.diagnosis import bound_to
 
 Verdict = Literal["unchanged", "changed", "unexplained"]
 Progress = Callable[[float, str], None]
@@ -110,6 +113,7 @@ def difference(
     progress: Progress = lambda _d, _t: None,
     inputs: Sequence[str] = (),
     output: str = "",
+    computing_s: float = math.inf,
 ) -> DateDifference:
     """Compare two dates.
 
@@ -120,6 +124,7 @@ def difference(
         progress: told how far it is.
         inputs: names of the input channels, where they are not the model's own.
         output: name of the output channel, likewise.
+        computing_s: after which no further search is begun; the dates share it, and what was left out is a note.
 
     Raises:
         SettingError: there is no model.
@@ -129,25 +134,26 @@ def difference(
     start = known or old.unit
     if start is None:
         raise SettingError(f"{old.name}: holds no model; give that of the type with --model MODEL.json")
-    names, first = (inputs, output), None
+    names, first, left_s = (inputs, output), None, computing_s
+    said: tuple[str, ...] = ()
     if known is not None:
-        first = diagnose(known, _bound(known, old, *names), lambda d, t: progress(0.5 * d, f"{old.name}: {t}"))
+        begun_s, half_s = time.monotonic(), 0.5 * computing_s
+        experiments, said = bound_to(known, old.recordings, *names, half_s)
+        first = diagnose(known, experiments, lambda d, t: progress(0.5 * d, f"{old.name}: {t}"), budget_s=half_s)
+        left_s = max(computing_s - (time.monotonic() - begun_s), 0.0)
     reference = start if first is None else _reference(start, first)
-    experiments = _bound(reference, new, *names)
-    second = diagnose(reference, experiments, lambda d, t: progress(0.5 + 0.5 * d, f"{new.name}: {t}"))
+    experiments, more = bound_to(reference, new.recordings, *names, left_s)
+    second = diagnose(reference, experiments, lambda d, t: progress(0.5 + 0.5 * d, f"{new.name}: {t}"), budget_s=left_s)
     moved, same = _moved(reference, first, second, experiments)
     changes = (*moved, *condition_changes(old.recordings, new.recordings))
     named = {change.name for change in moved}
     limits = (_excluded(x) for x in second.diagnosis.limits if x.visible)
     kept = {one.name: one for one in (*limits, *same) if one.name not in named}
+    notes = (*_notes(old, new, first), *said, *more, *_left_out(first, second))
     return DateDifference(
-        changes, tuple(one for one in kept.values() if one.is_told), _verdict(second.diagnosis, moved),
-        _notes(old, new, first), tuple(one for one in kept.values() if not one.is_told),
+        changes, tuple(one for one in kept.values() if one.is_told), _verdict(second.diagnosis, moved), notes,
+        tuple(one for one in kept.values() if not one.is_told),
     )  # fmt: skip
-
-
-def _bound(model: Model, dated: Dated, inputs: Sequence[str], output: str) -> list[Experiment]:
-    return [for_model(model, one, inputs, output) for one in dated.recordings]
 
 
 def _reference(kind: Model, first: Diagnosed) -> Model:
@@ -167,6 +173,12 @@ def _notes(old: Dated, new: Dated, first: Diagnosed | None) -> tuple[str, ...]:
     if first is not None and first.diagnosis.verdict in ("unexplained", "partly_explained"):
         found.append(f"{old.name} is not explained itself; {new.name} is compared with the model of the type")
     return tuple(found)
+
+
+def _left_out(*found: Diagnosed | None) -> tuple[str, ...]:
+    """What was not looked at for want of computing time; each once."""
+    said = (w for one in found if one is not None for w in one.diagnosis.warnings if OUT_OF_TIME in w)
+    return tuple(dict.fromkeys(said))
 
 
 def _verdict(second: Diagnosis, moved: Sequence[Change]) -> Verdict:

@@ -35,11 +35,21 @@ Progress = Callable[[float, str], None]
 
 
 def bound_to(
-    model: Model, recordings: Sequence[Recording], inputs: Sequence[str] = (), output: str = ""
+    model: Model,
+    recordings: Sequence[Recording],
+    inputs: Sequence[str] = (),
+    output: str = "",
+    computing_s: float = math.inf,
 ) -> tuple[list[Experiment], tuple[str, ...]]:
-    """Recordings bound to a model, in their most telling stretches where they are too long; and that in words."""
+    """Recordings bound to a model, in their most telling stretches where they are too long; and that in words.
+
+    Too long are those that nobody diagnoses in the computing time, where it has an end.
+    """
     command = inputs[0] if inputs and inputs[0] else split_heading(model.input)[0]
-    return experiments_of(model, recordings, lambda _: command, lambda one: for_model(model, one, inputs, output))
+
+    return experiments_of(
+        model, recordings, lambda _: command, lambda one: for_model(model, one, inputs, output), computing_s
+    )
 
 
 def diagnosed(

@@ -156,7 +156,7 @@ def diagnose_units(
 def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
     """Diagnose one unit; what is wrong with its recordings is an answer too, so that the others go on."""
     try:
-        experiments, said = bound_to(unit.model, unit.recordings, unit.inputs, unit.output)
+        experiments, said = bound_to(unit.model, unit.recordings, unit.inputs, unit.output, budget_s)
         notes = (*said, *notes_on([], experiments))
         return UnitAnswer(unit.name, diagnose(unit.model, experiments, budget_s=budget_s), notes=notes)
     except HilError as error:
