@@ -34,6 +34,7 @@ def run(
     resets: str | Iterable[str] = (),
     resume: str | Path | None = None,
     archive: str | Path = "",
+    cause_s: float = 60.0,
     progress: Progress = quiet,
     outputs: Outputs | None = None,
     settings: Mapping[str, Any] = NOTHING,
@@ -53,6 +54,7 @@ def run(
         resume: go on where this run was broken off, with its settings.
         progress: told how far it is.
         archive: where an earlier run of a unit that did not pass is looked for; else `HIL_ARCHIVE`, else `./runs`.
+        cause_s: time that the cause of a missed certificate is looked for, once its verdict is on disk; 0: it is not.
         outputs: kept up to what is known of the outputs, for somebody who asks for it when this failed.
         settings: by name, as values or as text as on the command line.
         named: settings by their own names.
@@ -70,7 +72,7 @@ def run(
     return run_procedure(
         chosen, bench_of(bench), {**settings, **named}, Path(out), progress, several(resets),
         split_limits(several(limits)),
-        None if resume is None else Path(resume), outputs, labels, archive=str(archive),
+        None if resume is None else Path(resume), outputs, labels, archive=str(archive), cause_s=cause_s,
     )  # fmt: skip
 
 

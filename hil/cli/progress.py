@@ -99,6 +99,8 @@ def _plain() -> Callable[[float, str], None]:
 
     def show(done: float, text: str) -> None:
         nonlocal last, last_s
+        if last >= 1.0 > done:  # another piece of work begins
+            last = -1.0
         now_s = time.monotonic()
         if done >= last + _STEP or (done >= 1.0 > last) or now_s - last_s >= every_s:
             print(f"{done:4.0%}  {text}", file=sys.stderr, flush=True)

@@ -45,6 +45,14 @@ def command(
         [], "--note", metavar="KEY=VALUE", help="What else is to be known; again for more."
     ),
     archive: str = ARCHIVE,
+    cause_s: float = typer.Option(
+        60.0,
+        "--cause-budget",
+        metavar="S",
+        min=0.0,
+        help="Time that the cause of a missed certificate is looked for, in s, once outputs are safe and the verdict "
+        "is written; Ctrl-C leaves it out. 0: it is not.",
+    ),
     resets: list[str] = typer.Option([], "--reset", metavar="INTERLOCK", help="Reset a trip of this interlock."),
     rehearse: bool = typer.Option(
         False, "--rehearse", help="First play it on the simulated valve; drive only what goes through there."
@@ -107,7 +115,7 @@ def command(
             return api.run(
                 chosen, found, folder, limits=limits, serial=labels.serial, operator=labels.operator,
                 notes=labels.notes, resets=resets, resume=resume, progress=progress, outputs=known, settings=given,
-                archive=archive,
+                archive=archive, cause_s=cause_s,
             )  # fmt: skip
 
     ended(run, folder, archive, as_json=as_json)

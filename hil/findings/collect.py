@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
+from dataclasses import asdict, fields
 from typing import Any
 
 from hil.findings.curves import FUNCTION_KEYS, curves_of, mappings_of
-from hil.findings.results import FittedFunction, LikenessOf, MovedOf, Results, SinceOf, Value
+from hil.findings.results import CauseOf, FittedFunction, LikenessOf, MovedOf, Results, SinceOf, Value
+from hil.record.cause import Cause, Found
 from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Measured
 from hil.record.plain import plain
@@ -35,6 +36,7 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         deviations=findings.deviations,
         likeness=_likeness(findings.likeness),
         since=_since(findings.since),
+        cause=None if findings.cause is None else CauseOf(**asdict(findings.cause)),
     )
 
 
@@ -42,7 +44,7 @@ def findings_of(results: Results) -> Findings:
     """The measured values, notes and deviations as an evaluation gave them; curves stay where they are."""
     measured = tuple(measured_of(one) for one in results.values)
     likeness, since = _likeness_of(results.likeness), _since_of(results.since)
-    return Findings(measured, {}, results.notes, results.deviations, likeness, since)
+    return Findings(measured, {}, results.notes, results.deviations, likeness, since, _cause_of(results.cause))
 
 
 def measured_of(found: Value) -> Measured:
@@ -79,6 +81,12 @@ def _since_of(found: SinceOf | None) -> Since | None:
         return None
     moved = tuple((measured_of(one.then), measured_of(one.now)) for one in found.moved)
     return Since(**{**dict(found), "moved": moved})
+
+
+def _cause_of(found: CauseOf | None) -> Cause | None:
+    return (
+        None if found is None else Cause(**{**dict(found), "found": tuple(Found(**dict(one)) for one in found.found)})
+    )
 
 
 def _plain_of(found: Since) -> dict[str, Any]:

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from hil.record.plain import plain
 
 if TYPE_CHECKING:
+    from hil.record.cause import Cause
     from hil.record.likeness import Likeness
     from hil.record.since import Since
 
@@ -146,6 +147,7 @@ class Findings:
         deviations: where the test departed from its standard, a sentence each.
         likeness: the unit beside good ones of its type, where the procedure knows them; no part of a verdict.
         since: the unit beside itself at an earlier date, where the archive has one; no part of a verdict.
+        cause: why a certificate was missed, in physics, where that was asked; no part of a verdict.
     """
 
     measured: tuple[Measured, ...] = ()
@@ -154,6 +156,7 @@ class Findings:
     deviations: tuple[str, ...] = ()
     likeness: Likeness | None = None
     since: Since | None = None
+    cause: Cause | None = None
 
     @property
     def verdict(self) -> Verdict | None:

@@ -9,6 +9,7 @@ from typing import Any
 
 from hil.language.words import _, marked
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_of, is_accepted, judge
+from hil.report.cause import cause_sentences
 from hil.report.likeness import likeness_sentences
 from hil.report.name import capital, quantity_words
 from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
@@ -58,8 +59,9 @@ def beside_good(findings: Findings) -> list[str]:
     """
     if is_accepted(findings.verdict):
         return []
+    cause = [] if findings.cause is None else cause_sentences(findings.cause)
     since = [] if findings.since is None else since_sentences(findings.since)
-    return since + ([] if findings.likeness is None else likeness_sentences(findings.likeness))
+    return [*cause, *since, *([] if findings.likeness is None else likeness_sentences(findings.likeness))]
 
 
 def value_text(m: Measured, unit: str = "") -> str:

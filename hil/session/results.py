@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
 from hil.errors import FileError, InputError
-from hil.findings.collect import results_of
+from hil.findings.collect import findings_of, results_of
 from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
+from hil.record.cause import Cause
 from hil.record.conditions import condition_departures
 from hil.record.folder import read
 from hil.record.measurement import Findings, Limit, ended_as_planned
@@ -59,8 +61,15 @@ def report_again(
     recording = read(folder)
     procedure = procedure_of(recording)
     judged_by = {**limits_of(recording.meta), **checked_limits(procedure.measurements, limits)}
-    found = evaluated(procedure, recording, judged_by)
-    return write_outcome(recording, with_earlier(procedure, recording, found, folder, archive), folder)
+    found = with_earlier(procedure, recording, evaluated(procedure, recording, judged_by), folder, archive)
+    return write_outcome(recording, replace(found, cause=cause_found_before(folder)), folder)
+
+
+def cause_found_before(folder: Path) -> Cause | None:
+    """What the run itself found: it took its time, and is as true as it was."""
+    with suppress(FileError):
+        return findings_of(read_results(folder / RESULTS_FILE)).cause
+    return None
 
 
 def evaluated(procedure: Procedure, recording: Recording, limits: Mapping[str, Limit]) -> Findings:

@@ -25,6 +25,7 @@ from hil.record.samples import ROWS_FILE
 from hil.safety.interrupt import terminable
 from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
+from hil.session.cause import with_cause
 from hil.session.labels import NO_LABELS, Labels, labelled
 from hil.session.limit import TypedLimit, checked_limits, limits_of
 from hil.session.outcome import Outcome
@@ -50,6 +51,7 @@ def run_procedure(
     labels: Labels = NO_LABELS,
     commanding: str = "",
     archive: str = "",
+    cause_s: float = 0.0,
 ) -> Outcome:
     """Drive a procedure and evaluate it: outputs are safe, read back, before anything is evaluated.
 
@@ -69,6 +71,7 @@ def run_procedure(
         labels: serial number, operator and notes.
         commanding: the output that is driven, where it is not the command of the bench.
         archive: where an earlier run of a unit that did not pass is looked for.
+        cause_s: time that the cause of a missed certificate is looked for, once the verdict is on disk; 0: it is not.
 
     Raises:
         SettingError: a setting or limit is unknown or not allowed; nothing was driven.
@@ -104,7 +107,7 @@ def run_procedure(
                 _take_back(out)
             raise
         telling(1.0, "outputs safe; evaluating")
-        return evaluate_run(procedure, out, archive)
+        return with_cause(procedure, evaluate_run(procedure, out, archive), archive, cause_s, telling)
 
 
 def rehearse_procedure(

@@ -43,12 +43,13 @@ def with_earlier(
     if not procedure.certificate or not serial or is_accepted(findings.verdict):
         return findings
     with suppress(ArchiveError, InputError, OSError):
-        if (entry := _earlier(archive, serial, procedure.name, recording, folder)) is not None:
+        if (entry := earlier_run(archive, serial, procedure.name, recording, folder)) is not None:
             return replace(findings, since=_since(entry, results_of(recording, findings), folder))
     return findings
 
 
-def _earlier(archive: str, serial: str, procedure: str, recording: Recording, folder: Path) -> Entry | None:
+def earlier_run(archive: str, serial: str, procedure: str, recording: Recording, folder: Path) -> Entry | None:
+    """The latest run of the unit that passed, else the latest; None where the archive has none."""
     from hil.archive.archive import Search, find_runs
     from hil.archive.place import archive_place
 
