@@ -13,11 +13,14 @@ from hil.diagnosis.search.fitted import Fitted, nothing, residuals_of
 from hil.diagnosis.search.polish import finished, polish, roughly
 from hil.diagnosis.search.terms import all_terms
 from hil.diagnosis.solver import settled
+from hil.physics.model import Value
 from hil.physics.simulate import ActiveEffect
 from tests.concealed import bound, nominal, records
 
 FRICTION = ActiveEffect("friction", "force", {"coulomb": 3.0, "stiction": 1.3, "stribeck": 5.0, "presliding": 0.02})
 DEADBAND = ActiveEffect("deadband", "opening", {"width": 3.0, "ratio": 1.1})
+
+RATE = ActiveEffect("stage_rate", "pilot_step", {"rate": 700.0, "knee": 0.08})
 
 
 def problem_of(*effects: ActiveEffect, count: int = 3) -> Problem:
@@ -60,8 +63,20 @@ def test_friction_is_told_at_the_steps_of_its_plant() -> None:
     assert np.sum(told.residuals**2) < 1.001 * np.sum(residuals_of(own, found) ** 2)
 
 
-def test_what_has_no_valleys_is_as_exact_at_half_the_steps() -> None:
+def test_a_limit_that_few_steps_reach_is_told_at_the_steps_of_its_plant() -> None:
+    late = {"dead_time": 0.0189}  # the command arrives within a sub-step
+    model = nominal()
+    model = replace(model, parameters={**model.parameters, "dead_time": Value(late["dead_time"], "s")})
+    problem = replace(pose(model, bound(model, records([RATE], late, seed=5)[:1])), factor=0.5)
+    found = fitted(problem, RATE)
+    told = finished(problem, found)
+    assert told.estimate is not None
+    moved = told.values[0][0] - found.values[0][0]
+    assert abs(moved) > 0.3 * told.estimate.std[told.estimate_index(told.terms[0])]
+    assert np.array_equal(told.residuals, residuals_of(replace(problem, factor=1.0), told))
+
+
+def test_half_the_steps_are_exact_enough_for_a_dead_band() -> None:
     problem = replace(problem_of(DEADBAND), factor=0.5)
     found = fitted(problem, DEADBAND)
-    assert finished(problem, found) is found
     assert np.sqrt(np.mean((residuals_of(problem, found, factor=4.0) - found.residuals) ** 2)) < 0.02

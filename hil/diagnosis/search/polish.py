@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
-from hil.diagnosis.search.fitted import Fitted, evaluated, simulated, starting
-from hil.diagnosis.yardsticks import LEADING, ROUGHLY, SELDOM_BY_CHANCE, TO_THE_END, Effort
+from hil.diagnosis.search.fitted import Fitted, evaluated, residuals_of, simulated, starting
+from hil.diagnosis.yardsticks import FAR, LEADING, ROUGHLY, SELDOM_BY_CHANCE, TO_THE_END, Effort
 from hil.identification.estimate import Unknown, estimate
 from hil.record.recording import Array
 
@@ -93,12 +93,18 @@ def fit(
 def finished(problem: Problem, f: Fitted) -> Fitted:
     """The same explanation as exact as it can be told.
 
-    Friction is less exact than the rest: it is fitted at sub-steps no coarser than the plant asks for. Its residuals
-    are those at these steps.
+    Sub-steps whose error is next to nothing for a verdict may still move a value by its uncertainty, as where a command
+    that arrives within a sub-step meets a limit. It is fitted at those that the plant asks for, or at finer ones, where
+    these change χ² by what one standard uncertainty does; its residuals are those at these steps. Rugged terms, whose
+    laws are less exact than their steps, go no finer than the plant.
     """
-    if problem.factor < 1.0 and any(term.rugged for term in f.terms):
-        problem = replace(problem, factor=1.0)
-        f = fit(problem, f, from_here=True)
+    is_rugged = any(term.rugged for term in f.terms)
+    for factor in (1.0,) if is_rugged else (1.0, FAR) if f.terms else ():
+        if problem.factor < factor:
+            finer = replace(problem, factor=factor)
+            change = residuals_of(finer, f) - residuals_of(problem, f)
+            if is_rugged or change @ change > 1.0:
+                problem, f = finer, fit(finer, f, from_here=True)
     return with_known_start(problem, f)
 
 
