@@ -27,6 +27,7 @@ from hil.diagnosis.events.event import Events
 from hil.diagnosis.events.recognise import TOLERANCE_OF_EVENTS
 from hil.diagnosis.evidence import (
     Judged,
+    calibrated,
     indistinguishable,
     judge,
     probabilities,
@@ -161,7 +162,9 @@ class Answer:
         changed = self._changed()
         left = self._left()
         shares = self._stage_shares(nominal) if mismatch else ()
-        unseen = limits(around(problem, self.named), self.choice.terms, self._twins())
+        named = {f.name for f in found}
+        everywhere = limits(around(problem, self.named), self.choice.terms, self._twins())
+        unseen = tuple(limit for limit in everywhere if limit.effect not in named)
         rivals = self._not_separable()
         drawn = strips(problem, self.used)
         return Diagnosis(
@@ -183,7 +186,7 @@ class Answer:
             mismatch=locate(problem, problem.outputs_of(nominal.residuals)) if mismatch else None,
             stage_shares=shares,
             left=left,
-            limits=tuple(limit for limit in unseen if limit.effect not in {f.name for f in found}),
+            limits=unseen,
             warnings=self._all_warnings(changed),
             false_alarms=self._false_alarms(),
             seconds=round(seconds, 3),
@@ -234,7 +237,7 @@ class Answer:
         quantities = self._quantities(f, term, values)
         where = locate(self.problem, self.problem.outputs_of(change))
         return Finding(
-            name, effect.title, self._probability(name), term.stage, term.hook,
+            name, effect.title, calibrated(self._probability(name)), term.stage, term.hook,
             quantities, where, sentence(effect, term, quantities), effect.equation, effect.source,
         )  # fmt: skip
 
@@ -264,8 +267,8 @@ class Answer:
         if spells:
             where = replace(where, time_s=spells, recording=events.spells[0].recording)
         return Finding(
-            events.name, effect.title if effect else events.name, self._event_probability(events), events.stage,
-            events.hook,
+            events.name, effect.title if effect else events.name, calibrated(self._event_probability(events)),
+            events.stage, events.hook,
             {name: Quantity(v, beyond_noise(std, v), unit) for name, (v, std, unit) in events.values.items()},
             where, events.sentence, events.equation, effect.source if effect else "",
         )  # fmt: skip

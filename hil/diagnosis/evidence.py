@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,6 +23,9 @@ Mask = NDArray[np.bool_]
 # excitation.
 _STRETCH_S, _STRETCH_SAMPLES = 4.0, 100
 _WORTH = 4.0
+# How often names of sealed cases were right, by what had been said of them: log odds from log odds (Platt), fitted once
+# to the 414 names of `tests/proof/published.json`; on names of other seeds in docs/explanation/proof.md.
+_CALIBRATED = (1.75, 0.52)
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,6 +96,12 @@ def probabilities(judged: Sequence[Judged], unexplained: float) -> list[float]:
     weights = np.exp(np.maximum(logs - logs.max(), -700.0))
     shares = (1.0 - unexplained) * weights / weights.sum()
     return [float(share) for share in shares]
+
+
+def calibrated(said: float) -> float:
+    """How often a name that is said to be so likely is right; rises with it."""
+    offset, slope = _CALIBRATED
+    return round(1.0 / (1.0 + math.exp(-offset) * (1.0 / said - 1.0) ** slope), 3) if said > 0.0 else 0.0
 
 
 def _no_better(f: Fitted, chosen: Fitted) -> bool:
