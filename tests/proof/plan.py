@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from .cases.label import NOTHING, PAIR, PARAMETER, Label
+from .cases.label import NOTHING, PAIR, PARAMETER, THREE, TOGETHER, Label
 from .truth.catalog import PLANTS, effects, laws_of
 
 ALL_PLANTS = tuple(PLANTS)
@@ -42,6 +42,7 @@ class Plan:
             yield from self._spread(effect, "full", max(1, self.cases // 2))
         yield from self._spread(PARAMETER, "full", 2 * self.cases)
         yield from self._spread(PAIR, "full", 2 * self.cases)
+        yield from self._spread(THREE, "full", self.cases)
         yield from self._spread(NOTHING, "full", 15 * self.cases)
 
     def _spread(self, kind: str, severity: str, count: int) -> Iterator[Label]:
@@ -52,11 +53,11 @@ class Plan:
 
 
 def _plants_of(kind: str, plants: Sequence[str]) -> list[str]:
-    if kind in (NOTHING, PAIR, PARAMETER):
+    if kind in (NOTHING, PARAMETER, *TOGETHER):
         return list(plants)
     return [plant for plant in plants if laws_of(kind, plant)]
 
 
 def kinds() -> list[str]:
     """Return every kind of case."""
-    return [*effects(listed=True), *effects(listed=False), PARAMETER, PAIR, NOTHING]
+    return [*effects(listed=True), *effects(listed=False), PARAMETER, *TOGETHER, NOTHING]

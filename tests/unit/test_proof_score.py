@@ -19,6 +19,8 @@ from tests.proof.truth.noise import WHITE
 
 FRICTION = Hidden("friction_lugre", (2.0, 1.3, 8.0, 0.1, 0.0))
 DELAY = Hidden("dead_time_pure", (0.020, 1.0))
+LAG = Hidden("sensor_lag_second_order", (0.02, 0.7))
+THREE = ("friction", "dead_time", "sensor_lag")
 BURR = Hidden("odd_gain_bump", (0.2, 50.0, 6.0))
 
 
@@ -48,6 +50,8 @@ def says(verdict: str, *names: str, parameters: dict | None = None, changed: lis
         (truth("pair", FRICTION, DELAY), says("explained", "dead_time", "friction"), "both named", True),
         (truth("pair", FRICTION, DELAY), says("explained", "dead_time", "leakage"), "one of two named", False),
         (truth("pair", FRICTION, DELAY), says("explained", "leakage"), "wrong name", False),
+        (truth("three", FRICTION, DELAY, LAG), says("explained", *THREE), "all three named", True),
+        (truth("three", FRICTION, DELAY, LAG), says("explained", *THREE[:2]), "one or two of three named", False),
         (truth("gain_bump", BURR), says("unexplained"), "unexplained", True),
         (truth("gain_bump", BURR), says("partly_explained", "saturation"), "wrong name", False),
         (truth("gain_bump", BURR), says("parameter_change"), "parameter change", False),

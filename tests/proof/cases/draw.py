@@ -12,7 +12,7 @@ from ..truth.law import Hidden
 from ..truth.noise import draw_colour
 from ..truth.plant import Plant
 from ..truth.simulate import Unit
-from .label import NOTHING, PAIR, PARAMETER, SEVERITIES, Label
+from .label import NOTHING, PARAMETER, SEVERITIES, TOGETHER, Label
 from .play import CHANGED
 from .severity import COARSE, Stand, distinct_sigma, stand, strengthened
 from .truth import Truth
@@ -50,9 +50,9 @@ def draw(seed: int, label: Label) -> Truth:
 def _effects(label: Label, rng: np.random.Generator) -> list[str]:
     if label.kind in (NOTHING, PARAMETER):
         return []
-    if label.kind == PAIR:
+    if label.kind in TOGETHER:
         possible = [e for e in effects(listed=True) if laws_of(e, label.plant)]
-        return [str(e) for e in rng.choice(possible, size=2, replace=False)]
+        return [str(e) for e in rng.choice(possible, size=TOGETHER[label.kind], replace=False)]
     return [label.kind]
 
 

@@ -8,12 +8,15 @@ from dataclasses import dataclass
 NOTHING = "none"
 PARAMETER = "parameter_change"
 PAIR = "pair"
+THREE = "three"
+TOGETHER = {PAIR: 2, THREE: 3}
+"""How many effects a kind of case puts together."""
 SEVERITIES = {"full": 1.0, "half": 0.5, "quarter": 0.25, "eighth": 0.125}
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Label:
-    """Kind (an effect, one on no list, `pair`, `parameter_change` or `none`), plant, severity and number."""
+    """Kind (an effect, one on no list, `pair`, `three`, `parameter_change` or `none`), plant, severity and number."""
 
     kind: str
     plant: str

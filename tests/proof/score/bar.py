@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ..cases.label import NOTHING, PAIR, PARAMETER
+from ..cases.label import NOTHING, PAIR, PARAMETER, THREE, TOGETHER
 from .judge import WRONG
 from .rates import Rate
 from .result import Result
@@ -25,7 +25,7 @@ class Claim:
 def claims(results: Sequence[Result]) -> list[Claim]:
     """Return every figure of the bar."""
     seen = [r for r in results if r.visible]
-    single = [r for r in seen if r.listed and r.kind not in (NOTHING, PAIR, PARAMETER) and r.severity == "full"]
+    single = [r for r in seen if r.listed and r.kind not in (NOTHING, PARAMETER, *TOGETHER) and r.severity == "full"]
     none = [r for r in seen if r.kind == NOTHING]
     return [
         _least("effect named first, full severity", Rate(sum(r.right for r in single), len(single)), 0.90),
@@ -33,6 +33,7 @@ def claims(results: Sequence[Result]) -> list[Claim]:
         _most("false alarms where nothing is concealed", Rate(sum(not r.right for r in none), len(none)), 0.01),
         _least("out of library called unexplained", _right([r for r in seen if not r.listed]), 0.90),
         _least("pairs, both named", _right([r for r in seen if r.kind == PAIR]), 0.70),
+        _least("three at once, all named", _right([r for r in seen if r.kind == THREE]), 0.40),
         _least("parameter changes called so", _right([r for r in seen if r.kind == PARAMETER]), 0.90),
         _gap(single),
         _coverage(seen),

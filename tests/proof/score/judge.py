@@ -6,20 +6,22 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from ..cases.label import NOTHING, PAIR, PARAMETER
+from ..cases.label import NOTHING, PAIR, PARAMETER, THREE
 from ..cases.truth import Truth
 
 FIRST = "named first"
 AMONG = "named, not first"
 BOTH = "both named"
 ONE = "one of two named"
+ALL = "all three named"
+SOME = "one or two of three named"
 WRONG = "wrong name"
 PARAMETERS = "parameter change"
 UNEXPLAINED = "unexplained"
 CONSISTENT = "consistent"
 FAILED = "failed"
 
-OUTCOMES = (FIRST, AMONG, BOTH, ONE, WRONG, PARAMETERS, UNEXPLAINED, CONSISTENT, FAILED)
+OUTCOMES = (FIRST, AMONG, BOTH, ONE, ALL, SOME, WRONG, PARAMETERS, UNEXPLAINED, CONSISTENT, FAILED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class Judgement:
 def judge(truth: Truth, diagnosis: Mapping[str, Any]) -> Judgement:
     """Judge a diagnosis (the contract's `diagnosis.json`).
 
-    Right is: an effect named first; both of a pair named; `parameter_change` without a name for a changed
+    Right is: an effect named first; both of a pair named, all of three; `parameter_change` without a name for a changed
     parameter; `unexplained` without a name for what no list has; `consistent` where nothing was concealed.
     """
     named = tuple(str(effect["name"]) for effect in diagnosis["effects"])
@@ -59,9 +61,10 @@ def _said(truth: Truth, named: tuple[str, ...], verdict: str) -> str:
         return WRONG
     if len(truth.effects) == 1:
         return FIRST if named[0] in found else AMONG
-    return BOTH if found == set(truth.effects) else ONE
+    whole, part = (BOTH, ONE) if len(truth.effects) == 2 else (ALL, SOME)
+    return whole if found == set(truth.effects) else part
 
 
 def _wanted(truth: Truth) -> str:
-    silent = {NOTHING: CONSISTENT, PARAMETER: PARAMETERS, PAIR: BOTH}
+    silent = {NOTHING: CONSISTENT, PARAMETER: PARAMETERS, PAIR: BOTH, THREE: ALL}
     return silent.get(truth.label.kind, FIRST if truth.listed else UNEXPLAINED)

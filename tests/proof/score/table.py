@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..cases.label import NOTHING, PAIR, PARAMETER, SEVERITIES
-from .judge import AMONG, BOTH, CONSISTENT, FAILED, FIRST, ONE, PARAMETERS, UNEXPLAINED, WRONG
+from ..cases.label import NOTHING, PAIR, PARAMETER, SEVERITIES, THREE, TOGETHER
+from .judge import ALL, AMONG, BOTH, CONSISTENT, FAILED, FIRST, ONE, PARAMETERS, SOME, UNEXPLAINED, WRONG
 from .rates import Rate
 from .result import Result
 
@@ -33,7 +33,7 @@ class Row:
     @property
     def surplus(self) -> Rate:
         """How often names were given too many beside right ones."""
-        beside = [r for r in self.scored if r.said in (FIRST, AMONG, BOTH, ONE)]
+        beside = [r for r in self.scored if r.said in (FIRST, AMONG, BOTH, ONE, ALL, SOME)]
         return Rate(sum(r.surplus > 0 for r in beside), len(beside))
 
     @property
@@ -73,7 +73,7 @@ def cells(row: Row) -> tuple[str, ...]:
     closed = "–" if middle is None or low is None else f"{100 * middle:.0f} % ({100 * low:.0f} %)"
     typical, slow = row.seconds(0.5), row.seconds(0.9)
     seconds = "–" if typical is None or slow is None else f"{typical:.1f} ({slow:.1f})"
-    counts = [row.rate(AMONG, ONE), *(row.rate(x) for x in (WRONG, PARAMETERS, UNEXPLAINED, CONSISTENT, FAILED))]
+    counts = [row.rate(AMONG, ONE, SOME), *(row.rate(x) for x in (WRONG, PARAMETERS, UNEXPLAINED, CONSISTENT, FAILED))]
     return (
         row.name, str(len(row.scored)), str(row.faint), str(row.right), *(str(c.hits or "") for c in counts),
         str(row.surplus.hits or ""), closed, str(row.held), seconds,
@@ -83,7 +83,7 @@ def cells(row: Row) -> tuple[str, ...]:
 def sections(results: Iterable[Result]) -> list[Section]:
     """Return the whole table."""
     every = list(results)
-    single = [r for r in every if r.listed and r.kind not in (NOTHING, PAIR, PARAMETER)]
+    single = [r for r in every if r.listed and r.kind not in (NOTHING, PARAMETER, *TOGETHER)]
     full = [r for r in single if r.severity == "full"]
     odd = [r for r in every if not r.listed]
     graded = single if len(single) > len(full) else []
@@ -93,6 +93,7 @@ def sections(results: Iterable[Result]) -> list[Section]:
         _section("Single effects by plant, full severity", full, lambda r: r.plant),
         _section("Single effects by effect and severity", graded, lambda r: f"{r.kind}, {r.severity}"),
         _section("Pairs", [r for r in every if r.kind == PAIR], lambda r: r.plant, total=True),
+        _section("Three at once", [r for r in every if r.kind == THREE], lambda r: r.plant, total=True),
         _section("Out of library", odd, lambda r: r.kind, total=True),
         _section("Parameter changes", [r for r in every if r.kind == PARAMETER], lambda r: r.plant, total=True),
         _section("No effect", [r for r in every if r.kind == NOTHING], lambda r: r.plant, total=True),
