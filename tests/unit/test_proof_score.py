@@ -95,6 +95,13 @@ def test_an_interval_counts_where_the_unit_tells_which_parameter_is_meant() -> N
     assert intervals(hidden, says("explained", "friction", parameters=right)) == []
 
 
+@pytest.mark.parametrize(("lower", "holds"), [(-89.1, True), (-89.0, False), (89.0, False)])
+def test_a_stop_on_either_side_is_where_it_was_met(lower: float, holds: bool) -> None:
+    hidden = truth("end_stop", Hidden("end_stop_contact", (11.9, 101.0, 300.0, 0.002)))
+    said = {"upper": {"value": 130.0, "std": None, "unit": "%"}, "lower": {"value": lower, "std": 0.02, "unit": "%"}}
+    assert [i.holds for i in intervals(hidden, says("explained", "end_stop", parameters=said))] == [holds]
+
+
 def test_an_interval_of_a_changed_parameter_is_compared_by_name() -> None:
     changed = [{"name": "pilot_rate", "from": 8.0, "to": 9.1, "std": 0.1, "unit": "rad/s"}]
     found = intervals(

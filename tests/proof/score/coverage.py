@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -60,8 +61,9 @@ def _of_effects(truth: Truth, diagnosis: Mapping[str, Any]) -> Iterator[Interval
             # without a common name, only a unit that occurs once tells which parameter is meant
             fitting = [p for p in said[0]["parameters"].values() if p["unit"] == shared.unit and p["std"] is not None]
             if len(fitting) == 1:
-                true = shared.value(hidden.parameters)
-                yield Interval(f"{law.effect}: {shared.name}", true, fitting[0]["value"], fitting[0]["std"])
+                true, found = shared.value(hidden.parameters), fitting[0]["value"]
+                true = math.copysign(true, found) if shared.both_ways else true
+                yield Interval(f"{law.effect}: {shared.name}", true, found, fitting[0]["std"])
 
 
 def _of_parameters(truth: Truth, diagnosis: Mapping[str, Any]) -> Iterator[Interval]:

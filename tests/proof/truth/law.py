@@ -18,11 +18,15 @@ SampleLaw = Callable[[Array, float, Sequence[float], np.random.Generator], Array
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """A quantity that a diagnosis should report with the same meaning: its unit, and its true value."""
+    """A quantity that a diagnosis should report with the same meaning: its unit, and its true value.
+
+    `both_ways`: it is there on either side of nothing, and the side on which it was found is told by the sign.
+    """
 
     name: str
     unit: str
     value: Callable[[Sequence[float]], float]
+    both_ways: bool = False
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,9 +36,9 @@ LAW = Law(
     equation=equation,
     slot={HPV41: slots.FORCE, EFC: slots.FORCE, AXIS: slots.FORCE},
     shared=(
-        Shared("position", "%", lambda p: p[1] - p[0]),
-        Shared("position", "A", lambda p: p[1] - p[0]),
-        Shared("position", "m", lambda p: p[1] - p[0]),
+        Shared("position", "%", lambda p: p[1] - p[0], both_ways=True),
+        Shared("position", "A", lambda p: p[1] - p[0], both_ways=True),
+        Shared("position", "m", lambda p: p[1] - p[0], both_ways=True),
     ),
     full_sigma={AXIS: (1000.0, 5000.0)},  # a force adds up in a position: a few newtons
 )
