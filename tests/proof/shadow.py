@@ -1,4 +1,4 @@
-"""`python -m tests.proof.shadow OUT`: the decision and the one score beside it, on the cases of a proof.
+"""`python -m tests.proof.shadow OUT...`: the decision and the one score beside it, on the cases of proofs.
 
 `OUT` is the folder of a proof (`python -m tests.proof --out OUT`), whose truths were sealed before any diagnosis.
 """
@@ -13,13 +13,18 @@ from typing import Any
 
 import typer
 
-from .cases.label import NOTHING, PAIR, PARAMETER
+from .cases.label import NOTHING, PAIR, PARAMETER, THREE
 from .cases.truth import Truth, from_json
 from .score import result
 from .score.judge import WRONG, Judgement, judge
 
 START, STOP = "<!-- shadow: python -m tests.proof.shadow -->", "<!-- end of shadow -->"
-_GROUPS = {NOTHING: "nothing concealed", PAIR: "pairs", PARAMETER: "changed units"}
+_GROUPS = {
+    "quantisation": "coarse channels", "dropout": "lost commands", PAIR: "pairs", THREE: "three at once",
+    PARAMETER: "changed units", NOTHING: "nothing concealed",
+}  # fmt: skip
+_SINGLE, _WEAK, _FOREIGN = "single effects", "single effects, a quarter as strong", "foreign laws"
+_ROWS = (_SINGLE, _WEAK, *_GROUPS.values(), _FOREIGN)
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +38,8 @@ class Both:
     @property
     def group(self) -> str:
         """The row that it belongs to."""
-        return _GROUPS.get(self.truth.label.kind, "single effects" if self.truth.listed else "foreign laws")
+        single = _SINGLE if self.truth.label.severity == "full" else _WEAK
+        return _GROUPS.get(self.truth.label.kind, single if self.truth.listed else _FOREIGN)
 
 
 def cases(out: Path) -> Iterator[Both]:
@@ -62,7 +68,7 @@ def table(found: Sequence[Both]) -> str:
     """What either says, by kind of case, and every case on which they differ."""
     rows = ["| cases | number | right now | right by the score | wrong names now | by the score |",
             "| --- | --- | --- | --- | --- | --- |"]  # fmt: skip
-    for group in ("single effects", "pairs", "changed units", "foreign laws", "nothing concealed"):
+    for group in _ROWS:
         own = [b for b in found if b.group == group]
         wrong = [sum(j.said == WRONG or bool(j.named and not b.truth.listed) for b, j in pairs)
                  for pairs in ([(b, b.now) for b in own], [(b, b.shadow) for b in own])]  # fmt: skip
@@ -82,11 +88,11 @@ def _told(j: Judgement) -> str:
 
 
 def main(
-    out: Path = typer.Argument(..., help="Folder of a proof."),
+    out: list[Path] = typer.Argument(..., help="Folders of proofs."),
     page: Path | None = typer.Option(None, help="Page of documentation to put the table into."),
 ) -> None:
     """Set both verdicts side by side."""
-    made = table(list(cases(out)))
+    made = table([case for folder in out for case in cases(folder)])
     print(made)
     if page is not None:
         before, _, rest = page.read_text(encoding="utf-8").partition(START)
