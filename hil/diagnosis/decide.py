@@ -29,7 +29,7 @@ from hil.diagnosis.refuted import refuted
 from hil.diagnosis.search.fitted import Fitted, change_without, nothing
 from hil.diagnosis.search.polish import finished, from_other_shapes, polish, roughly
 from hil.diagnosis.search.terms import Term, all_terms
-from hil.diagnosis.yardsticks import MOST, MUCH_THE_SAME, PLAINLY
+from hil.diagnosis.yardsticks import FAR, MOST, MUCH_THE_SAME, PLAINLY
 
 OPEN = ("partly_explained", "unexplained")
 
@@ -124,6 +124,8 @@ class _Judge:
             self.problem.work.at(0.4, "looking for several causes one after another")
             descriptions = self.causes.deeper(best, alone.place)
             best, verdict = self.of_several(best, descriptions, polished)
+        elif events is None:
+            best, verdict = self.of_three(best, verdict, polished)
         candidates = (*sorted(polished, key=self.m.cost), *singles)
         rivals = self.rivals(best, polished)
         best = finished(self.problem, best)
@@ -155,6 +157,15 @@ class _Judge:
             # the first one was found when the second was not known
             best = self.most_telling([best, *self.causes.pairs([self.causes.without_the_other(best, 1)])], polished)
         return self.causes.needed(best) if len(best.terms) == NAMEABLE else best
+
+    def of_three(self, best: Fitted, verdict: Verdict, polished: Sequence[Fitted]) -> tuple[Fitted, Verdict]:
+        """Two causes that leave something, or a third beside them where that can be named, and the verdict on it."""
+        enough = self.most < NAMEABLE or len(best.terms) != NAMEABLE or self.m.is_full(best)
+        if enough or self.problem.work.leaves_out("a third cause"):
+            return best, verdict
+        known = len(self.causes.second)
+        found = self.causes.pairs([best])
+        return self.of_several(best, [*found, *self.causes.second[known:]], polished)
 
     def of_several(self, best: Fitted, found: Sequence[Fitted], polished: Sequence[Fitted]) -> tuple[Fitted, Verdict]:
         """The most telling of an explanation and descriptions with ever more causes, and the verdict on it."""
@@ -235,20 +246,20 @@ class _Judge:
 
     def is_third_named(self, f: Fitted, two: Fitted | None, alike: Sequence[Fitted]) -> bool:
         """Whether three causes are named: they leave nothing and no others come near, or little beside two that were
-        named without the third, of what these leave no other third takes much.
+        named without the third, of what these leave no other third takes much, or every other leaves far more.
 
         `two`: what was named, if anything. `alike`: what else was found.
         """
-        beyond_doubt = is_present(f) and are_themselves(f) and not is_strained(f)
-        if self.most < NAMEABLE or len(f.names) != NAMEABLE + 1 or not beyond_doubt:
+        if self.most < NAMEABLE or len(f.names) != NAMEABLE + 1 or not (is_present(f) and are_themselves(f)):
             return False
         others = [o.chi2 for o in alike if len(o.terms) == len(f.terms) and set(o.names) != set(f.names)]
         closest = min(others, default=self.baseline.chi2)
         if self.m.is_full(f):
             return excess(self.problem, closest) > PLAINLY * max(self.m.excess(f), SMALL_EXCESS)
-        if two is None or len(two.names) != NAMEABLE or not set(two.names) < set(f.names):
+        if two is None or len(two.names) != NAMEABLE or not set(two.names) < set(f.names) or is_strained(f):
             return False
         alone = two.chi2 - closest < MOST * (two.chi2 - f.chi2)
+        alone = alone or excess(self.problem, closest) > FAR * self.m.excess(f)
         return alone and self.m.left(f) <= NEARLY_ALL
 
     def is_most_of_it(self, f: Fitted, polished: Sequence[Fitted]) -> bool:

@@ -162,3 +162,39 @@ def test_of_two_causes_of_which_one_is_not_there_the_other_one_is_kept(
     of = Causes(Stand(), ())  # type: ignore[arg-type]
     found = of._kept(explanation("dead_time", "rate_limit", chi2=chi2), explanation("coil_lag", chi2=12_000.0))
     assert tuple(name for f in found for name in f.names) == kept
+
+
+PAIR, THREE, OTHER = (
+    ("saturation", "end_stop"),
+    ("saturation", "end_stop", "coil_lag"),
+    ("saturation", "end_stop", "dead_time"),
+)
+
+
+@pytest.mark.parametrize(
+    ("misfit", "two", "three", "other", "named"),
+    [
+        (100.0, 2.0, 1.01, 1.9, THREE),  # three leave nothing, and no other third comes near
+        (100.0, 2.0, 1.01, 1.02, PAIR),
+        (1e5, 900.0, 30.0, 800.0, THREE),  # little stays, and no other third takes half as much
+        (1e5, 900.0, 30.0, 300.0, THREE),  # ... or it leaves far more
+        (1e5, 900.0, 30.0, 100.0, PAIR),
+        (100.0, 1.01, 1.0, 1.0, PAIR),  # two leave nothing
+    ],
+)
+def test_a_third_cause_is_named_where_no_other_third_does_as_well(
+    monkeypatch: pytest.MonkeyPatch, misfit: float, two: float, three: float, other: float, named: tuple[str, ...]
+) -> None:
+    """All in units of what noise leaves."""
+    problem = pose(nominal(), bound(nominal(), records(seed=3)[:1]))
+    judge = _Judge(problem, laws_only=True, most=2)
+
+    def leaves(times: float, *names: str) -> Fitted:
+        found = explanation(*names, chi2=times * problem.size)
+        return replace(found, residuals=np.full(problem.size, np.sqrt(times)))
+
+    judge.m = Measures(problem, leaves(misfit))
+    found = [leaves(three, *THREE), leaves(other, *OTHER)]
+    monkeypatch.setattr(Causes, "pairs", lambda _self, _seeds: found)
+    best, _ = judge.of_three(leaves(two, *PAIR), "explained", ())
+    assert best.names == named
