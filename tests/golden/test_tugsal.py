@@ -15,7 +15,11 @@ from hil.identification.bandwidth import model_crossing
 from hil.identification.frequency_response import from_table
 from hil.identification.order_choice import fit_transfer_function
 from hil.identification.recursive_least_squares import ArxForm, RecursiveLeastSquares, excitation_order
+from hil.identification.step_response import step_figures
+from hil.physics.model import typical_model
 from hil.physics.published import tugsal
+from hil.physics.published.efc_population import valve
+from hil.physics.simulate import Drive, simulate
 from hil.physics.transfer_function import from_factors
 
 ROWS = tugsal.table_4_1()
@@ -29,6 +33,44 @@ def lines(model, frequency_hz, noise=0.0, seed=0):
     table = from_table("lines", frequency_hz, 20 * np.log10(np.abs(h)), np.degrees(np.unwrap(np.angle(h))))
     covariance = np.eye(2) * ((max(noise, 1e-6) * np.abs(h)) ** 2 / 2)[:, None, None]
     return replace(table, response=h * (1 + e), covariance=covariance)
+
+
+# -- steps -------------------------------------------------------------------------------------------------
+
+
+def stepped(model, current_a):
+    """Figures of a step from nothing, bands of 5 % and 2 %, and the largest pressure."""
+    command = np.concatenate((np.zeros(200), np.full(4000, current_a)))
+    pressure = simulate(model.definition, model.values, Drive(command[None, :], math.nan, 1e-3), model.active_effects)[
+        0
+    ]
+    time_s, after = np.arange(4000) / 1000.0, pressure[200:]
+    each = [step_figures(time_s, after, start=float(pressure[199]), band=band) for band in (0.05, 0.02)]
+    return *each, float(after.max())
+
+
+@pytest.mark.parametrize(
+    ("name", "rise", "within_5", "within_2", "psi"),
+    [
+        ("good", 70.8, 171.3, 198.0, 119.13),
+        ("prototype", 87.6, 214.0, 247.2, 119.13),
+        ("return", 100.8, 257.2, 294.6, 120.20),
+    ],
+)
+def test_definitions_of_a_step_of_the_three_sets(name, rise, within_5, within_2, psi):
+    five, two, largest = stepped(valve(name), 1.6)
+    assert 1e3 * five.rise_s == pytest.approx(rise, abs=0.06)
+    assert 1e3 * five.settling_s == pytest.approx(within_5, abs=0.06)
+    assert 1e3 * two.settling_s == pytest.approx(within_2, abs=0.06)
+    assert five.settling_s == five.reaches_s
+    assert largest == pytest.approx(psi, abs=0.006) == five.final
+
+
+def test_definitions_of_a_step_part_where_it_overshoots():
+    five, _, largest = stepped(typical_model("cummins-efc"), 1.6)
+    assert 1e3 * five.reaches_s == pytest.approx(76.5, abs=0.06)
+    assert 1e3 * five.settling_s == pytest.approx(208.7, abs=0.06)
+    assert (largest, five.final) == (pytest.approx(183.5, abs=0.06), pytest.approx(116.8, abs=0.06))
 
 
 # -- specification -----------------------------------------------------------------------------------------
