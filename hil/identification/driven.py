@@ -11,7 +11,9 @@ import numpy as np
 
 from hil.record.recording import Array, Recording
 
+PHASES = 8  # of a dither, whose own is not known: two for what is the same at any, eight for its second harmonic
 FINER = 2  # so much finer than its command is a dither driven: held over a whole sample, it would be cut off too little
+_STOOD_S = 1.0  # longer than the coil of a valve remembers, L/R being 0.06 s at most in those that ship
 _SAMPLES_PER_PERIOD = 4.0  # below which the samples of a command cannot carry its dither
 
 
@@ -45,7 +47,7 @@ def as_driven(recording: Recording) -> Recording:
 
 
 def with_dither(recording: Recording) -> tuple[Recording, ...]:
-    """The same as `as_driven` with the dither itself, at four phases a quarter apart, on a grid `FINER` times as fine.
+    """The same as `as_driven` with the dither itself, at `PHASES` even phases, on a grid `FINER` times as fine.
 
     The first sample is left at the mean. Empty where nothing says what the dither is, or where the samples lie too far
     apart to carry it.
@@ -55,7 +57,21 @@ def with_dither(recording: Recording) -> tuple[Recording, ...]:
         return ()
     recording = _finer(recording)
     mean = as_driven(recording)
-    return tuple(_waved(recording, mean, outputs, k * math.pi / 2.0) for k in range(4))
+    return tuple(_waved(recording, mean, outputs, 2.0 * math.pi * k / PHASES) for k in range(PHASES))
+
+
+def stood_before(recording: Recording) -> Recording:
+    """The recording with a second before it in which everything stands as in its first sample.
+
+    A coil that rectifies a dither has long settled on more current than the mean of the dither makes.
+    """
+    count = math.ceil(_STOOD_S / recording.interval_s)
+    time_s = recording.time_s[0] - recording.interval_s * np.arange(count, 0, -1)
+    channels = {
+        name: replace(c, values=np.concatenate((np.full(count, c.values[0]), c.values)))
+        for name, c in recording.channels.items()
+    }
+    return replace(recording, time_s=np.concatenate((time_s, recording.time_s)), channels=channels)
 
 
 def _finer(recording: Recording) -> Recording:

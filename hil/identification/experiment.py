@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import FileError, SettingError
-from hil.identification.driven import FINER, as_driven, with_dither
+from hil.identification.driven import FINER, PHASES, as_driven, stood_before, with_dither
 from hil.identification.noise import white_floor
 from hil.identification.time_base import held_grid, is_known_throughout, missing_of_even
 from hil.physics.model import Model
@@ -54,8 +54,9 @@ class Experiment:
         gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
             and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
         is_timed: whether the bench that made the recording timed its samples: their unit of time is no heading.
-        ripples: what the command's dither adds to `drive.inputs` of a plant that rectifies it, at four phases a quarter
-            apart, shape (4, inputs, FINER * n); None where there is none.
+        ripples: what the command's dither adds to `drive.inputs` of a plant that rectifies it, at even phases, shape
+            (PHASES, inputs, FINER * (m + n)), from m samples before the first on, in which the command stood as
+            in the first; None where there is none.
     """
 
     name: str
@@ -98,7 +99,9 @@ class Experiment:
             rows = simulate(plant, parameters, self.drive, effects, factor=factor, inject=inject, measured=measured)
         else:
             # what the plant makes of a dither is the same at any phase but for its ripple, opposite at opposite ones
-            each = [self._dithered(plant, parameters, effects, self.ripples[k], factor, inject) for k in (0, 2)]
+            each = [
+                self._dithered(plant, parameters, effects, self.ripples[k], factor, inject) for k in (0, PHASES // 2)
+            ]
             rows = (each[0] + each[1]) / 2.0
         if self.is_late and plant.integrates is not None and plant.integrates(parameters):
             grid_s, begins_s = self.time_s if self.grid_s is None else self.grid_s, self.time_s[self.told][0]
@@ -111,21 +114,28 @@ class Experiment:
     def by_dither(
         self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect] = ()
     ) -> tuple[Array, ...]:
-        """What a dither with each of two phases a quarter apart adds to the rows of `respond`; none if unknown."""
+        """What a dither of another phase may add to the rows of `respond`; none if there is no dither.
+
+        Sine and cosine of it, and of its second harmonic: a dither that is cut off at the end of a range has one, and
+        the two opposite phases of `respond` make the same of it.
+        """
         if self.ripples is None:
             return ()
-        each = [self._skewed(self._dithered(plant, parameters, effects, ripple)) for ripple in self.ripples]
-        return (each[0] - each[2]) / 2.0, (each[1] - each[3]) / 2.0
+        each = np.array([self._skewed(self._dithered(plant, parameters, effects, ripple)) for ripple in self.ripples])
+        turned = 2.0 * np.pi * np.arange(PHASES) / PHASES
+        waves = [wave(harmonic * turned) for harmonic in (1, 2) for wave in (np.cos, np.sin)]
+        return tuple(2.0 / PHASES * np.tensordot(wave, each, axes=1) for wave in waves)
 
     def _dithered(
         self, plant: Plant, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], ripple: Array,
         factor: float = 1.0, inject: tuple[str, Array] | None = None,
     ) -> Array:  # fmt: skip
-        inputs = np.repeat(self.drive.inputs, FINER, axis=1) + ripple
-        finer = Drive(inputs, self.drive.first_output, self.drive.interval_s / FINER)
-        given = (inject[0], np.repeat(inject[1], FINER)) if inject else None
+        before = ripple.shape[1] // FINER - len(self.time_s)
+        held = np.pad(self.drive.inputs, ((0, 0), (before, 0)), mode="edge")
+        finer = Drive(np.repeat(held, FINER, axis=1) + ripple, self.drive.first_output, self.drive.interval_s / FINER)
+        given = (inject[0], np.repeat(np.pad(inject[1], (before, 0), mode="edge"), FINER)) if inject else None
         rows = simulate(plant, parameters, finer, effects, factor=factor, inject=given)
-        read = FINER * np.arange(len(self.time_s)) + round(FINER * self.drive.read_at)
+        read = FINER * (before + np.arange(len(self.time_s))) + round(FINER * self.drive.read_at)
         made: Array = rows[:, np.minimum(read, rows.shape[1] - 1)]
         return made
 
@@ -277,8 +287,8 @@ def experiment(
         FileError: a channel is missing, or the input never changes.
         UnitError: a channel's unit does not convert to the plant's.
     """
-    with_dithers = with_dither(recording) if plant.rectifies else ()
-    recording = as_driven(recording)
+    with_dithers = with_dither(stood_before(recording)) if plant.rectifies and recording.is_even() else ()
+    recording, sampled = as_driven(recording), len(recording)
     names = _input_names(plant, input_name)
     output_name = output_name or plant.output.name
     _check_named(recording, plant, names[0], output_name)
@@ -304,9 +314,10 @@ def experiment(
         at = 0.0
     grid_s, on_grid, interval_s = _even(recording, inputs, read_s)
     ripples = None
-    if with_dithers and grid_s is None and FINER * len(recording) == len(with_dithers[0]):
-        driven = [[one.values(n, u) for n, u in zip(names, units, strict=True)] for one in with_dithers]
-        ripples = np.array(driven) - np.repeat(on_grid, FINER, axis=1)
+    if with_dithers and grid_s is None and len(recording) == sampled:
+        driven = np.array([[one.values(n, u) for n, u in zip(names, units, strict=True)] for one in with_dithers])
+        held = np.pad(on_grid, ((0, 0), (driven.shape[2] // FINER - sampled, 0)), mode="edge")
+        ripples = driven - np.repeat(held, FINER, axis=1)
     drive = Drive(on_grid, _at_rest(inputs, output), interval_s, at or 0.0)
     skew_s = () if read_s is not None else _skew_s(recording, measured.name, plant, at or 0.0)
     if any(skew_s):

@@ -12,7 +12,7 @@ from hil.bench.find import benches
 from hil.bench.open import open_rig
 from hil.bench.read import read_bench
 from hil.daq.channel import OutputChannel, Pwm
-from hil.identification.driven import FINER, as_driven, with_dither
+from hil.identification.driven import FINER, PHASES, as_driven, with_dither
 from hil.identification.experiment import experiment
 from hil.physics.compose import plant
 from hil.physics.simulate import Drive, simulate
@@ -46,7 +46,8 @@ def dithered(hz: float) -> Recording:
 
 
 def test_opposite_phases_of_a_dither_have_the_command_as_their_mean_but_near_the_end_of_the_range() -> None:
-    one, _, opposite, _ = (made.values("current") for made in with_dither(dithered(10.0)))
+    made = with_dither(dithered(10.0))
+    one, opposite = made[0].values("current"), made[PHASES // 2].values("current")
     told = np.repeat(np.linspace(0.0, 1.0, 100), FINER)
     assert (one + opposite)[told > 0.2] == pytest.approx(2.0 * told[told > 0.2])
     assert one.min() == 0.0 and (one + opposite - 2.0 * told)[told < 0.1].mean() > 0.05
@@ -68,6 +69,33 @@ def test_a_coil_that_cannot_be_driven_below_0_v_keeps_more_current_than_the_mean
     whole = simulate(drive, drive.typical, Drive(wave[None], 0.0, 5e-5))[1].reshape(-1, 20).mean(axis=1)
     assert whole[500:1500].mean() > 0.012  # of the dither itself 0.0064 A are left
     assert held[500:1500].mean() == pytest.approx(whole[500:1500].mean(), abs=5e-4)
+
+
+def test_a_coil_has_settled_on_its_dither_before_the_first_sample() -> None:
+    drive, time_s = plant("efc-drive"), np.arange(400) * 1e-3
+    command = np.where(time_s < 0.3, 0.0, 1.5)
+    made = recording("made", time_s, {"current [A]": command, "pressure [psi]": command})
+    how = {"low": 0.0, "high": 3.0, "dither_amplitude": 0.02, "dither_hz": 125.0}
+    current = experiment(replace(made, meta={"driven": {"current": how}}), drive).respond(drive, drive.typical)[1]
+    periods = current[:296].reshape(-1, 8).mean(axis=1)
+    assert periods.min() > 0.012  # from the mean of the dither on it would rise from 0.0064 A
+    assert np.ptp(periods) < 1e-4
+
+
+def test_the_phase_of_a_dither_that_is_cut_off_does_not_matter_but_for_its_ripples() -> None:
+    drive, time_s = plant("efc-drive"), np.arange(160) * 1e-3
+    command = np.full(160, 0.01)  # half of the dither is above it
+    made = recording("made", time_s, {"current [A]": command, "pressure [psi]": command})
+    how = {"low": 0.0, "high": 3.0, "dither_amplitude": 0.02, "dither_hz": 125.0}
+    told = experiment(replace(made, meta={"driven": {"current": how}}), drive)
+    assert told.ripples is not None
+    turned = replace(told, ripples=np.roll(told.ripples, 1, axis=0))  # by an eighth
+    apart = turned.respond(drive, drive.typical)[2] - told.respond(drive, drive.typical)[2]  # the coil's voltage
+    waves = np.array([rows[2] for rows in told.by_dither(drive, drive.typical)])
+    left = apart - np.linalg.lstsq(waves.T, apart, rcond=None)[0] @ waves
+    first = waves[:2]  # its fundamental alone does not explain it
+    by_first = apart - np.linalg.lstsq(first.T, apart, rcond=None)[0] @ first
+    assert np.linalg.norm(left) < 0.1 * np.linalg.norm(by_first)
 
 
 def test_an_experiment_is_driven_by_what_acted_and_a_plain_file_by_what_it_says() -> None:
