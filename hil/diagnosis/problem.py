@@ -228,10 +228,10 @@ def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
 
 def _with_dither(model: Model, e: Experiment, floors: dict[str, float]) -> dict[str, float]:
     """Noise of inner signals with the ripple of a dither, whose phase nobody recorded: no comparison can foresee it."""
-    quarters = e.by_dither(model.definition, model.values, model.active_effects)
-    if not quarters:
+    waves = e.by_dither(model.definition, model.values, model.active_effects)
+    if not waves:
         return floors
-    power = sum(np.mean(rows**2, axis=1) for rows in quarters) / len(quarters)
+    power = sum(np.mean(rows**2, axis=1) for rows in waves) / 2.0  # sine and cosine share each harmonic
     ripple = dict(zip((s.name for s in model.definition.observed), np.sqrt(power[1:]).tolist(), strict=True))
     return {name: math.hypot(floor, ripple[name]) for name, floor in floors.items()}
 
