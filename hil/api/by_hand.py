@@ -94,8 +94,10 @@ def watch(
     from hil.errors import LinkError, SettingError
     from hil.safety.interrupt import terminable
 
-    if not 0.05 <= every_s <= 60.0 or not seconds > 0.0:
-        raise SettingError("--every: 0.05 … 60 s, and --seconds more than 0")
+    if not 0.05 <= every_s <= 60.0:
+        raise SettingError(f"every {every_s:g} s: 0.05 … 60 s is allowed")
+    if not seconds > 0.0:
+        raise SettingError(f"seconds {seconds:g}: more than 0 was expected")
     with terminable(), inputs_of(bench_of(bench), channels) as looked:
         for _ in range(math.ceil(min(seconds / every_s, 1e12) - 1e-9)):
             yield looked.look(every_s)

@@ -67,7 +67,7 @@ def write_xlsx(results: Results, path: Path) -> None:
     try:
         from openpyxl import Workbook
     except ModuleNotFoundError as error:
-        raise InputError(f"--xlsx needs {lacking('openpyxl')}") from error
+        raise InputError(f"a spreadsheet needs {lacking('openpyxl')}") from error
     book = Workbook()
     book.remove(book.worksheets[0])
     _fill(book.create_sheet("values"), VALUE_HEADS, _value_rows(results))

@@ -151,7 +151,7 @@ def _checked(platforms: Sequence[str], version: FmiVersion) -> list[str]:
         if name not in PLATFORMS:
             raise InputError(f"--platform {name}: not known; there are: {', '.join(PLATFORMS)}")
         if not PLATFORMS[name].folder(version):
-            raise InputError(f"--platform {name}: FMI {version} has no folder for it; use --fmi 3")
+            raise InputError(f"platform {name}: FMI {version} has no folder for it; FMI 3 has")
     return list(platforms)
 
 
@@ -203,7 +203,7 @@ def _compiled(work: Path, name: str, target: str) -> Path:
     command = _compiler(target)
     if not command:
         raise InputError(
-            f"--platform {target}: no compiler for it here; pip install 'valve-hil[fmu-cross]', or --sources-only"
+            f"platform {target}: no compiler for it here; pip install 'valve-hil[fmu-cross]', or --sources-only"
         )
     library = work / target / f"{name}{PLATFORMS[target].suffix}"
     library.parent.mkdir()

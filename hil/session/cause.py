@@ -185,7 +185,8 @@ def _findings(answer: Mapping[str, Any]) -> list[Found]:
     for effect in answer["effects"]:
         name, size = effect["name"], next(iter(effect["parameters"].values()))
         alike = tuple(other for pair in pairs if name in pair for other in pair if other != name)
-        found.append(Found(name, "", None, None, size["value"], size["std"], size["unit"], alike=alike))
+        was = size.get("from")
+        found.append(Found(name, "", was, None, size["value"], size["std"], size["unit"], alike=alike))
     named = {name for effect in answer["effects"] for name in effect["parameters"]}
     for c in answer["changed_parameters"]:
         if c["name"] not in named:

@@ -71,10 +71,10 @@ def exported(
         StorageError: the file cannot be written.
     """
     if to not in FORMS:
-        raise SettingError(f"--to {to}: not known; there are: {', '.join(FORMS)}")
+        raise SettingError(f"to {to}: no such form; there are: {', '.join(FORMS)}")
     if to not in TEXTS:
         if out is None:
-            raise SettingError(f"--to {to}: name a file, --out FILE.{to}")
+            raise SettingError(f"to {to}: name a file (out), as FILE.{to}")
         return _simulated(source, to, out, how)
     text = _text(source, to, part)
     if out is not None:
@@ -87,7 +87,7 @@ def _text(source: Model | Results | str | Path, to: str, part: str) -> str:
         return functions_text(_functions(source, part), to)
     name = "model" if isinstance(source, Model) else Path(source).stem
     if part:
-        raise SettingError(f"--part {part}: only a run has parts; {name} is a model")
+        raise SettingError(f"part {part}: only a run has parts; {name} is a model")
     return model_text(_model(source), name, to)
 
 
@@ -113,9 +113,9 @@ def _write(out: Path, text: str) -> None:
 
 def _simulated(source: Model | Results | str | Path, to: str, out: Path, how: Simulation) -> Exported:
     if isinstance(source, Results) or (not isinstance(source, Model) and Path(source).is_dir()):
-        raise SettingError(f"--to {to}: of a model; a run's transfer functions go to {', '.join(TEXTS)}")
+        raise SettingError(f"to {to}: of a model; a run's transfer functions go to {', '.join(TEXTS)}")
     if how.step_s is not None and not how.step_s > 0.0:
-        raise SettingError(f"--step {how.step_s:g}: must be above 0 s")
+        raise SettingError(f"step {how.step_s:g} s: must be above 0 s")
     also = [(name, hook) for name, _, hook in (text.partition("@") for text in how.effects)]
     variables = variables_of(_model(source), also, how.step_s)
     if to == "fmu":
@@ -129,7 +129,7 @@ def _fmu(variables: Variables, out: Path, how: Simulation) -> Exported:
     from hil.fmu.examine import examine
 
     if how.fmi not in ("2", "3"):
-        raise SettingError(f"--fmi {how.fmi}: there are 2 and 3")
+        raise SettingError(f"fmi {how.fmi}: there are 2 and 3")
     part = out.with_name(f".part-{out.name}")
     try:
         built = write_fmu(variables, part, "2" if how.fmi == "2" else "3", how.platforms)

@@ -173,11 +173,11 @@ def _on_cluster(units: Sequence[Unit], scheduler: str, diagnosed: _Diagnose) -> 
     try:
         import distributed
     except ModuleNotFoundError:
-        raise InputError("--scheduler needs Dask, which is not installed: pip install 'valve-hil[cluster]'") from None
+        raise InputError("a scheduler needs Dask, which is not installed: pip install 'valve-hil[cluster]'") from None
     try:
         client = distributed.Client(scheduler, timeout=_PATIENCE_S)  # type: ignore[no-untyped-call]
     except (OSError, TimeoutError, ValueError) as error:
-        raise InputError(f"--scheduler {scheduler}: no Dask scheduler answers there: {error}") from None
+        raise InputError(f"scheduler {scheduler}: no Dask scheduler answers there: {error}") from None
     with client:
         for future in client.map(diagnosed, units, pure=False):
             yield future.result()

@@ -33,3 +33,22 @@ def test_an_output_is_calibrated_into_a_run_folder_alone() -> None:
         api.calibrate(BENCH, "command", "a gauge", lambda: 1.0)
     with pytest.raises(UnknownNameError):
         api.calibrate(BENCH, "nothing", "a gauge", lambda: 1.0)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [({"every_s": 0.01}, "every 0.01 s: 0.05 … 60 s is allowed"), ({"seconds": -1.0}, "seconds -1: more than 0")],
+)
+def test_watch_names_what_was_handed_over_and_no_option_of_the_command(wrong: dict[str, float], said: str) -> None:
+    with pytest.raises(SettingError) as refused:
+        next(api.watch(BENCH, ["flow"], **wrong))
+    assert said in str(refused.value) and "--" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("to", "how"), [("pdf", {}), ("c", {}), ("fmu", {"out": "m.fmu", "fmi": "4"}), ("json", {"part": "x"})]
+)
+def test_export_names_no_option_of_the_command(to: str, how: dict[str, str]) -> None:
+    with pytest.raises(SettingError) as refused:
+        api.export(api.typical_model("brevini-hpv41"), to, **how)
+    assert "--" not in str(refused.value)
