@@ -241,7 +241,7 @@ def _both_ways(
     found = []
     for sign, word in ((1, "positive"), (-1, "negative")):
         edge = of[f"dead_band_{word}"].at(unit=swept_.command.unit)
-        found.append(edge.of(None) if swept_.drifted else edge.of(*sides[sign].edge, calibration=level))
+        found.append(edge.of(None) if swept_.drifted else _edge(edge, *sides[sign].edge, neutral, sign, level))
     for sign, word in ((1, "positive"), (-1, "negative")):
         value, std = sides[sign].gain
         found.append(of[f"gain_{word}"].at(unit=per).of(value, std, calibration=share * abs(value)))
@@ -252,6 +252,16 @@ def _both_ways(
     worse = np.max([one.departures for one in sides.values()], axis=0)  # noise makes the worse of two equal ones larger
     found.append(extreme(of["linearity"], 100.0 * departure, 100.0 * about(worse, departure)))
     return found, (sides[-1].edge[0], sides[1].edge[0])
+
+
+def _edge(
+    of: Measurement, value: float, std: float, neutral: float, sign: int, calibration: float
+) -> Measured:  # fmt: skip
+    """An edge of the dead band; how far it reaches at most, where its uncertainty covers the whole way from neutral."""
+    expanded = COVERAGE_FACTOR * math.hypot(std, calibration)
+    if expanded < sign * (value - neutral):
+        return of.of(value, std, calibration=calibration)
+    return of.of(value + sign * expanded, 0.0, relation="<" if sign > 0 else ">")
 
 
 def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]) -> tuple[list[Measured], list[str]]:

@@ -49,9 +49,9 @@ SWEEPS: Mapping[str, str] = {
     "dead_band_positive": (
         "ISO 10770-1 dead band, upper edge: where a power law through the curve between the branches, up to 40 % of "
         "the response at the end, begins. With play or friction the branches begin half the hysteresis to either "
-        "side."
+        "side. `<` where its uncertainty covers the whole way from neutral: it begins no further out."
     ),
-    "dead_band_negative": "Lower edge of the dead band, as the upper one.",
+    "dead_band_negative": "Lower edge of the dead band, as the upper one; `>` there.",
     "gain_positive": (
         "ISO 10770-1 gain: least-squares line through the curve between the branches, even in command, from 30 % to "
         "90 % of the change of response between neutral and the upper end."
