@@ -28,6 +28,7 @@ from hil.session.diagnosis import bound_to
 Verdict = Literal["unchanged", "changed", "unexplained"]
 Progress = Callable[[float, str], None]
 SCHEMA = "hil.diff/1"
+NOT_ALL = "a part of what changed is not explained"
 _ONE_SIDED = 1.645  # standard deviations to an upper limit of 95 %
 
 
@@ -149,7 +150,8 @@ def difference(
     named = {change.name for change in moved}
     limits = (_excluded(x) for x in second.diagnosis.limits if x.visible)
     kept = {one.name: one for one in (*limits, *same) if one.name not in named}
-    notes = (*_notes(old, new, first), *said, *more, *_left_out(first, second))
+    rest = (NOT_ALL,) if moved and second.diagnosis.verdict == "partly_explained" else ()
+    notes = (*_notes(old, new, first), *rest, *said, *more, *_left_out(first, second))
     return DateDifference(
         changes, tuple(one for one in kept.values() if one.is_told), _verdict(second.diagnosis, moved), notes,
         tuple(one for one in kept.values() if not one.is_told),

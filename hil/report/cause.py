@@ -9,7 +9,7 @@ from hil.report.name import quantity_words
 from hil.report.number import with_uncertainty
 
 _MOST = 4
-_NEARLY_ALL = 0.9  # of a change; below, what is left is said to be left
+_NEXT_TO_NOTHING, _FEW_PER_CENT = 0.01, 0.05
 _WHOSE = {
     "valve": marked("the valve's"),
     "bench": marked("the bench's"),
@@ -31,9 +31,10 @@ def _answer(cause: Cause) -> str:
     if not cause.verdict:
         return _reason(cause)
     if cause.found:
-        found = "; ".join(_found(one) for one in cause.found[:_MOST])
-        more = len(cause.found) - _MOST
-        found += _(" and {n} more").format(n=more) if more > 0 else ""
+        weighty = [one for one in cause.found if _is_weighty(one)] or cause.found
+        found = "; ".join(_found(one) for one in weighty[:_MOST])
+        more = len(cause.found) - len(weighty[:_MOST])
+        found += _("; {n} smaller").format(n=more) if more > 0 else ""
         said = _("What differs from {beside}: {found}.").format(beside=beside, found=found)
         return " ".join((said, _("This does not explain all of it."))) if _is_part(cause) else said
     if cause.verdict in ("consistent", "unchanged"):
@@ -62,8 +63,16 @@ def _unexplained(cause: Cause, beside: str) -> str:
 
 
 def _is_part(cause: Cause) -> bool:
-    shares = [one.share for one in cause.found if one.share is not None]
-    return cause.verdict in ("partly_explained", "unexplained") or bool(shares and sum(shares) < _NEARLY_ALL)
+    return cause.verdict in ("partly_explained", "unexplained")
+
+
+def _is_weighty(one: Found) -> bool:
+    """Whether it is worth a place on page one: nearly nothing of the change, or a few per cent of itself, is not."""
+    if one.share is not None and one.share < _NEXT_TO_NOTHING:
+        return False
+    if not one.before or one.after is None:
+        return True
+    return abs(one.after / one.before - 1.0) >= _FEW_PER_CENT
 
 
 def _found(one: Found) -> str:
@@ -71,8 +80,6 @@ def _found(one: Found) -> str:
     sizes = [_size(one.before, one.before_std, ""), _size(one.after, one.after_std, one.unit)]
     told = " → ".join(size for size in sizes if size)
     beside = [_(_WHOSE[one.of])] if one.of in _WHOSE else []
-    if one.share is not None:
-        beside.append(_("{share} % of the change").format(share=f"{100.0 * one.share:.0f}"))
     if one.alike:
         names = ", ".join(_(quantity_words(name)) for name in one.alike)
         beside.append(_("or {names}: these data do not tell which").format(names=names))

@@ -36,9 +36,10 @@ from hil.session.since import earlier_run
 BUDGET_S = 60.0
 """Computing time that the search may take, when nobody says otherwise."""
 
-_BEGINNING_S = 5.0  # of that budget, for starting the process and reading the run
+_SEARCHING = 0.6  # of that time; the rest is for starting, reading, and telling what was found
 _LOOKS_S = 0.25
 _HIL = (sys.executable, "-m", "hil")
+_NOT_ALL = "a part of what changed is not explained"
 _OUT_OF_TIME = "was over before these were looked at"
 
 Progress = Callable[[float, str], None]
@@ -85,7 +86,7 @@ def cause_of(recording: Recording, folder: Path, earlier: Path | None, budget_s:
 
 def _question(recording: Recording, folder: Path, earlier: Path | None, place: Path, budget_s: float) -> _Question:
     model = _type_model(recording, place)
-    budget = ("--budget", f"{max(budget_s - _BEGINNING_S, 0.0):g}", "--json")
+    budget = ("--budget", f"{_SEARCHING * budget_s:g}", "--json")
     if earlier is not None:
         told = ("diff", str(earlier), str(folder), "--model", model)
         return _Question((*told, *budget), _typed(told, place), earlier.name)
@@ -165,7 +166,8 @@ def _read(asked: Cause, answer: Mapping[str, Any] | None, said: str) -> Cause:
     untold = "; ".join(one.split(": ", 1)[1].split(";")[0] for one in notes)
     found = _changes(answer["changes"]) if "changes" in answer else _findings(answer)
     ordered = sorted(found, key=lambda one: -(one.share or 0.0))
-    return replace(asked, verdict=str(answer["verdict"]), found=tuple(ordered), untold=untold)
+    verdict = "partly_explained" if _NOT_ALL in answer.get("notes", ()) else str(answer["verdict"])
+    return replace(asked, verdict=verdict, found=tuple(ordered), untold=untold)
 
 
 def _changes(changes: Iterable[Mapping[str, Any]]) -> list[Found]:
@@ -181,11 +183,12 @@ def _changes(changes: Iterable[Mapping[str, Any]]) -> list[Found]:
 def _findings(answer: Mapping[str, Any]) -> list[Found]:
     """Of `hil.diagnosis/1`."""
     pairs = answer.get("not_separable", ())
+    was_of = {c["name"]: c["from"] for c in answer["changed_parameters"]}
     found = []
     for effect in answer["effects"]:
-        name, size = effect["name"], next(iter(effect["parameters"].values()))
+        name, (parameter, size) = effect["name"], next(iter(effect["parameters"].items()))
         alike = tuple(other for pair in pairs if name in pair for other in pair if other != name)
-        was = size.get("from")
+        was = size.get("from", was_of.get(parameter))
         found.append(Found(name, "", was, None, size["value"], size["std"], size["unit"], alike=alike))
     named = {name for effect in answer["effects"] for name in effect["parameters"]}
     for c in answer["changed_parameters"]:
