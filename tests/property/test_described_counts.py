@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from functools import cache
 from typing import Any
 
 import pytest
@@ -36,6 +37,14 @@ def described(form: str, order: str, scale: dict[str, Any]) -> ModbusDescription
     })  # fmt: skip
 
 
+@cache
+def both_of(form: str, order: str, scale: int) -> tuple[Any, Counts, tuple[float, float]]:
+    """The driver's register, its twin, slope and offset; neither remembers anything."""
+    told = described(form, order, SCALES[scale])
+    twin = Counts(told, told.terminals["x"], told.modbus.byte_order)
+    return model_of(told).registers["x"], twin, told.terminals["x"].scale
+
+
 def on_the_wire(form: str, order: str, count: float) -> list[int]:
     data = struct.pack(">" + CODES[form], count)
     laid = LAID[order](data) if len(data) > 2 else data[:: 1 if order in ("ABCD", "CDAB") else -1]
@@ -48,10 +57,7 @@ def on_the_wire(form: str, order: str, count: float) -> list[int]:
 @settings(max_examples=15)
 @given(value=st.floats(-50.0, 150.0, width=32), bits=st.integers(0, (1 << 64) - 1))
 def test_registers_are_those_of_struct(form: str, order: str, scale: dict[str, Any], value: float, bits: int) -> None:
-    told = described(form, order, scale)
-    register, terminal = model_of(told).registers["x"], told.terminals["x"]
-    twin = Counts(told, terminal, told.modbus.byte_order)
-    slope, offset = terminal.scale
+    register, twin, (slope, offset) = both_of(form, order, SCALES.index(scale))
     size = struct.calcsize(CODES[form])
 
     count = (value - offset) / slope

@@ -19,7 +19,7 @@ from hil.record.read import formats, read_recording, write_recording
 from hil.record.reading import Reading
 from hil.record.recording import Recording, Samples, recording
 
-INTERVAL_S, COUNT = 0.01, 3000
+INTERVAL_S, COUNT = 0.01, 1500
 TRUE = {"gain": 2.0, "lag_time": 0.3, "dead_time": 0.05}
 TIME_S = INTERVAL_S * np.arange(COUNT)
 
