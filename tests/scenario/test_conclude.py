@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from hil.bench.read import read_bench
+from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError
 from hil.identification.experiment import Experiment, for_model
+from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.folder import read
 from hil.session.demo import write_bench_with
@@ -35,6 +38,20 @@ def sines(bench: Path, tmp_path_factory: pytest.TempPathFactory) -> Experiment:
     folder = tmp_path_factory.mktemp("sines") / "run"
     run_procedure(load_procedure("frequency_response"), read_bench(bench), given, folder)
     return for_model(nominal(), read(folder))
+
+
+@pytest.fixture(autouse=True)
+def diagnosed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The same recordings are diagnosed once, however often they are asked about: that takes seconds."""
+    known: dict[tuple[Experiment, ...], Diagnosed] = {}
+
+    def remembered(model: Model, experiments: list[Experiment], *others: Any) -> Diagnosed:
+        asked = tuple(experiments)
+        if asked not in known:
+            known[asked] = diagnose(model, experiments, *others)
+        return known[asked]
+
+    monkeypatch.setattr("hil.session.diagnosis.diagnose", remembered)
 
 
 def test_the_tests_that_are_asked_for_are_run_and_lead_to_the_name(

@@ -22,14 +22,14 @@ from tests.passports import run_of
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("commands") / "run"
-    sets = {"frequencies": (1.0, 2.0, 4.0), "amplitudes": (20.0,), "biases": (50.0,), "measure_s": 0.5}
+    sets = {"frequencies": (1.0, 2.0, 4.0), "amplitudes": (20.0,), "biases": (50.0,), "measure_s": 0.5, "rate_hz": 500}
     return hil.run("frequency_response", "brevini-hpv41", folder, **sets).folder
 
 
 @pytest.fixture(scope="module")
 def short(run, tmp_path_factory):
     path = tmp_path_factory.mktemp("commands") / "short.csv"
-    hil.write(hil.read(run).rows(2000, 3000), path)
+    hil.write(hil.read(run).rows(1000, 1500), path)
     return path
 
 
