@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import example, given
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from hil.diagnosis.events.coarse import all_rounding, lattice
@@ -23,6 +23,7 @@ from tests.concealed import bound, nominal, records
 FINE = 0.01
 
 
+@settings(max_examples=40)
 @example(seed=0, step=1.3800639474034435, missing=0.0)
 @given(seed=st.integers(0, 10_000), step=st.floats(0.3, 5.0), missing=st.floats(0.0, 0.7))
 def test_the_step_is_known_better_than_the_converter_rounds(seed: int, step: float, missing: float) -> None:
