@@ -3,14 +3,24 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.characteristic import Loop, largest_slope, level_at, loop, over_all, polyline, side
+from hil.identification.characteristic import (
+    Loop,
+    Read,
+    Side,
+    largest_slope,
+    level_at,
+    loop,
+    over_all,
+    polyline,
+    side,
+)
 from hil.identification.redrawn import about
 from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
@@ -248,9 +258,7 @@ def _both_ways(
     weak, strong = sorted((sides[sign].gain for sign in (1, -1)), key=lambda gain: abs(gain[0]))
     ratio = abs(weak[0] / strong[0])
     found.append(at_most_one(of["symmetry"], ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])))
-    departure = max(one.departure[0] for one in sides.values())
-    worse = np.max([one.departures for one in sides.values()], axis=0)  # noise makes the worse of two equal ones larger
-    found.append(extreme(of["linearity"], 100.0 * departure, 100.0 * about(worse, departure)))
+    found.append(extreme(of["linearity"], *(100.0 * one for one in _worse(sides.values()))))
     return found, (sides[-1].edge[0], sides[1].edge[0])
 
 
@@ -262,6 +270,13 @@ def _edge(
     if expanded < sign * (value - neutral):
         return of.of(value, std, calibration=calibration)
     return of.of(value + sign * expanded, 0.0, relation="<" if sign > 0 else ">")
+
+
+def _worse(sides: Collection[Side]) -> Read:
+    """The worse departure of two sides; noise makes the worse of two equal ones larger, and no surer than either."""
+    value = max(one.departure[0] for one in sides)
+    redrawn = np.max([one.departures for one in sides], axis=0)
+    return value, max(about(redrawn, value), *(one.departure[1] for one in sides))
 
 
 def _one_way(swept_: Swept, part: Mapping[str, Any], of: Mapping[str, Measurement]) -> tuple[list[Measured], list[str]]:

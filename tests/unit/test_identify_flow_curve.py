@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from hil.errors import InputError
-from hil.identification.characteristic import largest_slope, loop, side
+from hil.identification.characteristic import Side, largest_slope, loop, side
 from hil.identification.flow_curve import polynomial, spline
 from hil.identification.sweep_estimate import Sweep, sweep_estimate
 from hil.record.measurement import Measurement
 from hil.signals.ramps import triangle
 from hil.signals.rounding import rounding_of_means
+from procedures._characteristic import _worse
 from procedures._extreme import at_most_one
 
 RATE_HZ = 100.0
@@ -68,6 +69,16 @@ def test_equal_gains_are_told_as_a_bound_and_unequal_ones_as_their_ratio():
     assert all(found.relation == ">" and found.value is not None and found.value <= 1.0 - 2e-3 for found in near)
     far = at_most_one(what, 0.95, 1e-3)
     assert (far.relation, far.value, far.std) == ("=", 0.95, 1e-3)
+
+
+def test_the_worse_of_two_sides_is_no_surer_than_either():
+    rng = np.random.default_rng(0)
+    each = [Side((0.0, 1.0), (1.0, 1.0), (v, 0.1), v + 0.1 * rng.normal(size=64)) for v in (1.0, 1.02)]
+    value, std = _worse(each)
+    assert value == 1.02
+    assert std >= 0.1  # the worse of both redrawn scatters by 0.08
+    apart = [each[0], Side((0.0, 1.0), (1.0, 1.0), (2.0, 0.1), 2.1 + 0.1 * rng.normal(size=64))]
+    assert _worse(apart)[1] > 0.2  # what redrawn curves are off by counts twice
 
 
 def test_edges_are_as_uncertain_as_they_scatter():
