@@ -54,11 +54,6 @@ class Span:
     low: float
     high: float
 
-    @property
-    def both_ways(self) -> bool:
-        """Whether there are two sides."""
-        return self.low < self.neutral < self.high
-
 
 def span_of(problem: Problem) -> Span:
     """The range that the recordings have used; nothing is known of what else the bench allows."""
@@ -81,7 +76,7 @@ def menu(span: Span) -> tuple[MenuTest, ...]:
     """Tests that stay within the span, levels in % of full command."""
     low, high = (100.0 * (end - span.neutral) / span.full for end in (span.low, span.high))
     middle, half = (low + high) / 2.0, (high - low) / 2.0
-    found = [_steps("large steps", (low, high), 3.0), _steps("steps", _inner(low, high), 2.0)]
+    found = [_steps((low, high), 3.0), _steps(_inner(low, high), 2.0)]
     found += [_sines((f,), middle, half, cycles) for f, cycles in ((0.1, 2), (0.5, 5), (1.5, 10))]
     found += [_sweep(low, high, 20.0), _sweep(low, high, 60.0)]
     return tuple(found)
@@ -91,7 +86,7 @@ def _inner(low: float, high: float) -> tuple[float, ...]:
     return tuple(round(low + share * (high - low), 3) for share in (0.5, 0.65, 0.35, 0.8, 0.2, 0.95, 0.05, 0.5))
 
 
-def _steps(_name: str, levels: tuple[float, ...], hold_s: float) -> MenuTest:
+def _steps(levels: tuple[float, ...], hold_s: float) -> MenuTest:
     def shape(rate_hz: float) -> Array:
         return step_sequence([v / 100.0 for v in levels], hold_s, rate_hz)
 
