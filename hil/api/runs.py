@@ -34,7 +34,7 @@ def run(
     resets: str | Iterable[str] = (),
     resume: str | Path | None = None,
     archive: str | Path = "",
-    cause_s: float = 60.0,
+    cause_s: float = 120.0,
     progress: Progress = quiet,
     outputs: Outputs | None = None,
     settings: Mapping[str, Any] = NOTHING,

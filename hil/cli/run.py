@@ -46,7 +46,7 @@ def command(
     ),
     archive: str = ARCHIVE,
     cause_s: float = typer.Option(
-        60.0,
+        120.0,
         "--cause-budget",
         metavar="S",
         min=0.0,

@@ -33,9 +33,6 @@ from hil.session.procedure import Procedure
 from hil.session.results import write_outcome
 from hil.session.since import earlier_run
 
-BUDGET_S = 60.0
-"""Computing time that the search may take, when nobody says otherwise."""
-
 _SEARCHING = 0.6  # of that time; the rest is for starting, reading, and telling what was found
 _LOOKS_S = 0.25
 _HIL = (sys.executable, "-m", "hil")
