@@ -78,20 +78,25 @@ def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
     part = c.dead_steps - whole
     demand = delayed(x.line, current, whole)
     resistance = c.resistance * (1.0 + c.copper * (x.warm + c.ambient - c.reference))
-    keep = math.exp(-c.over_inductance * resistance)
     # for the fraction of a step that the dead time has, the demand is still the one before: a loop at the end of its
     # voltage does not respond to their mean as to one after the other
     volts = c.volts_per_unit
     keeps = math.exp(-part * c.over_inductance * resistance)
     follows = math.exp(-part * c.follow_rate)
     before = driven(x.demand, x.current, follows, keeps, resistance, c.supply_voltage, volts)
+    # the mean voltage that makes either part of this step of the current; instruments average both over the PWM, alike
+    if part > 1e-6:
+        averaged = c.a_keep**part
+        voltage = resistance * (before - keeps * x.current) / (1.0 - keeps)
+        x.shown_voltage = averaged * x.shown_voltage + (1.0 - averaged) * voltage
     keeps = math.exp((part - 1.0) * c.over_inductance * resistance)
     follows = math.exp((part - 1.0) * c.follow_rate)
     reached = driven(demand, before, follows, keeps, resistance, c.supply_voltage, volts)
     x.demand = demand
-    # the mean voltage that makes this step of the current; instruments average both over the PWM, alike
-    voltage = resistance * (reached - keep * x.current) / (1.0 - keep)
-    x.shown_voltage = c.a_keep * x.shown_voltage + (1.0 - c.a_keep) * voltage
+    if part < 1.0 - 1e-6:
+        averaged = c.a_keep ** (1.0 - part)
+        voltage = resistance * (reached - keeps * before) / (1.0 - keeps)
+        x.shown_voltage = averaged * x.shown_voltage + (1.0 - averaged) * voltage
     x.shown_current = c.a_keep * x.shown_current + c.a_old * x.current + c.a_new * reached
     x.force = c.f_keep * x.force + c.f_old * x.current + c.f_new * reached
     x.current = reached
