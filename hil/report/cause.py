@@ -36,7 +36,9 @@ def _answer(cause: Cause) -> str:
         more = len(cause.found) - len(weighty[:_MOST])
         found += _("; {n} smaller").format(n=more) if more > 0 else ""
         said = _("What differs from {beside}: {found}.").format(beside=beside, found=found)
-        return " ".join((said, _("This does not explain all of it."))) if _is_part(cause) else said
+        several = [_("Together they describe the answer; one by itself need not be so.")] if len(weighty) > 1 else []
+        part = [_("This does not explain all of it.")] if _is_part(cause) else []
+        return " ".join((said, *several, *part))
     if cause.verdict in ("consistent", "unchanged"):
         return _("The cause cannot be told: the recorded answer agrees with {beside} within its noise.").format(
             beside=beside

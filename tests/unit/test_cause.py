@@ -130,6 +130,8 @@ FRICTION = Found("friction", "valve", 2.1, 0.1, 4.8, 0.1, "%", share=0.97)
          "or backlash: these data do not tell which"),
         (replace(ASKED, verdict="changed", found=(FRICTION, replace(FRICTION, name="dead_time", share=0.0))),
          "(the valve's); 1 smaller."),
+        (replace(ASKED, verdict="changed", found=(FRICTION, replace(FRICTION, name="leakage"))),
+         "one by itself need not be so."),
         (replace(ASKED, verdict="unexplained"), "nothing that is known explains it"),
         (replace(ASKED, verdict="unexplained", untold="two causes"),
          "not found within 60 s: two causes were not looked at."),
