@@ -96,7 +96,23 @@ class Causes:
         while len(names) > 1 and (spare := self._dispensable(fitted)):
             names = [name for name in names if name != spare]
             fitted = polish(self.m.problem, self._parameter_terms(fitted, names))
-        return [fitted]
+        if any(self.m.cost(f) < self.m.cost(fitted) for f in polished):
+            return [fitted]
+        return [self._with_fewer(fitted)]
+
+    def _with_fewer(self, fitted: Fitted) -> Fitted:
+        """Changed parameters without those that cost less than their price to put back when the others move for it.
+
+        Where several are far off, slopes lead into a valley in which one stands for what others are: there it looks
+        indispensable, and without it the others find their own.
+        """
+        while len(fitted.terms) > 1:
+            kept = [[i for i in range(len(fitted.terms)) if i != k] for k in range(len(fitted.terms))]
+            fewer = min((polish(self.m.problem, fitted.only(keep)) for keep in kept), key=lambda f: f.chi2)
+            if fewer.chi2 - fitted.chi2 >= ALARM_GAIN:
+                break
+            fitted = fewer
+        return fitted
 
     def _dispensable(self, f: Fitted) -> str:
         """The changed parameter that costs least to put back, if that is less than its price."""
