@@ -57,8 +57,8 @@ def wrong(shown: list[str], printed: list[str]) -> list[str]:
 def followed(page: Path, folder: Path) -> list[str]:
     """What went otherwise than the page says, with the command; empty when all is as shown."""
     environment = {
-        **os.environ, "HOME": str(folder / "home"), "HIL_STATE": str(folder / "home" / "state"),
-        "HIL_STATE_DIR": str(folder / "home" / "state"), "HIL_LANGUAGE": "en",
+        **os.environ, "HOME": str(folder / "home"), "HIL_STATE_DIR": str(folder / "home" / "state"),
+        "HIL_LANGUAGE": "en",
         "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
     }  # fmt: skip
     environment.pop("HIL_ARCHIVE", None)

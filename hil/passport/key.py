@@ -29,10 +29,10 @@ class SigningKey:
 
 
 def state_folder() -> Path:
-    """Where this machine keeps its own key; `HIL_STATE` moves it."""
+    """Where this machine keeps its own key; `HIL_STATE_DIR` moves it."""
     from platformdirs import user_state_path
 
-    return Path(os.environ.get("HIL_STATE") or user_state_path("valve-hil"))
+    return Path(os.environ.get("HIL_STATE_DIR") or user_state_path("valve-hil"))
 
 
 def signing_key(path: Path | None) -> SigningKey:

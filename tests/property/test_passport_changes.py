@@ -37,12 +37,12 @@ def not_found(folder: Path, count: int, seed: int) -> list[tuple[int, int]]:
 
 
 def test_one_byte_that_was_changed_is_always_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HIL_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     assert not_found(tmp_path, 300, 1) == []
 
 
 if __name__ == "__main__":
     with TemporaryDirectory() as place:
-        os.environ["HIL_STATE"] = f"{place}/state"
+        os.environ["HIL_STATE_DIR"] = f"{place}/state"
         asked = int(sys.argv[1])
         print(f"{asked} changes, not found: {not_found(Path(place), asked, 2)}")

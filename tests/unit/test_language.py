@@ -118,7 +118,7 @@ def test_a_page_in_german_by_option(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 def test_the_certificate_in_german_and_its_files_in_english(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = run_of(tmp_path)
-    monkeypatch.setenv("HIL_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     monkeypatch.setattr("sys.argv", ["hil", "passport", str(run), "--out", str(tmp_path / "p.pdf"), "--language", "de"])
     assert main() == 0
     with pikepdf.open(tmp_path / "p.pdf") as pdf:

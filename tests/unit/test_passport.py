@@ -28,7 +28,7 @@ SPACE = {"dcc": "https://ptb.de/dcc", "si": "https://ptb.de/si"}
 
 @pytest.fixture(autouse=True)
 def own_state(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("HIL_STATE", str(tmp_path / "state"))
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
 
 
 @pytest.fixture
