@@ -50,12 +50,11 @@ def _unit_text(unit: str) -> str:
 
 def sentence(effect: Effect, term: Term, quantities: Mapping[str, Quantity]) -> str:
     """The effect's sentence with its values; for a changed base parameter, what it was and what it is."""
+    title = effect.title[0].upper() + effect.title[1:]
     if term.kind == "parameter":
         now = quantities[term.name]
-        title = effect.title[0].upper() + effect.title[1:]
         return f"{title}: {now.meaning} is {_change_text(term.nominal, now.value, now.std, now.unit)}."
     if term.held:
-        title = effect.title[0].upper() + effect.title[1:]
         told = [f"{q.meaning} is {_change_text(q.was or 0.0, q.value, q.std, q.unit)}" for q in quantities.values()]
         return f"{title} has changed: {_listed(told)}."
 

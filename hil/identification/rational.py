@@ -119,7 +119,7 @@ def solve(form: Form, given: Data, start: Array | None = None) -> Solution:
 
 def evaluate(form: Form, parameters: Array, s: Complex) -> tuple[Complex, Complex]:
     """Model values (n,) and their derivatives (n, p) with respect to the parameters."""
-    return _model(np.ascontiguousarray(s, np.complex128), parameters, *_layout(form))
+    return _model(np.ascontiguousarray(s, np.complex128), parameters, _layout(form))
 
 
 _Layout = tuple[NDArray[np.int64], bool, float, bool, float]
@@ -131,19 +131,16 @@ def _layout(form: Form) -> _Layout:
     return orders, form.dc_gain is None, float(form.dc_gain or 0.0), form.dead_time, form.dead_time_s
 
 
-_OF_FORM = "i8[::1], b1, f8, b1, f8"
+_OF_FORM = "Tuple((i8[::1], b1, f8, b1, f8))"
 
 
 @kernel(f"Tuple((c16[::1], c16[:,::1]))(c16[::1], f8[::1], {_OF_FORM})", error_model="numpy")
 def _model(
     s: Complex,
     parameters: Array,
-    orders: NDArray[np.int64],
-    free_gain: bool,
-    known_gain: float,
-    free_dead_time: bool,
-    known_dead_time: float,
+    layout: _Layout,
 ) -> tuple[Complex, Complex]:
+    orders, free_gain, known_gain, free_dead_time, known_dead_time = layout
     values = np.empty(len(s), np.complex128)
     slopes = np.empty((len(s), len(parameters)), np.complex128)
     first = 1 if free_gain else 0
@@ -179,14 +176,10 @@ def _whitened(
     response: Complex,
     whitening: Array,
     parameters: Array,
-    orders: NDArray[np.int64],
-    free_gain: bool,
-    known_gain: float,
-    free_dead_time: bool,
-    known_dead_time: float,
+    layout: _Layout,
 ) -> tuple[Array, Array]:
     """Whitened errors of the model, shape (2n,), and their derivatives, shape (2n, p)."""
-    values, slopes = _model(s, parameters, orders, free_gain, known_gain, free_dead_time, known_dead_time)
+    values, slopes = _model(s, parameters, layout)
     errors = np.empty(2 * len(s))
     changes = np.empty((2 * len(s), len(parameters)))
     for i in range(len(s)):
@@ -216,10 +209,10 @@ def _refine(form: Form, given: Data, start: Array) -> Solution:
     layout = _layout(form)
 
     def residuals(parameters: Array) -> Array:
-        return _whitened(given.s, given.response, given.whitening, parameters, *layout)[0]
+        return _whitened(given.s, given.response, given.whitening, parameters, layout)[0]
 
     def slopes(parameters: Array) -> Array:
-        return _whitened(given.s, given.response, given.whitening, parameters, *layout)[1]
+        return _whitened(given.s, given.response, given.whitening, parameters, layout)[1]
 
     found = least_squares(residuals, start, slopes, method="lm", x_scale="jac", xtol=1e-12, ftol=1e-12)
     if np.any(found.x < low) or not np.all(np.isfinite(found.fun)):
@@ -236,7 +229,7 @@ def _starts(form: Form, given: Data) -> list[Array]:
     tried = []
     for dead_time in np.linspace(0.0, lag / top, _DELAY_STARTS):
         start = _linear_start(form, given, float(dead_time))
-        error, _ = _whitened(given.s, given.response, given.whitening, start, *_layout(form))
+        error, _ = _whitened(given.s, given.response, given.whitening, start, _layout(form))
         tried.append((float(error @ error), start))
     tried.sort(key=lambda pair: pair[0])
     return [start for _, start in tried[:_REFINED_STARTS]]

@@ -21,6 +21,7 @@ from hil.passport.owner import Owner, owner_among, owner_of
 from hil.passport.sources import Dated
 from hil.physics.compose import kernel
 from hil.physics.model import Model, ModelEffect
+from hil.record.cause import NOT_ALL
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
 from hil.session.diagnosis import bound_to
@@ -28,7 +29,6 @@ from hil.session.diagnosis import bound_to
 Verdict = Literal["unchanged", "changed", "unexplained"]
 Progress = Callable[[float, str], None]
 SCHEMA = "hil.diff/1"
-NOT_ALL = "a part of what changed is not explained"
 _ONE_SIDED = 1.645  # standard deviations to an upper limit of 95 %
 
 

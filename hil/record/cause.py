@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+NOT_ALL = "a part of what changed is not explained"
+"""The note of a comparison of two dates that names some of what changed; a cause is told as a part by it."""
+
 
 @dataclass(frozen=True, slots=True)
 class Found:

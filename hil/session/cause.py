@@ -22,8 +22,9 @@ from pathlib import Path
 from typing import IO, Any
 
 from hil.catalog import models
+from hil.diagnosis.work import OUT_OF_TIME
 from hil.errors import ArchiveError, InputError
-from hil.record.cause import Cause, Found
+from hil.record.cause import NOT_ALL, Cause, Found
 from hil.record.folder import read
 from hil.record.measurement import is_accepted
 from hil.record.recording import Recording
@@ -36,8 +37,6 @@ from hil.session.since import earlier_run
 _SEARCHING = 0.6  # of that time; the rest is for starting, reading, and telling what was found
 _LOOKS_S = 0.25
 _HIL = (sys.executable, "-m", "hil")
-_NOT_ALL = "a part of what changed is not explained"
-_OUT_OF_TIME = "was over before these were looked at"
 
 Progress = Callable[[float, str], None]
 
@@ -159,11 +158,11 @@ def _reader(stream: IO[str] | None, take: Callable[[str], None]) -> threading.Th
 def _read(asked: Cause, answer: Mapping[str, Any] | None, said: str) -> Cause:
     if answer is None:
         return replace(asked, reason=said.removeprefix("hil: ") or "no answer")
-    notes = [str(one) for one in (*answer.get("notes", ()), *answer.get("warnings", ())) if _OUT_OF_TIME in str(one)]
+    notes = [str(one) for one in (*answer.get("notes", ()), *answer.get("warnings", ())) if OUT_OF_TIME in str(one)]
     untold = "; ".join(one.split(": ", 1)[1].split(";")[0] for one in notes)
     found = _changes(answer["changes"]) if "changes" in answer else _findings(answer)
     ordered = sorted(found, key=lambda one: -(one.share or 0.0))
-    verdict = "partly_explained" if _NOT_ALL in answer.get("notes", ()) else str(answer["verdict"])
+    verdict = "partly_explained" if NOT_ALL in answer.get("notes", ()) else str(answer["verdict"])
     return replace(asked, verdict=verdict, found=tuple(ordered), untold=untold)
 
 
