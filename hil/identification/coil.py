@@ -19,6 +19,7 @@ from hil.record.recording import Array
 
 COPPER_PER_K = 0.00393  # at 20 °C
 _COPPER_AT_C = 20.0
+_REST_S = 0.2  # least
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +50,10 @@ class Coil:
 
 @dataclass(frozen=True, slots=True)
 class CoilReadings:
-    """Samples of one test on even stamps, each of shape (n,): what was asked for, and what the instruments read."""
+    """Samples of one test, each of shape (n,): what was asked for, and what the instruments read.
+
+    Stamps need not be even: a link that is polled answers a little early or late.
+    """
 
     time_s: Array
     demand_a: Array
@@ -98,8 +102,12 @@ def _rests(readings: CoilReadings) -> list[tuple[int, int]]:
     """First and end sample of every stretch of at least 0.2 s in which the demand stands."""
     still = np.concatenate(([False], np.diff(readings.demand_a) == 0.0, [False]))
     edges = np.flatnonzero(np.diff(still.astype(np.int8)))
-    least = 0.2 / float(readings.time_s[1] - readings.time_s[0])
-    return [(int(a), int(b) + 1) for a, b in zip(edges[::2], edges[1::2], strict=True) if b - a >= least]
+    time_s = readings.time_s
+    return [
+        (int(a), int(b) + 1)
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+        if time_s[b] - time_s[a] >= _REST_S - 1e-9
+    ]
 
 
 def _settled(rest: tuple[int, int]) -> slice:
@@ -124,9 +132,8 @@ def _between(
     if step_a == 0.0:
         return math.inf, math.nan, math.inf
     ohm = step_v / step_a
-    interval_s = float(readings.time_s[1] - readings.time_s[0])
     part = slice(_settled(before).start, _settled(after).start)
     rest_v = readings.voltage_v[part] - low[1] - ohm * (readings.current_a[part] - low[2])
-    area = float(np.trapezoid(rest_v, dx=interval_s))
-    jump = float(np.abs(np.diff(readings.voltage_v[part])).max())
-    return ohm, area / step_a, jump * interval_s / (2.0 * math.sqrt(3.0) * abs(step_a))
+    area = float(np.trapezoid(rest_v, readings.time_s[part]))
+    hidden = float(np.max(np.abs(np.diff(readings.voltage_v[part])) * np.diff(readings.time_s[part])))
+    return ohm, area / step_a, hidden / (2.0 * math.sqrt(3.0) * abs(step_a))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -70,6 +71,24 @@ def test_noise_of_a_coil_is_in_its_uncertainty() -> None:
     assert abs(coil.resistance_ohm - 2.1) < 3.0 * coil.resistance_std_ohm + 2e-3
     assert abs(coil.inductance_h - 0.09) < 3.0 * coil.inductance_std_h + 2e-3
     assert coil.inductance_std_h < 3e-3
+
+
+@pytest.mark.parametrize("first", [0.2, 1.4])
+def test_coil_is_measured_over_a_link_that_answers_early_and_late(first: float) -> None:
+    even = coil_readings(2.1, 0.09)
+    t = even.time_s[:: round(5000.0 * 0.005)]  # polled every 5 ms; each answer up to 2 ms early or late
+    stamps = t + 0.002 * np.random.default_rng(1).uniform(-1.0, 1.0, len(t))
+    stamps[1] = stamps[0] + first * 0.005
+    when = np.clip(np.searchsorted(even.time_s, stamps), 0, len(even.time_s) - 1)
+    coil = fit_coil(CoilReadings(stamps, even.demand_a[when], even.current_a[when], even.voltage_v[when]))
+    assert coil.resistance_ohm == pytest.approx(2.1, rel=1e-3)
+    assert coil.inductance_h == pytest.approx(0.09, abs=3.0 * coil.inductance_std_h)
+
+
+def test_rest_that_is_shorter_than_0_2_s_is_none() -> None:
+    readings = coil_readings(2.1, 0.09)
+    with pytest.raises(InputError, match=r"at least 0.2 s"):
+        fit_coil(replace(readings, time_s=readings.time_s / 3.1))  # rests of 0.6 s
 
 
 def test_coil_needs_a_current_that_moves() -> None:
