@@ -16,7 +16,7 @@ from hil.identification.frequency_response import FrequencyResponse
 from hil.identification.linear_evidence import LEAST_FIT_PERCENT, doubts
 from hil.identification.measuring_chain import check_chain, corrected
 from hil.identification.order_choice import fit_transfer_function
-from hil.identification.redrawn import DRAWS, about
+from hil.identification.redrawn import DRAWS, about, draws_of
 from hil.identification.transfer_function import TransferFunctionFit, fit_percent
 from hil.physics.formula import formula
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
@@ -176,7 +176,7 @@ def crossed(measurement: Measurement, crossing: Crossing) -> Measured:
 
 def _fit_known(what: Measurement, fit: TransferFunctionFit, at: FrequencyResponse) -> Measured:
     """The fit of the model to the response without noise: what noise adds to the misfit makes it look worse."""
-    noise = np.random.default_rng(0).normal(size=(DRAWS, len(at), 2))
+    noise = draws_of(at.response).normal(size=(DRAWS, len(at), 2))
     parts = np.einsum("nij,dnj->dni", np.linalg.cholesky(at.covariance + _TINY * np.eye(2)), noise)
     modelled = np.asarray(fit.model.at(at.frequency_hz), dtype=np.complex128)
     drawn = [fit_percent(at.response + one[:, 0] + 1j * one[:, 1], modelled) for one in parts]

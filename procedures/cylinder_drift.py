@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from hil.errors import SettingError, UnitError
-from hil.identification.redrawn import DRAWS, about
+from hil.identification.redrawn import DRAWS, about, draws_of
 from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Channel, Recording
 from hil.rig import Rig
@@ -143,7 +143,7 @@ def _way(time_s: Array, position: Array) -> tuple[float, float]:
     smoother = Smoother.on(time_s, max(_LEAST_COEFFICIENTS, len(time_s) // 2))
     found = smoother.curves(position)
     curve = smoother.at(found)[0]
-    noise = np.random.default_rng(0).normal(size=(DRAWS, len(curve)))
+    noise = draws_of(position).normal(size=(DRAWS, len(curve)))
     again = smoother.at(smoother.curves(curve + float(found.noise_std[0]) * noise))
     way = float(np.ptp(curve))
     return way, about(np.ptp(again, axis=1), way)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.identification.frequency_response import DISTORTION_FLAG, FrequencyResponse
-from hil.identification.redrawn import DRAWS
+from hil.identification.redrawn import DRAWS, draws_of
 from hil.identification.sine_segments import Segment, declared_segments, frequency_responses, hum_beneath
 from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
@@ -217,7 +217,7 @@ def _distortion(one: Evaluated, hummed: NDArray[np.bool_]) -> Measured:
     size = np.linalg.norm(response.harmonics, axis=1)
     # redrawn about harmonics as large as they are without the noise in them
     clean = response.harmonics * (np.nan_to_num(thd) / np.where(size > 0.0, size, 1.0))[:, None]
-    parts = np.random.default_rng(0).normal(size=(2, DRAWS, *clean.shape))
+    parts = draws_of(response.harmonics).normal(size=(2, DRAWS, *clean.shape))
     drawn = clean + (parts[0] + 1j * parts[1]) * scale[:, None]
     power = np.linalg.norm(drawn, axis=2) ** 2 - clean.shape[1] * 2.0 * scale**2
     redrawn = np.sqrt(np.max(np.maximum(power, 0.0), axis=1))

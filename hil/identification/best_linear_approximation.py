@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from hil.errors import InputError
 from hil.identification.frequency_response import FrequencyResponse
-from hil.identification.redrawn import DRAWS
+from hil.identification.redrawn import DRAWS, draws_of
 from hil.record.recording import Array, Recording
 from hil.signals.rounding import mean_rounding_std, rounding_step
 
@@ -137,7 +137,7 @@ def approximate(
     names: tuple[Verdict, Verdict, Verdict] = ("noise", "even nonlinearity", "odd nonlinearity")
     verdicts = tuple(names[int(k)] for k in np.argmax(levels, axis=0))
     freed = 2 * (len(inputs) - 1)
-    drawn = np.random.default_rng(0).chisquare(freed, (DRAWS, len(excited))) / freed * pooled
+    drawn = draws_of(outputs).chisquare(freed, (DRAWS, len(excited))) / freed * pooled
     again = np.sqrt(np.array([_pooled(one) for one in drawn]))
     return BestLinearApproximation(
         made, levels[0], levels[2], levels[1], again, odd_again, even_again, verdicts, len(inputs)
@@ -216,7 +216,7 @@ def _distortion(
     power = np.maximum((np.abs(mean) ** 2 - noise - rounded) @ near, 0.0)
     # redrawn about answers as large as they are without the noise in them; few periods tell the noise badly as well
     level = np.sqrt(np.interp(silent, excited, power)) * np.exp(1j * np.angle(mean))
-    rng, pooled, freed = np.random.default_rng(0), _pooled(noise), 2 * (len(rest) - 1)
+    rng, pooled, freed = draws_of(answer[:, silent]), _pooled(noise), 2 * (len(rest) - 1)
     parts = rng.normal(size=(2, DRAWS, len(silent)))
     drawn = np.abs(level + (parts[0] + 1j * parts[1]) * np.sqrt((pooled + rounded) / 2.0)) ** 2
     seen = rng.chisquare(freed, drawn.shape) / freed * pooled

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.errors import InputError
-from hil.identification.redrawn import about
+from hil.identification.redrawn import about, draws_of
 from hil.identification.sweep_estimate import BINS, LEVELS, SweepEstimate
 from hil.record.recording import Array
 from hil.signals.rounding import rounding_of_means
@@ -221,7 +221,7 @@ def _edge(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign
     )  # fmt: skip
     # a corner is no place for a linear uncertainty: the law is fitted again to noise about itself
     scale = math.sqrt(max(1.0, 2.0 * found.cost / max(len(opening) - 4, 1)))
-    law, rng = law_at(opening, found.x), np.random.default_rng(0)
+    law, rng = law_at(opening, found.x), draws_of(points.response)
     half = float(np.ptp(estimate.command)) / BINS / 2.0
     passed = np.abs(law_at(opening + half, found.x) - law_at(opening - half, found.x))
     code = step / abs(end - zero)

@@ -15,7 +15,7 @@ from operator import attrgetter
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.redrawn import DRAWS, about
+from hil.identification.redrawn import DRAWS, about, draws_of
 from hil.identification.step_response import StepFigures, leaves, moves_once, step_figures
 from hil.record.recording import Array, Recording
 from hil.signals.products import one_blas_thread
@@ -74,8 +74,8 @@ def measured_steps(
 ) -> tuple[MeasuredStep, ...]:
     """Figures of every step of the command in a recording, with uncertainty.
 
-    A step begins where the command jumps and ends at the next jump. Draws are seeded, so results repeat. `level_std` is
-    how well a steady level is known beyond the noise of its own stretch, in the output's unit.
+    A step begins where the command jumps and ends at the next jump. The same samples give the same results.
+    `level_std` is how well a steady level is known beyond the noise of its own stretch, in the output's unit.
 
     Raises:
         InputError: the command holds no step, or the response does not follow one.
@@ -129,7 +129,7 @@ def _measured(recorded: _Step, from_command: float, to_command: float, band: flo
     (curve,), (foot,), innovation = smoother.at(found) + start, smoother.at(loose) + start, float(found.noise_std[0])
     figures = step_figures(step.time_s, curve, start=start, final=float(np.mean(curve[step.tail])), band=band)
 
-    rng = np.random.default_rng(0)
+    rng = draws_of(step.response)
     # where the codes lie beneath one level says nothing of where they lie beneath the other
     shifts = rng.random((2, DRAWS, 1)) if step.grid else np.zeros((2, DRAWS, 1))
 

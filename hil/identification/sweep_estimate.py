@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hil.errors import InputError
-from hil.identification.redrawn import DRAWS
+from hil.identification.redrawn import DRAWS, draws_of
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 from hil.signals.smooth_curve import Curves, Smoother
@@ -27,9 +27,6 @@ _ROUNDS = 4  # of shifting the branches together, at most
 _NEAR, _TOGETHER = 1e-3, 1e-6  # of the range: shifts that no longer matter, for a first look and for the result
 _TRANSIENT = 5.0  # lags after a turn until the response runs parallel to the command
 _MOST_DROPPED = 0.2  # of the range, after each turn
-# Draws are seeded, so what their spread is off by is the same every time: 64 made that of a lag a fifth too small.
-# Half widths cost little, and are drawn so many times as often as curves.
-_OFTEN = 4
 
 
 @dataclass(frozen=True, slots=True)
@@ -248,17 +245,16 @@ def _estimate(
     bend, local = _widths(points, wide, smoother, curves, samples[:, :count], levels)
     lag_s, width = _split(half, speeds)
 
-    rng = np.random.default_rng(0)
+    rng = draws_of(points.response)
     noise_std = float(curves.noise_std[0]) / weights
     shown = smoother.at(curves)[0]
     shown[:count][points.both] += points.side[points.both] * bend[0]
-    drawn = shown + noise_std * rng.normal(size=(_OFTEN * draws, len(shown)))
+    drawn = shown + noise_std * rng.normal(size=(draws, len(shown)))
     again = smoother.curves(drawn)
     off = _apart(points, smoother, again, drawn[:, :count], sweeps)
     splits = np.array([_split(one, speeds) for one in half + off])
-    again = again.first(draws)
     _, slopes = _moving(smoother, again, count)
-    aligned = drawn[:draws, :count] + points.side * slopes * off[:draws, points.sweep]
+    aligned = drawn[:, :count] + points.side * slopes * off[:, points.sweep]
     _, local_again = _widths(points, wide, smoother, again, aligned, levels)
     base, bases = (2.0 * float(half[0]), 2.0 * (half + off)[:, 0]) if np.isnan(width) else (width, splits[:, 1])
     response, slope = (found[0] for found in smoother.beside(curves, levels))
@@ -266,7 +262,7 @@ def _estimate(
     reached = points.command[points.both] - (points.side * half[points.sweep])[points.both]
     shifted = Points(places[:count], points.response, points.count, points.side, points.sweep, points.both)
     return SweepEstimate(
-        levels, response, slope, base + local[0], responses, slopes_again, bases[:draws, None] + local_again,
+        levels, response, slope, base + local[0], responses, slopes_again, bases[:, None] + local_again,
         lag_s, splits[:, 0], width, splits[:, 1], half, half + off, shifted, noise_std[:count],
         (float(reached.min()), float(reached.max())),
     )  # fmt: skip

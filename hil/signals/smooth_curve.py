@@ -35,10 +35,6 @@ class Curves:
     noise_std: Array
     spent: Array
 
-    def first(self, count: int) -> Curves:
-        """So many of them."""
-        return Curves(self.coefficients[:count], self.noise_std[:count], self.spent[:count])
-
 
 @dataclass(frozen=True, slots=True)
 class Smoother:

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import tempfile
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 
-from tests.coverage_study.cases import CASES, WITHOUT_TRUTH
+from tests.coverage_study.cases import CASES, WITHOUT_TRUTH, Case
+from tests.coverage_study.situations import Situation
 from tests.coverage_study.study import Outcome, keep, kept, tried
 from tests.coverage_study.table import short, table
 
@@ -22,28 +27,22 @@ def main() -> None:
     asked.add_argument("--only", default="", help="part of `procedure bench`")
     asked.add_argument("--situation", default="", help="part of a situation's name")
     asked.add_argument("--limit-s", type=float, default=math.inf, help="processor time of each case and situation")
+    asked.add_argument("--jobs", type=int, default=os.cpu_count(), help="how many at a time")
     asked.add_argument("--keep", type=Path, help="folder of outcomes: what is there is not run again")
     asked.add_argument("--page", type=Path, help="Markdown page to put the table into")
     asked.add_argument("--brief", action="store_true", help="only what falls short")
     given = asked.parse_args()
+    seeds = range(given.first, given.first + given.seeds)
+    asked_for = list(_asked_for(given.only, given.situation))
+    if not asked_for:
+        asked.error(f"no case is called '{given.only}' with a situation '{given.situation}'")
     outcomes: list[Outcome] = []
-    said = (lambda _text: None) if given.brief else _say
-    with tempfile.TemporaryDirectory() as folder:
-        for case in CASES:
-            if given.only not in f"{case.procedure} {case.bench}":
-                continue
-            for situation in case.situations:
-                if given.situation not in situation.name:
-                    continue
-                name = f"{case.procedure}-{case.bench}-{situation.name.replace(' ', '-')}"
-                file = None if given.keep is None else given.keep / f"{name}.json"
-                found = None if file is None else kept(file, case, situation)
-                if found is None:
-                    seeds = range(given.first, given.first + given.seeds)
-                    found = tried(case, situation, seeds, Path(folder) / name, said, given.limit_s)
-                    if file is not None:
-                        keep(file, found)
-                outcomes.append(found)
+    with tempfile.TemporaryDirectory() as folder, ProcessPoolExecutor(given.jobs) as pool:
+        one_of = partial(_outcome, seeds=seeds, limit_s=given.limit_s, folder=Path(folder), keep_in=given.keep)
+        for one in pool.map(one_of, *zip(*asked_for, strict=True)):
+            outcomes.append(one)
+            if not given.brief:
+                print(f"{one.case.procedure} on {one.case.bench}, {one.situation.name}: {one.runs} runs", flush=True)
     made = table(outcomes)
     if not given.brief:
         print(made)
@@ -59,8 +58,24 @@ def main() -> None:
         given.page.write_text(f"{before}{_BEGIN}\n\n{made}\n{_END}{after}", encoding="utf-8")
 
 
-def _say(text: str) -> None:
-    print(text, flush=True)
+def _asked_for(only: str, situation: str) -> Iterator[tuple[Case, Situation]]:
+    for case in CASES:
+        if only in f"{case.procedure} {case.bench}":
+            yield from ((case, one) for one in case.situations if situation in one.name)
+
+
+def _outcome(
+    case: Case, situation: Situation, seeds: range, limit_s: float, folder: Path, keep_in: Path | None
+) -> Outcome:  # fmt: skip
+    """One case in one situation, run or kept from before."""
+    name = f"{case.procedure}-{case.bench}-{situation.name.replace(' ', '-')}"
+    file = None if keep_in is None else keep_in / f"{name}.json"
+    found = None if file is None else kept(file, case, situation)
+    if found is None:
+        found = tried(case, situation, seeds, folder / name, limit_s)
+        if file is not None:
+            keep(file, found)
+    return found
 
 
 if __name__ == "__main__":

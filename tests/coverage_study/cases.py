@@ -45,16 +45,12 @@ SAME_AS = {
 
 @dataclass(frozen=True)
 class Case:
-    """A procedure with its settings on a bench.
-
-    `truth` reads a run without noise; `share` of the seeds is tried, where an evaluation takes long.
-    """
+    """A procedure with its settings on a bench. `truth` reads a run without noise."""
 
     procedure: str
     bench: str
     settings: Mapping[str, str]
     truth: Callable[[Recording, str, Situation], Truths]
-    share: float = 1.0
 
     @property
     def situations(self) -> Iterator[Situation]:
@@ -82,9 +78,9 @@ CASES = (
                                      "base_hz": "0.5"}, truth_sines.of_multisine),
     Case("large_sine", HPV41, {}, truth_sines.of_large_sine),
     Case("large_sine", EFC, {}, truth_sines.of_large_sine),
-    Case("sine_position", CLOSED, {}, truth_sines.of_sine_position, share=0.1),
+    Case("sine_position", CLOSED, {}, truth_sines.of_sine_position),
     Case("sine_position", OPEN, {"amplitude": "5", "offset": "45", "frequency_rad_s": "6.48"},
-         truth_sines.of_sine_position, share=0.1),
+         truth_sines.of_sine_position),
     Case("velocity_steps", CLOSED, {}, truth_others.of_velocity_steps),
     Case("velocity_steps", OPEN, {}, truth_others.of_velocity_steps),
     Case("cylinder_drift", CLOSED, {}, truth_others.of_cylinder_drift),
@@ -92,7 +88,7 @@ CASES = (
     Case("pressure_current", ACCEPTANCE, {}, truth_static.of_pressure_current),
     Case("efc_step_response", ACCEPTANCE, {}, truth_steps.of_efc_steps),
     Case("efc_step_response", EFC, {}, truth_steps.of_efc_steps),
-    Case("efc_frequency_response", ACCEPTANCE, {}, truth_sines.of_frequency_response, share=0.3),
+    Case("efc_frequency_response", ACCEPTANCE, {}, truth_sines.of_frequency_response),
     Case("leakage_check", ACCEPTANCE, {}, truth_others.of_leakage_check),
     Case("electrical_check", ACCEPTANCE, {}, truth_others.of_electrical_check),
 )  # fmt: skip

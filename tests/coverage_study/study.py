@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import time
-from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
@@ -30,8 +29,7 @@ class Outcome:
 
 
 def tried(
-    case: Case, situation: Situation, seeds: range, at: Path, said: Callable[[str], None] = print,
-    limit_s: float = math.inf,
+    case: Case, situation: Situation, seeds: range, at: Path, limit_s: float = math.inf
 ) -> Outcome:  # fmt: skip
     """Evaluate the recordings of all seeds, or of as many as `limit_s` of processor time gives, five at least."""
     procedure = load_procedure(case.procedure)
@@ -41,7 +39,7 @@ def tried(
     truths = case.truth(told, case.bench, honest)
     made = Outcome(case, situation, 0, {name: Tally(truth, situation.drawn) for name, truth in truths.items()})
     began_s = time.process_time()
-    for seed in seeds[: max(_LEAST, round(case.share * len(seeds)))]:
+    for seed in seeds:
         if made.runs >= _LEAST and time.process_time() - began_s > limit_s:
             break
         findings = procedure.evaluate(noisy(clean, case.bench, situation, seed))
@@ -55,7 +53,6 @@ def tried(
                 made.strange.add(measured.name)
         for name in missing:
             made.tallies[name].untold += 1
-    said(f"{case.procedure} on {case.bench}, {situation.name}: {made.runs} runs")
     return made
 
 

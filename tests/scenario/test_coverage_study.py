@@ -51,7 +51,7 @@ def name_of(case: Case) -> str:
 
 @pytest.mark.parametrize("case", QUICK, ids=name_of)
 def test_a_few_seeds_of_the_bench_as_installed_hold_the_truth(case: Case, tmp_path: Path) -> None:
-    outcome = tried(case, AS_INSTALLED, range(FIRST, FIRST + SEEDS), tmp_path, lambda _text: None)
+    outcome = tried(case, AS_INSTALLED, range(FIRST, FIRST + SEEDS), tmp_path)
     assert [name for name, tally in outcome.tallies.items() if 2 * tally.held < tally.stated] == []
     assert [name for name, tally in outcome.tallies.items() if 2 * tally.bounds_held < tally.bounds] == []
     assert {name.partition(", ")[0] for name in outcome.strange} <= WITHOUT_TRUTH.keys()

@@ -6,6 +6,7 @@ import pytest
 from hil.errors import InputError
 from hil.identification.characteristic import Side, largest_slope, loop, side
 from hil.identification.flow_curve import polynomial, spline
+from hil.identification.redrawn import DRAWS
 from hil.identification.sweep_estimate import Sweep, sweep_estimate
 from hil.record.measurement import Measurement
 from hil.signals.ramps import triangle
@@ -32,8 +33,8 @@ def sweep(cycle_s=80.0, lag_s=0.0, noise=0.3, play=0.0, seed=0, lame=1.0, **curv
     return Sweep(command, flow, 400.0 / cycle_s)
 
 
-def estimate(**given):
-    return sweep_estimate("sweep", [sweep(**given), sweep(cycle_s=160.0, **given)])
+def estimate(draws=DRAWS, **given):
+    return sweep_estimate("sweep", [sweep(**given), sweep(cycle_s=160.0, **given)], draws=draws)
 
 
 def sides(found, lame=1.0):
@@ -155,7 +156,7 @@ def test_what_a_slow_lag_takes_from_the_steepest_slope_is_granted():
 
 
 def test_half_widths_are_as_uncertain_as_the_slopes_and_the_noise_make_them():
-    found = estimate(lag_s=0.2)
+    found = estimate(lag_s=0.2, draws=1000)
     points = found.points
     slopes = np.interp(points.command, found.command, found.slope)
     for number, stated in enumerate(np.std(found.redrawn_half_widths, axis=0)):
