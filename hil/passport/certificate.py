@@ -12,9 +12,10 @@ from hil.passport.unit import Unit, UnitRun
 from hil.record.measurement import COVERAGE_FACTOR, Measured
 from hil.report.local_time import local_text
 from hil.report.name import capital, quantity_words
-from hil.report.number import limits_text, number, rounded, unit_text, with_minus
+from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_minus
 from hil.report.provenance import stated_or_measured
 from hil.report.results import value_text, verdict_box, verdict_words
+from hil.report.sentences import sentence
 
 _ON_PAGE_ONE, _DEVIATIONS_ON_PAGE_ONE, _LONGEST = 16, 5, 160
 
@@ -46,8 +47,8 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
         "values": [_value_row(m) for m in others],
         "instruments": _instruments(unit.runs),
         "deviations": [_shortened(text) for text in found.deviations[:_DEVIATIONS_ON_PAGE_ONE]],
-        "all_deviations": [with_minus(text) for text in found.deviations],
-        "notes": [with_minus(text) for text in dict.fromkeys(found.notes)],
+        "all_deviations": [sentence(text) for text in found.deviations],
+        "notes": [sentence(text) for text in dict.fromkeys(found.notes)],
         "model": model_says, "language": spoken(), "said": template_words(),
         "signer": signer.name, "fingerprint": signer.fingerprint,
     }  # fmt: skip
@@ -112,7 +113,7 @@ def accepted_within(m: Measured) -> str:
 
 
 def _name(m: Measured) -> str:
-    place = with_minus(m.name.partition(", ")[2])
+    place = label_text(m.name.partition(", ")[2])
     return capital(_(quantity_words(m.quantity))) + (f", {place}" if place else "")
 
 
@@ -145,5 +146,5 @@ def _channels(run: UnitRun) -> list[list[str]]:
 
 
 def _shortened(text: str) -> str:
-    said = with_minus(text)
+    said = sentence(text)
     return said if len(said) <= _LONGEST else said[:_LONGEST].rsplit(" ", 1)[0] + " … " + _("(whole in the annex)")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hil.record.recording import Array
-from hil.report.number import with_minus
+from hil.report.number import label_text
 
 Curve = Mapping[str, Any]
 
@@ -27,7 +27,7 @@ def needed(curve: Curve, key: str) -> Array:
 
 def label_of(curve: Curve) -> str:
     """How one of several is called."""
-    return with_minus(str(curve.get("label", ""))).replace(" ", "\N{NO-BREAK SPACE}")
+    return label_text(str(curve.get("label", ""))).replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def unit_of(curve: Curve, key: str) -> str:

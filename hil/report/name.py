@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
+from hil.language.figures import localised
 from hil.language.words import ENGLISH, _, spoken
 
 _UNITS = {
@@ -39,7 +40,7 @@ def quantity_words(name: str) -> str:
 def value_words(name: str) -> str:
     """`dead time, 0 → 80 %` from `dead_time, 0 → 80 %`, in the language that is spoken."""
     quantity, comma, place = name.partition(", ")
-    return f"{_(quantity_words(quantity))}{comma}{place}"
+    return f"{_(quantity_words(quantity))}{comma}{localised(place)}"
 
 
 def picture_name(*texts: str) -> str:

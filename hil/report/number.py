@@ -67,6 +67,11 @@ def with_minus(text: str) -> str:
     return re.sub(r"(?<![\w.])-(?=[\d.])", MINUS, text)
 
 
+def label_text(label: str) -> str:
+    """A label with numbers in it, `-50 ± 2.5 %`, with its minus and the decimal sign of the language."""
+    return localised(with_minus(label))
+
+
 def unit_text(unit: str) -> str:
     """The unit as it is shown: nothing for a pure number."""
     return {"1": "", "deg": "°"}.get(unit, unit)

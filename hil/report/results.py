@@ -12,7 +12,7 @@ from hil.record.measurement import COVERAGE_FACTOR, Findings, Measured, ending_o
 from hil.report.cause import cause_sentences
 from hil.report.likeness import likeness_sentences
 from hil.report.name import capital, quantity_words
-from hil.report.number import limits_text, number, rounded, unit_text, with_minus, with_uncertainty
+from hil.report.number import label_text, limits_text, number, rounded, unit_text, with_uncertainty
 from hil.report.since import since_sentences
 
 _WORDS = {
@@ -133,7 +133,7 @@ def _together(measured: Iterable[Measured]) -> list[Measured]:
 
 
 def _place(m: Measured) -> str:
-    return with_minus(m.name.partition(", ")[2])
+    return label_text(m.name.partition(", ")[2])
 
 
 def _sign(m: Measured) -> str:

@@ -15,10 +15,11 @@ from hil.report.curves import sections
 from hil.report.facts import facts_of
 from hil.report.local_time import local_text
 from hil.report.name import capital, quantity_words
-from hil.report.number import number, with_minus
+from hil.report.number import number
 from hil.report.page import write_page
 from hil.report.provenance import channel_table, conditions_of, event_table, identity_of, instrument_line
 from hil.report.results import result_groups, verdict_box
+from hil.report.sentences import sentence
 
 
 @in_page_language
@@ -39,8 +40,8 @@ def write_run_report(recording: Recording, findings: Findings, path: Path) -> No
         groups=result_groups(findings.measured),
         judged=findings.verdict is not None,
         sections=sections(recording, findings),
-        notes=[with_minus(note) for note in findings.notes],
-        deviations=[with_minus(deviation) for deviation in findings.deviations],
+        notes=[sentence(note) for note in findings.notes],
+        deviations=[sentence(deviation) for deviation in findings.deviations],
         conditions=conditions_of(recording),
         settings=facts_of(meta.get("settings", {})),
         instruments=[instrument_line(instrument) for instrument in meta.get("instruments", ())],

@@ -1,0 +1,84 @@
+"""Notes and deviations in German: what the program's own rooms say, taken from them and not typed here."""
+
+from __future__ import annotations
+
+import datetime as dt
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.nets.calibration import overdue
+from hil.bench.read import read_bench
+from hil.language.words import speaking
+from hil.record.conditions import condition_departures
+from hil.record.recording import Channel, Recording
+from hil.report.sentences import sentence
+from hil.session.procedure import load_procedure
+from procedures._recorded import departures
+from tests.coverage_study.cases import CASES
+from tests.coverage_study.recordings import driven, noisy
+from tests.coverage_study.situations import SITUATIONS
+
+_ENGLISH = re.compile(r"\b(the|of|is|and|with|it|not)\b")
+
+
+def german(text: str) -> str:
+    with speaking("de"):
+        return sentence(text)
+
+
+def recording(**conditions: object) -> Recording:
+    t = np.linspace(0.0, 5.0, 501)
+    oil = Channel("oil temperature", "degC", 45.25 + 3.0 * t)
+    return Recording("run", t, {oil.name: oil}, {"conditions": conditions})
+
+
+def test_conditions_that_depart_are_said_in_german() -> None:
+    found = recording(
+        supply_pressure_bar=90.0, fluid="HLP 46",
+        ranges={"fluid_temperature_c": (38, 42), "supply_pressure_bar": (98.5, 102), "ambient_temperature_c": (15, 30)},
+    )  # fmt: skip
+    said = [german(text) for text in (*condition_departures(found), *departures(found))]
+    assert said[0].startswith("Öltemperatur: gemessen 4") and said[0].endswith("°C; festgelegt ist 38 … 42 °C.")
+    assert said[1] == "Versorgungsdruck: angegeben 90 bar; festgelegt ist 98,5 … 102 bar."
+    assert said[2] == "Umgebungstemperatur: weder gemessen noch angegeben; festgelegt ist 15 … 30 °C."
+    assert said[3].startswith("Nicht angegeben: die Viskositätsklasse des Öls")
+    assert said[4].startswith("Das Öl hatte 52,8 °C")
+
+
+def test_overdue_calibrations_are_said_in_german_with_names_and_dates_as_they_are() -> None:
+    file = read_bench(benches()["brevini-hpv41"])
+    due = dt.date(2026, 1, 2)
+    channels = {
+        name: channel.model_copy(update={"calibration": channel.calibration.model_copy(update={"due": due})})
+        for name, channel in file.bench.channels.items()
+        if channel.calibration is not None
+    }
+    bench = file.bench.model_copy(update={"channels": channels})
+    texts = list(overdue(bench, dt.date(2026, 11, 26)))
+    assert texts
+    for text, name in zip(texts, channels, strict=True):
+        assert german(text) == (
+            f"Kanal „{name}“: die Kalibrierung war am 2026-01-02 fällig; der Tag dieser Prüfung ist 2026-11-26."
+        )
+
+
+@pytest.mark.parametrize("place", [1, 2, 4, 15, 22], ids=lambda i: f"{CASES[i].procedure}-{CASES[i].bench}")
+@pytest.mark.parametrize("situation", [SITUATIONS[0], SITUATIONS[1]], ids=lambda one: one.name)
+def test_what_procedures_note_is_said_in_german(place: int, situation: object, tmp_path: Path) -> None:
+    case = CASES[place]
+    procedure = load_procedure(case.procedure)
+    clean = driven(procedure, case.bench, case.settings, situation, tmp_path / "run")
+    found = procedure.evaluate(noisy(clean, case.bench, situation, 7))
+    for text in (*found.notes, *found.deviations):
+        said = german(text)
+        assert not _ENGLISH.search(said), said
+        assert not re.search(r"\d\.\d", said), said
+
+
+def test_a_sentence_of_a_stranger_stays_as_it_is_and_english_pages_keep_theirs() -> None:
+    assert german("odd: it hums at -3.5 Hz") == "odd: it hums at −3.5 Hz"
+    assert sentence("0 → 80 %: noise alone") == "0 → 80 %: noise alone"
