@@ -81,19 +81,23 @@ def bode(
     distorted = any(array(c, "thd_percent") is not None for group in groups for c in group)
     ratios = (2.0, 1.6, 0.8) if distorted else (2.0, 1.6)
 
+    f = np.concatenate([needed(curve, "frequency_hz") for group in groups for curve in group])
+    span_hz = 0.9 * float(f.min()), 1.1 * float(f.max())
+
     def draw(figure: Figure) -> None:
         rows = figure.subplots(len(ratios), len(groups), sharex=True, sharey="row", squeeze=False, height_ratios=ratios)
         for column, group in enumerate(groups):
             for k, curve in enumerate(group):
                 _response(rows[0][column], curve, "magnitude_db", "magnitude_std_db", k)
                 _response(rows[1][column], curve, "phase_deg", "phase_std_deg", k)
-                if distorted:
-                    _thd(rows[2][column], curve, k)
-            _frame(list(rows[:, column]), group, levels)
+            if distorted:
+                _thd(rows[2][column], group)
+            _frame(list(rows[:, column]), levels, span_hz)
         rows[0][0].set_ylabel(_("amplitude ratio [dB]"))
         rows[1][0].set_ylabel(_("phase [°]"))
         if distorted:
             rows[2][0].set_ylabel(_("THD [%]"))
+            rows[2][0].set_ylim(bottom=0.0)  # which ends the scaling of the row: after all that is drawn
 
     if distorted:
         caption += " " + _("Below: harmonics 2 to 5 over the fundamental; dotted: {percent} %.").format(
@@ -120,24 +124,23 @@ def _model_line(axes: Axes, model: Curve, key: str, std_key: str, color: str, k:
         axes.fill_between(f, y - 1.96 * std, y + 1.96 * std, color=color, alpha=0.15, lw=0.0)
 
 
-def _thd(axes: Axes, curve: Curve, k: int) -> None:
-    thd = array(curve, "thd_percent")
-    if thd is not None:
-        axes.plot(needed(curve, "frequency_hz"), thd, color=SERIES[k % len(SERIES)], marker=MARKERS[k % len(MARKERS)],
-                  ms=2.8, lw=0.7)  # fmt: skip
+def _thd(axes: Axes, group: Sequence[Curve]) -> None:
+    for k, curve in enumerate(group):
+        thd = array(curve, "thd_percent")
+        if thd is not None:
+            axes.plot(needed(curve, "frequency_hz"), thd, color=SERIES[k % len(SERIES)],
+                      marker=MARKERS[k % len(MARKERS)], ms=2.8, lw=0.7)  # fmt: skip
     axes.axhline(_DISTORTED_PERCENT, color=SOFT, lw=0.8, ls=":")
-    axes.set_ylim(bottom=0.0)
 
 
-def _frame(column: Sequence[Axes], group: Sequence[Curve], levels: Sequence[float]) -> None:
+def _frame(column: Sequence[Axes], levels: Sequence[float], span_hz: tuple[float, float]) -> None:
     from matplotlib.ticker import MaxNLocator
 
     for axes, level in zip(column, levels, strict=False):
         axes.axhline(level, color=SOFT, lw=0.8, ls=":")
-    f = np.concatenate([needed(curve, "frequency_hz") for curve in group])
     for axes in column:
         axes.set_xscale("log")
-        axes.set_xlim(0.9 * float(f.min()), 1.1 * float(f.max()))
+        axes.set_xlim(*span_hz)
         plain_log_axis(axes)
     column[1].yaxis.set_major_locator(MaxNLocator(steps=[1, 1.5, 3, 4.5, 9, 10]))
     column[-1].set_xlabel(_("frequency [Hz]"))
@@ -168,9 +171,9 @@ def _distortion(name: str, curves: Sequence[Curve]) -> Picture:
             axes.set_xscale("log")
             plain_log_axis(axes)
             axes.set_xlabel(_("frequency [Hz]"))
-            axes.set_ylim(bottom=_least_level(curves))
             axes.annotate(label_of(curve), (1.0, 1.0), xycoords="axes fraction", ha="right", va="top", color=SOFT)
         figure.axes[0].set_ylabel(_("level [dB]"))
+        figure.axes[0].set_ylim(bottom=_least_level(curves))
         legend_on_top(figure.axes[0])
 
     caption = _(
