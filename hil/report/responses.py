@@ -203,7 +203,8 @@ def _overlays(curves: Sequence[Curve]) -> list[Picture]:
                 axes.set_visible(False)
             for axes, overlay in zip(line, curve["overlays"], strict=False):
                 _overlay(axes, overlay)
-            line[0].set_ylabel(f"{label_of(curve)}{unit_of(curve, 'response_unit')}".replace(" [", "\n["))
+            label = label_of(curve).replace(",\N{NO-BREAK SPACE}", ",\n")  # a row is no higher than half of a long one
+            line[0].set_ylabel(f"{label}{unit_of(curve, 'response_unit')}".replace(" [", "\n["))
         for axes in grid[-1]:
             axes.set_xlabel(_("time [s]"))
         legend_on_top(grid[0][0])
