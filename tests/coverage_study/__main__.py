@@ -14,7 +14,7 @@ from pathlib import Path
 from tests.coverage_study.cases import CASES, WITHOUT_TRUTH, Case
 from tests.coverage_study.situations import Situation
 from tests.coverage_study.study import Outcome, keep, kept, tried
-from tests.coverage_study.table import short, table
+from tests.coverage_study.table import short, table, verdicts
 
 _BEGIN, _END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
 
@@ -30,6 +30,7 @@ def main() -> None:
     asked.add_argument("--jobs", type=int, default=os.cpu_count(), help="how many at a time")
     asked.add_argument("--keep", type=Path, help="folder of outcomes: what is there is not run again")
     asked.add_argument("--page", type=Path, help="Markdown page to put the table into")
+    asked.add_argument("--verdicts", action="store_true", help="instead: wrong verdicts of a limit at the truth")
     asked.add_argument("--brief", action="store_true", help="only what falls short")
     given = asked.parse_args()
     seeds = range(given.first, given.first + given.seeds)
@@ -43,6 +44,9 @@ def main() -> None:
             outcomes.append(one)
             if not given.brief:
                 print(f"{one.case.procedure} on {one.case.bench}, {one.situation.name}: {one.runs} runs", flush=True)
+    if given.verdicts:
+        print(verdicts(outcomes))
+        return
     made = table(outcomes)
     if not given.brief:
         print(made)

@@ -50,6 +50,17 @@ class Tally:
         self.bounds_held += low <= found.value + limit if found.relation == "<" else high >= found.value - limit
 
     @property
+    def beside(self) -> tuple[float, float]:
+        """Shares of all runs that lie wholly below and wholly above the truth: wrong verdicts of a limit that is there.
+
+        Values that are not told, and bounds that hold, judge nothing wrongly.
+        """
+        runs = self.stated + self.bounds + self.untold + self.unknown
+        off = [error / std if std else 0.0 for error, std in zip(self.errors, self.stds, strict=True)]
+        below = sum(one < -COVERAGE_FACTOR * (1.0 + 1e-9) for one in off)
+        return below / max(runs, 1), (self.stated - self.held - below) / max(runs, 1)
+
+    @property
     def stated(self) -> int:
         """Runs that gave a value with an uncertainty."""
         return len(self.values)

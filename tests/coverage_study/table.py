@@ -30,6 +30,17 @@ def table(outcomes: Iterable[Outcome]) -> str:
     return "\n".join(made)
 
 
+def verdicts(outcomes: Iterable[Outcome]) -> str:
+    """A line for each figure: how many runs lie wholly below, and wholly above, a limit at the truth."""
+    made = ["| figure | situation | below | above | runs |", "|---|---|---|---|---|"]
+    for one in outcomes:
+        for name, tally in one.tallies.items():
+            said = " | ".join(f"{100.0 * share:.1f} %" for share in tally.beside)
+            note = f" ({tally.bounds} bounds)" if tally.bounds else ""
+            made.append(f"| `{one.case.procedure}` {name}{note} | {one.situation.name} | {said} | {one.runs} |")
+    return "\n".join(made)
+
+
 def short(outcomes: Iterable[Outcome]) -> Iterator[str]:
     """Figures whose intervals hold the truth too seldom: 300 seeds of a 95 % interval give 91 % at least."""
     for one in outcomes:

@@ -11,10 +11,12 @@ from scipy.signal import cont2discrete, lfilter
 
 from hil.bench.find import benches
 from hil.catalog import entries
+from hil.record.measurement import Measured
 from hil.record.recording import Recording
 from hil.session.procedure import Procedure, load_procedure
 from tests.coverage_study.cases import BY_HAND, CASES, MADE_OF, SAME_AS, WITHOUT_TRUTH, Case
 from tests.coverage_study.recordings import driven, driven_on, noisy
+from tests.coverage_study.score import Tally
 from tests.coverage_study.situations import HPV41, SITUATIONS, Situation
 from tests.coverage_study.study import tried
 
@@ -47,6 +49,16 @@ def each_is_driven_once(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def name_of(case: Case) -> str:
     return f"{case.procedure}-{case.bench}"
+
+
+def test_the_study_counts_what_holds_and_what_a_limit_at_the_truth_would_judge_wrongly() -> None:
+    tally = Tally(10.0, whole=True)
+    for value in (9.0, 9.9, 10.1, 11.0, 12.0):
+        tally.add(Measured("rise", value, "s", std=0.4))
+    tally.add(Measured("rise", 9.5, "s", std=0.1, relation="<"))
+    tally.add(Measured("rise", None, "s"))
+    assert (tally.held, tally.stated, tally.bounds, tally.bounds_held, tally.untold) == (2, 5, 1, 0, 1)
+    assert tally.beside == (1 / 7, 2 / 7)
 
 
 @pytest.mark.parametrize("case", QUICK, ids=name_of)
