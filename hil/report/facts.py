@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from hil.language.words import _
@@ -10,14 +11,18 @@ from hil.report.name import capital, split_unit, within
 from hil.report.number import number
 
 
-def facts_of(values: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Every entry that says something, as (label, text)."""
-    return [fact_of(name, value) for name, value in values.items() if value not in (None, "", [], {})]
+def facts_of(values: Mapping[str, Any], units: Mapping[str, str] = MappingProxyType({})) -> list[tuple[str, str]]:
+    """Every entry that says something, as (label, text); in units of their own where the names have none."""
+    return [
+        fact_of(name, value, units.get(name, "")) for name, value in values.items() if value not in (None, "", [], {})
+    ]
 
 
-def fact_of(name: str, value: Any) -> tuple[str, str]:
+def fact_of(name: str, value: Any, own_unit: str = "") -> tuple[str, str]:
     """(`Fluid temperature`, `40 °C`) from `fluid_temperature_c`."""
     label, unit = split_unit(name)
+    if not unit and own_unit and value not in (None, "") and not isinstance(value, bool):
+        return capital(_(label)), f"{text_of(value)} {own_unit}"
     if unit and isinstance(value, int | float) and not isinstance(value, bool):
         return capital(_(label)), f"{number(value, 6)} {unit}"
     if unit and isinstance(value, Mapping):

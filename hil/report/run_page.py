@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from hil.language.choice import in_page_language
@@ -23,8 +24,10 @@ from hil.report.sentences import sentence
 
 
 @in_page_language
-def write_run_report(recording: Recording, findings: Findings, path: Path) -> None:
-    """Write the page of a run.
+def write_run_report(
+    recording: Recording, findings: Findings, path: Path, units: Mapping[str, str] = MappingProxyType({})
+) -> None:
+    """Write the page of a run; `units` are those of its settings, by their names.
 
     Raises:
         StorageError: it cannot be written.
@@ -43,7 +46,7 @@ def write_run_report(recording: Recording, findings: Findings, path: Path) -> No
         notes=[sentence(note) for note in findings.notes],
         deviations=[sentence(deviation) for deviation in findings.deviations],
         conditions=conditions_of(recording),
-        settings=facts_of(meta.get("settings", {})),
+        settings=facts_of(meta.get("settings", {}), units),
         instruments=[instrument_line(instrument) for instrument in meta.get("instruments", ())],
         channels=channel_table(recording.channels.values()),
         identity=identity_of(recording),

@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
-from hil.errors import FileError, InputError
+from hil.errors import FileError, HilError, InputError
 from hil.findings.collect import findings_of, results_of
 from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
 from hil.record.cause import Cause
@@ -129,8 +129,14 @@ def write_outcome(recording: Recording, findings: Findings, folder: Path) -> Out
     write_findings(findings, folder)
     write_results(results_of(recording, findings), folder)
     write_responses(findings, folder)
-    write_run_report(recording, findings, folder / REPORT_FILE)
+    write_run_report(recording, findings, folder / REPORT_FILE, _units_of_settings(recording))
     return Outcome(folder, findings, folder / REPORT_FILE)
+
+
+def _units_of_settings(recording: Recording) -> dict[str, str]:
+    with suppress(HilError):  # a procedure that is not installed here
+        return {name: setting.unit for name, setting in procedure_of(recording).settings.items()}
+    return {}
 
 
 def procedure_of(recording: Recording) -> Procedure:

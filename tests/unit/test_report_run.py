@@ -41,6 +41,13 @@ def test_empty_findings_still_make_a_page(tmp_path: Path) -> None:
     assert page.drawings == 1
 
 
+def test_settings_stand_with_their_units(tmp_path: Path) -> None:
+    settings = {"hold_s": 2.0, "amplitudes": [5, 10.5], "cycles": 3, "slow": True, "offset": None}
+    units = {"amplitudes": "%", "hold_s": "s", "slow": "", "offset": "%"}
+    write_run_report(a_recording({"settings": settings}), Findings(), tmp_path / "report.html", units)
+    assert "Hold 2 s Amplitudes 5, 10.5 % Cycles 3 Slow yes" in read_page(tmp_path / "report.html").text
+
+
 def test_values_stand_with_as_many_digits_as_are_known(tmp_path: Path) -> None:
     bandwidth = Measurement("bandwidth_3db", "Hz", "frequency of −3 dB", low=1.0)
     found = Findings((bandwidth.at("+50 ± 5 %").of(1.26912, 0.00612), bandwidth.at("−50 ± 5 %").of(0.9, 0.08)))
