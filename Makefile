@@ -36,7 +36,7 @@ test: $(STAMP)   ## everything CI asks for
 	@echo "not checked here: the calibration certificate against its XML schemas; python -m tests.dcc --schemas DIR does"
 
 test-slow: $(STAMP)  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else
-	$(BIN)/pytest -m slow
+	$(BIN)/pytest -m slow --timeout 1200
 
 wheel: $(STAMP)  ## build the wheel, install it alone, and try it where there is no checkout
 	$(BIN)/python .ci/try_wheel.py
