@@ -359,10 +359,13 @@ class Answer:
         """What is said in the place of an agreement: that the model had that misfit before, or that noise hides all."""
         if self.standing:
             return self.standing
-        noise = (1.0 - self.held_out.ceiling / 100.0) ** 2  # as a share of the variance of what the output does
-        if noise <= MOST and any(limit.visible for limit in unseen):
+        # of the recording that tells most: the half that is kept back may hold no more than a rest
+        told = zip(self.problem.experiments, self.problem.noises, strict=True)
+        ceiling = max(fit_ceiling(e.output[e.told], noise.std) for e, noise in told)
+        share = (1.0 - ceiling / 100.0) ** 2  # of noise in the variance of what the output does
+        if share <= MOST and any(limit.visible for limit in unseen):
             return ""
-        return nothing_can_be_said(self.held_out.ceiling)
+        return nothing_can_be_said(ceiling)
 
     def _false_alarms(self) -> FalseAlarms:
         problem = self.problem
