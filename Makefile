@@ -71,7 +71,7 @@ coverage: $(STAMP)  ## how often what procedures print holds the truth (SEEDS=30
 	HIL_CORES=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_study --seeds $(or $(SEEDS),300) --page docs/explanation/coverage.md
 
 coverage-identify: $(STAMP)  ## how often intervals of identified parameters hold the truth (SEEDS=100): the same page
-	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_identify --seeds $(or $(SEEDS),100) --page docs/explanation/coverage.md
+	HIL_CORES=1 OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.coverage_identify --seeds $(or $(SEEDS),100) --page docs/explanation/coverage.md
 
 tutorial: $(STAMP)  ## every command of the tutorials from an empty folder, as a reader would type it
 	$(BIN)/python -m tests.tutorial

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +16,9 @@ from tests.coverage_identify.study import Outcome, Tally, tried
 from tests.coverage_study.score import wilson
 
 _BEGIN, _END = "<!-- identified: begin -->", "<!-- identified: end -->"
-_HEAD = "| parameter | range | truth | mean | u | bias/u | spread/u | holds |\n|---|---|---|---|---|---|---|---|"
+_HEAD = (
+    "| parameter | range | truth | mean | u | bias/u | spread/u | holds | runs |\n|---|---|---|---|---|---|---|---|---|"
+)
 
 
 def table(outcomes: Iterable[Outcome]) -> str:
@@ -23,12 +28,12 @@ def table(outcomes: Iterable[Outcome]) -> str:
         if one.case.name != title:
             title = one.case.name
             made += ["", f"### {title}", "", _HEAD]
-        made += [_line(name, one.range, tally) for name, tally in one.tallies.items()]
+        made += [_line(name, one, tally) for name, tally in one.tallies.items()]
     return "\n".join(made)
 
 
-def _line(name: str, at: str, tally: Tally) -> str:
-    cells = [name, at, f"{tally.truth:.5g} {tally.unit}", *["–"] * 4]
+def _line(name: str, one: Outcome, tally: Tally) -> str:
+    cells = [name, one.range, f"{tally.truth:.5g} {tally.unit}", *["–"] * 4]
     if tally.values:
         u = float(np.median(tally.stds))
         cells[3:5] = f"{np.mean(tally.values):.5g}", f"{u:.2g}"
@@ -38,7 +43,7 @@ def _line(name: str, at: str, tally: Tally) -> str:
     share = 100 * tally.held / max(len(tally.values), 1)
     said = [f"{share:.0f} % [{100 * low:.0f}…{100 * high:.0f}]"] if tally.values else []
     said += [f"not told {tally.untold}"] if tally.untold else []
-    return f"| {' | '.join([*cells, ', '.join(said)])} |"
+    return f"| {' | '.join([*cells, ', '.join(said)])} | {one.runs} |"
 
 
 def main() -> None:
@@ -47,16 +52,15 @@ def main() -> None:
     asked.add_argument("--seeds", type=int, default=100)
     asked.add_argument("--first", type=int, default=1)
     asked.add_argument("--only", default="", help="part of a valve's name")
+    asked.add_argument("--jobs", type=int, default=os.cpu_count(), help="how many at a time")
     asked.add_argument("--page", type=Path, help="Markdown page to put the table into")
     given = asked.parse_args()
+    places = [(i, at) for i, case in enumerate(CASES) if given.only in case.name for at in case.commands]
     outcomes = []
-    for case in CASES:
-        if given.only not in case.name:
-            continue
-        for at in case.commands:
-            one = tried(case, at, range(given.first, given.first + given.seeds))
+    with ProcessPoolExecutor(given.jobs) as pool:
+        for one in pool.map(partial(_outcome, seeds=range(given.first, given.first + given.seeds)), places):
             outcomes.append(one)
-            print(f"{case.name}, {at}: {one.runs} runs, fit {one.fit:.2f} %", flush=True)
+            print(f"{one.case.name}, {one.range}: {one.runs} runs, fit {one.fit:.2f} %", flush=True)
             for note, count in sorted(one.notes.items(), key=lambda pair: -pair[1])[:6]:
                 print(f"  {count} × {note}", flush=True)
             print(table([one]), flush=True)
@@ -65,6 +69,10 @@ def main() -> None:
         before, _, rest = text.partition(_BEGIN)
         _, _, after = rest.partition(_END)
         given.page.write_text(f"{before}{_BEGIN}\n{table(outcomes)}\n\n{_END}{after}", encoding="utf-8")
+
+
+def _outcome(place: tuple[int, str], seeds: range) -> Outcome:
+    return tried(CASES[place[0]], place[1], seeds)
 
 
 if __name__ == "__main__":
