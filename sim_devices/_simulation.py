@@ -92,7 +92,8 @@ class Simulation(_Strict):
     """A plant, its effects, and the instruments on it, by the name of their channel.
 
     `plant` is the name of an installed plant or a model file; `parameters` are changed from its values, and
-    `effects` added to its own. The same `seed` gives the same noise, sample by sample.
+    `effects` added to its own, or put in the place of one that it has. The same `seed` gives the same noise,
+    sample by sample.
     """
 
     plant: str

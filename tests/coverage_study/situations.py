@@ -61,7 +61,7 @@ SITUATIONS = (
             EFC: (Effect("friction", "force", {"coulomb": 0.01, "stribeck": 0.1, "presliding": 0.002, **_FRICTION}),),
         },
     ),
-    Situation("no friction", effects={ACCEPTANCE: ()}),
+    Situation("no friction", effects={ACCEPTANCE: (Effect("friction", "force", {"coulomb": 0.0}),)}),
     Situation(
         "backlash",
         effects={

@@ -10,14 +10,16 @@ import pytest
 from scipy.signal import cont2discrete, lfilter
 
 from hil.bench.find import benches
+from hil.bench.read import read_bench
 from hil.catalog import entries
 from hil.record.measurement import Measured
 from hil.record.recording import Recording
 from hil.session.procedure import Procedure, load_procedure
+from sim_devices._simulation import Simulation, model_of
 from tests.coverage_study.cases import BY_HAND, CASES, MADE_OF, SAME_AS, WITHOUT_TRUTH, Case
 from tests.coverage_study.recordings import driven, driven_on, noisy
 from tests.coverage_study.score import Tally
-from tests.coverage_study.situations import HPV41, SITUATIONS, Situation
+from tests.coverage_study.situations import HPV41, SITUATIONS, Situation, without_noise
 from tests.coverage_study.study import tried
 
 AS_INSTALLED = SITUATIONS[0]
@@ -85,6 +87,23 @@ def test_every_declared_figure_has_a_truth(tmp_path: Path) -> None:
     }  # fmt: skip
     missing = {name: figures - told.get(name, set()) - WITHOUT_TRUTH.keys() for name, figures in declared.items()}
     assert {name: figures for name, figures in missing.items() if figures} == {}
+
+
+@pytest.mark.parametrize("situation", [one for one in SITUATIONS if one.effects], ids=lambda one: one.name)
+def test_a_situation_has_the_effects_that_its_truths_believe(situation: Situation, tmp_path: Path) -> None:
+    for bench, effects in situation.effects.items():
+        file = tmp_path / f"{bench}.toml"
+        file.write_text(without_noise(bench, situation), encoding="utf-8")
+        told = read_bench(file).bench
+        asked = {
+            "plant": told.valve.plant,
+            **{k: told.simulation[k] for k in ("plant", "effects") if k in told.simulation},
+        }
+        model = model_of(Simulation.model_validate(asked))
+        acting = {e.name: e.parameters for e in {e.key: e for e in model.active_effects}.values()}
+        assert sorted(acting) == sorted(effect.name for effect in effects), bench
+        for effect in effects:
+            assert effect.parameters.items() <= acting[effect.name].items()
 
 
 def test_every_shipped_bench_is_in_the_study_or_like_one_that_is() -> None:
