@@ -14,7 +14,7 @@ from pathlib import Path
 from tests.coverage_study.cases import CASES, WITHOUT_TRUTH, Case
 from tests.coverage_study.situations import Situation
 from tests.coverage_study.study import Outcome, keep, kept, tried
-from tests.coverage_study.table import short, table, verdicts
+from tests.coverage_study.table import short, summary, table, verdicts
 
 _BEGIN, _END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
 
@@ -47,7 +47,7 @@ def main() -> None:
     if given.verdicts:
         print(verdicts(outcomes))
         return
-    made = table(outcomes)
+    made = f"{summary(outcomes)}\n\n{table(outcomes)}"
     if not given.brief:
         print(made)
     print("\n".join(short(outcomes)) or "every figure holds")

@@ -15,7 +15,8 @@ _HEAD = (
     "| figure | situation | truth | mean | u | bias/u | spread/u | holds | runs |\n"
     "|---|---|---|---|---|---|---|---|---|"
 )
-LEAST, LEAST_BOUND = 0.91, 0.97
+LEAST, MOST, LEAST_BOUND = 0.91, 0.985, 0.97
+_TWICE = 2.0
 
 
 def table(outcomes: Iterable[Outcome]) -> str:
@@ -27,6 +28,29 @@ def table(outcomes: Iterable[Outcome]) -> str:
         for name in listed[0].tallies:
             made += [_line(name, one, one.tallies[name]) for one in listed if name in one.tallies]
         made.append("")
+    return "\n".join(made)
+
+
+def summary(outcomes: Iterable[Outcome]) -> str:
+    """A line for each situation: how many figures with a value hold too seldom, more often than need be, too widely."""
+    rows: dict[str, list[Tally]] = {}
+    for one in outcomes:
+        told = [tally for tally in one.tallies.values() if tally.stated > one.runs / 2]
+        rows.setdefault(one.situation.name, []).extend(told)
+    made = [
+        "| situation | figures with a value | held in < 91 % | 91 … 98.5 % | > 98.5 % | u > 2 × rms error |",
+        "|---|---|---|---|---|---|",
+    ]
+    for name, tallies in rows.items():
+        shares = np.array([tally.held / tally.stated for tally in tallies])
+        wide = sum(float(np.median(t.stds)) > _TWICE * float(np.sqrt(np.mean(np.square(t.errors)))) for t in tallies)
+        counts = (
+            len(shares),
+            np.sum(shares < LEAST),
+            np.sum((shares >= LEAST) & (shares <= MOST)),
+            np.sum(shares > MOST),
+        )
+        made.append(f"| {name} | {' | '.join(map(str, counts))} | {wide} |")
     return "\n".join(made)
 
 

@@ -20,7 +20,8 @@ from tests.coverage_study.cases import BY_HAND, CASES, MADE_OF, SAME_AS, WITHOUT
 from tests.coverage_study.recordings import driven, driven_on, noisy
 from tests.coverage_study.score import Tally
 from tests.coverage_study.situations import HPV41, SITUATIONS, Situation, without_noise
-from tests.coverage_study.study import tried
+from tests.coverage_study.study import Outcome, tried
+from tests.coverage_study.table import summary
 
 AS_INSTALLED = SITUATIONS[0]
 FIRST, SEEDS = 5000, 4
@@ -61,6 +62,15 @@ def test_the_study_counts_what_holds_and_what_a_limit_at_the_truth_would_judge_w
     tally.add(Measured("rise", None, "s"))
     assert (tally.held, tally.stated, tally.bounds, tally.bounds_held, tally.untold) == (2, 5, 1, 0, 1)
     assert tally.beside == (1 / 7, 2 / 7)
+
+
+def test_the_summary_counts_what_holds_too_seldom_and_what_is_stated_too_widely() -> None:
+    narrow, right, wide = (Tally(0.0, whole=True) for _ in range(3))
+    for k in range(100):
+        for tally, std in ((narrow, 0.2), (right, 0.5), (wide, 3.0)):
+            tally.add(Measured("rise", 1.05 if k < 6 else (-1.0) ** k * 0.5, "s", std=std))
+    made = summary([Outcome(CASES[0], AS_INSTALLED, 100, {"a": narrow, "b": right, "c": wide})])
+    assert made.splitlines()[-1] == "| as installed | 3 | 1 | 1 | 1 | 1 |"
 
 
 @pytest.mark.parametrize("case", QUICK, ids=name_of)
