@@ -16,8 +16,6 @@ from tests.coverage_study.situations import Situation
 from tests.coverage_study.study import Outcome, keep, kept, tried
 from tests.coverage_study.table import short, summary, table, verdicts
 
-_BEGIN, _END = "<!-- coverage: begin -->", "<!-- coverage: end -->"
-
 
 def main() -> None:
     """Run it."""
@@ -44,10 +42,9 @@ def main() -> None:
             outcomes.append(one)
             if not given.brief:
                 print(f"{one.case.procedure} on {one.case.bench}, {one.situation.name}: {one.runs} runs", flush=True)
-    if given.verdicts:
-        print(verdicts(outcomes))
-        return
-    made = f"{summary(outcomes)}\n\n{table(outcomes)}"
+    made = verdicts(outcomes) if given.verdicts else f"{summary(outcomes)}\n\n{table(outcomes)}"
+    if given.page:
+        _put(given.page, "verdicts" if given.verdicts else "coverage", made)
     if not given.brief:
         print(made)
     print("\n".join(short(outcomes)) or "every figure holds")
@@ -55,11 +52,13 @@ def main() -> None:
         for name in sorted(one.strange):
             if name.partition(", ")[0] not in WITHOUT_TRUTH:
                 print(f"no truth: {one.case.procedure} on {one.case.bench}, {one.situation.name}: {name}")
-    if given.page:
-        text = given.page.read_text(encoding="utf-8")
-        before, _, rest = text.partition(_BEGIN)
-        _, _, after = rest.partition(_END)
-        given.page.write_text(f"{before}{_BEGIN}\n\n{made}\n{_END}{after}", encoding="utf-8")
+
+
+def _put(page: Path, place: str, made: str) -> None:
+    """Into a page, between the marks of its place."""
+    begin, end = f"<!-- {place}: begin -->", f"<!-- {place}: end -->"
+    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
+    page.write_text(f"{before}{begin}\n\n{made}\n{end}{rest.partition(end)[2]}", encoding="utf-8")
 
 
 def _asked_for(only: str, situation: str) -> Iterator[tuple[Case, Situation]]:
