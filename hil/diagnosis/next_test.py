@@ -248,5 +248,6 @@ def _bench_s(problem: Problem, test: MenuTest) -> float:
 
 
 def _chosen(problem: Problem, test: MenuTest, span: Span, why: str) -> NextTest:
-    settings = {**test.settings, "full_command": span.full}
+    full = float(f"{span.full:.4g}")  # as it was asked for: what was recorded has passed a converter
+    settings = {**test.settings, "full_command": full}
     return NextTest(test.procedure, settings, why, round(_bench_s(problem, test), 1))

@@ -31,7 +31,7 @@ def small_sine() -> Experiment:
     """The paper's practice: a small sine about half opening."""
     model = nominal()
     time_s = np.arange(0.0, 20.0, 1.0 / RATE_HZ)
-    command = 50.0 + 5.0 * np.sin(2.0 * np.pi * 0.5 * time_s)
+    command = (50.0 + 5.0 * np.sin(2.0 * np.pi * 0.5 * time_s)) * (1.0 + 7.6e-6)  # as a converter gives it
     drive = Drive(command[None, :], 0.0, 1.0 / RATE_HZ, 0.0)
     flow = simulate(model.definition, model.values, drive, factor=4.0)[0]
     flow = flow + NOISE * np.random.default_rng(3).standard_normal(len(flow))
@@ -45,3 +45,4 @@ def test_a_small_sine_shows_little_and_says_so() -> None:
     assert {"deadband", "rate_limit", "saturation"} & hidden
     assert found.next_test is not None
     assert found.next_test.bench_s <= 60.0
+    assert found.next_test.settings["full_command"] == 55.0
