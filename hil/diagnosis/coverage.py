@@ -96,7 +96,8 @@ def _limit(place: Around, term: Term, without: Array) -> Limit:
     if power < 1e-12 or size == 0.0:
         return Limit(term.told, term.stage, first.name, first.unit, float("inf"), typical, False, about)
     strength = -float(step @ without) / power
-    upper = max(max(strength, 0.0) + _ONE_SIDED / np.sqrt(power), hidden / np.sqrt(power)) * size
+    likely = abs(strength) if term.held else max(strength, 0.0)  # what is there already may have grown or shrunk
+    upper = max(likely + _ONE_SIDED / np.sqrt(power), hidden / np.sqrt(power)) * size
     visible = np.sqrt(power) * typical / size > max(CERTAIN, hidden)
     return Limit(term.told, term.stage, first.name, first.unit, float(upper), typical, bool(visible), about)
 

@@ -65,6 +65,14 @@ def test_new_physics_beside_it_is_told_as_new() -> None:
     assert limit.about == 0.8
 
 
+@pytest.mark.parametrize("coulomb", [0.76, 0.84])
+def test_a_change_too_small_to_be_named_lies_within_its_limit_either_way(coulomb: float) -> None:
+    found = told(model(known_to=0.001), steps(coulomb)).diagnosis
+    assert not found.effects
+    (limit,) = (one for one in found.limits if one.effect == "friction")
+    assert 0.03 < limit.upper < 0.2
+
+
 def test_what_was_known_no_better_is_no_news() -> None:
     found = told(model(known_to=0.2), steps(1.0))
     assert found.diagnosis.verdict == "consistent"
