@@ -30,8 +30,11 @@ def white_floor(values: Array) -> float:
     """Standard deviation of white noise on a smooth signal, from its fourth differences.
 
     Robust to steps (a median); blind to coloured noise, which needs repeated periods or a model. Where a channel stands
-    at one value for more than half of the time, which a noisy one does not by itself, it is that of the rest.
+    at one value for more than half of the time, which a noisy one does not by itself, it is that of the rest. 0 for no
+    values.
     """
+    if not len(values):
+        return 0.0
     floor = _of_fourth_differences(values)
     if floor > 0.0:
         return floor

@@ -187,3 +187,13 @@ def test_sine_that_a_stalling_host_squeezes_is_listened_to_all_the_same() -> Non
     heard = listen(rig, course, Tone(1.0, 10.0, 50.0), patience, 0.0, "")
     assert rig.marked == [200]
     assert abs(heard.response) == pytest.approx(1.0, abs=0.3)
+
+
+def test_an_inner_channel_of_two_values_that_was_read_late_is_no_error() -> None:
+    t = np.arange(400) / RATE_HZ
+    command = np.where(t % 2.0 < 1.0, 40.0, 0.0)
+    spool = np.where(command > 0.0, 30.0, 0.0)  # as a coarse switch gives it: no noise anywhere
+    columns = {"command [%]": command, "flow [l/min]": 0.4 * command, "spool position [%]": spool}
+    sampling = {"timing": "clocked", "read_at": 0.0, "delay_s": {"flow": 0.0, "spool position": 2.8e-5}}
+    bound = experiment(recording("coarse", t, columns, {"sampling": sampling}), plant("brevini-hpv41"))
+    assert list(bound.observed) == ["spool position"]
