@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hil.findings.results import Curve, Results
-from hil.language.words import _
+from hil.language.words import _, marked
 from hil.report.figure import SERIES, WIDTH_IN, legend_above, plain_log, thinned
 from hil.report.name import capital, quantity_words
+from hil.report.number import label_text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,6 +21,8 @@ if TYPE_CHECKING:
 
 _MOST_PICTURES, _MOST_LINES = 6, 8
 _DASHES = ("-", "--", ":", "-.")
+_KINDS = (marked("steps"), marked("responses"), marked("large sines"), marked("flow curve"), marked("drift"))
+_ABSCISSAE = (marked("time"), marked("frequency"), marked("command"))
 _BESIDE = ("overlays", "model")
 
 
@@ -92,7 +95,7 @@ def _lines(axes: Axes, curves: Sequence[Curve], unit: str) -> None:
     columns = [c for c in curves[0].columns[1:] if c.unit == unit and not c.name.endswith("std")]
     for i, curve in enumerate(curves):
         for k, column in enumerate(columns):
-            place = ", ".join(_parts(curve)[1:])
+            place = label_text(", ".join(_parts(curve)[1:]))
             label = ", ".join(filter(None, (_(column.name) if len(columns) > 1 else "", place))) or _(column.name)
             look = (i, k) if len(curves) > 1 else (k, 0)
             x, y = (_points(curve, name) for name in (curve.columns[0].name, column.name))
