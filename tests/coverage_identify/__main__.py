@@ -13,9 +13,9 @@ import numpy as np
 
 from tests.coverage_identify.cases import CASES
 from tests.coverage_identify.study import Outcome, Tally, tried
+from tests.coverage_study.page import put
 from tests.coverage_study.score import wilson
 
-_BEGIN, _END = "<!-- identified: begin -->", "<!-- identified: end -->"
 _HEAD = (
     "| parameter | range | truth | mean | u | bias/u | spread/u | holds | runs |\n|---|---|---|---|---|---|---|---|---|"
 )
@@ -55,24 +55,20 @@ def main() -> None:
     asked.add_argument("--jobs", type=int, default=os.cpu_count(), help="how many at a time")
     asked.add_argument("--page", type=Path, help="Markdown page to put the table into")
     given = asked.parse_args()
-    places = [(i, at) for i, case in enumerate(CASES) if given.only in case.name for at in case.commands]
+    asked_for = [(case, at) for case in CASES if given.only in case.name for at in case.commands]
+    if not asked_for:
+        asked.error(f"no valve is called '{given.only}'")
+    tried_all = partial(tried, seeds=range(given.first, given.first + given.seeds))
     outcomes = []
     with ProcessPoolExecutor(given.jobs) as pool:
-        for one in pool.map(partial(_outcome, seeds=range(given.first, given.first + given.seeds)), places):
+        for one in pool.map(tried_all, *zip(*asked_for, strict=True)):
             outcomes.append(one)
             print(f"{one.case.name}, {one.range}: {one.runs} runs, fit {one.fit:.2f} %", flush=True)
             for note, count in sorted(one.notes.items(), key=lambda pair: -pair[1])[:6]:
                 print(f"  {count} × {note}", flush=True)
             print(table([one]), flush=True)
     if given.page:
-        text = given.page.read_text(encoding="utf-8")
-        before, _, rest = text.partition(_BEGIN)
-        _, _, after = rest.partition(_END)
-        given.page.write_text(f"{before}{_BEGIN}\n{table(outcomes)}\n\n{_END}{after}", encoding="utf-8")
-
-
-def _outcome(place: tuple[int, str], seeds: range) -> Outcome:
-    return tried(CASES[place[0]], place[1], seeds)
+        put(given.page, "identified", table(outcomes))
 
 
 if __name__ == "__main__":

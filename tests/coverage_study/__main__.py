@@ -12,6 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from tests.coverage_study.cases import CASES, WITHOUT_TRUTH, Case
+from tests.coverage_study.page import put
 from tests.coverage_study.situations import Situation
 from tests.coverage_study.study import Outcome, keep, kept, tried
 from tests.coverage_study.table import short, summary, table, verdicts
@@ -44,7 +45,7 @@ def main() -> None:
                 print(f"{one.case.procedure} on {one.case.bench}, {one.situation.name}: {one.runs} runs", flush=True)
     made = verdicts(outcomes) if given.verdicts else f"{summary(outcomes)}\n\n{table(outcomes)}"
     if given.page:
-        _put(given.page, "verdicts" if given.verdicts else "coverage", made)
+        put(given.page, "verdicts" if given.verdicts else "coverage", made)
     if not given.brief:
         print(made)
     print("\n".join(short(outcomes)) or "every figure holds")
@@ -52,13 +53,6 @@ def main() -> None:
         for name in sorted(one.strange):
             if name.partition(", ")[0] not in WITHOUT_TRUTH:
                 print(f"no truth: {one.case.procedure} on {one.case.bench}, {one.situation.name}: {name}")
-
-
-def _put(page: Path, place: str, made: str) -> None:
-    """Into a page, between the marks of its place."""
-    begin, end = f"<!-- {place}: begin -->", f"<!-- {place}: end -->"
-    before, _, rest = page.read_text(encoding="utf-8").partition(begin)
-    page.write_text(f"{before}{begin}\n\n{made}\n{end}{rest.partition(end)[2]}", encoding="utf-8")
 
 
 def _asked_for(only: str, situation: str) -> Iterator[tuple[Case, Situation]]:

@@ -56,8 +56,8 @@ class Tally:
         Values that are not told, and bounds that hold, judge nothing wrongly.
         """
         runs = self.stated + self.bounds + self.untold + self.unknown
-        off = [error / std if std else 0.0 for error, std in zip(self.errors, self.stds, strict=True)]
-        below = sum(one < -COVERAGE_FACTOR * (1.0 + 1e-9) for one in off)
+        stated = zip(self.errors, self.stds, strict=True)
+        below = sum(error < -COVERAGE_FACTOR * std * (1.0 + 1e-9) for error, std in stated)
         return below / max(runs, 1), (self.stated - self.held - below) / max(runs, 1)
 
     @property
