@@ -42,7 +42,7 @@ def command(
 ) -> None:
     """Compare a model with recordings: fit, ceiling by the noise, and where the model fails.
 
-    Without `--model`: two runs of one procedure side by side, each difference with its significance.
+    Without `--model`: two runs of one procedure, the earlier and the later, each change with its significance.
     With `--population`: each value of a unit beside mean and scatter of the other units that did the same
     procedure.
     """
@@ -101,9 +101,11 @@ def _json(found: RunComparison) -> str:
         }
         for one in found.differences
     ]  # fmt: skip
+    runs = (found.first, found.second)
     document = {
-        "schema": "hil.run-comparison/1", "runs": [found.first.run, found.second.run],
-        "serials": [found.first.serial, found.second.serial], "same_instruments": found.one_bench, "differences": rows,
+        "schema": "hil.run-comparison/1", "runs": [one.run for one in runs],
+        "started_utc": [one.started_utc and one.started_utc.isoformat() for one in runs],
+        "serials": [one.serial for one in runs], "same_instruments": found.one_bench, "differences": rows,
     }  # fmt: skip
     return json.dumps(plain(document), indent=1, ensure_ascii=False)
 
@@ -112,7 +114,7 @@ _VALUE = {"value", "std", "relation", "verdict"}
 
 
 def _table(found: RunComparison) -> str:
-    from hil.report.comparison_page import change_text, headline, shared_sentence, value_text
+    from hil.report.comparison_page import change_text, headline, order_sentence, shared_sentence, value_text
     from hil.report.number import MINUS
 
     rows = [("quantity", "unit", found.first.run, found.second.run, "change", "")]
@@ -120,4 +122,5 @@ def _table(found: RunComparison) -> str:
         rows.append((one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one), one.meaning))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     lines = ["  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows]
-    return "\n".join([*lines, headline(found.differences), shared_sentence(found.one_bench)]).replace(MINUS, "-")
+    below = (headline(found.differences), order_sentence(found.first, found.second), shared_sentence(found.one_bench))
+    return "\n".join([*lines, *below]).replace(MINUS, "-")

@@ -15,6 +15,7 @@ from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.figure import DASHES, SERIES, Picture, drawn, legend_above, plain_log, thinned
+from hil.report.local_time import local_text
 from hil.report.name import value_words
 from hil.report.number import number, with_uncertainty
 from hil.report.page import write_page
@@ -41,9 +42,21 @@ def write_comparison_page(
     write_page(
         "comparison.html", path, kicker=_("Two runs"),
         title=_("{first} and {second}").format(first=first.run, second=second.run),
-        headline=headline(found), shared=shared_sentence(one_bench),
+        headline=headline(found), order=order_sentence(first, second), shared=shared_sentence(one_bench),
         sections=[Section(_("Values"), tables=(_table(first, second, found),)), *_overlays(first, second)],
     )  # fmt: skip
+
+
+def dated(results: Results) -> str:
+    """The name of a run with the local time at which it started."""
+    return results.run if results.started_utc is None else f"{results.run} ({local_text(results.started_utc)})"
+
+
+def order_sentence(first: Results, second: Results) -> str:
+    """Which run is the earlier one, and what is taken from what."""
+    return _("Change from {first} to {second}: the later value less the earlier one.").format(
+        first=dated(first), second=dated(second)
+    )
 
 
 def headline(found: Sequence[Difference]) -> str:

@@ -13,7 +13,7 @@ from hil.identification.compare import Comparison, compare_all
 from hil.identification.experiment import for_model
 from hil.identification.table_fit import TableComparison, compare_table
 from hil.physics.model import Model
-from hil.record.header import read_header
+from hil.record.header import Header, read_header
 from hil.record.instruments import instruments_mark
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
@@ -27,7 +27,10 @@ _READING = 0.5  # share of the work that is reading
 
 @dataclass(frozen=True, slots=True)
 class RunComparison:
-    """Two runs and what differs between them. `one_bench`: whether the same instruments measured both."""
+    """Two runs, `first` the earlier one, and what differs: the change is second less first.
+
+    Both results have `started_utc`. `one_bench`: whether the same instruments measured both.
+    """
 
     first: Results
     second: Results
@@ -83,17 +86,25 @@ def _read_for(
 
 
 def compare_runs(first: Path, second: Path) -> RunComparison:
-    """Compare two runs of one procedure.
+    """Compare two runs of one procedure, the earlier with the later, in whichever order they are given.
 
     Raises:
         SettingError: runs of different procedures.
         FileError: not a run folder.
     """
-    one, other = results_of_run(first), results_of_run(second)
+    (earlier, before), (later, after) = sorted(
+        ((folder, read_header(folder)) for folder in (first, second)), key=lambda run: run[1].started_utc
+    )
+    one, other = (_dated(*run) for run in ((earlier, before), (later, after)))
     if one.procedure != other.procedure:
         raise SettingError(
-            f"{first} is a run of {one.procedure or 'nothing'}, {second} of {other.procedure or 'nothing'}; runs of "
+            f"{earlier} is a run of {one.procedure or 'nothing'}, {later} of {other.procedure or 'nothing'}; runs of "
             "one procedure can be compared"
         )
-    one_bench = instruments_mark(read_header(first)) == instruments_mark(read_header(second))
+    one_bench = instruments_mark(before) == instruments_mark(after)
     return RunComparison(one, other, one_bench, tuple(differences(one, other, one_bench=one_bench)))
+
+
+def _dated(folder: Path, header: Header) -> Results:
+    """The results of a run with its date, which earlier versions did not write into them."""
+    return results_of_run(folder).model_copy(update={"started_utc": header.started_utc})

@@ -166,6 +166,9 @@ def test_results_are_found_compared_and_followed(page: Page) -> None:
         box.check()
     page.get_by_role("button", name="Compare two").click()
     expect(page.frame_locator("iframe").locator("body")).to_contain_text("No value differs beyond its uncertainty.")
+    dated = page.locator(".panel-head a").all_inner_texts()[:2]  # chosen from a list with the newest first
+    assert [text.split()[0] for text in dated] == ["one", "two"]
+    assert all(re.search(r"\(20\d\d-\d\d-\d\d \d\d:\d\d:\d\d [+-]", text) for text in dated)
     page.goto("/results/one")
     word = page.locator(".verdict .word")
     expect(word).to_have_text("Pass")

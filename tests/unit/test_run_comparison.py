@@ -9,6 +9,9 @@ from hil.cli import app
 from hil.findings.difference import ALPHA, differences
 from hil.findings.results import Results, Value
 from hil.report.comparison_page import headline
+from hil.report.local_time import local_text
+from hil.session.comparison import compare_runs
+from tests.page import read_page
 
 
 def results(*values):
@@ -95,6 +98,26 @@ def test_worn_valve_is_told_from_the_new_one(monkeypatch, capsys, runs):
     text = page.read_text(encoding="utf-8")
     assert text.count("<svg") >= 1
     assert "measured, new" in text and "measured, old" in text
+
+
+@pytest.mark.parametrize("order", [("new", "old"), ("old", "new")])
+def test_compare_runs_goes_by_time_whatever_the_order(monkeypatch, capsys, runs, order):
+    """The later run less the earlier one, both with their dates: on the terminal, in JSON and on the page."""
+    given = [runs / name for name in order]
+    found = compare_runs(*given)
+    assert (found.first.run, found.second.run) == ("new", "old")
+    assert found.first.started_utc < found.second.started_utc
+    _, said = _said(monkeypatch, capsys, "compare", *given, "--page", runs / "page.html")
+    dates = [local_text(one.started_utc) for one in (found.first, found.second)]
+    sentence = f"Change from new ({dates[0]}) to old ({dates[1]}): the later value less the earlier one."
+    assert sentence in said.out
+    assert sentence in read_page(runs / "page.html").text
+    _, said = _said(monkeypatch, capsys, "compare", *given, "--json")
+    document = json.loads(said.out)
+    assert document["runs"] == ["new", "old"]
+    assert document["started_utc"] == sorted(document["started_utc"])
+    row = next(row for row in document["differences"] if row["name"] == "change, 0 → 80 %")
+    assert row["change"] == pytest.approx(row["second"]["value"] - row["first"]["value"])
 
 
 def test_run_compared_with_itself_does_not_differ(monkeypatch, capsys, runs):

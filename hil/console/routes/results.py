@@ -27,7 +27,7 @@ from hil.language.words import marked
 from hil.record.folder import read
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.report.name import value_words
-from hil.session.comparison import compare_runs
+from hil.session.comparison import RunComparison, compare_runs
 
 _MOST = 200
 _VERDICTS = ("pass", "fail", "cannot tell")
@@ -91,13 +91,18 @@ async def report_again(request: Request) -> Response:
 
 
 def compare(request: Request) -> Response:
-    """Two runs side by side, and their curves over each other."""
+    """Two runs side by side, the earlier first, and their curves over each other."""
+    from hil.report.comparison_page import dated
+
     console, asked = Console.of(request), request.query_params
     names = asked.getlist("run")
     if len(names) != 2:
         raise SettingError(f"two runs are compared; {len(names)} were chosen")
-    page_path = _compared(console, names[0], names[1])
-    return page(request, "compare.html", first=names[0], second=names[1], page=page_path.name)
+    found = compare_runs(*(console.site.run(name) for name in names))
+    return page(
+        request, "compare.html", runs=[(one.run, dated(one)) for one in (found.first, found.second)],
+        page=_compared(console, found).name,
+    )  # fmt: skip
 
 
 def compared(request: Request) -> Response:
@@ -218,15 +223,14 @@ def _serials(console: Console) -> list[str]:
         return []
 
 
-def _compared(console: Console, first: str, second: str) -> Path:
+def _compared(console: Console, found: RunComparison) -> Path:
     import hashlib
 
     from hil.report.comparison_page import write_comparison_page
 
-    found = compare_runs(console.site.run(first), console.site.run(second))
     folder = console.site.state / "compared"
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"{hashlib.sha256(f'{first}|{second}'.encode()).hexdigest()[:16]}.html"
+    path = folder / f"{hashlib.sha256(f'{found.first.run}|{found.second.run}'.encode()).hexdigest()[:16]}.html"
     write_comparison_page(found.first, found.second, found.differences, found.one_bench, path)
     return path
 
