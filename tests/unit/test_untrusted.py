@@ -1,0 +1,140 @@
+"""Files of others: regular files below a root, text of bounded size and depth."""
+
+import os
+import socket
+import time
+from pathlib import Path
+
+import pytest
+
+from hil.errors import FileError
+from hil.untrusted import (
+    MOST_LEVELS,
+    is_regular,
+    open_untrusted,
+    parse_json,
+    parse_toml,
+    read_json,
+    read_untrusted,
+    read_untrusted_json,
+)
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    (tmp_path / "secret").write_text("secret")
+    folder = tmp_path / "run"
+    (folder / "inner").mkdir(parents=True)
+    (folder / "inner/file.json").write_text('{"a": 1}')
+    return folder
+
+
+def test_read_untrusted_reads_a_file_below_its_root(root: Path) -> None:
+    assert read_untrusted_json(root, "inner/file.json") == {"a": 1}
+    assert is_regular(root, "inner/file.json")
+    assert not is_regular(root, "inner")
+    with pytest.raises(FileNotFoundError):
+        open_untrusted(root, "inner/other.json")
+
+
+@pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "inner/../../secret", "", "."])
+def test_open_untrusted_refuses_a_name_that_leads_out(root: Path, name: str) -> None:
+    with pytest.raises(FileError, match="leads out of its folder"):
+        open_untrusted(root, name)
+
+
+def test_open_untrusted_follows_no_link(root: Path) -> None:
+    (root / "file").symlink_to(root.parent / "secret")
+    (root / "folder").symlink_to(root.parent)
+    (root / "dangling").symlink_to("nowhere")
+    for name in ("file", "folder/secret", "dangling"):
+        with pytest.raises(FileError, match="a link, and links are not followed"):
+            open_untrusted(root, name)
+        assert not is_regular(root, name)
+
+
+def test_open_untrusted_follows_a_link_that_is_the_root(root: Path) -> None:
+    (root.parent / "link").symlink_to(root)
+    assert read_untrusted(root.parent / "link", "inner/file.json") == b'{"a": 1}'
+
+
+def test_open_untrusted_waits_for_nothing(root: Path) -> None:
+    os.mkfifo(root / "pipe")
+    begun = time.process_time()
+    with pytest.raises(FileError, match="a pipe"):
+        open_untrusted(root, "pipe")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(os.path.relpath(root / "socket"))
+        with pytest.raises(FileError, match="a socket"):
+            open_untrusted(root, "socket")
+    with pytest.raises(FileError, match="a folder"):
+        open_untrusted(root, "inner")
+    with pytest.raises(FileError, match="a device"):
+        open_untrusted("/dev", "zero")
+    assert time.process_time() - begun < 1
+
+
+def test_open_untrusted_refuses_what_is_too_large(root: Path) -> None:
+    (root / "large").write_bytes(b"x" * 101)
+    assert len(read_untrusted(root, "large", 101)) == 101
+    with pytest.raises(FileError, match="has 101 bytes; at most 100 bytes are read"):
+        read_untrusted(root, "large", 100)
+    with (root / "sparse").open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(FileError, match="has 1100 GB"):
+        open_untrusted(root, "sparse")
+    with pytest.raises(FileError, match="holds 0 bytes"):
+        open_untrusted(root, "sparse", 1 << 50)
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "[" * 65 + "]" * 65, '{"a":' * 65 + "1" + "}" * 65])
+def test_parse_json_refuses_depth(text: str) -> None:
+    with pytest.raises(FileError, match="here: JSON nested more than 64 deep"):
+        parse_json(text, "here")
+
+
+def test_parse_json_reads_what_is_no_deeper() -> None:
+    assert parse_json("[" * MOST_LEVELS + "]" * MOST_LEVELS, "here")
+    assert parse_json("1", "here") == 1
+
+
+@pytest.mark.parametrize("text", [b"", b"\xff\xfe\xfd", b"{", b"1" * 5000, b"\x00" * 10])
+def test_parse_json_says_what_is_no_json(text: bytes) -> None:
+    with pytest.raises(FileError, match="here: JSON was expected"):
+        parse_json(text, "here")
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["a." * 50_000 + "a = 1", "[" + "a." * 50_000 + "a]", "x = [1]\n" + '"a". ' * 50_000 + "a = 1",
+     "x = {" + "'a'." * 50_000 + "a = 1}"],
+)  # fmt: skip
+def test_parse_toml_refuses_a_dotted_key_at_once(text: str) -> None:
+    begun = time.process_time()
+    with pytest.raises(FileError, match=r"here: line \d: a key of more than 64 parts"):
+        parse_toml(text, "here")
+    assert time.process_time() - begun < 2  # 200 s in the parser
+
+
+@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "a = " + "{a = " * 100_000, "a=" + "[" * 65 + "]" * 65])
+def test_parse_toml_refuses_depth(text: str) -> None:
+    with pytest.raises(FileError, match="here: TOML nested more than 64 deep"):
+        parse_toml(text, "here")
+
+
+@pytest.mark.parametrize("text", ["a" * 200_000, '"' * 200_001, "a " * 100_000, "'a' " * 50_000, "a = " + "1" * 5000])
+def test_parse_toml_is_quick_with_what_is_none(text: str) -> None:
+    begun = time.process_time()
+    with pytest.raises(FileError, match=r"^here: "):
+        parse_toml(text, "here")
+    assert time.process_time() - begun < 2
+
+
+def test_parse_toml_reads_versions_and_addresses_in_text() -> None:
+    assert parse_toml('a.b.c = "1.2.3.4.5.6"', "here") == {"a": {"b": {"c": "1.2.3.4.5.6"}}}
+
+
+def test_read_json_waits_for_no_pipe(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(FileError, match="a pipe"):
+        read_json(tmp_path / "pipe")
