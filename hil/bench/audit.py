@@ -7,8 +7,10 @@ import hashlib
 import json
 import os
 import threading
+from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from typing import Any
 from filelock import FileLock
 
 from hil.bench.read import BenchFile
-from hil.errors import FileError, StorageError
+from hil.errors import FileError, StorageError, marked
 from hil.safety.latch import state_path
 
 _TAIL_BYTES = 1 << 16
@@ -65,29 +67,76 @@ class Audit:
             os.close(handle)
 
 
+@dataclass(frozen=True, slots=True)
+class Link:
+    """A line of the trail: its number in the file, the SHA-256 that the next one holds, and what it says."""
+
+    number: int
+    sha256: str
+    line: Mapping[str, Any]
+
+
 def read_audit(path: Path) -> Iterator[dict[str, Any]]:
     """The lines of an audit trail, oldest first.
 
     Raises:
-        FileError: a line was changed, or one before it taken out; names its number.
+        FileError: as `chain`.
     """
-    last = b""
-    try:
-        lines = path.read_bytes().split(b"\n")
-    except OSError as error:
-        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
-    for number, line in enumerate(lines, 1):
-        if not line:
+    return (dict(link.line) for link in chain(path))
+
+
+def chain(path: Path) -> Iterator[Link]:
+    """The lines of an audit trail with their hashes, oldest first. One that a power cut tore is passed over.
+
+    Lines that were cut off at the end are missed only by whoever kept a later head (see `head`).
+
+    Raises:
+        FileError: a line was changed, or one before it taken out; names its number (exit status 1).
+    """
+    last, torn = b"", 0
+    for number, text in enumerate(_lines(path), 1):
+        if not text:
             continue
-        try:
-            told = json.loads(line)
-            follows = told["previous"] == (hashlib.sha256(last).hexdigest() if last else _BEGINNING)
-        except (ValueError, KeyError, TypeError):
-            raise FileError(f"{path}: line {number} is none of an audit trail") from None
-        if not follows:
-            raise FileError(f"{path}: line {number} does not follow the one before it: one was changed or taken out")
-        last = line
-        yield told
+        if (line := _parsed(text)) is None and torn:
+            raise _broken(f"{path}: line {torn} is none of an audit trail")
+        if line is not None:
+            if line["previous"] != (hashlib.sha256(last).hexdigest() if last else _BEGINNING):
+                raise _broken(f"{path}: line {number} does not follow the one before it: one was changed or taken out")
+            yield Link(number, hashlib.sha256(text).hexdigest(), line)
+        last, torn = text, 0 if line is not None else number
+    if torn and not text:  # it has its end: no power cut tore it
+        raise _broken(f"{path}: line {torn} is none of an audit trail")
+
+
+def head(path: Path) -> Link | None:
+    """The last line of a trail whose chain holds; None of one that is not begun.
+
+    Raises:
+        FileError: as `chain`.
+    """
+    every = deque(chain(path) if path.exists() else (), maxlen=1)
+    return every[0] if every else None
+
+
+def _lines(path: Path) -> list[bytes]:
+    try:
+        return path.read_bytes().split(b"\n")
+    except OSError as error:
+        raise FileError(f"{path}: the audit trail cannot be read: {error.strerror}") from None
+
+
+def _parsed(text: bytes) -> dict[str, Any] | None:
+    try:
+        line = json.loads(text)
+    except (ValueError, RecursionError):
+        return None
+    return line if isinstance(line, dict) and isinstance(line.get("previous"), str) else None
+
+
+def _broken(sentence: str) -> FileError:
+    error = FileError(sentence)
+    marked(error, 1, "")  # changed, as `hil verify` says it
+    return error
 
 
 def _last_line(handle: int) -> tuple[bytes, bool]:
