@@ -20,7 +20,7 @@ from hil.session.procedure import load_procedure
 from hil.session.results import evaluated
 from hil.version import is_newer
 
-SAMPLES = sorted((Path(__file__).parents[1] / "samples").iterdir())
+SAMPLES = [Path(__file__).parents[1] / "samples" / version for version in ("0.1.0",)]
 
 
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda path: path.name)
