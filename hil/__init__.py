@@ -10,7 +10,12 @@ The names below are the public interface; `hil.api` says what each does. None is
 
 from __future__ import annotations
 
+import os
 from typing import TYPE_CHECKING, Any
+
+# numba reads `.numba_config.yaml` in the working folder, which may name a folder of compiled code; what stands in the
+# environment comes before it.
+os.environ.setdefault("NUMBA_CACHE_DIR", "")
 
 from hil.version import __version__ as __version__
 

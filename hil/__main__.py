@@ -4,6 +4,11 @@ import gc
 import os
 import sys
 from contextlib import suppress
+from pathlib import Path
+
+# `python -m hil` looks for modules in the working folder first; the script `hil` does not, and nothing else does.
+if __name__ == "__main__" and not sys.flags.safe_path and Path(sys.path[0]) != Path(__file__).parents[1]:
+    del sys.path[0]
 
 from hil.cli.app import main as run
 from hil.safety.interrupt import ignore_signals, status_of, terminable

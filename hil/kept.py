@@ -9,6 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 import platform
+import shutil
+import stat
 import tempfile
 import time
 import zipfile
@@ -23,20 +25,56 @@ import platformdirs
 from filelock import FileLock
 from numpy.typing import NDArray
 
+from hil.errors import FileError
+
 Arrays = Mapping[str, NDArray[np.float64]]
 
 _KEPT_S = 90 * 86400.0
+_WRITTEN_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def kept_folder(kind: str) -> Path:
-    """The folder for one kind of results, made if need be.
+    """The folder for one kind of results, made if need be. Nobody else can write there: code is taken from it.
 
     Raises:
         OSError: it cannot be made.
+        FileError: it belongs to somebody else, or others can put another in its place.
     """
-    folder = Path(os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil")) / kind
-    folder.mkdir(parents=True, exist_ok=True)
+    root = Path(os.environ.get("HIL_CACHE_DIR") or platformdirs.user_cache_dir("valve-hil"))
+    folder = root / kind
+    folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+    if not (found := root.stat()).st_mode & stat.S_ISVTX:  # in /tmp nobody moves what is another's
+        _make_own(root, found, ~_WRITTEN_BY_OTHERS)
+    found = folder.lstat()
+    _make_own(folder, found, stat.S_IRWXU)
+    # What was written while others of the group could reach it may be theirs; in a folder of one's own its mode is not.
+    _forget_foreign(folder, stat.S_IWOTH | (stat.S_IWGRP if found.st_mode & stat.S_IRWXG else 0))
     return folder
+
+
+def _make_own(folder: Path, found: os.stat_result, mode: int) -> None:
+    """Take rights from others in a folder of one's own.
+
+    Raises:
+        FileError: it is another's.
+    """
+    is_own, is_open = found.st_uid == os.geteuid(), stat.S_IMODE(found.st_mode) & ~mode
+    if not stat.S_ISDIR(found.st_mode) or not (is_own or (found.st_uid == 0 and not is_open & _WRITTEN_BY_OTHERS)):
+        raise FileError(
+            f"{folder}: belongs to user {found.st_uid} or can be written by others; compiled code is taken only from "
+            "a folder of one's own: name one in HIL_CACHE_DIR"
+        )
+    if is_own and is_open:
+        folder.chmod(stat.S_IMODE(found.st_mode) & mode)
+
+
+def _forget_foreign(folder: Path, foreign_mode: int) -> None:
+    """Take away what others wrote, or could write: it is made anew."""
+    for path in (*folder.iterdir(), *folder.glob("__pycache__/*")):
+        with suppress(FileNotFoundError):  # another program takes it away too
+            found = path.lstat()
+            if found.st_uid not in (os.geteuid(), 0) or found.st_mode & foreign_mode:
+                shutil.rmtree(path) if stat.S_ISDIR(found.st_mode) else path.unlink()
 
 
 @contextmanager

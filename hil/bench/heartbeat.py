@@ -19,6 +19,7 @@ from hil.bench.read import BenchFile
 from hil.bench.stop.control import Control, control_of
 from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
+from hil.child import child
 from hil.errors import HardwareError, StoppedError
 from hil.safety.operator import Asked, Operator
 from hil.safety.outputs import Outputs
@@ -125,12 +126,12 @@ class Heart:
         self._report = run / REPORT_FILE
         words = [str(file.path.resolve()), str(os.getpid()), str(run.absolute()), str(Path.cwd())]
         self._speaks = _is_terminal_or_file(sys.stderr)
-        # -P: nothing that lies in a working folder is executed. A session of its own: a Ctrl-C or a closed terminal
-        # reaches the run alone. Who reads a pipe of the run does not wait for it.
-        self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", "hil.bench.watchdog", *words], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+        # A session of its own: a Ctrl-C or a closed terminal reaches the run alone. Who reads a pipe of the run does
+        # not wait for it.
+        self._process = child(
+            "hil.bench.watchdog", words, _state_from_anywhere(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
             stderr=None if self._speaks else subprocess.PIPE, bufsize=0, start_new_session=True,
-            cwd=Path(os.sep).resolve(), env=_trusted_environment(),
+            cwd=Path(os.sep).resolve(),
         )  # fmt: skip
         self._started = threading.Event()
         self._failed = ""
@@ -273,11 +274,7 @@ def _is_terminal_or_file(stream: IO[str] | None) -> bool:
         return False
 
 
-def _trusted_environment() -> dict[str, str]:
-    """This environment, with the paths in it as they are meant from here: the watchdog begins in another folder."""
-    environment = dict(os.environ)
-    for name in ("PYTHONPATH", "HIL_STATE_DIR"):
-        if name in environment:
-            parts = environment[name].split(os.pathsep)
-            environment[name] = os.pathsep.join(str(Path(part).absolute()) for part in parts if part)
-    return environment
+def _state_from_anywhere() -> dict[str, str]:
+    """The folder of what is kept between runs as it is meant from here: the watchdog begins in another one."""
+    folder = os.environ.get("HIL_STATE_DIR")
+    return {"HIL_STATE_DIR": str(Path(folder).absolute())} if folder else {}

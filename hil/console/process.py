@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil.child import Process, child
 from hil.errors import StorageError
 from hil.language.choice import VARIABLE
 from hil.language.words import spoken
@@ -28,7 +27,7 @@ class Started:
     """
 
     name: str
-    process: subprocess.Popen[bytes]
+    process: Process[bytes]
     log: Path
 
     @property
@@ -61,10 +60,9 @@ def start(name: str, arguments: Sequence[str], log: Path) -> Started:
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
         with log.open("wb") as written:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "hil", *arguments],
+            process = child(
+                "hil", arguments, {"PYTHONUNBUFFERED": "1", "HIL_PROGRESS_S": "1", VARIABLE: spoken()},
                 stdin=subprocess.DEVNULL, stdout=written, stderr=subprocess.STDOUT, start_new_session=True,
-                env={**os.environ, "PYTHONUNBUFFERED": "1", "HIL_PROGRESS_S": "1", VARIABLE: spoken()},
             )  # fmt: skip
     except OSError as error:
         raise StorageError(f"{log}: hil {arguments[0]} cannot be started: {error.strerror or error}") from error

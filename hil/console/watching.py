@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import threading
 import time
 from dataclasses import dataclass, field
@@ -12,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.bench.hand.reading import Reading
+from hil.child import Process, child
 from hil.errors import StorageError
 
 EVERY_S = 0.5
@@ -20,7 +20,7 @@ _NOBODY_S = 15.0  # so long after the last page asked it ends
 
 @dataclass(slots=True)
 class _Watch:
-    process: subprocess.Popen[str]
+    process: Process[str]
     asked_s: float
     told: dict[str, Any] = field(default_factory=dict)
     told_s: float = 0.0
@@ -45,8 +45,8 @@ class Watching:
             if bench in self._watches and self._watches[bench].process.poll() is None:
                 return
             try:
-                process = subprocess.Popen(
-                    [sys.executable, "-m", "hil", "watch", str(path), "--lines", "--every", str(EVERY_S)],
+                process = child(
+                    "hil", ["watch", str(path), "--lines", "--every", str(EVERY_S)],
                     stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, bufsize=1,
                 )  # fmt: skip
             except OSError as error:
@@ -94,7 +94,7 @@ def _reading(row: dict[str, Any], late_s: float) -> Reading:
     return Reading(**{**row, "age_s": row["age_s"] + max(0.0, late_s - 2.0 * EVERY_S)})
 
 
-def _ended(process: subprocess.Popen[str]) -> None:
+def _ended(process: Process[str]) -> None:
     process.terminate()
     try:
         process.wait(5.0)

@@ -6,7 +6,6 @@ import importlib.util
 import platform
 import re
 import shutil
-import subprocess
 import sys
 import tempfile
 import zipfile
@@ -15,6 +14,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from hil.child import finished, python
 from hil.errors import InputError, StorageError
 from hil.fmu.description import FmiVersion, description, identifier
 from hil.fmu.source import Source, source_of
@@ -195,7 +195,7 @@ def _compiler(name: str) -> list[str]:
     if name == own_platform() and (cc := shutil.which("cc")):
         return [cc]
     if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "cc", "-target", PLATFORMS[name].zig]
+        return python("ziglang", "cc", "-target", PLATFORMS[name].zig)
     return []
 
 
@@ -208,9 +208,7 @@ def _compiled(work: Path, name: str, target: str) -> Path:
     library = work / target / f"{name}{PLATFORMS[target].suffix}"
     library.parent.mkdir()
     link = [] if target == "win64" else ["-lm"]
-    run = subprocess.run(
-        [*command, *_FLAGS, "-o", str(library), str(work / "fmi.c"), *link], capture_output=True, text=True, check=False
-    )
+    run = finished([*command, *_FLAGS, "-o", str(library), str(work / "fmi.c"), *link])
     if run.returncode:
         raise InputError(f"--platform {target}: {command[0]} failed: {' '.join(run.stderr.split())[-300:]}")
     return library

@@ -7,11 +7,9 @@ time that it is given, or by the operator. Whatever becomes of it, the verdict s
 from __future__ import annotations
 
 import json
-import os
 import queue
 import shlex
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -22,6 +20,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from hil.catalog import models
+from hil.child import child
 from hil.diagnosis.work import OUT_OF_TIME
 from hil.errors import ArchiveError, InputError
 from hil.record.cause import NOT_ALL, Cause, Found
@@ -36,7 +35,6 @@ from hil.session.since import earlier_run
 
 _SEARCHING = 0.6  # of that time; the rest is for starting, reading, and telling what was found
 _LOOKS_S = 0.25
-_HIL = (sys.executable, "-m", "hil")
 
 Progress = Callable[[float, str], None]
 
@@ -112,10 +110,9 @@ def _answered(
     arguments: Sequence[str], until_s: float, budget_s: float, progress: Progress
 ) -> tuple[Mapping[str, Any] | None, str]:
     """What the command answered, and the last line that it said; `TimeoutError` where the time was over first."""
-    process = subprocess.Popen(
-        [*_HIL, *arguments],
+    process = child(
+        "hil", arguments, {"HIL_PROGRESS_S": "1", "PYTHONIOENCODING": "utf-8"},
         stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
-        env={**os.environ, "HIL_PROGRESS_S": "1", "PYTHONIOENCODING": "utf-8"},
     )  # fmt: skip
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
     printed: list[str] = []

@@ -7,15 +7,14 @@ on where a unit was diagnosed.
 from __future__ import annotations
 
 import math
-import multiprocessing
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+from hil.child import over_processes
 from hil.cores import cores
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.errors import FileError, HilError, InputError
@@ -164,9 +163,7 @@ def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
 
 
 def _on_cores(units: Sequence[Unit], diagnosed: _Diagnose) -> Iterator[UnitAnswer]:
-    workers = min(cores(), len(units))
-    with ProcessPoolExecutor(workers, multiprocessing.get_context("spawn")) as pool:
-        yield from pool.map(diagnosed, units)
+    yield from over_processes(diagnosed, units, min(cores(), len(units)))
 
 
 def _on_cluster(units: Sequence[Unit], scheduler: str, diagnosed: _Diagnose) -> Iterator[UnitAnswer]:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 import os
+import subprocess
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +51,11 @@ def missed(tmp_path: Path, rise: float = 170.0) -> Outcome:
 
 def answers(monkeypatch: pytest.MonkeyPatch, script: str) -> None:
     """What stands in for the command: a script that may sleep, fail or print."""
-    monkeypatch.setattr(cause, "_HIL", (sys.executable, "-c", script))
+
+    def stand_in(_: str, arguments: Sequence[str], environment: Mapping[str, str], **how: Any) -> Any:
+        return subprocess.Popen([sys.executable, "-c", script, *arguments], env={**os.environ, **environment}, **how)
+
+    monkeypatch.setattr(cause, "child", stand_in)
 
 
 def found(outcome: Outcome) -> Cause:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.kept import Arrays, kept_arrays, stamp
+from hil.errors import FileError
+from hil.kept import Arrays, kept_arrays, kept_folder, stamp
 
 
 class _Made:
@@ -76,3 +77,49 @@ def test_what_nobody_asked_for_in_a_quarter_goes_when_something_new_comes(
     assert sorted(path.name for path in kind.glob("*.npz")) == ["asked_for.npz", "new.npz", "young.npz"]
     assert not list(kind.glob("old.*"))
     assert make.count == 4
+
+
+def test_kept_folder_is_closed_to_others(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "cache"))
+    folder = kept_folder("kernels")
+    assert folder.stat().st_mode & 0o077 == 0
+    folder.chmod(0o777)
+    (folder / "planted.py").write_text("")
+    (folder / "planted.py").chmod(0o666)
+    (folder / "own.py").write_text("")
+    (folder / "own.py").chmod(0o600)
+    assert {path.name for path in kept_folder("kernels").iterdir()} == {"own.py"}
+    assert folder.stat().st_mode & 0o077 == 0
+
+
+def test_kept_folder_leaves_files_of_the_group_in_a_closed_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path))
+    kept_folder("kernels").joinpath("own.nbi").touch()
+    (tmp_path / "kernels/own.nbi").chmod(0o664)  # what numba writes where the umask is 002
+    assert (kept_folder("kernels") / "own.nbi").exists()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file to another user")
+def test_kept_folder_takes_nothing_of_another_owner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "cache"))
+    folder = kept_folder("kernels")
+    for name in ("planted.py", "__pycache__/planted.nbi"):
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_text("raise SystemExit('executed')")
+        os.chown(folder / name, 65534, 65534)
+        kept_folder("kernels")
+        assert not (folder / name).exists()
+    os.chown(folder, 65534, 65534)
+    with pytest.raises(FileError, match=r"kernels: belongs to user 65534 .* HIL_CACHE_DIR"):
+        kept_folder("kernels")
+
+
+def test_kept_folder_is_no_link(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_CACHE_DIR", str(tmp_path / "cache"))
+    (tmp_path / "cache").mkdir()
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "cache/kernels").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(FileError, match="kernels: belongs"):
+        kept_folder("kernels")

@@ -1,0 +1,71 @@
+"""Processes of our own execute nothing that lies in the working folder."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.child import child, over_processes
+from hil.console.process import start
+
+_NAMES = ("typer", "can", "serial", "numpy", "json", "multiprocessing", "socket", "pickle", "sitecustomize")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The working folder: whatever is imported from it leaves a file."""
+    for name in _NAMES:
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'a').write({name!r} + '\\n')\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", f":{os.environ.get('PYTHONPATH', '')}:")
+    monkeypatch.setenv("PYTHONDONTWRITEBYTECODE", "1")
+    return tmp_path
+
+
+def _executed(folder: Path) -> str:
+    path = folder / "executed"
+    return path.read_text() if path.exists() else ""
+
+
+def test_a_child_executes_nothing_of_the_working_folder(folder: Path) -> None:
+    process = child("hil", ["list", "plants"], stdout=subprocess.PIPE, text=True)
+    assert "brevini-hpv41" in process.communicate()[0]
+    assert process.returncode == 0
+    assert not _executed(folder)
+
+
+def test_a_run_from_a_page_executes_nothing_of_the_working_folder(folder: Path) -> None:
+    started = start("list", ["list", "drivers"], folder / "logs/list.log")
+    assert started.process.wait(60) == 0
+    assert started.lines
+    assert not _executed(folder)
+
+
+def test_workers_execute_nothing_of_the_working_folder(folder: Path) -> None:
+    before = dict(os.environ)
+    assert list(over_processes(abs, [-1, -2, -3], 2)) == [1, 2, 3]
+    assert not _executed(folder)
+    assert dict(os.environ) == before
+
+
+def test_python_m_hil_executes_nothing_of_the_working_folder(folder: Path) -> None:
+    (folder / "typer.py").rename(folder / "click.py")  # of those that `runpy` does not need itself
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    for name in set(_NAMES) - {"typer"}:
+        (folder / f"{name}.py").unlink()
+    done = subprocess.run([sys.executable, "-m", "hil", "list", "plants"], env=environment, capture_output=True)
+    assert done.returncode == 0, done.stderr
+    assert not _executed(folder)
+
+
+def test_numba_takes_no_folder_of_compiled_code_from_the_working_folder(folder: Path) -> None:
+    for name in _NAMES:
+        (folder / f"{name}.py").unlink()
+    (folder / ".numba_config.yaml").write_text(f"cache_dir: {folder / 'planted'}\n")
+    program = "import hil.kernel, numba.core.config as config; print('cache:', config.CACHE_DIR)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert done.stdout == "cache: \n", done.stderr
