@@ -30,7 +30,7 @@ from hil.session.procedure import load_procedure
 
 ROOT = Path(__file__).parent.parent
 CATALOGUES = ROOT / "hil" / "language" / "catalogues"
-ROOMS = {"pages": ("hil/report", "hil/passport"), "console": ("hil/console",)}
+ROOMS = {"pages": ("hil/report", "hil/passport"), "console": ("hil/console",), "outputs": ("hil/safety",)}
 """Catalogues with the folders whose texts they hold."""
 _METHODS = [("**.py", "python"), ("**.html", "jinja2.ext:babel_extract")]
 _OPTIONS = {"**.html": {"newstyle_gettext": "false", "trimmed": "true", "silent": "false"}}

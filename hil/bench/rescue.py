@@ -8,13 +8,13 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
-from hil.bench.heartbeat import GIVE_UP_S
+from hil.bench.heartbeat import GIVE_UP_S, units_of
 from hil.bench.read import BenchFile
 from hil.bench.stop.desk import Desk
 from hil.daq.calibration import Calibration
 from hil.daq.contract import Daq
 from hil.errors import reason
-from hil.safety.outputs import Output, Outputs
+from hil.safety.outputs import Output, Outputs, State
 
 _LATE_S = 1.0  # what the dead program had sent may still be on its way, and come after what is sent now
 _AGAIN_S = 0.05
@@ -86,6 +86,12 @@ class Rescue:
     def left(self) -> list[str]:
         """Why some could not be made safe."""
         return [device.failure for device in self._devices if not device.done]
+
+    @property
+    def outputs(self) -> dict[str, Output]:
+        """What is known of every output of the bench, in its units; nothing of those whose device never answered."""
+        known = {name: Output(State.UNKNOWN, unit) for name, unit in units_of(self._file).items()}
+        return known | {name: output for device in self._devices for name, output in device.outputs.items()}
 
     @property
     def unasked(self) -> list[str]:

@@ -23,7 +23,7 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -50,7 +50,7 @@ from hil.bench.stop.listener import Listener
 from hil.errors import HardwareError, HilError, InUseError, reason
 from hil.safety.latch import state_path
 from hil.safety.operator import Asked
-from hil.safety.outputs import outputs_in
+from hil.safety.outputs import outputs_in, record_of
 
 CONFIRMS_S = 0.2  # after a stop the program has so long to read its outputs back safe
 _SO_FAR = "watchdog-so-far"  # what is told before the last word, for who cannot hear it on stderr
@@ -222,25 +222,27 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
         rescue.at_once()
     try:
         with _lease_of_the_dead(file, pid):
-            rescue.with_patience(lambda: _report_not_yet(file, run, why, pid, rescue.left))
+            rescue.with_patience(lambda: _report_not_yet(file, run, why, pid, rescue))
     except InUseError as taken:  # whoever took it has made its outputs safe on opening it
-        _report(file, run, {"why": why, "left_alone": str(taken)}, f"process {pid} {why}; {taken}")
+        told = {"why": why, "left_alone": str(taken), "outputs": record_of(rescue.outputs)}
+        _report(file, run, told, f"process {pid} {why}; {taken}")
         return
-    took_s = round(rescue.took_s, 3)
+    took_s, outputs = round(rescue.took_s, 3), {"outputs": record_of(rescue.outputs)}
     if rescue.left:
         text = f"process {pid} {why}; NOT SAFE: {_with_remedy(rescue.left)}"
-        _report(file, run, {"why": why, "not_safe": rescue.left, "tried_s": took_s}, text)
+        _report(file, run, {"why": why, "not_safe": rescue.left, "tried_s": took_s, **outputs}, text)
     elif rescue.unasked:
         text = f"process {pid} {why}; outputs told to be safe in {took_s:g} s; {'; '.join(rescue.unasked)}"
-        _report(file, run, {"why": why, "told_after_s": took_s, "unconfirmed": rescue.unasked}, text)
+        _report(file, run, {"why": why, "told_after_s": took_s, "unconfirmed": rescue.unasked, **outputs}, text)
     else:
         text = f"process {pid} {why}; outputs made safe in {took_s:g} s"
-        _report(file, run, {"why": why, "safe_after_s": took_s}, text)
+        _report(file, run, {"why": why, "safe_after_s": took_s, **outputs}, text)
 
 
-def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, left: list[str]) -> None:
+def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, rescue: Rescue) -> None:
+    left, outputs = rescue.left, record_of(rescue.outputs)
     text = f"process {pid} {why}; NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
-    _write(_places(file, run, _SO_FAR), {"why": why, "not_safe": left, "goes_on_for_s": GIVE_UP_S})
+    _write(_places(file, run, _SO_FAR), {"why": why, "not_safe": left, "goes_on_for_s": GIVE_UP_S, "outputs": outputs})
     _tell(text)
 
 
@@ -270,7 +272,7 @@ def _lease_of_the_dead(file: BenchFile, pid: int) -> Iterator[None]:
         yield
 
 
-def _report(file: BenchFile, run: Path, told: dict[str, object], text: str) -> None:
+def _report(file: BenchFile, run: Path, told: Mapping[str, object], text: str) -> None:
     """What came of it, on stderr and on disk: the last word."""
     _write(_places(file, run, Path(REPORT_FILE).stem), told)
     for path in _places(file, run, _SO_FAR):
@@ -284,7 +286,7 @@ def _places(file: BenchFile, run: Path, kind: str) -> tuple[Path, Path]:
     return run / f"{kind}.json", state_path(kind, file.bench.name, ".json")
 
 
-def _write(places: tuple[Path, Path], told: dict[str, object]) -> None:
+def _write(places: tuple[Path, Path], told: Mapping[str, object]) -> None:
     content = json.dumps(told, indent=1, ensure_ascii=False) + "\n"
     for path in places:
         try:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 from contextlib import suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn, TypeVar
+from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
@@ -17,20 +18,24 @@ if TYPE_CHECKING:
 _T = TypeVar("_T")
 
 
-def safely(run: Callable[[Outputs], _T], folder: Path, archive: str) -> _T:
+def safely(
+    run: Callable[[Outputs], _T], folder: Path, archive: str, *, known: Outputs | None = None, as_json: bool = False
+) -> _T:
     """Do a run; when it fails, say what came of it and of the outputs, and leave with the exit status of that.
 
     Args:
         run: does it, told where to keep what is known of the outputs.
         folder: of the run.
         archive: where a run that failed is entered.
+        known: what is known of the outputs, for who asks for it afterwards.
+        as_json: whether the failure is printed as JSON too (see `failure_document`).
     """
     from hil.archive.begun import mark_begun
     from hil.archive.place import archive_place
     from hil.cli.said import say
     from hil.safety.outputs import Outputs
 
-    known = Outputs()
+    known = known or Outputs()
     mark_begun(archive_place(archive), folder)
     try:
         return run(known)
@@ -38,8 +43,24 @@ def safely(run: Callable[[Outputs], _T], folder: Path, archive: str) -> _T:
         known.mark(error)
         stopped = isinstance(error, KeyboardInterrupt)
         status = say(error, *([known.text, _kept(folder)] if stopped else []))
+        if as_json:
+            with suppress(OSError):
+                typer.echo(json.dumps(failure_document(error, known, folder), indent=1, ensure_ascii=False))
         entered(archive, folder)
         raise typer.Exit(status) from error
+
+
+def failure_document(error: BaseException, known: Outputs, folder: Path) -> dict[str, Any]:
+    """What a run that failed prints as JSON: results without a value, the error, and the outputs as in `end.json`."""
+    from hil.cli.said import text_of
+    from hil.errors import exit_status_of
+    from hil.findings.results import SCHEMA
+
+    return {
+        "schema": SCHEMA, "run": folder.absolute().name, "verdict": None, "values": [], "curves": [],
+        "transfer_functions": [], "error": text_of(error), "exit_status": exit_status_of(error),
+        "outputs": known.record(),
+    }  # fmt: skip
 
 
 def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, *, as_json: bool = False) -> NoReturn:
@@ -49,26 +70,30 @@ def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, 
         run: does it, told where to keep what is known of the outputs; None when there was nothing to drive.
         folder: of the run.
         archive: where it is entered.
-        as_json: whether its results are printed as `hil results --json -` does, instead of words.
+        as_json: whether its results are printed as JSON instead of words, with what is known of the outputs.
     """
     from hil.archive.begun import forget_begun
+    from hil.safety.outputs import Outputs
 
-    outcome = safely(run, folder, archive)
+    known = Outputs()
+    outcome = safely(run, folder, archive, known=known, as_json=as_json)
     if outcome is None:
         forget_begun(folder)
         raise typer.Exit
     with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
-        say_outcome(outcome, as_json=as_json)
+        say_outcome(outcome, known, as_json=as_json)
     entered(archive, folder)
     raise typer.Exit(outcome.exit_status)
 
 
-def say_outcome(outcome: Outcome, *, as_json: bool) -> None:
-    """What a run found and where its report is; or its results, for a program."""
+def say_outcome(outcome: Outcome, known: Outputs | None = None, *, as_json: bool) -> None:
+    """What a run found and where its report is; or its results and the outputs as in `end.json`, for a program."""
     if as_json:
         from hil import api
 
-        typer.echo(api.results(outcome.folder).as_json(), nl=False)
+        found = api.results(outcome.folder).model_dump(mode="json", by_alias=True)
+        outputs = {} if known is None else {"outputs": known.record()}
+        typer.echo(json.dumps(found | outputs, indent=1, ensure_ascii=False))
         return
     from hil.report.terminal import findings_text
 

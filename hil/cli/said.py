@@ -26,9 +26,13 @@ def say(error: BaseException, *more: str) -> int:
     with suppress(OSError, ValueError):  # stderr may be closed, full, or a terminal that is gone
         if debug:
             traceback.print_exception(error)
-        text = "; ".join(dict.fromkeys(filter(None, (_text(error), *_notes(error), *more))))
-        print(f"hil: {text}", file=sys.stderr, flush=True)
+        print(f"hil: {text_of(error, *more)}", file=sys.stderr, flush=True)
     return status
+
+
+def text_of(error: BaseException, *more: str) -> str:
+    """Why the program ends, in one line: the error, what was noted on it, and what else is to be said."""
+    return "; ".join(dict.fromkeys(filter(None, (_text(error), *_notes(error), *more))))
 
 
 def _text(error: BaseException) -> str:

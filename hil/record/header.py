@@ -19,7 +19,7 @@ from hil.version import PROGRAM, is_newer, made_by
 
 HEADER_FILE, END_FILE = "run.json", "end.json"
 _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
-_KEPT_BYTES = 4096
+_KEPT_BYTES = 16384
 _NO_BRACKET = r"^[^\[\]\r\n]+$"
 
 
@@ -65,7 +65,8 @@ class Header(_Strict):
 class End(_Strict):
     """What is known when a run stops. Its presence means that the run was closed in order.
 
-    `rows` and `crc32` (over all rows) seal the samples, `sha256` the other files, by name.
+    `rows` and `crc32` (over all rows) seal the samples, `sha256` the other files, by name. `outputs` is what was known
+    of each output then, by name; it stands in `meta` too, where earlier versions had it alone.
     """
 
     format: Literal["hil-run-end"] = "hil-run-end"
@@ -75,6 +76,7 @@ class End(_Strict):
     rows: int = Field(ge=0)
     crc32: str = Field(pattern="^[0-9a-f]{8}$")
     sha256: dict[str, str]
+    outputs: dict[str, dict[str, Any]] = {}
     meta: dict[str, Any] = {}
 
 

@@ -1,13 +1,15 @@
 """What is known of the outputs of a bench: a value that only an answer of the device makes better.
 
 What a run says at its end about its outputs, its exit status, what it writes down and whether its watchdog may go home
-all follow from this value, and from nothing else: not from the kind of error, nor from what was sent.
+all follow from this value, and from nothing else: not from the kind of error, nor from what was sent. It is data
+(`Output.as_dict`); sentences are made of it where somebody reads them (`sentence`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
@@ -17,6 +19,7 @@ from hil.clock import Clock, RealClock
 from hil.daq.channel import OutputChannel
 from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
 from hil.errors import HilError, NotSafeError, marked, reason
+from hil.language.words import _
 from hil.safety.interrupt import status_of
 
 _AGREES = 0.0025  # of the range: what a converter or a protocol may round
@@ -33,6 +36,10 @@ class State(StrEnum):
     UNKNOWN = "unknown"
 
 
+def _now_utc() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
 @dataclass(frozen=True, slots=True)
 class Output:
     """What is known of one output, and from what.
@@ -45,6 +52,7 @@ class Output:
         can: whether the device can be asked.
         why: why it did not say.
         rescue: what makes it safe when nobody reaches it.
+        at_utc: since when this is known, ISO 8601.
     """
 
     state: State
@@ -53,21 +61,60 @@ class Output:
     can: bool = True
     why: str = ""
     rescue: str = ""
+    at_utc: str = field(default_factory=_now_utc, compare=False)
 
     @property
     def settled(self) -> bool:
         """Whether nothing is left to do: read back safe, or told to be safe where nobody can ask."""
         return self.state is State.SAFE or (self.state is State.UNCONFIRMED and not self.can)
 
+    def as_dict(self) -> dict[str, Any]:
+        """As it is kept with a run, handed to other processes and printed for programs."""
+        return {
+            "state": str(self.state), "read_back": self.can, "at_utc": self.at_utc, "at": self.at, "unit": self.unit,
+        } | {name: text for name, text in (("why", self.why), ("rescue", self.rescue)) if text}  # fmt: skip
+
+    @classmethod
+    def of(cls, record: Mapping[str, Any]) -> Output:
+        """What a record says; one of an earlier version lacks the time.
+
+        Raises:
+            KeyError, ValueError: it is no record of an output.
+        """
+        return cls(
+            State(record["state"]), record["unit"], record["at"], record["read_back"], record.get("why", ""),
+            record.get("rescue", ""), record.get("at_utc", ""),
+        )  # fmt: skip
+
     def described(self, name: str) -> str:
         """In words, for an output that is not settled."""
-        at = "" if self.at is None else f" {self.at:.4g}{'' if self.unit == '1' else f' {self.unit}'}"
+        at = "" if self.at is None else f"{self.at:.4g}{'' if self.unit == '1' else f' {self.unit}'}"
         texts = {
-            State.DRIVEN: f"'{name}' stands at{at}" if at else f"'{name}' is driven",
-            State.UNCONFIRMED: f"'{name}' was told to be safe, and could not be read back",
-            State.UNKNOWN: f"nobody knows where '{name}' stands{f', driven to{at} last' if at else ''}",
-        }
-        return texts[self.state] + (f" ({self.why})" if self.why else "")
+            State.DRIVEN: _("'{name}' stands at {at}") if at else _("'{name}' is driven"),
+            State.UNCONFIRMED: _("'{name}' was told to be safe, and could not be read back"),
+            State.UNKNOWN: _("nobody knows where '{name}' stands, driven to {at} last") if at
+            else _("nobody knows where '{name}' stands"),
+        }  # fmt: skip
+        return texts[self.state].format(name=name, at=at) + (f" ({self.why})" if self.why else "")
+
+
+def sentence(outputs: Mapping[str, Output], *, moved: bool = True) -> str:
+    """What may be said of outputs, in the language that is spoken.
+
+    Args:
+        outputs: what is known of each, by name.
+        moved: whether any was ever sent away from its safe value.
+    """
+    if left := {name: output for name, output in outputs.items() if not output.settled}:
+        remedy = _("use the emergency stop")
+        said = [f"{output.described(name)}: {output.rescue or remedy}" for name, output in left.items()]
+        return _("NOT SAFE: {outputs}").format(outputs="; ".join(said))
+    if not moved:
+        return _("nothing was driven")
+    unasked = ", ".join(f"'{name}'" for name, output in outputs.items() if output.state is not State.SAFE)
+    if unasked:
+        return _("outputs were told to be safe; {names} cannot be read back").format(names=unasked)
+    return _("outputs are safe (read back)")
 
 
 class Outputs:
@@ -105,25 +152,12 @@ class Outputs:
 
     @property
     def text(self) -> str:
-        """What may be said of them, in a sentence."""
-        if not self.settled:
-            left = [f"{output.described(name)}: {output.rescue or 'use the emergency stop'}"
-                    for name, output in self._known.items() if not output.settled]  # fmt: skip
-            return f"NOT SAFE: {'; '.join(left)}"
-        if not self.moved:
-            return "nothing was driven"
-        if self.are_safe:
-            return "outputs are safe (read back)"
-        unasked = ", ".join(f"'{name}'" for name, output in self._known.items() if output.state is not State.SAFE)
-        return f"outputs were told to be safe; {unasked} cannot be read back"
+        """What may be said of them, in a sentence (see `sentence`)."""
+        return sentence(self._known, moved=self.moved)
 
     def record(self) -> dict[str, dict[str, Any]]:
-        """As it is kept with a run, by output."""
-        return {
-            name: {"state": str(output.state), "at": output.at, "unit": output.unit, "read_back": output.can}
-            | ({"why": output.why} if output.why else {})
-            for name, output in self._known.items()
-        }
+        """As it is kept with a run, by output (see `Output.as_dict`)."""
+        return record_of(self._known)
 
     def driving(self, waveform: Waveform) -> None:
         """They are sent along a waveform now. Said before its first sample: what comes of it, only an answer tells."""
@@ -132,7 +166,7 @@ class Outputs:
             away = bool(np.any(values != self._channels[name].safe))
             self.moved = self.moved or away
             state = State.DRIVEN if away else State.UNCONFIRMED
-            self._known[name] = replace(self._known[name], state=state, at=float(values[-1]), why="")
+            self._known[name] = replace(self._known[name], state=state, at=float(values[-1]), why="", at_utc=_now_utc())
 
     def make_safe(self, daq: Daq, alive: Callable[[], None] = lambda: None, clock: Clock | None = None) -> None:
         """Have a backend make them safe, and ask it whether they are. Never raises: what came of it is the value.
@@ -186,7 +220,7 @@ class Outputs:
 
     def _after(self, name: str, answer: ReadBack, failure: str, levels: Mapping[str, float]) -> Output:
         before, channel = self._known[name], self._channels[name]
-        known = replace(before, can=answer.can, why=answer.why or failure, rescue=answer.rescue)
+        known = replace(before, can=answer.can, why=answer.why or failure, rescue=answer.rescue, at_utc=_now_utc())
         if answer.at is not None:
             safe = abs(answer.at - channel.safe) <= _AGREES * (channel.high - channel.low)
             return replace(known, state=State.SAFE if safe else State.DRIVEN, at=answer.at, why="")
@@ -195,9 +229,11 @@ class Outputs:
         return replace(known, state=State.UNCONFIRMED, at=None)
 
 
+def record_of(outputs: Mapping[str, Output]) -> dict[str, dict[str, Any]]:
+    """What is known of outputs as it is written down, by name."""
+    return {name: output.as_dict() for name, output in outputs.items()}
+
+
 def outputs_in(record: Mapping[str, Mapping[str, Any]]) -> dict[str, Output]:
-    """What a record says of each output (see `Outputs.record`)."""
-    return {
-        name: Output(State(told["state"]), told["unit"], told["at"], told["read_back"], told.get("why", ""))
-        for name, told in record.items()
-    }
+    """What a record says of each output (see `record_of`)."""
+    return {name: Output.of(said) for name, said in record.items()}

@@ -41,7 +41,7 @@ def driven(tmp_path: Path) -> Iterator[tuple[subprocess.Popen[str], Observer, Pa
         yield process, observer, tmp_path / "run"
 
 
-def told(folder: Path) -> dict[str, str]:
+def told(folder: Path) -> dict[str, Any]:
     deadline_s = time.monotonic() + PATIENCE_S
     while not (folder / "watchdog.json").exists() and time.monotonic() < deadline_s:
         time.sleep(0.02)

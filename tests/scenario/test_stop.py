@@ -61,6 +61,11 @@ def stop(control: dict[str, Any]) -> dict[str, Any]:
     return answer
 
 
+def said_of(answer: dict[str, Any]) -> dict[str, Any]:
+    """What an answer says of the command, without the time."""
+    return {name: value for name, value in answer["outputs"]["command"].items() if name != "at_utc"}
+
+
 def confirmed(control: dict[str, Any]) -> dict[str, Any]:
     """Asks as a page does, again until it is confirmed: on a busy machine a takeover takes its time."""
     deadline_s = time.monotonic() + PATIENCE_S
@@ -81,13 +86,13 @@ def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
         time.sleep(0.05)
         assert watch.is_safe, "what was called confirmed stands at the device"
         _, err = process.communicate(timeout=PATIENCE_S)
-    outputs = [{"channel": "command", "state": "safe", "value": 0.0, "unit": "%"}]
-    assert (answer["state"], answer["outputs"], answer["by"]) == ("confirmed", outputs, "run")
+    assert (answer["state"], answer["by"]) == ("confirmed", "run")
+    assert said_of(answer) == {"state": "safe", "read_back": True, "at": 0.0, "unit": "%"}
     assert process.returncode == 138
     assert "hil: stopped: stop was pressed; outputs are safe (read back)" in err
     end = read_end(tmp_path / "run")
     assert end is not None and end.outcome == "Halted: stop was pressed; outputs are safe (read back)"
-    assert end.meta["outputs"]["command"]["state"] == "safe"
+    assert end.outputs == end.meta["outputs"] and said_of({"outputs": end.outputs}) == said_of(answer)
     assert not (tmp_path / "run" / "control.json").exists()
     assert not list((tmp_path / "state").rglob("trips/*")), "nothing is latched"
 
@@ -121,9 +126,10 @@ def test_stop_of_a_run_that_hangs_is_taken_over(tmp_path: Path) -> None:
         assert watch.wait(lambda: watch.is_safe, 0.5), answer
         assert process.wait(PATIENCE_S) == -signal.SIGKILL, "it cannot wake up and drive on"
     assert (answer["state"], answer["by"]) == ("confirmed", "watchdog")
-    assert answer["outputs"] == [{"channel": "command", "state": "safe", "value": 0.0, "unit": "%"}]
+    assert said_of(answer) == {"state": "safe", "read_back": True, "at": 0.0, "unit": "%"}
     told = written(tmp_path / "run" / "watchdog.json")
     assert told["why"] == "was told to stop, did not confirm within 0.2 s, and was killed"
+    assert said_of(told) == said_of(answer)
 
 
 def drive_for_ever(file: BenchFile, run: Path) -> None:
@@ -147,5 +153,5 @@ def test_stop_of_a_simulated_run_is_heard_by_the_run_itself(tmp_path: Path) -> N
     with pytest.raises(Halted):
         drive_for_ever(file, tmp_path / "run")
     pressing.join()
-    assert (answers[0]["state"], answers[0]["by"], answers[0]["outputs"][0]["value"]) == ("confirmed", "run", 0.0)
+    assert (answers[0]["state"], answers[0]["by"], answers[0]["outputs"]["command"]["at"]) == ("confirmed", "run", 0.0)
     assert not (tmp_path / "run" / "control.json").exists()

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import signal
 from collections.abc import Mapping
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from itertools import product
 
 import numpy as np
 import pytest
@@ -13,8 +16,9 @@ from wire import Wire
 from hil.clock import VirtualClock
 from hil.daq.contract import CANNOT_BE_ASKED, ReadBack, Waveform
 from hil.errors import DeviceLostError, HilError, LinkError, NotSafeError, RangeError, exit_status_of, told
+from hil.language.words import languages, speaking
 from hil.safety.interrupt import Terminated
-from hil.safety.outputs import Outputs
+from hil.safety.outputs import Output, Outputs, State, outputs_in, record_of, sentence
 
 
 class Device(Wire):
@@ -130,6 +134,38 @@ def test_whatever_is_thrown_on_the_way_is_what_nobody_knows(error: BaseException
 
 
 def test_record_says_state_place_and_why() -> None:
-    assert after(SILENT, DeviceLostError("gone")).record()["a"] == {
-        "state": "unknown", "at": 5.0, "unit": "V", "read_back": True, "why": "no answer",
-    }  # fmt: skip
+    record = after(SILENT, DeviceLostError("gone")).record()["a"]
+    assert abs(datetime.now(UTC) - datetime.fromisoformat(record.pop("at_utc"))) < timedelta(minutes=1)
+    assert record == {"state": "unknown", "read_back": True, "at": 5.0, "unit": "V", "why": "no answer"}
+
+
+OF_STATES = [
+    *(Output(state, "V", at, can) for state in State for at in (None, 0.0, 4.0) for can in (True, False)
+      if not (state is State.SAFE and (at is None or not can))),
+    Output(State.UNKNOWN, "V", why="no answer", rescue="its own watchdog acts after 1 s"),
+]  # fmt: skip
+SAYS = {"en": ("outputs are safe", "NOT SAFE"), "de": ("Ausgänge sind sicher", "NICHT SICHER")}
+
+
+@pytest.mark.parametrize("language", languages())
+def test_sentence_and_status_agree_with_the_data_for_every_state(language: str) -> None:
+    for outputs in (*((one,) for one in OF_STATES), *product(OF_STATES, repeat=2)):
+        check_sentence(outputs, language)
+
+
+def check_sentence(outputs: tuple[Output, ...], language: str) -> None:
+    record = json.loads(json.dumps(record_of({f"out {i}": output for i, output in enumerate(outputs)})))
+    with speaking(language):
+        said = sentence(outputs_in(record))
+    safe, not_safe = SAYS[language]
+    states = [one["state"] for one in record.values()]
+    bad = [n for n, one in record.items() if one["state"] in ("driven", "unknown") or
+           (one["state"] == "unconfirmed" and one["read_back"])]  # fmt: skip
+    assert (safe in said) == (set(states) == {"safe"})
+    assert (not_safe in said) == bool(bad)
+    unconfirmed = [name for name, one in record.items() if one["state"] == "unconfirmed"]
+    assert [name for name in record if f"'{name}'" in said] == (bad or unconfirmed)
+    known = Outputs()
+    known.opened({})
+    known._known = outputs_in(record)
+    assert (known.status(KeyboardInterrupt(), 2) == 3) == bool(bad)

@@ -29,7 +29,8 @@ def test_stop_is_confirmed_when_it_was_read_back_and_not_before() -> None:
         answer = stopped(listener)
     assert wishes == ["stop"]
     assert 0.02 <= answer.pop("seconds") < 0.02 + BUSY_S
-    outputs = [{"channel": "valve", "state": "safe", "value": 0.0, "unit": "V"}]
+    assert answer["outputs"]["valve"].pop("at_utc")
+    outputs = {"valve": {"state": "safe", "read_back": True, "at": 0.0, "unit": "V"}}
     assert answer == {"state": "confirmed", "outputs": outputs, "by": "run"}
 
 
@@ -38,7 +39,7 @@ def test_stop_that_nobody_confirms_is_answered_so_within_a_second() -> None:
         begun_s = time.monotonic()
         answer = stopped(listener)
         assert time.monotonic() - begun_s < 1.0
-    assert (answer["state"], answer["outputs"][0]["state"], wishes) == ("unconfirmed", "unknown", ["stop"])
+    assert (answer["state"], answer["outputs"]["valve"]["state"], wishes) == ("unconfirmed", "unknown", ["stop"])
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from hil.safety.operator import Asked
-from hil.safety.outputs import Output, State
+from hil.safety.outputs import Output, State, record_of
 
 By = Literal["run", "watchdog"]
 
@@ -44,10 +44,9 @@ class Told:
         return {
             "state": "confirmed" if self.is_confirmed else "unconfirmed",
             "seconds": round(max(0.0, self.at_s - since_s), 4),
-            "outputs": [{"channel": name, "state": str(output.state), "value": output.at, "unit": output.unit}
-                        for name, output in self.outputs.items()],
+            "outputs": record_of(self.outputs),
             "by": self.by,
-        }  # fmt: skip
+        }
 
 
 class Desk:

@@ -64,7 +64,7 @@ window.hilStop = (() => {
     if (one.state === "asked") return make("li", "asked", name + say("stop requested …"));
     if (one.state === "over") return make("li", "", name + say("had ended before: {outcome}", {outcome: one.why}));
     if (one.state === "confirmed") {
-      const outputs = (one.answer.outputs || []).map(o => o.channel + " " + o.value + " " + o.unit).join(", ");
+      const outputs = Object.entries(one.answer.outputs || {}).map(([name, o]) => name + " " + o.at + " " + o.unit).join(", ");
       const text = say("stop confirmed, outputs read back safe after {time}", {time: seconds(one.took)});
       return make("li", "confirmed", name + text + (outputs ? " (" + outputs + ")" : ""));
     }
@@ -136,7 +136,7 @@ window.hilStop = (() => {
         signal: AbortSignal.timeout(2 * ANSWER_MS)});
       const told = await answer.json();
       if (told.state === "confirmed") return settle(one, "confirmed", "", told);
-      settle(one, "unconfirmed", told.error || (told.outputs || []).map(o => o.channel + " " + say(o.state)).join(", "), told);
+      settle(one, "unconfirmed", told.error || Object.entries(told.outputs || {}).map(([name, o]) => name + " " + say(o.state)).join(", "), told);
     } catch {
       const now = runs.find(run => run.run === one.run.run);
       if (now && now.state === "ended" && now.outcome === "completed") settle(one, "over", say("completed"));
