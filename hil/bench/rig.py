@@ -16,6 +16,7 @@ from hil.bench.told import Told
 from hil.daq.contract import Block, Waveform, joined
 from hil.record.header import Column
 from hil.record.recording import Array, Channel, Recording
+from hil.record.simulated import SIMULATED
 from hil.record.unmeasured import supposed
 from hil.rig import RoleChannel
 from hil.safety.envelope import Envelope
@@ -218,7 +219,8 @@ def whole(blocks: Iterable[Block], asked: deque[int]) -> Iterator[Block]:
 
 
 def conditions_of(bench: Bench) -> dict[str, Any]:
-    """Valve, roles of channels, conditions of the test and instruments, as JSON values."""
+    """Valve, roles of channels, conditions of the test, instruments, and whether it is simulated, as JSON values."""
     told = bench.model_dump(mode="json", include={"valve", "conditions", "instruments"})
     roles = {channel.role: name for name, channel in bench.channels.items() if channel.role != "other"}
-    return {"bench": bench.name, "roles": roles, **told}
+    simulated = any(device.simulated for device in bench.devices.values())
+    return {"bench": bench.name, "roles": roles, SIMULATED: simulated, **told}

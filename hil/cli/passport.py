@@ -37,12 +37,14 @@ def command(
         )
     unit, signer, says = found.unit, found.signer, found.understood.says
     unfinished = "" if unit.finished else "; a test did not end as planned"
+    simulated = " (SIMULATED)" if unit.simulated else ""
     words = (
         f"passport: {found.path}\n"
-        f"unit: {unit.valve}, {unit.serial}: {unit.verdict or 'not judged'}{unfinished}\n"
+        f"unit: {unit.valve}, {unit.serial}: {unit.verdict or 'not judged'}{unfinished}{simulated}\n"
         f"signed by: {signer.name}, {signer.fingerprint}\n"
         f"model: {says}"
     )
-    told = {"file": found.path, "valve": unit.valve, "serial": unit.serial, "verdict": unit.verdict}
+    told = {"file": found.path, "valve": unit.valve, "serial": unit.serial, "verdict": unit.verdict,
+            "simulated": unit.simulated}  # fmt: skip
     told |= {"signer": signer.name, "fingerprint": signer.fingerprint, "model": says}
     printed({"schema": "hil.issued/1", **told}, words, as_json)

@@ -56,7 +56,7 @@ def _listed(found: Results) -> str:
     from hil.report.number import MINUS
     from hil.report.terminal import findings_text
 
-    lines = [findings_text(findings_of(found))]
+    lines = [findings_text(findings_of(found), simulated=bool(found.simulated))]
     lines += [f"transfer function: {one.name}: {one.formula}" for one in found.transfer_functions]
     lines += [f"curve: {curve.name} ({len(curve.rows)} rows)" for curve in found.curves]
     return "\n".join(lines).replace(MINUS, "-")

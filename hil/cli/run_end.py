@@ -97,7 +97,7 @@ def say_outcome(outcome: Outcome, known: Outputs | None = None, *, as_json: bool
         return
     from hil.report.terminal import findings_text
 
-    typer.echo(findings_text(outcome.findings))
+    typer.echo(findings_text(outcome.findings, simulated=outcome.simulated))
     typer.echo(f"report: {outcome.report}")
 
 

@@ -23,10 +23,13 @@ def command(
     found = verify_file(file, known)
     if as_json:
         told = {"file": str(file), "sentence": found.sentence, "signer": found.signer or None}
-        status = {"status": found.exit_status, "fingerprint": found.fingerprint or None}
+        status = {"status": found.exit_status, "fingerprint": found.fingerprint or None,
+                  "simulated": found.simulated}  # fmt: skip
         typer.echo(json.dumps({"schema": "hil.verified/1", **told, **status}, indent=1, ensure_ascii=False))
         raise typer.Exit(found.exit_status)
     typer.echo(f"{file}: {found.sentence}")
+    if found.simulated:
+        typer.echo("SIMULATED: the runs inside were recorded on a simulated device; this says nothing of a real valve")
     if found.signer:
         typer.echo(f"signer: {found.signer}")
         typer.echo(f"SHA-256 of the certificate: {found.fingerprint}")

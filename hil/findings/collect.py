@@ -14,6 +14,7 @@ from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Measured
 from hil.record.plain import plain
 from hil.record.recording import Recording
+from hil.record.simulated import is_simulated
 from hil.record.since import Since
 
 PURE = "1"  # unit of a pure number where data are handed on; where it is shown it has none
@@ -37,6 +38,7 @@ def results_of(recording: Recording, findings: Findings) -> Results:
         likeness=_likeness(findings.likeness),
         since=_since(findings.since),
         cause=None if findings.cause is None else CauseOf(**asdict(findings.cause)),
+        simulated=is_simulated(meta),
     )
 
 

@@ -192,7 +192,10 @@ class FittedFunction(_Strict):
 
 
 class Results(_Strict):
-    """Everything that a run found. `run` is the name of its folder."""
+    """Everything that a run found. `run` is the name of its folder.
+
+    `simulated`: whether a simulated device had a part in it; null in files of versions that did not say so.
+    """
 
     schema_: Literal["hil.results/1"] = Field(default=SCHEMA, alias="schema")
     run: str
@@ -209,6 +212,7 @@ class Results(_Strict):
     likeness: LikenessOf | None = None
     since: SinceOf | None = None
     cause: CauseOf | None = None
+    simulated: bool | None = None
 
     def __getitem__(self, name: str) -> Value:
         """A value by its full name (`bandwidth_3db, +50 ± 5 %`).

@@ -37,6 +37,7 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
     judged = sorted((m for m in found.measured if m.verdict), key=lambda m: m.verdict == "pass")
     others = [m for m in found.measured if not m.verdict]
     return {
+        "across": _("SIMULATED") if unit.simulated else "",
         "title": _("Valve passport: {valve}, {serial}").format(valve=unit.valve, serial=unit.serial),
         "date": [unit.dates[1].year, unit.dates[1].month, unit.dates[1].day],
         **whole,

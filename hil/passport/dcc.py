@@ -63,7 +63,7 @@ def _administration(at: Element, unit: Unit, signer: Signer, identifier: str, na
     ):  # fmt: skip
         _plain(core, name, value)
     item = SubElement(SubElement(at, _dcc("items")), _dcc("item"))
-    _text(item, "name", unit.valve)
+    _text(item, "name", f"SIMULATED: {unit.valve}" if unit.simulated else unit.valve)
     _identified(item, "owner", unit.serial, "serial number")
     laboratory = SubElement(at, _dcc("calibrationLaboratory"))
     _contact(laboratory, "contact", signer.name)

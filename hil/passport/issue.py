@@ -80,6 +80,7 @@ def _sealed(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: 
     inside = [*_made(unit, known, signer, wanted, place / "made"), *attached_runs(unit)]
     content = {
         "schema": SCHEMA, "serial": unit.serial, "valve": unit.valve, "verdict": unit.verdict,
+        "simulated": unit.simulated,
         "dates": [date.isoformat() for date in unit.dates], "seconds_identification_and_diagnosis": known.seconds,
         "model": known.says,
     }  # fmt: skip

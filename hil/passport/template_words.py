@@ -6,6 +6,7 @@ from hil.language.words import _, marked
 
 _WORDS = {
     "certificate": marked("Valve passport · certificate"), "serial": marked("Serial"),
+    "simulated": marked("this says nothing of a real valve"),
     "page": marked("page {n} of {all}"),
     "limits": marked("Limits"), "quantity": marked("Quantity"), "value": marked("Value ± U (k = 2)"),
     "unit": marked("Unit"), "limit": marked("Limit"), "within": marked("Passes within"), "verdict": marked("Verdict"),

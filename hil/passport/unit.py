@@ -13,6 +13,7 @@ from hil.findings.results import Results
 from hil.record.folder import read
 from hil.record.measurement import Findings, Verdict, ended_as_planned, judge, unproven
 from hil.record.recording import Recording
+from hil.record.simulated import is_simulated
 from hil.session.results import results_of_run
 
 
@@ -73,6 +74,11 @@ class Unit:
     def plant(self) -> str:
         """The plant or model that the bench file names for it; empty where it names none."""
         return str((self.runs[0].recording.meta.get("valve") or {}).get("plant") or "")
+
+    @property
+    def simulated(self) -> bool:
+        """Whether any of its runs was made on a simulated valve."""
+        return any(is_simulated(run.recording.meta) for run in self.runs)
 
     @property
     def dates(self) -> tuple[date, date]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
@@ -10,8 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError, marked
+from hil.passport.contents import files_inside
 from hil.passport.key import fingerprint, name_of, own_certificates
 from hil.passport.seal import ChangedError, is_passport, seal_of
+from hil.record.header import HEADER_FILE
+from hil.record.simulated import is_simulated
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -28,12 +32,16 @@ class Soundness(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Verified:
-    """The outcome in one sentence, with the signer where the signature is his."""
+    """The outcome in one sentence, with the signer where the signature is his.
+
+    `simulated`: whether a run inside was made on a simulated valve; said of files that are as they were signed.
+    """
 
     outcome: Soundness
     sentence: str
     signer: str = ""
     fingerprint: str = ""
+    simulated: bool = False
 
     @property
     def exit_status(self) -> int:
@@ -78,11 +86,17 @@ def verify(content: bytes, trusted: Sequence[Certificate]) -> Verified:
         return Verified(Soundness.CHANGED, f"changed since it was signed: {error}")
     except Exception as error:  # a broken PDF makes its reader raise anything; whatever it is, the file is not sound
         return Verified(Soundness.CHANGED, f"cannot be read as it was signed: {type(error).__name__}")
-    who = name_of(certificate), fingerprint(certificate)
+    who = name_of(certificate), fingerprint(certificate), _of_simulated_runs(content)
     if not known:
         said = "unchanged since it was signed, by a signer who is not known here"
         return Verified(Soundness.UNKNOWN_SIGNER, said, *who)
     return Verified(Soundness.SOUND, "unchanged since it was signed, by a known signer", *who)
+
+
+def _of_simulated_runs(content: bytes) -> bool:
+    """Whether the header of a run inside says that it is simulated."""
+    headers = (json.loads(inside) for name, inside in files_inside(content) if name.match(f"runs/*/{HEADER_FILE}"))
+    return any(is_simulated(header.get("meta") or {}) for header in headers)
 
 
 def _validated(

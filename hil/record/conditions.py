@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -21,6 +22,12 @@ CHANNELS: Mapping[str, tuple[tuple[str, ...], str]] = {
 """By their name in the bench file: channels that measure them, the first that is there, and the unit of the name."""
 
 _SHOWN = {"degC": "°C"}
+_GRADES = frozenset((2, 3, 5, 7, 10, 15, 22, 32, 46, 68, 100, 150, 220, 320, 460, 680, 1000, 1500, 2200, 3200))
+"""ISO 3448: viscosity at 40 °C in mm²/s."""
+_FAMILIES = "VG|HLPD?|HLP-D|HVLPD?|HL|HM|HV|HG|HEES|HETG|HEPG|HEPR|HFC|HFD[RU]?"
+"""Marks of DIN 51524, ISO 6743-4 and ISO 15380 that stand before the grade; the number of a brand need not be one."""
+_OILS = frozenset(("oil", "fluid", "hydraulic oil", "hydraulic fluid", "öl"))
+
 _STEADY_S = 1.0  # means over so long are looked at, not single samples
 
 
@@ -51,7 +58,7 @@ def condition_departures(recording: Recording) -> tuple[str, ...]:
     """Where a condition left its declared range, a sentence each; measured where it was, else as stated."""
     stated: Mapping[str, Any] = recording.meta.get("conditions") or {}
     measured = measured_conditions(recording)
-    found = []
+    found = [contradiction] if (contradiction := oil_contradiction(stated, recording.meta.get("notes") or {})) else []
     for name, (low, high) in (stated.get("ranges") or {}).items():
         unit = _SHOWN.get(CHANNELS[name][1], CHANNELS[name][1])
         was = measured.get(name)
@@ -64,6 +71,27 @@ def condition_departures(recording: Recording) -> tuple[str, ...]:
             text = f"{span[0]:.4g}" if span[0] == span[1] else f"{span[0]:.4g} to {span[1]:.4g}"
             found.append(f"{words} {how} {text} {unit}; {low:g} to {high:g} {unit} is declared.")
     return tuple(found)
+
+
+def oil_contradiction(stated: Mapping[str, Any], notes: Mapping[str, Any]) -> str:
+    """Where the oil that is stated is of another viscosity class than the one stated beside it; else empty.
+
+    `stated`: the conditions of a bench file. `notes`: of a run; one called oil or fluid names the oil too.
+    """
+    named = [str(stated.get("fluid") or ""), *(str(text) for key, text in notes.items() if key.casefold() in _OILS)]
+    grade = _grade(str(stated.get("viscosity_class") or ""), alone=True)
+    for oil in named:
+        if grade and (other := _grade(oil)) and other != grade:
+            return f"The oil is stated as {oil}, its viscosity class as ISO VG {grade}; one of them is wrong."
+    return ""
+
+
+def _grade(text: str, *, alone: bool = False) -> int | None:
+    """The ISO viscosity grade that a name of an oil has in it; `alone`: a number by itself is one too."""
+    found = re.search(rf"\b(?:{_FAMILIES})[ -]?(\d{{1,4}})\b", text, re.IGNORECASE)
+    found = found or (re.fullmatch(r"\s*(\d{1,4})\s*", text) if alone else None)
+    grade = int(found[1]) if found else 0
+    return grade if grade in _GRADES else None
 
 
 def _measured(recording: Recording, names: tuple[str, ...], unit: str) -> Condition | None:

@@ -40,7 +40,7 @@ def write_comparison_page(
         StorageError: it cannot be written.
     """
     write_page(
-        "comparison.html", path, kicker=_("Two runs"),
+        "comparison.html", path, simulated=bool(first.simulated or second.simulated), kicker=_("Two runs"),
         title=_("{first} and {second}").format(first=first.run, second=second.run),
         headline=headline(found), order=order_sentence(first, second), shared=shared_sentence(one_bench),
         sections=[Section(_("Values"), tables=(_table(first, second, found),)), *_overlays(first, second)],

@@ -13,6 +13,7 @@ from hil.diagnosis.diagnosis import Diagnosis, NextTest, Spectrum, Strip
 from hil.diagnosis.locate import StageShare
 from hil.language.choice import in_page_language
 from hil.language.words import _, marked
+from hil.record.simulated import is_simulated
 from hil.report.diagnosis_figures import (
     before_and_after,
     close_up,
@@ -65,6 +66,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
     corrected = _is_corrected(d)
     write_page(
         "diagnosis.html", path,
+        simulated=any(is_simulated(one.about) for one in origins),
         kicker=_("Diagnosis"),
         title=capital(d.plant_title),
         tone=tone,

@@ -37,6 +37,8 @@ def write_fit_page(
     said: Mapping[str, str],
     notes: Sequence[str],
     path: Path,
+    *,
+    simulated: bool = False,
 ) -> None:
     """Write the page.
 
@@ -46,6 +48,7 @@ def write_fit_page(
         said: how well it fits, in words, by the name of each measurement.
         notes: what the reader should know besides.
         path: of the page.
+        simulated: whether any of the measurements is of a simulated valve.
 
     Raises:
         StorageError: it cannot be written.
@@ -57,7 +60,7 @@ def write_fit_page(
     if notes:
         sections.append(Section(_("Notes"), texts=tuple(notes)))
     title = model.definition.title
-    write_page("fit.html", path, kicker=_("Model and measurement"), title=title, sections=sections)
+    write_page("fit.html", path, kicker=_("Model and measurement"), title=title, sections=sections, simulated=simulated)
 
 
 def _short(name: str) -> str:

@@ -15,13 +15,13 @@ from hil.report.number import limits_text, number, unit_text, with_uncertainty
 from hil.version import __version__
 
 
-def write_page(template: str, path: Path, **values: Any) -> None:
-    """Render a template and write it.
+def write_page(template: str, path: Path, *, simulated: bool = False, **values: Any) -> None:
+    """Render a template and write it; across what is `simulated` stands that it is.
 
     Raises:
         StorageError: the page cannot be written.
     """
-    text = render(template, **values)
+    text = render(template, simulated=simulated, **values)
     part = path.with_name(f"{path.name}.part")
     try:
         part.write_text(text, encoding="utf-8")
@@ -30,10 +30,10 @@ def write_page(template: str, path: Path, **values: Any) -> None:
         raise StorageError(f"{path}: the report cannot be written: {error.strerror}; the recording is kept") from error
 
 
-def render(template: str, **values: Any) -> str:
+def render(template: str, *, simulated: bool = False, **values: Any) -> str:
     """A template of this package with its values; everything that is not markup of our own is escaped."""
     page = templates("hil.report", ".").get_template(template)
-    return page.render(style=_style(), version=__version__, language=spoken(), **values)
+    return page.render(simulated=simulated, style=_style(), version=__version__, language=spoken(), **values)
 
 
 @cache

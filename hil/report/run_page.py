@@ -12,6 +12,7 @@ from hil.language.choice import in_page_language
 from hil.language.words import _
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
+from hil.record.simulated import is_simulated
 from hil.report.curves import sections
 from hil.report.facts import facts_of
 from hil.report.local_time import local_text
@@ -36,6 +37,7 @@ def write_run_report(
     procedure = capital(_(quantity_words(str(meta.get("procedure") or "run"))))
     write_page(
         "run.html", path,
+        simulated=is_simulated(meta),
         kicker=_("Test report"),
         title=f"{procedure}: {_valve_name(meta)}",
         verdict=verdict_box(findings, meta),

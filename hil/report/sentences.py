@@ -18,6 +18,7 @@ _DEVIATIONS = (
     marked("{quantity} was not measured and not stated; {range} is declared."),
     marked("{quantity} was {range_found}; {range} is declared."),
     marked("{quantity} is stated as {range_found}; {range} is declared."),
+    marked("The oil is stated as {oil}, its viscosity class as ISO VG {grade}; one of them is wrong."),
     marked("Channel '{name}': its calibration was due on {date_due}; the day of this test is {date}."),
     marked("Instrument '{name}': its calibration was due on {date_due}; the day of this test is {date}."),
     marked(

@@ -8,11 +8,12 @@ if TYPE_CHECKING:
     from hil.record.measurement import Findings, Measured
 
 
-def findings_text(findings: Findings) -> str:
+def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     """Every measured value with its expanded uncertainty as in the report, limits and verdict; then notes and verdict.
 
     Where the calibration has a part in the uncertainty, what is left without it stands behind. Before the verdict of
     the run stands every limit that was missed or cannot be told, with how far it is, and the unit beside good ones.
+    The line of the verdict says where a simulated valve was tested.
     """
     from hil.findings.collect import functions_of
     from hil.report.number import limits_text
@@ -31,6 +32,7 @@ def findings_text(findings: Findings) -> str:
     verdict = (
         f"verdict: {findings.verdict}" if findings.verdict else "verdict: none; no limit was given, nothing was judged"
     )
+    verdict += " (SIMULATED)" if simulated else ""
     beside = [_plain(text) for text in beside_good(findings)]
     return "\n".join([*table, *functions, *notes, *deviations, *reasons, *beside, verdict])
 

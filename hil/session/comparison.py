@@ -18,6 +18,7 @@ from hil.record.instruments import instruments_mark
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
+from hil.record.simulated import is_simulated
 from hil.session.responses import holds_responses, responses_of_run, speaks_of
 from hil.session.results import results_of_run
 from hil.session.sources import Source, notes_on, read_source
@@ -66,7 +67,8 @@ def compared_with(
     if page is not None:
         from hil.report.fit_page import write_fit_page
 
-        write_fit_page(model, measured, {one.name: one.headline for one in found}, notes_on(read), page)
+        write_fit_page(model, measured, {one.name: one.headline for one in found}, notes_on(read), page,
+                       simulated=any(is_simulated(one.meta) for one in read))  # fmt: skip
     return found
 
 

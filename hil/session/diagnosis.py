@@ -21,6 +21,7 @@ from hil.physics.model import Model, save_model
 from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Recording, split_heading
+from hil.record.simulated import SIMULATED, is_simulated
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.report.origins import Origin, all_origins
 from hil.session.procedure import load_procedure
@@ -142,13 +143,14 @@ def write_diagnosis(found: Diagnosed, out: Path, origins: Sequence[Origin] = ())
     Raises:
         StorageError: something cannot be written.
     """
-    content = json.dumps(plain(found.diagnosis.as_dict()), indent=1, ensure_ascii=False)
+    whence = all_origins(origins, found.diagnosis.recordings)
+    simulated = any(is_simulated(one.about) for one in whence)
+    content = json.dumps(plain({**found.diagnosis.as_dict(), SIMULATED: simulated}), indent=1, ensure_ascii=False)
     try:
         out.mkdir(parents=True, exist_ok=True)
         (out / DIAGNOSIS_FILE).write_text(content + "\n", encoding="utf-8")
         save_model(found.corrected, out / CORRECTED_FILE)
     except OSError as error:
         raise StorageError(f"{out}: the diagnosis cannot be written: {error.strerror}") from error
-    whence = all_origins(origins, found.diagnosis.recordings)
     write_diagnosis_report(found.diagnosis, out / REPORT_FILE, whence)
     return out / REPORT_FILE

@@ -14,11 +14,12 @@ REPORT_FILE = "report.html"
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What a run left behind: its folder, what was found in it, and the report."""
+    """What a run left behind: its folder, what was found in it, the report, and whether it was simulated."""
 
     folder: Path
     findings: Findings
     report: Path
+    simulated: bool = False
 
     @property
     def exit_status(self) -> int:

@@ -22,7 +22,6 @@ import pytest
 if TYPE_CHECKING:
     from hil.bench.read import BenchFile
     from hil.bench.rig import BenchRig
-    from hil.record.measurement import Findings
     from hil.session.outcome import Outcome
 
 DEFAULT_BENCH = "brevini-hpv41"
@@ -62,7 +61,7 @@ class SimulatedBench:
         outcome = run_procedure(
             load_procedure(procedure), self.file, settings, self._next(procedure), limits=split_limits(limits)
         )
-        self._tell(procedure, outcome.findings)
+        self._tell(procedure, outcome)
         return outcome
 
     def rig(self) -> AbstractContextManager[BenchRig]:
@@ -71,11 +70,12 @@ class SimulatedBench:
 
         return open_rig(self.file, self._next("rig"), {}, lambda _done, _text: None)
 
-    def _tell(self, procedure: str, findings: Findings) -> None:
+    def _tell(self, procedure: str, outcome: Outcome) -> None:
         from hil.report.number import limits_text
         from hil.report.terminal import findings_text
 
-        print(f"{procedure}:\n{findings_text(findings)}")
+        findings = outcome.findings
+        print(f"{procedure}:\n{findings_text(findings, simulated=outcome.simulated)}")
         for found in findings.measured:
             if found.value is not None:
                 self._note(f"{found.name} [{found.unit}]", found.value)
@@ -135,7 +135,7 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path) -> SimulatedBench:
     seed = int(asked) if asked else int(file.bench.simulation.get("seed", 0))
     print(f"hil: bench {name}, seed {seed}; again with --hil-bench {name} --hil-seed {seed}")
     properties = request.node.user_properties
-    properties += [("hil_bench", name), ("hil_seed", seed)]
+    properties += [("hil_bench", name), ("hil_seed", seed), ("hil_simulated", "true")]
     return SimulatedBench(
         twin_of(file, seed), seed, tmp_path / "runs", lambda what, value: properties.append((what, value))
     )

@@ -14,8 +14,10 @@ from hil.findings.results import RESULTS_FILE, Results, read_results, write_resu
 from hil.record.cause import Cause
 from hil.record.conditions import condition_departures
 from hil.record.folder import read
+from hil.record.header import HEADER_FILE, read_header
 from hil.record.measurement import Findings, Limit, ended_as_planned
 from hil.record.recording import Recording
+from hil.record.simulated import is_simulated
 from hil.report.run_page import write_run_report
 from hil.session.limit import TypedLimit, checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome, write_findings
@@ -35,10 +37,18 @@ def results_of_run(folder: Path) -> Results:
     """
     kept = folder / RESULTS_FILE
     if kept.is_file():
-        return read_results(kept)
+        found = read_results(kept)
+        return found if found.simulated is not None else _with_origin(found, folder)
     recording = read(folder)
     procedure = procedure_of(recording)
     return results_of(recording, evaluated(procedure, recording, limits_of(recording.meta)))
+
+
+def _with_origin(found: Results, folder: Path) -> Results:
+    """Results of a version that did not say whether they are of a real valve, with what the header of the run says."""
+    if not (folder / HEADER_FILE).is_file():
+        return found
+    return found.model_copy(update={"simulated": is_simulated(read_header(folder).meta)})
 
 
 def report_again(
@@ -130,7 +140,7 @@ def write_outcome(recording: Recording, findings: Findings, folder: Path) -> Out
     write_results(results_of(recording, findings), folder)
     write_responses(findings, folder)
     write_run_report(recording, findings, folder / REPORT_FILE, _units_of_settings(recording))
-    return Outcome(folder, findings, folder / REPORT_FILE)
+    return Outcome(folder, findings, folder / REPORT_FILE, is_simulated(recording.meta))
 
 
 def _units_of_settings(recording: Recording) -> dict[str, str]:

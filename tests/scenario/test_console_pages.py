@@ -170,6 +170,8 @@ def test_results_are_found_compared_and_followed(page: Page) -> None:
     assert [text.split()[0] for text in dated] == ["one", "two"]
     assert all(re.search(r"\(20\d\d-\d\d-\d\d \d\d:\d\d:\d\d [+-]", text) for text in dated)
     page.goto("/results/one")
+    expect(page.locator(".head .tag")).to_have_text("SIMULATED")
+    expect(page.locator(".across")).to_be_visible()
     word = page.locator(".verdict .word")
     expect(word).to_have_text("Pass")
     box = word.bounding_box()

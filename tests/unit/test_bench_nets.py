@@ -15,7 +15,7 @@ import pytest
 
 from hil.bench.find import benches
 from hil.bench.nets import calibration, channels, devices, packages, times
-from hil.bench.nets.missing import RULES, missing_nets
+from hil.bench.nets.missing import RULES, contradicting_oil, missing_nets
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.cli.app import main
@@ -93,6 +93,8 @@ SPEAKS = {
                              'channel = "flow"\nserial = "4711"\ndue = 2026-06-30\n\n[simulation]')],
                            "Instrument 'Parker SCQ-150' (serial 4711): its calibration was due on 2026-06-30",
                            "each run has a deviation"),
+    "contradicting oil": (contradicting_oil, "brevini-hpv41", [('"mineral oil"', '"HLP 46"')],
+                          "The oil is stated as HLP 46, its viscosity class as ISO VG 32", "Say fluid and"),
 }  # fmt: skip
 
 

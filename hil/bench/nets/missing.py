@@ -18,8 +18,15 @@ from hil.bench.nets.devices import (
 from hil.bench.nets.packages import packages_lacking
 from hil.bench.nets.times import too_hasty
 from hil.bench.read import BenchFile
+from hil.record.conditions import oil_contradiction
 
 Rule = Callable[[BenchFile, dt.date], Iterator[str]]
+
+
+def contradicting_oil(file: BenchFile, _day: dt.date) -> Iterator[str]:
+    """Conditions of which one is wrong."""
+    if said := oil_contradiction(file.bench.conditions.model_dump(), {}):
+        yield f"[conditions]: {said} Say fluid and viscosity_class of the oil that is in the bench"
 
 
 def _packages(file: BenchFile, _day: dt.date) -> Iterator[str]:
@@ -29,6 +36,7 @@ def _packages(file: BenchFile, _day: dt.date) -> Iterator[str]:
 RULES: Sequence[Rule] = (
     _packages, watchdog_off, no_watchdog, watchdog_elsewhere, not_read_back, no_watchdog_process, too_hasty,
     open_to_others, without_interlocks, live_zeros, without_limits, undated, dated_ahead, overdue_today,
+    contradicting_oil,
 )  # fmt: skip
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,7 @@ from hil.language.reworded import reworded
 from hil.language.words import marked
 from hil.record.folder import read
 from hil.record.measurement import COVERAGE_FACTOR
+from hil.record.simulated import is_simulated
 from hil.report.name import value_words
 from hil.session.comparison import RunComparison, compare_runs
 
@@ -62,14 +64,15 @@ def one(request: Request) -> Response:
     """A run: verdict, values, and its report."""
     console, name = Console.of(request), request.path_params["run"]
     folder = console.site.run(name)
-    results = _results(folder)
+    results, meta = _results(folder), read(folder).meta
     return page(
         request,
         "result.html",
         name=name,
         results=results,
         values=[_value(value) for value in results.values] if results else [],
-        meta=_facts(folder),
+        meta=_facts(meta),
+        simulated=is_simulated(meta),
         report=(folder / "report.html").is_file(),
     )
 
@@ -202,8 +205,7 @@ def _results(folder: Path) -> Results | None:
         return None
 
 
-def _facts(folder: Path) -> dict[str, str]:
-    meta = read(folder).meta
+def _facts(meta: Mapping[str, Any]) -> dict[str, str]:
     valve = meta.get("valve") or {}
     told = {
         "serial": valve.get("serial"),

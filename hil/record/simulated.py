@@ -1,0 +1,25 @@
+"""Whether what was recorded is of a real valve: one fact, from the header of the run."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from typing import Any
+
+SIMULATED = "simulated"
+
+
+def is_simulated(meta: Mapping[str, Any]) -> bool:
+    """Whether a simulated device had a part in a run.
+
+    Runs of versions that did not write it down say it by the bench file in their header. A recording that is no run
+    says nothing, and is not called simulated.
+    """
+    if isinstance(stated := meta.get(SIMULATED), bool):
+        return stated
+    try:
+        devices = tomllib.loads(str(meta.get("bench_file") or "")).get("devices")
+    except tomllib.TOMLDecodeError:
+        return False
+    named = devices.values() if isinstance(devices, Mapping) else ()
+    return any(isinstance(device, Mapping) and bool(device.get(SIMULATED)) for device in named)

@@ -1,0 +1,145 @@
+"""What was recorded on a simulated valve says so wherever its verdict stands."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pikepdf
+import pytest
+
+import hil
+from hil.bench.find import benches
+from hil.bench.read import read_bench
+from hil.bench.rehearsal import twin_of
+from hil.bench.rig import conditions_of
+from hil.cli.app import main
+from hil.record.conditions import oil_contradiction
+from hil.record.header import read_header
+from hil.record.simulated import is_simulated
+from hil.session.results import results_of_run
+from tests.page import read_page
+from tests.passports import run_of
+
+OLD = '[devices.daq]\nsimulated = "in_process"\n'
+REAL = '[devices.daq]\ndriver = "ni"\n'
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "one"
+    made = hil.run("step_response", "brevini-hpv41", folder, levels=(0, 80), limits=["rise=..0.9 s"], serial="A7")
+    assert made.findings.verdict == "pass"
+    return folder
+
+
+def said(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *arguments: object) -> str:
+    monkeypatch.setattr("sys.argv", ["hil", *map(str, arguments)])
+    main()
+    return capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("meta", "simulated"),
+    [
+        ({"simulated": True}, True), ({"simulated": False, "bench_file": OLD}, False),
+        ({"bench_file": OLD}, True), ({"bench_file": REAL}, False),
+        ({"bench_file": REAL + OLD.replace("daq", "oil")}, True),
+        ({}, False), ({"bench_file": "not = [toml"}, False), ({"bench_file": "devices = 3"}, False),
+    ],
+)  # fmt: skip
+def test_is_simulated_goes_by_the_header_else_by_its_bench_file(meta: Mapping[str, Any], simulated: bool) -> None:
+    assert is_simulated(meta) is simulated
+
+
+def test_a_header_says_it_of_every_simulated_bench_and_of_twins() -> None:
+    real = read_bench(benches()["hpv41-usb-6211"])
+    assert conditions_of(real.bench)["simulated"] is False
+    assert conditions_of(twin_of(real).bench)["simulated"] is True
+    assert conditions_of(read_bench(benches()["brevini-hpv41"]).bench)["simulated"] is True
+
+
+def test_report_and_verdict_line_and_results_say_it(
+    run: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert read_header(run).meta["simulated"] is True
+    assert "SIMULATED Recorded on a simulated device" in read_page(run / "report.html").text
+    assert 'data-across="SIMULATED"' in (run / "report.html").read_text(encoding="utf-8")
+    assert "verdict: pass (SIMULATED)\n" in said(capsys, monkeypatch, "results", run)
+    assert json.loads(said(capsys, monkeypatch, "results", run, "--json", "-"))["simulated"] is True
+
+
+def test_results_of_a_version_without_it_go_by_the_header(run: Path, tmp_path: Path) -> None:
+    content = json.loads((run / "results.json").read_text(encoding="utf-8"))
+    del content["simulated"]
+    for name in ("run.json", "end.json"):
+        (tmp_path / name).write_bytes((run / name).read_bytes())
+    (tmp_path / "results.json").write_text(json.dumps(content), encoding="utf-8")
+    assert results_of_run(tmp_path).simulated is True
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_a_passport_and_its_check_say_it(
+    simulated: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    run = run_of(tmp_path, simulated=simulated)
+    passport = tmp_path / "p.pdf"
+    assert ("(SIMULATED)" in said(capsys, monkeypatch, "passport", run, "--out", passport, "--no-model")) is simulated
+    with pikepdf.open(passport) as pdf:
+        assert json.loads(pdf.attachments["passport.json"].get_file().read_bytes())["simulated"] is simulated
+        certificate = pdf.attachments["certificate.xml"].get_file().read_bytes().decode()
+    assert ("SIMULATED: HPV41" in certificate) is simulated
+    assert ("SIMULATED" in said(capsys, monkeypatch, "verify", passport)) is simulated
+    assert json.loads(said(capsys, monkeypatch, "verify", passport, "--json"))["simulated"] is simulated
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_every_page_of_a_passport_has_it_across(
+    simulated: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    pages = {}
+    for language in ("en", "de"):
+        monkeypatch.setenv("HIL_LANGUAGE", language)
+        hil.issue_passport([run_of(tmp_path, simulated=simulated, name=language)], tmp_path / "p.pdf", identify=False)
+        with pikepdf.open(tmp_path / "p.pdf") as pdf:
+            pages[language] = [_drawn_big(page) for page in pdf.pages]
+    assert all(len(found) == 2 for found in pages.values())
+    assert {big for found in pages.values() for big in found} == {simulated}
+
+
+def _drawn_big(page: pikepdf.Page) -> bool:
+    """Whether text of 64 points stands on it, as none but the word across it does."""
+    operations = pikepdf.parse_content_stream(page)
+    return any(str(one.operator) == "Tf" and float(one.operands[1]) == 64.0 for one in operations)
+
+
+@pytest.mark.parametrize(
+    ("fluid", "grade", "notes", "contradicts"),
+    [
+        ("HLP 46", "ISO VG 32", {}, True), ("HLP 32", "ISO VG 32", {}, False), ("mineral oil", "ISO VG 32", {}, False),
+        ("mineral oil", "ISO VG 32", {"oil": "ISO VG 46"}, True), ("mineral oil", "32", {"Fluid": "HVLP-46"}, True),
+        ("Tellus 25", "ISO VG 46", {}, False), ("HLPD 46", "", {}, False), ("HFC 46", "ISO VG 46", {}, False),
+        ("HLP 47", "ISO VG 32", {}, False), ("mineral oil", "ISO VG 32", {"order": "HLP 46"}, False),
+    ],
+)  # fmt: skip
+def test_an_oil_of_another_viscosity_class_is_noticed(
+    fluid: str, grade: str, notes: Mapping[str, str], contradicts: bool
+) -> None:
+    assert bool(oil_contradiction({"fluid": fluid, "viscosity_class": grade}, notes)) is contradicts
+
+
+def test_check_and_the_report_name_the_contradiction(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = tmp_path / "bench.toml"
+    bench.write_text('based_on = "brevini-hpv41"\n[conditions]\nfluid = "HLP 46"\n', encoding="utf-8")
+    words = "The oil is stated as HLP 46, its viscosity class as ISO VG 32; one of them is wrong."
+    monkeypatch.setattr("sys.argv", ["hil", "check", str(bench)])
+    assert main() == 0
+    assert words in " ".join("".join(capsys.readouterr()).split())
+    hil.run("step_response", bench, tmp_path / "run", levels=(0, 80))
+    assert words in read_page(tmp_path / "run" / "report.html").text
