@@ -6,21 +6,51 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
-from typing import Self
+from typing import Self, TypeVar
+
+_Case, _Found = TypeVar("_Case"), TypeVar("_Found")
+WholeRequest = Callable[[bytes], int]
+"""How many of the bytes that have come are the first request; none while it is not whole."""
+
+
+def ended(end: bytes) -> WholeRequest:
+    """Requests that end with these bytes."""
+    return lambda came: came.find(end) + len(end) if end in came else 0
+
+
+def tcp_frame(came: bytes) -> int:
+    """The request of Modbus TCP whose header says how long it is."""
+    whole = 6 + int.from_bytes(came[4:6], "big")
+    return whole if len(came) >= max(whole, 8) else 0
+
+
+def serial_frame(came: bytes) -> int:
+    """The request of Modbus on a serial line, as long as its function has it."""
+    several = len(came) > 6 and came[1] in (15, 16)
+    whole = 9 + came[6] if several else 7 if came[1:2] == b"\x2b" else 8
+    return whole if len(came) >= whole else 0
+
+
+def side_by_side(try_one: Callable[[_Case], _Found], cases: Iterable[_Case]) -> list[_Found]:
+    """What is found in cases each of which waits for an answer that does not come: they wait at the same time."""
+    every = list(cases)
+    with ThreadPoolExecutor(len(every)) as threads:
+        return list(threads.map(try_one, every))
 
 
 class ForeignLine:
-    """Gives whatever `answer` makes of what came in one piece; None closes the connection.
+    """Gives whatever `answer` makes of a request; None closes the connection. Requests that come together are two.
 
     Attributes:
         port: where it listens.
         heard: what came, with the time at which it came.
     """
 
-    def __init__(self, answer: Callable[[bytes], bytes | None]) -> None:
-        self.answer = answer
+    def __init__(self, answer: Callable[[bytes], bytes | None], whole: WholeRequest = tcp_frame) -> None:
+        self.answer, self._whole = answer, whole
         self.heard: list[tuple[float, bytes]] = []
         self._listener = socket.create_server(("127.0.0.1", 0))
         self.port = int(self._listener.getsockname()[1])
@@ -50,12 +80,16 @@ class ForeignLine:
 
     def _talk(self, client: socket.socket) -> None:
         try:
+            waiting = b""
             while came := client.recv(4096):
-                self.heard.append((time.monotonic(), came))
-                answer = self.answer(came)
-                if answer is None:
-                    break
-                client.sendall(answer)
+                waiting += came
+                while count := self._whole(waiting):
+                    request, waiting = waiting[:count], waiting[count:]
+                    self.heard.append((time.monotonic(), request))
+                    answer = self.answer(request)
+                    if answer is None:
+                        return
+                    client.sendall(answer)
         except OSError:
             pass
         finally:

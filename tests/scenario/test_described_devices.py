@@ -20,7 +20,7 @@ from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.description.find import descriptions
 from hil.description.read import read_description
 from tests.described import bench, input_, output, passes, written
-from tests.foreign_line import ForeignLine, Tables
+from tests.foreign_line import ForeignLine, Tables, ended
 from tests.links import free_port
 
 DRIVERS: dict[str, ModuleType] = {
@@ -42,7 +42,7 @@ def wired(ports: dict[str, Terminal], *names: str) -> Wiring:
 def opened(name: str, address: str, *terminals: str, **more: Any) -> Iterator[Any]:
     told = read_description(descriptions()[name])
     driver = DRIVERS[told.protocol]
-    settings = driver.Settings.model_validate({"model": name, "address": address, "timeout_s": 0.3, **more})
+    settings = driver.Settings.model_validate({"model": name, "address": address, "timeout_s": 1.0, **more})
     link = driver.open_link(settings, wired(told.ports, *terminals))
     try:
         yield link
@@ -122,10 +122,12 @@ def test_modbus_modules_against_registers_on_a_socket() -> None:
         assert math.isnan(link.read()["ai5"]) and link.unmeasured == {"ai5": "over low"}
 
 
-def answering(answers: Callable[[str], str], end: str, answer_end: str) -> Callable[[bytes], bytes]:
-    return lambda came: b"".join(
-        f"{said}{answer_end}".encode() for line in came.decode().split(end) if line and (said := answers(line))
-    )
+def answering(answers: Callable[[str], str], end: str, answer_end: str) -> ForeignLine:
+    def answer(came: bytes) -> bytes:
+        said = answers(came.decode().removesuffix(end))
+        return f"{said}{answer_end}".encode() if said else b""
+
+    return ForeignLine(answer, ended(end.encode()))
 
 
 def test_text_instruments_against_strings_on_a_socket() -> None:
@@ -138,7 +140,7 @@ def test_text_instruments_against_strings_on_a_socket() -> None:
                 "I1O?": "0.503A"}.get(line, "")  # fmt: skip
 
     with (
-        ForeignLine(answering(ql355, "\n", "\r\n")) as line,
+        answering(ql355, "\n", "\r\n") as line,
         opened(
             "tti-ql355", f"socket://127.0.0.1:{line.port}", "voltage", "measured voltage", "measured current"
         ) as link,
@@ -155,7 +157,7 @@ def test_text_instruments_against_strings_on_a_socket() -> None:
         return f"A +013.87 +023.60 +021.30 +020.05 {point['at']} Air" if line[:1] == "A" else ""
 
     with (
-        ForeignLine(answering(alicat, "\r", "\r")) as line,
+        answering(alicat, "\r", "\r") as line,
         opened(
             "alicat-mc", f"socket://127.0.0.1:{line.port}", "set point", "pressure", "mass flow", "temperature"
         ) as link,
@@ -179,7 +181,7 @@ def test_text_instruments_against_strings_on_a_socket() -> None:
         return ";".join(one for one in told if one is not None)
 
     with (
-        ForeignLine(answering(agilent, "\n", "\n")) as line,
+        answering(agilent, "\n", "\n") as line,
         opened("agilent-34970a", f"socket://127.0.0.1:{line.port}", "dac4", "in1", "in20") as link,
     ):
         link.drive({"dac4": -3.3})
@@ -197,14 +199,14 @@ def test_ascii_modules_against_strings_on_a_socket() -> None:
         return {"$01M": "!014024", "$018C0": "!01C032", "$016C0": f"!01{last['0']}"}.get(line, "")
 
     with (
-        ForeignLine(answering(module, "\r", "\r")) as line,
+        answering(module, "\r", "\r") as line,
         opened("adam-4024", f"socket://127.0.0.1:{line.port}", "ao0") as link,
     ):
         link.drive({"ao0": -7.25})
         assert last["0"] == "-07.250" and link.standing() == {"ao0": -7.25}
     said = {"$01M": "!014017", "$012": "!01080600", "#01": ">+07.211+07.234+07.210+07.211+07.211+07.211+07.211+02.500"}
     with (
-        ForeignLine(answering(lambda line: said.get(line, ""), "\r", "\r")) as line,
+        answering(lambda line: said.get(line, ""), "\r", "\r") as line,
         opened("adam-4017", f"socket://127.0.0.1:{line.port}", "ai1", "ai7") as link,
     ):
         assert link.read() == {"ai1": 7.234, "ai7": 2.5}

@@ -9,7 +9,6 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
-from links import served
 
 from drivers import modbus
 from drivers._line import Line
@@ -20,6 +19,7 @@ from hil.daq import address
 from hil.daq.address import Port, places_of
 from hil.daq.channel import OutputChannel, Wiring
 from hil.errors import DeviceLostError, FileError
+from tests.links import PATIENT, served
 
 HERE = ["this computer:502"]
 
@@ -124,7 +124,7 @@ def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path: Pat
         (tmp_path / folder).mkdir()
     wiring = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
     bench = "hpv41-modbus-rtu"
-    with served(bench, tmp_path / "a") as (file, _), served(bench, tmp_path / "b") as (_, twins):
+    with served(bench, tmp_path / "a", *PATIENT) as (file, _), served(bench, tmp_path / "b", *PATIENT) as (_, twins):
         settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
         name, there = Path(settings.address), Path(twins["io"].where)
         other = modbus.open_link(settings.model_copy(update={"address": str(there)}), wiring)
@@ -153,7 +153,7 @@ def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path: Pat
 
 
 def test_a_port_that_another_program_has_is_said_to_be_so(tmp_path: Path) -> None:
-    with served("hpv41-modbus-rtu", tmp_path) as (file, _):
+    with served("hpv41-modbus-rtu", tmp_path, *PATIENT) as (file, _):
         settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
         held = os.open(settings.address, os.O_RDWR | os.O_NOCTTY)
         fcntl.flock(held, fcntl.LOCK_EX)  # as another program that has it alone
@@ -164,7 +164,7 @@ def test_a_port_that_another_program_has_is_said_to_be_so(tmp_path: Path) -> Non
 
 
 def test_who_answers_as_another_one_is_another_device(tmp_path: Path) -> None:
-    with served("hpv41-serial", tmp_path) as (file, _):
+    with served("hpv41-serial", tmp_path, *PATIENT) as (file, _):
         watched = pinned(file)
         device = watched.devices["module"]
         assert isinstance(device, PinnedDevice)

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
 import sys
-import time
 
 import pytest
 
@@ -67,14 +65,10 @@ def test_one_kind(kind: str) -> None:
     assert [line.split()[0] for line in done.stdout.splitlines()] == [entry.name for entry in entries(kind)]
 
 
-def test_it_is_quick() -> None:
-    """The bar is 0.3 s on an idle machine (`make bench`); processor time is what a busy one leaves us to hold."""
-    taken = []
-    for _ in range(3):
-        before = os.times()
-        start_s = time.perf_counter()
-        assert run_hil("list").returncode == 0
-        after = os.times()
-        used = after.children_user + after.children_system - before.children_user - before.children_system
-        taken.append(min(used, time.perf_counter() - start_s))
-    assert min(taken) < 0.5
+@pytest.mark.parametrize("arguments", COMMANDS)
+def test_it_imports_little(arguments: str) -> None:
+    """What takes its time are imports, so they are counted; `make bench` has the seconds (0.3 on an idle machine)."""
+    imported = set(run_hil(arguments).stderr.splitlines()[-1].split())
+    ours = {name for name in imported if name.partition(".")[0] in ("hil", "drivers", "sim_devices", "procedures")}
+    assert len(ours) <= 80, sorted(ours)
+    assert len(imported) <= 400, sorted(imported)

@@ -20,7 +20,7 @@ from hil.description.modbus_place import as_in_manuals, on_the_wire
 from hil.description.read import read_description
 from hil.errors import FileError, LinkError, SettingError
 from tests.described import EVERYTHING, bench, input_, output, passes, written
-from tests.foreign_line import ForeignLine, Tables
+from tests.foreign_line import ForeignLine, Tables, serial_frame
 from tests.links import free_port
 
 SMALL = """\
@@ -156,7 +156,7 @@ class Foreign(Tables):
 def opened(device: Foreign, tmp_path: Path, **more: Any) -> Iterator[modbus.ModbusLink]:
     path = written(tmp_path, "everything.toml", EVERYTHING)
     with ForeignLine(device.on_tcp) as line:
-        told = {"model": str(path), "address": f"127.0.0.1:{line.port}", "timeout_s": 0.3, "watchdog_s": 1.5, **more}
+        told = {"model": str(path), "address": f"127.0.0.1:{line.port}", "timeout_s": 1.0, "watchdog_s": 1.5, **more}
         link = modbus.open_link(modbus.Settings.model_validate(told), WIRING)
         try:
             yield link
@@ -282,8 +282,8 @@ def test_echo_and_pause_are_those_of_the_description(tmp_path: Path) -> None:
         return frame if early else frame + device.on_serial(frame)
 
     wiring = Wiring({}, {"p": InputChannel("p", "pressure", "value", "bar", 0.0, 250.0)})
-    with ForeignLine(echoing) as line:
-        told = {"model": str(path), "transport": "rtu", "address": f"socket://127.0.0.1:{line.port}", "timeout_s": 0.1}
+    with ForeignLine(echoing, serial_frame) as line:
+        told = {"model": str(path), "transport": "rtu", "address": f"socket://127.0.0.1:{line.port}", "timeout_s": 1.0}
         link = modbus.open_link(modbus.Settings.model_validate(told), wiring)
         assert [link.read()["pressure"] for _ in range(3)] == [77.0] * 3
         link.close()

@@ -20,7 +20,7 @@ from hil.description.find import descriptions
 from hil.description.read import read_description
 from hil.errors import LinkError, SettingError
 from tests.described import bench, input_, output, passes, written
-from tests.foreign_line import ForeignLine
+from tests.foreign_line import ForeignLine, ended
 from tests.links import free_port
 
 REGULATOR = """\
@@ -89,8 +89,8 @@ class Regulator:
         self.mbar = "0"
 
     def __call__(self, came: bytes) -> bytes:
-        answers = [self.one(line) for line in came.decode().split("\r") if line]
-        return b"".join(f"{answer}\r\n".encode() for answer in answers if answer)
+        answer = self.one(came.decode().removesuffix("\r"))
+        return f"{answer}\r\n".encode() if answer else b""
 
     def one(self, line: str) -> str:
         self.lines.append(line)
@@ -104,9 +104,9 @@ class Regulator:
 @contextmanager
 def opened(device: Callable[[bytes], bytes], folder: Path, **more: Any) -> Iterator[text.TextLink]:
     path = written(folder, "regulator.toml", REGULATOR)
-    with ForeignLine(device) as line:
-        told = {"model": str(path), "address": f"socket://127.0.0.1:{line.port}", "timeout_s": 0.2,
-                "longest_reply_s": 0.2, **more}  # fmt: skip
+    with ForeignLine(device, ended(b"\r")) as line:
+        told = {"model": str(path), "address": f"socket://127.0.0.1:{line.port}", "timeout_s": 1.0,
+                "longest_reply_s": 1.0, **more}  # fmt: skip
         link = text.open_link(text.Settings.model_validate(told), WIRING)
         try:
             yield link
@@ -279,7 +279,7 @@ def test_a_described_scpi_instrument_by_hand(tmp_path: Path) -> None:
     path = written(tmp_path, "source.toml", SOURCE)
     wiring = Wiring({"u": OutputChannel("u", "volts", "voltage", "V", 0.0, 10.0)},
                     {"m": InputChannel("m", "measured", "voltage", "V", 0.0, 10.0)})  # fmt: skip
-    with ForeignLine(device) as line:
+    with ForeignLine(device, ended(b"\n")) as line:
         link = scpi.open_link(scpi.Settings(model=str(path), address=f"socket://127.0.0.1:{line.port}"), wiring)
         link.drive({"volts": 2.5})
         assert (link.standing(), link.read()) == ({"volts": 2.5}, {"measured": 2.498})

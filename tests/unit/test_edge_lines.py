@@ -17,13 +17,14 @@ from drivers import ascii_module, scpi
 from drivers._line import Line
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
-from tests.foreign_line import ForeignLine
+from tests.foreign_line import ForeignLine, ended, side_by_side
 from tests.links import free_port
 
 pytestmark = pytest.mark.xdist_group("waits for descriptions")  # for clocks: on one worker, beside others that compute
 
 READINGS = ">+01.234-05.678+00.000+09.999-09.999+04.000+03.210-00.001"
-QUICK = {"timeout_s": 0.15, "longest_reply_s": 0.15}
+CALM = {"timeout_s": 1.0, "longest_reply_s": 1.0}
+ENDS = {"LF": b"\n", "CRLF": b"\r\n", "CR": b"\r"}
 
 
 class Module:
@@ -81,8 +82,9 @@ COIL = Wiring(
 def linked(
     driver: Any, model: str, answer: Callable[[bytes], bytes | None], wiring: Wiring, **more: Any
 ) -> Iterator[Any]:
-    with ForeignLine(answer) as line:
-        told = {"model": model, "address": f"socket://127.0.0.1:{line.port}", **QUICK, **more}
+    end = ENDS["CR" if driver is ascii_module else more.get("end", "LF")]
+    with ForeignLine(answer, ended(end)) as line:
+        told = {"model": model, "address": f"socket://127.0.0.1:{line.port}", **CALM, **more}
         link = driver.open_link(driver.Settings.model_validate(told), wiring)
         try:
             yield link
@@ -104,31 +106,36 @@ def test_inputs_are_read_in_the_one_form_that_the_manual_has() -> None:
         assert link.identity == "4017 at 01"
 
 
-@pytest.mark.parametrize("lost", range(len(READINGS)))
-def test_readings_with_a_lost_byte_are_no_answer(lost: int) -> None:
-    device = Module()
-    with module(device, inputs("ai0"), timeout_s=0.1, longest_reply_s=0.1) as link:
-        device.readings = READINGS[:lost] + READINGS[lost + 1 :]
-        with pytest.raises(LinkError):
-            link.read()
+def test_readings_with_a_lost_byte_are_no_answer() -> None:
+    def reads(lost: int) -> None:
+        device = Module()
+        with module(device, inputs("ai0")) as link:
+            device.readings = READINGS[:lost] + READINGS[lost + 1 :]
+            with pytest.raises(LinkError):
+                link.read()
+
+    side_by_side(reads, range(len(READINGS)))
 
 
-@pytest.mark.parametrize("request_of", ["#01C0", "$016C0"])
-def test_an_acknowledgement_or_read_back_with_a_lost_byte_is_no_answer(request_of: str) -> None:
-    device, lost = Module(name="4024"), [-1]
+@pytest.mark.parametrize(("request_of", "count"), [("#01C0", 4), ("$016C0", 11)])
+def test_an_acknowledgement_or_read_back_with_a_lost_byte_is_no_answer(request_of: str, count: int) -> None:
+    def asks(lost: int) -> None:
+        device, spoils = Module(name="4024"), [False]
 
-    def spoiled(came: bytes) -> bytes:
-        answer = device(came)
-        spoil = lost[0] >= 0 and came.decode().startswith(request_of)
-        return answer[: lost[0]] + answer[lost[0] + 1 :] if spoil else answer
+        def spoiled(came: bytes) -> bytes:
+            answer = device(came)
+            spoil = spoils[0] and came.decode().startswith(request_of)
+            return answer[:lost] + answer[lost + 1 :] if spoil else answer
 
-    with module(spoiled, OUT, "adam-4024", timeout_s=0.1, longest_reply_s=0.1) as link:
-        link.drive({"ao0": 5.0})
-        for lost[0] in range(4 if request_of == "#01C0" else 11):
+        with module(spoiled, OUT, "adam-4024") as link:
+            link.drive({"ao0": 5.0})
+            spoils[0] = True
             with pytest.raises(LinkError):
                 link.drive({"ao0": 5.0}) if request_of == "#01C0" else link.standing()
-        lost[0] = -1
-        assert link.standing() == {"ao0": 5.0}
+            spoils[0] = False
+            assert link.standing() == {"ao0": 5.0}
+
+    side_by_side(asks, range(count))
 
 
 @pytest.mark.parametrize(
@@ -173,12 +180,12 @@ def test_a_pause_between_frames_and_noise_around_them() -> None:
     device, answered_s = Module(), [0.0]
 
     def slow(came: bytes) -> bytes:
-        if time.monotonic() - answered_s[0] < 0.02:
+        if time.monotonic() - answered_s[0] < 0.3:
             return b""
         answered_s[0] = time.monotonic()
         return b"\xff\x00" + device(came) + b"\n\x00"
 
-    with module(slow, inputs("ai0"), pause_s=0.025) as link:
+    with module(slow, inputs("ai0"), pause_s=0.35) as link:
         assert [link.read()["ai0"] for _ in range(3)] == [1.234] * 3
     with pytest.raises(LinkError, match=r"no answer within .*may need a pause between frames: say pause_s"):
         module(slow, inputs("ai0")).__enter__()
@@ -242,7 +249,7 @@ def test_a_source_with_coarse_steps_works_when_they_are_said() -> None:
 @pytest.mark.parametrize("end", ["LF", "CRLF", "CR"])
 def test_line_ends(end: Any) -> None:
     device = Instrument()
-    device.end = {"LF": b"\n", "CRLF": b"\r\n", "CR": b"\r"}[end]
+    device.end = ENDS[end]
     with source(device, end=end) as link:
         assert link.read()["coil current"] == 1.5
 
@@ -287,14 +294,15 @@ def test_whatever_the_port_raises_is_a_named_error(make: str, error: Exception) 
                 call()
 
 
-@pytest.mark.parametrize(
-    "spoiled", [b"", b"\xfe\r", b"\n", b"!01\r!01\r", b"?01\r", b";;;\n", b'1;2;+0,"', b"x" * 9000]
-)
-def test_whatever_comes_back_is_a_reading_or_a_named_error(spoiled: bytes) -> None:
-    for make, device in ((module, Module()), (source, Instrument())):
-        spoil = [False]
+SPOILED = (b"", b"\xfe\r", b"\n", b"!01\r!01\r", b"?01\r", b";;;\n", b'1;2;+0,"', b"x" * 9000)
 
-        def sometimes(came: bytes, device: Any = device, spoil: list[bool] = spoil) -> bytes:
+
+@pytest.mark.parametrize("make", [module, source])
+def test_whatever_comes_back_is_a_reading_or_a_named_error(make: Any) -> None:
+    def reads(spoiled: bytes) -> None:
+        device, spoil = Module() if make is module else Instrument(), [False]
+
+        def sometimes(came: bytes) -> bytes:
             return spoiled if spoil[0] else device(came)
 
         with make(sometimes, inputs("ai0")) if make is module else make(sometimes) as link:
@@ -304,6 +312,8 @@ def test_whatever_comes_back_is_a_reading_or_a_named_error(spoiled: bytes) -> No
                 link.read()
             spoil[0] = False
             assert link.read() == good
+
+    side_by_side(reads, SPOILED)
 
 
 def test_lines_are_logged_for_who_listens(caplog: pytest.LogCaptureFixture) -> None:
@@ -319,5 +329,5 @@ def test_lines_are_logged_for_who_listens(caplog: pytest.LogCaptureFixture) -> N
 def test_a_line_that_nobody_serves_is_named_once() -> None:
     address = f"socket://127.0.0.1:{free_port()}"
     with pytest.raises(DeviceLostError) as told:
-        Line(address, end="\n", timeout_s=0.1, longest_reply_s=0.1, baud=9600, driver="text")
+        Line(address, end="\n", timeout_s=1.0, longest_reply_s=1.0, baud=9600, driver="text")
     assert str(told.value) == f"{address}: cannot be opened: [Errno 111] Connection refused"

@@ -17,13 +17,14 @@ from drivers import modbus
 from drivers.modbus import LineSettings, ModbusLink, Model, Register
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
-from tests.foreign_line import ForeignLine, Tables, crc
+from tests.foreign_line import ForeignLine, Tables, crc, serial_frame, side_by_side, tcp_frame
 
 ORDERS = {
     "big": "42 35 33 33", "ABCD": "42 35 33 33", "little": "33 33 42 35", "CDAB": "33 33 42 35",
     "BADC": "35 42 33 33", "DCBA": "33 33 35 42",
 }  # fmt: skip
 """45.3 as a float, by byte order."""
+FRAMES = {"tcp": tcp_frame, "rtu": serial_frame}
 
 
 def registers(*data: str) -> list[int]:
@@ -47,7 +48,7 @@ def wired(*inputs: str, outputs: tuple[str, ...] = ()) -> Wiring:
 
 def opened(line: ForeignLine, model: Model, wiring: Wiring, **more: Any) -> ModbusLink:
     rtu = more.get("transport") == "rtu"
-    told = {"timeout_s": 0.1, "longest_reply_s": 0.15, **more}
+    told = {"timeout_s": 1.0, "longest_reply_s": 1.0, **more}
     address = f"{'socket://' if rtu else ''}127.0.0.1:{line.port}"
     return ModbusLink(LineSettings.model_validate({"address": address, **told}), wiring, model)
 
@@ -167,7 +168,7 @@ def test_a_gateway_that_numbers_by_itself_is_told_apart_from_silence() -> None:
 def test_an_adapter_that_echoes_is_named_and_a_setting_helps() -> None:
     device = Tables(inputs={0: 453})
     model, wiring = Model({"t": gauge("u16")}), wired("t")
-    with ForeignLine(lambda frame: frame + device.on_serial(frame)) as line:
+    with ForeignLine(lambda frame: frame + device.on_serial(frame), serial_frame) as line:
         link = opened(line, model, wiring, transport="rtu")
         with pytest.raises(LinkError, match="what was sent came back: the adapter echoes, say echo = true"):
             link.read()
@@ -183,7 +184,7 @@ def test_an_echo_of_what_was_written_is_named_too() -> None:
     out = {name: Register("out", "value", "bar", 0.0, 9.0, "holding", at) for name, at in (("q", 8), ("r", 9))}
     model = Model(out, watchdog=((4, "{tenths}"), (4, 1)))
     with (
-        ForeignLine(lambda frame: frame + device.on_serial(frame)) as line,
+        ForeignLine(lambda frame: frame + device.on_serial(frame), serial_frame) as line,
         pytest.raises(LinkError, match="say echo = true"),
     ):
         opened(line, model, wired(outputs=("q", "r")), transport="rtu", watchdog_s=1.0).standing()
@@ -194,14 +195,15 @@ def test_a_device_that_needs_a_pause_is_told_of_the_setting(transport: str) -> N
     device, answered_s = Tables(holding={4: 0}, inputs={0: 453}), [0.0]
 
     def slow(frame: bytes) -> bytes:
-        if time.monotonic() - answered_s[0] < 0.2:
+        if time.monotonic() - answered_s[0] < 0.9:
             return b""
         answered_s[0] = time.monotonic()
         return device.on_serial(frame) if transport == "rtu" else device.on_tcp(frame)
 
     out = Register("out", "value", "bar", 0.0, 9.0, "holding", 4)
     model = Model({"q": out}, watchdog=((4, "{tenths}"), (4, 1)))
-    with ForeignLine(slow) as line, pytest.raises(LinkError, match="may need a pause between frames: say pause_s"):
+    told = pytest.raises(LinkError, match="may need a pause between frames: say pause_s")
+    with ForeignLine(slow, FRAMES[transport]) as line, told:
         opened(line, model, wired(outputs=("q",)), transport=transport, watchdog_s=1.0)
 
 
@@ -215,45 +217,49 @@ def test_a_device_that_needs_a_pause_between_frames_gets_it() -> None:
     answered_s = [0.0]
 
     def slow(frame: bytes) -> bytes:
-        if time.monotonic() - answered_s[0] < 0.05:
+        if time.monotonic() - answered_s[0] < 0.3:
             return b""
         answered_s[0] = time.monotonic()
         return device.on_serial(frame)
 
-    with ForeignLine(slow) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu", pause_s=0.06)
+    with ForeignLine(slow, serial_frame) as line:
+        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu", pause_s=0.35)
         assert [link.read()["t"] for _ in range(3)] == [453.0] * 3
         link.close()
 
 
 def test_noise_before_an_answer_on_a_serial_line_is_passed_over() -> None:
     device = Tables(inputs={0: 453})
-    with ForeignLine(lambda frame: b"\x00\xff" + device.on_serial(frame)) as line:
+    with ForeignLine(lambda frame: b"\x00\xff" + device.on_serial(frame), serial_frame) as line:
         link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu")
         assert link.read()["t"] == 453.0
         link.close()
 
 
-@pytest.mark.parametrize("spoiled", [b"", b"\x00", b"\xff" * 99, b"\x01\x84\x02", b"\x01\x04\xff\x00", b"\x01\x2b\x0e"])
-@pytest.mark.parametrize("transport", ["tcp", "rtu"])
-def test_whatever_comes_back_is_a_reading_or_a_link_error(transport: str, spoiled: bytes) -> None:
-    device = Tables(inputs={0: 453})
-    answer = device.on_tcp if transport == "tcp" else device.on_serial
-    spoil = [False]
+SPOILED = (b"", b"\x00", b"\xff" * 99, b"\x01\x84\x02", b"\x01\x04\xff\x00", b"\x01\x2b\x0e")
 
-    def sometimes(frame: bytes) -> bytes:
-        good = answer(frame)
-        return (good[:6] if transport == "tcp" else b"") + spoiled if spoil[0] else good
 
-    with ForeignLine(sometimes) as line:
-        link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport=transport)
-        assert link.read()["t"] == 453.0
-        spoil[0] = True
-        with pytest.raises(HardwareError):
-            link.read()
-        spoil[0] = False
-        assert link.read()["t"] == 453.0
-        link.close()
+@pytest.mark.parametrize("transport", FRAMES)
+def test_whatever_comes_back_is_a_reading_or_a_link_error(transport: str) -> None:
+    def reads(spoiled: bytes) -> None:
+        device, spoil = Tables(inputs={0: 453}), [False]
+        answer = device.on_tcp if transport == "tcp" else device.on_serial
+
+        def sometimes(frame: bytes) -> bytes:
+            good = answer(frame)
+            return (good[:6] if transport == "tcp" else b"") + spoiled if spoil[0] else good
+
+        with ForeignLine(sometimes, FRAMES[transport]) as line:
+            link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport=transport)
+            assert link.read()["t"] == 453.0
+            spoil[0] = True
+            with pytest.raises(HardwareError):
+                link.read()
+            spoil[0] = False
+            assert link.read()["t"] == 453.0
+            link.close()
+
+    side_by_side(reads, SPOILED)
 
 
 class Broken:
@@ -354,7 +360,7 @@ def test_a_late_answer_is_not_called_an_echo_once_readings_have_come() -> None:
         return before[0] if late[0] else before[1]
 
     late = [False]
-    with ForeignLine(one_behind) as line:
+    with ForeignLine(one_behind, serial_frame) as line:
         link = opened(line, Model({"t": gauge("u16")}), wired("t"), transport="rtu")
         assert link.read()["t"] == 453.0
         before[1], late[0] = b"\x01\x06\x00\x00\x00\x05" + crc(b"\x01\x06\x00\x00\x00\x05"), True

@@ -135,7 +135,8 @@ def test_stated_covariance_is_the_scatter_over_repeats():
     relative = np.array([np.abs(r.normalised().response[1]) for r in found])
     stated_db = np.mean([r.normalised().magnitude_std_db[1] for r in found])
     assert np.std(20 * np.log10(relative)) == pytest.approx(stated_db, rel=0.3)
-    assert found[0].normalised().magnitude_std_db[0] == 0.0
+    # of its own reference a response has no spread, but for what rounding leaves
+    assert found[0].normalised().magnitude_std_db[0] < 1e-6 * stated_db
     assert found[0].normalised().magnitude_db[0] == pytest.approx(0.0, abs=1e-12)
 
 

@@ -23,7 +23,7 @@ from hil.cli.app import _assembled
 from hil.errors import LinkError, SettingError
 from sim_devices._quirks import Quirks
 from tests.described import bench, input_, output, written
-from tests.foreign_line import ForeignLine
+from tests.foreign_line import ForeignLine, ended, tcp_frame
 from tests.links import bench_text, served
 from tests.recorded_line import RecordedLine
 
@@ -126,7 +126,7 @@ tell = "SOUR {value:.3f}"
 def _looked_at(folder: Path, description: str, device: str, answer: Callable[[bytes], bytes]) -> Generator[list[str]]:
     """The states of both inputs, look by look."""
     written(folder, "two.toml", description)
-    with ForeignLine(answer) as line:
+    with ForeignLine(answer, tcp_frame if "modbus" in description else ended(b"\n")) as line:
         entry = device.format(line.port)
         channels = (
             output("command", "command", role="command")
