@@ -89,7 +89,7 @@ def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet
     from hil.bench.open import open_rig
 
     file = bench_of(bench)
-    with on_the_trail(file, Path(out), {}), open_rig(file, Path(out), {}, progress) as rig:
+    with open_rig(file, Path(out), {}, progress, within=on_the_trail(file, Path(out), {})) as rig:
         yield rig
 
 

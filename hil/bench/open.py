@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from hil.bench.ending import accounted, closed_for_sure, recorded
+from hil.bench.ending import Ending, LastWord, accounted, closed_for_sure, recorded
 from hil.bench.file import Bench
 from hil.bench.heartbeat import watched
 from hil.bench.lease import leased
@@ -30,6 +30,7 @@ from hil.record.folder import RunWriter
 from hil.record.header import Column
 from hil.record.recording import Recording
 from hil.safety.guard import Guard
+from hil.safety.interrupt import told_of_signals
 from hil.safety.latch import Latch, latch_path
 from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
@@ -47,11 +48,16 @@ def open_rig(
     known: Outputs | None = None,
     commanding: str = "",
     operator: Operator | None = None,
+    within: AbstractContextManager[object] | None = None,
+    word: LastWord | None = None,
 ) -> Iterator[BenchRig]:
     """The rig of a bench, recording into a new run folder; outputs are made safe before and after, and read back.
 
     Outputs that stand somewhere while the bench is open (`on`) go there first. An error that ends the run says in its
     notes what is known of the outputs, and has the exit status that follows from it (see `hil.safety.outputs`).
+
+    Whatever ends the run closes the bench and its record at once: every later call to the rig raises the same again,
+    and so does this when it is left, however what is inside returned (see `hil.bench.ending`).
 
     Args:
         file: the bench.
@@ -64,6 +70,8 @@ def open_rig(
         known: what is known of the outputs, for somebody who asks for it afterwards.
         commanding: the output that the rig drives, where it is not the command of the bench.
         operator: whoever may stop or hold this run from outside. A bench with a watchdog is listened for in any case.
+        within: entered before anything else, and left when the run has ended.
+        word: said when an error has ended the run.
 
     Raises:
         FileError: the folder exists, or the earlier run lacks a channel.
@@ -74,41 +82,67 @@ def open_rig(
         TrippedError: an interlock is tripped and not reset.
         UnknownNameError: a reset of an interlock that has not tripped.
     """
+    ending = Ending(word)
+    try:
+        ending.enter(within or nullcontext())
+        yield _opened_rig(file, out, about, progress, resets, earlier, known or Outputs(), commanding, operator, ending)
+    except BaseException as error:
+        ending.end(error)
+    else:
+        ending.end(None)
+    ending.returned()
+
+
+def _opened_rig(
+    file: BenchFile,
+    out: Path,
+    about: Mapping[str, Any],
+    progress: Progress,
+    resets: Iterable[str],
+    earlier: Recording | None,
+    known: Outputs,
+    commanding: str,
+    operator: Operator | None,
+    ending: Ending,
+) -> BenchRig:
     check_packages(file)
     deviations = deviations_on(file, datetime.now(UTC).date())
-    known = known or Outputs()
     operator = operator or (None if file.is_simulated else Operator())
-    with leased(file), watched(file, out, known, operator) as watch, accounted(known), _opened(file, known) as daq:
-        bench = file.bench
-        latch = _latch(file, resets)
-        columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
-        columns += [Column(name=name, unit="s", source="time of the readings") for name in daq.promises.delay_names]
-        rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
-        header = {**about, **conditions_of(bench), "deviations": deviations, "bench_file": file.text,
-                  "sampling": daq.promises.sampling(daq.inputs, rate_hz),
-                  "driven": {name: output.driven for name, output in daq.outputs.items()},
-                  "read": {name: {"step": read.step} for name, read in daq.inputs.items() if read.step}}  # fmt: skip
-        with recorded(RunWriter.create(out, header, columns), known) as writer:
-            finished = _taken_over(writer, earlier)
-            recorder = Recorder(writer, daq.inputs)
-            told = Told(progress, _shown(bench, daq, commanding))
+    ending.enter(leased(file))
+    watch = ending.enter(watched(file, out, known, operator))
+    ending.enter(accounted(known))
+    daq = ending.enter(_opened(file, known))
+    bench = file.bench
+    latch = _latch(file, resets)
+    columns = [_column(name, file) for name in (*daq.outputs, *daq.inputs)]
+    columns += [Column(name=name, unit="s", source="time of the readings") for name in daq.promises.delay_names]
+    rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
+    header = {**about, **conditions_of(bench), "deviations": deviations, "bench_file": file.text,
+              "sampling": daq.promises.sampling(daq.inputs, rate_hz),
+              "driven": {name: output.driven for name, output in daq.outputs.items()},
+              "read": {name: {"step": read.step} for name, read in daq.inputs.items() if read.step}}  # fmt: skip
+    writer = ending.enter(recorded(RunWriter.create(out, header, columns), known))
+    finished = _taken_over(writer, earlier)
+    recorder = Recorder(writer, daq.inputs)
+    told = Told(progress, _shown(bench, daq, commanding))
 
-            def keep(block: Block) -> None:
-                recorder.keep(block)
-                told.heard(recorder.time_of(block), block.columns)
+    def keep(block: Block) -> None:
+        recorder.keep(block)
+        told.heard(recorder.time_of(block), block.columns)
 
-            guard = Guard(
-                daq, protection_of(bench, rate_hz), latch, _clock(daq), keep, recorder.note, watch.beat,
-                known, operator,
-            )  # fmt: skip
-            if watch.note:
-                recorder.note("no stop from a console", why=watch.note)
-            with (
-                published(watch.control, out, lambda: not known.settled, recorder.note),
-                closed_for_sure(guard.close),
-            ):
-                _switch_on(bench, guard, rate_hz)
-                yield BenchRig(bench, guard, recorder, columns, told, finished, commanding)
+    guard = Guard(
+        daq, protection_of(bench, rate_hz), latch, _clock(daq), keep, recorder.note, watch.beat,
+        known, operator,
+    )  # fmt: skip
+    if watch.note:
+        recorder.note("no stop from a console", why=watch.note)
+    ending.enter(published(watch.control, out, lambda: not known.settled, recorder.note))
+    ending.enter(closed_for_sure(guard.close))
+    ending.guard = guard
+    ending.enter(told_of_signals(ending.signalled))
+    with ending.task():
+        _switch_on(bench, guard, rate_hz)
+    return BenchRig(bench, guard, recorder, columns, told, finished, commanding, ending)
 
 
 @contextmanager

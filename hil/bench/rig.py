@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from typing import Any
 
 import numpy as np
 
+from hil.bench.ending import Ending
 from hil.bench.file import Bench
 from hil.bench.recorder import Recorder
 from hil.bench.told import Told
@@ -38,6 +39,7 @@ class BenchRig:
         told: what the operator hears.
         finished: parts that a run which this one resumes has finished.
         commanding: the output that is driven as the command, where it is not the bench's own.
+        ending: of the run: what has ended it is raised by every call.
     """
 
     def __init__(
@@ -49,8 +51,10 @@ class BenchRig:
         told: Told,
         finished: Sequence[Mapping[str, Any]] = (),
         commanding: str = "",
+        ending: Ending | None = None,
     ) -> None:
         self.finished = finished
+        self._ending = ending or Ending()
         self._bench = bench
         self._guard = guard
         self._recorder = recorder
@@ -108,26 +112,35 @@ class BenchRig:
 
     def tighten(self, low: float, high: float, slew_per_s: float | None = None) -> None:
         """Narrow the limits of the command for the rest of the run; they never become wider."""
+        self._ending.check()
         self._guard.tighten(self.command.name, Envelope(low, high, slew_per_s or np.inf))
         self.note("limits tightened", low=low, high=high, slew_per_s=slew_per_s)
 
     def check(self, command: Array, rate_hz: float | None = None) -> None:
         """Raise `RangeError` if any sample would leave the envelope; drives nothing."""
+        self._ending.check()
         self._guard.check(self._waveform(command, rate_hz))
 
     def play(self, command: Array, rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None) -> Recording:
         """Drive the command and return every channel for just these samples, already on disk."""
+        self._ending.check()
         waveform = self._waveform(command, rate_hz)
-        self._guard.ready()
-        with self._recorder.part(part):
-            blocks = list(self._guard.play(waveform))
+        with self._ending.task():
+            self._guard.ready()
+            with self._recorder.part(part):
+                blocks = list(self._guard.play(waveform))
         return self._recording(joined(blocks), waveform.rate_hz, part)
 
     def stream(
         self, commands: Iterable[Array], rate_hz: float | None = None, *, part: Mapping[str, Any] | None = None
     ) -> Iterator[Recording]:
         """Like `play` for a long run without a gap: a recording for each array of commands."""
-        rate_hz = self._rate(rate_hz)
+        self._ending.check()
+        yield from self._ending.streamed(self._streamed(commands, self._rate(rate_hz), part))
+
+    def _streamed(
+        self, commands: Iterable[Array], rate_hz: float, part: Mapping[str, Any] | None
+    ) -> Generator[Recording]:
         asked: deque[int] = deque()
         self._guard.ready()
         with self._recorder.part(part):
@@ -158,18 +171,22 @@ class BenchRig:
 
     def mark(self, samples: int, part: Mapping[str, Any]) -> None:
         """Say afterwards what the last so many recorded samples are."""
-        self._recorder.mark(samples, part)
+        with self._ending.task():
+            self._recorder.mark(samples, part)
 
     def note(self, event: str, **details: Any) -> None:
         """Write an event into the run."""
-        self._recorder.note(event, **details)
+        with self._ending.task():
+            self._recorder.note(event, **details)
 
     def progress(self, done: float, text: str) -> None:
         """Tell the operator what is done, and how far that is: 0 … 1."""
+        self._ending.check()
         self._told.say(done, text)
 
     def expect(self, duration_s: float) -> None:
         """Say how long what comes now takes, in s of bench time."""
+        self._ending.check()
         self._told.expect(duration_s)
 
     def before(self, rest_s: float) -> AbstractContextManager[None]:

@@ -32,22 +32,29 @@ def safely(
     """
     from hil.archive.begun import mark_begun
     from hil.archive.place import archive_place
+    from hil.bench.ending import last_word
     from hil.cli.said import say
     from hil.safety.outputs import Outputs
 
     known = known or Outputs()
-    mark_begun(archive_place(archive), folder)
-    try:
-        return run(known)
-    except BaseException as error:  # said here: on its way up typer would make something else of some
+
+    def said(error: BaseException) -> int:
         known.mark(error)
         stopped = isinstance(error, KeyboardInterrupt)
         status = say(error, *([known.text, _kept(folder)] if stopped else []))
         if as_json:
             with suppress(OSError):
                 typer.echo(json.dumps(failure_document(error, known, folder), indent=1, ensure_ascii=False))
-        entered(archive, folder)
-        raise typer.Exit(status) from error
+        return status
+
+    mark_begun(archive_place(archive), folder)
+    with last_word(said) as word:
+        try:
+            return run(known)
+        except BaseException as error:  # said here: on its way up typer would make something else of some
+            status = word.say(error)
+            entered(archive, folder)
+            raise typer.Exit(status) from error
 
 
 def failure_document(error: BaseException, known: Outputs, folder: Path) -> dict[str, Any]:

@@ -11,10 +11,10 @@ import numpy as np
 from hil.clock import Clock, VirtualClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks
-from hil.errors import LinkError, RangeError, StoppedError, StorageError, reason
+from hil.errors import InputError, LinkError, RangeError, StoppedError, StorageError, reason
 from hil.safety.envelope import Envelope
 from hil.safety.interlock import Violation, Watches
-from hil.safety.interrupt import Halted, check_signals, cut_by_halt, uninterrupted
+from hil.safety.interrupt import Halted, cut_by_halt, uninterrupted
 from hil.safety.latch import Latch
 from hil.safety.limits import Limits
 from hil.safety.operator import Operator, patience_over
@@ -30,6 +30,9 @@ class Guard:
     task before its end (a violation, an error, Ctrl-C, a reader that leaves early) makes the outputs safe
     before it is raised, and reads them back. Opening a guard makes them safe too. What came of it stands in
     `known`; no error of a device on the way takes the place of the one that ended the task.
+
+    An end is final: whatever ended a task (see `is_end`), or was said to have ended the run (`end`), is raised again by
+    every later call, so that a procedure that catches everything drives nothing more.
 
     Args:
         daq: the backend, in engineering units.
@@ -71,9 +74,9 @@ class Guard:
         self._watches = Watches(protection.interlocks)
         self._keep = keep
         self._note = note
-        self._over = ""
+        self._over: BaseException | None = None
         self._unrecorded: StorageError | None = None
-        self._looked = False
+        self._looked = self._closed = False
 
     @property
     def promises(self) -> Promises:
@@ -114,12 +117,27 @@ class Guard:
             )
         return rate_hz
 
+    @property
+    def over(self) -> BaseException | None:
+        """What ended the run, where something has."""
+        return self._over
+
+    def end(self, error: BaseException) -> None:
+        """The run is over: a task that is at work ends with its block, and this is raised by every call from now on.
+
+        The first end stays the one. From any thread.
+        """
+        if self._over is None:
+            self._over = error
+
     def tighten(self, name: str, limits: Envelope) -> None:
         """Narrow the limits of an output for as long as the guard lives (see `Limits.tighten`)."""
+        self._refuse_when_over()
         self._limits.tighten(name, limits)
 
     def check(self, waveform: Waveform) -> None:
         """Raise `RangeError` if any sample would leave the envelope; drives nothing."""
+        self._refuse_when_over()
         self._limits.check(waveform)
 
     def ready(self) -> None:
@@ -129,12 +147,12 @@ class Guard:
         before every interlock has been judged.
 
         Raises:
-            TrippedError, StoppedError: an interlock tripped or stopped the run, now or before.
+            TrippedError, StoppedError: an interlock tripped or stopped the run.
+            BaseException: what has ended the run before.
         """
+        self._refuse_when_over()
         with self._safe_on_error():
             self.latch.check()
-            if self._over:
-                raise StoppedError(f"{self._over}; this run is over")
             if not self._looked:
                 self._looked = True
                 self._stand(self._protection.look_s)
@@ -190,6 +208,7 @@ class Guard:
             if not self.known.asked or self._operator.waits:
                 self._go_safe()
             self._let_go()
+            self._closed = True
         if self.latch.trips != tripped:
             self.latch.check()
         if sys.exception() is None:  # pressed on the way down: the procedure was through, and the run is stopped
@@ -202,12 +221,20 @@ class Guard:
     def _safe_on_error(self) -> Iterator[None]:
         try:
             yield
-        except BaseException:
+        except BaseException as error:
+            if is_end(error):
+                self.end(error)
             self._go_safe()
             raise
 
+    def _refuse_when_over(self) -> None:
+        if self._over is not None:
+            raise self._over
+
     def _go_safe(self) -> None:
         """Down the ramp, then safe and read back. Never raises; `known` says what came of it."""
+        if self._closed:
+            return
         with uninterrupted():
             try:
                 with cut_by_halt():
@@ -247,7 +274,7 @@ class Guard:
         self._beat(True)
         with closing_blocks(blocks):
             for block in blocks:
-                check_signals()
+                self._refuse_when_over()
                 self._operator.check()
                 self._beat(True)
                 self._keep(block)
@@ -273,7 +300,6 @@ class Guard:
                 self.latch.trip(lock.name, violation.text)
         self._note_if_possible(lock.action, interlock=lock.name, text=violation.text)
         if lock.action in ("trip", "stop"):
-            self._over = violation.text
             self.latch.check()
             raise StoppedError(f"{violation.text}; the run was stopped")
 
@@ -305,8 +331,10 @@ class Guard:
         waited_s = 0.0
         while (holding := self._watches.holding) is not None:
             if waited_s >= self._protection.patience_s:
-                self._over = f"interlock '{holding.name}' held the run for {waited_s:g} s; allowed: {holding.allowed}"
-                raise StoppedError(f"{self._over}; the run was stopped")
+                raise StoppedError(
+                    f"interlock '{holding.name}' held the run for {waited_s:g} s; allowed: {holding.allowed}; the run "
+                    "was stopped"
+                )
             self._stand(self._protection.block_s)
             waited_s += self._protection.block_s
 
@@ -353,6 +381,14 @@ class Guard:
     def _note_if_possible(self, event: str, **details: str) -> None:
         with suppress(Exception):
             self._note(event, **details)
+
+
+def is_end(error: BaseException) -> bool:
+    """Whether an error that comes out of a task ends the run.
+
+    What was refused before its first sample does not, nor a reader who leaves a stream early.
+    """
+    return not isinstance(error, InputError | GeneratorExit)
 
 
 def _refuse_no_number(block: Block, watched: frozenset[str]) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
 
@@ -48,6 +48,7 @@ class _Requests:
         heard: how many `terminable` sections are open; held: how many `uninterrupted` ones.
         ending: one was raised and the way out has begun, or the way out was begun without: none is raised any more.
         cut: how many `cut_by_halt` sections are open: there a stop is raised whatever else is said here.
+        told: called with what is about to be raised, before anybody can swallow it.
         giving_back: held while signals are let go of, and while one is sent from another thread.
     """
 
@@ -56,6 +57,7 @@ class _Requests:
         self.heard = self.held = self.cut = 0
         self.giving_back = threading.Lock()
         self.raised = self.ending = False
+        self.told: list[Callable[[KeyboardInterrupt], None]] = []
         self._before: dict[int, signal.Handlers | object] = {}
 
     @property
@@ -74,6 +76,12 @@ class _Requests:
                 signal.signal(number, self._on_signal)
         return True
 
+    def take_back(self) -> None:
+        """Take over again what somebody else has taken meanwhile: a library, or a procedure."""
+        for number in self._before:
+            if signal.getsignal(number) != self._on_signal:
+                signal.signal(number, self._on_signal)
+
     def silence(self) -> None:
         """None has any effect any more, in this process: neither one that comes nor one that came."""
         self.came = []
@@ -91,16 +99,21 @@ class _Requests:
     def raise_what_came(self) -> None:
         """Raise the first that came, unless one was raised already."""
         if self.came and not self.raised:
-            self.raised = True
-            raise _exception(self.came[0])
+            self._raise(self.came[0])
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
         self.came.append(number)
         if self.cut and number == HALT:
             raise Halted
         if self.can_raise:
-            self.raised = True
-            raise _exception(number)
+            self._raise(number)
+
+    def _raise(self, number: int) -> None:
+        self.raised = True
+        error = _exception(number)
+        for tell in tuple(self.told):
+            tell(error)
+        raise error
 
     def send_halt(self) -> bool:
         """Interrupt the main thread, also where it waits; whether anybody listens there and a signal can be sent."""
@@ -184,15 +197,25 @@ def halt_main_thread() -> bool:
     return _requests.send_halt()
 
 
-def check_signals() -> None:
-    """Raise a signal that came and had no effect: what it raised was lost on its way, or somebody swallowed it."""
-    if threading.current_thread() is threading.main_thread() and _requests.can_raise and _requests.came:
-        raise _exception(_requests.came[0])
+@contextmanager
+def told_of_signals(tell: Callable[[KeyboardInterrupt], None]) -> Iterator[None]:
+    """Inside, `tell` is called with what a signal is about to raise, before anybody can swallow it."""
+    _requests.told.append(tell)
+    try:
+        yield
+    finally:
+        _requests.told.remove(tell)
 
 
 def raised() -> KeyboardInterrupt | None:
     """The first signal that was raised, where one was."""
     return _exception(_requests.came[0]) if _requests.raised and _requests.came else None
+
+
+def take_back_signals() -> None:
+    """Hear the signals of `terminable` again, whoever has taken or ignored them inside."""
+    if threading.current_thread() is threading.main_thread() and _requests.heard:
+        _requests.take_back()
 
 
 def begin_ending() -> None:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hil.bench.audit import on_the_trail
-from hil.bench.ending import accounted
+from hil.bench.ending import accounted, word_of_this_process
 from hil.bench.file import CalibrationLine
 from hil.bench.hand.fit import Line, Point, fit_line
 from hil.bench.hand.inputs import inputs_of
@@ -130,10 +130,17 @@ def output_points(
     with (
         accounted(known),
         terminable(),
-        on_the_trail(file, out, about),
         open_rig(
-            file, out, about, lambda _done, _text: None, known=known, commanding=channel, operator=Operator()
-        ) as rig,
+            file,
+            out,
+            about,
+            lambda _done, _text: None,
+            known=known,
+            commanding=channel,
+            operator=Operator(),
+            within=on_the_trail(file, out, about),
+            word=word_of_this_process(),
+        ) as rig,  # fmt: skip
     ):
         for number, target in enumerate(targets, start=1):
             rig.check(np.append(rig.way_to(target), target))

@@ -10,18 +10,19 @@ from types import MappingProxyType
 from typing import Any
 
 from hil.bench.audit import on_the_trail
-from hil.bench.ending import accounted
+from hil.bench.ending import accounted, word_of_this_process
 from hil.bench.file import Bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.bench.told import Progress
-from hil.errors import InputError, SettingError
+from hil.errors import InputError, SettingError, StoppedError
 from hil.record.events import EVENTS_FILE
 from hil.record.folder import read
 from hil.record.measurement import Limit
 from hil.record.progress import kept_progress
 from hil.record.recording import Recording
 from hil.record.samples import ROWS_FILE
+from hil.rig import Rig
 from hil.safety.interrupt import terminable
 from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
@@ -98,10 +99,12 @@ def run_procedure(
             with (
                 accounted(known),  # also of a signal that came so late that only `terminable` raises it
                 terminable(),
-                on_the_trail(bench, out, said, resets),
-                open_rig(bench, out, about, telling, resets, earlier, known, commanding, Operator()) as rig,
-            ):
-                procedure.run(rig, **values)
+                open_rig(
+                    bench, out, about, telling, resets, earlier, known, commanding, Operator(),
+                    on_the_trail(bench, out, said, resets), word_of_this_process(),
+                ) as rig,
+            ):  # fmt: skip
+                _run_by(procedure, rig, values)
         except InputError:
             if new:
                 _take_back(out)
@@ -155,6 +158,15 @@ def evaluate_run(procedure: Procedure, folder: Path, archive: str = "") -> Outco
     recording = read(folder)
     found = evaluated(procedure, recording, limits_of(recording.meta))
     return write_outcome(recording, with_earlier(procedure, recording, found, folder, archive), folder)
+
+
+def _run_by(procedure: Procedure, rig: Rig, settings: Mapping[str, Any]) -> None:
+    """Run it; one that ends the program is a procedure that failed, whatever status it asked for."""
+    try:
+        procedure.run(rig, **settings)
+    except SystemExit as error:
+        text = f"procedure '{procedure.name}' called sys.exit({error.code!r}); the run was stopped"
+        raise StoppedError(text) from error
 
 
 def _take_back(folder: Path) -> None:

@@ -12,10 +12,10 @@ from hil.errors import StoppedError
 from hil.safety.interrupt import (
     Terminated,
     begin_ending,
-    check_signals,
     ignore_signals,
     status_of,
     terminable,
+    told_of_signals,
     uninterrupted,
 )
 
@@ -94,16 +94,11 @@ def test_signal_that_came_on_the_way_out_of_a_good_end_is_raised_then() -> None:
     assert reached == ["safe"]
 
 
-def swallow_and_go_on() -> None:
-    with terminable():
-        with suppress(KeyboardInterrupt):
-            signal.raise_signal(signal.SIGINT)
-        check_signals()
-
-
-def test_signal_that_somebody_swallowed_is_raised_again() -> None:
-    with pytest.raises(KeyboardInterrupt):
-        swallow_and_go_on()
+def test_signal_that_somebody_swallows_was_told_before() -> None:
+    heard: list[KeyboardInterrupt] = []
+    with terminable(), told_of_signals(heard.append), suppress(KeyboardInterrupt):
+        signal.raise_signal(signal.SIGTERM)
+    assert [status_of(error) for error in heard] == [128 + signal.SIGTERM]
 
 
 def test_what_is_ignored_stays_ignored() -> None:

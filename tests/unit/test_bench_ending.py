@@ -1,0 +1,275 @@
+"""An end is final, whatever the procedure does with it, and nobody waits for the procedure."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.bench.find import benches
+from hil.bench.open import open_rig
+from hil.bench.read import BenchFile, read_bench
+from hil.errors import HilError, RangeError, StoppedError, StorageError, TrippedError, told
+from hil.record.measurement import Findings
+from hil.record.recording import Array, Recording
+from hil.rig import Rig
+from hil.safety.outputs import Outputs
+from hil.session.procedure import Procedure
+from hil.session.run import run_procedure
+
+TRIPS = '\n[interlocks.too-much]\nchannel = "flow"\nhigh = 40.0\naction = "trip"\n'
+SWALLOWED: tuple[type[BaseException], ...] = (BaseException,)
+Act = Callable[[Rig], object]
+
+
+def bench(tmp_path: Path, more: str = "") -> BenchFile:
+    path = tmp_path / "bench.toml"
+    path.write_text(benches()["brevini-hpv41"].read_text(encoding="utf-8") + more, encoding="utf-8")
+    return read_bench(path)
+
+
+def procedure(run: Callable[..., None]) -> Procedure:
+    return Procedure("stubborn", "", run, lambda _recording: Findings(()), {}, ())
+
+
+def hold(rig: Rig, level: float = 20.0) -> Recording:
+    return rig.play(np.full(100, level))
+
+
+def ended(tmp_path: Path, act: Act, more: str = "") -> tuple[BaseException, dict[str, Any], list[BaseException]]:
+    """What a run ends with, its record as it stood when the procedure went on, and what later calls raised."""
+    record: dict[str, Any] = {}
+    later: list[BaseException] = []
+
+    def run(rig: Rig) -> None:
+        hold(rig)
+        try:
+            act(rig)
+        except SWALLOWED:
+            record.update(json.loads((tmp_path / "run" / "end.json").read_text()))
+        calls = (
+            lambda: hold(rig, 50.0), lambda: list(rig.stream([np.full(50, 50.0)])), lambda: rig.hold(0.1),
+            lambda: rig.ramp_to(30.0), lambda: rig.note("on"), lambda: rig.progress(0.5, "on"), lambda: rig.check(
+                np.zeros(3)), lambda: rig.tighten(-50.0, 50.0), lambda: rig.expect(1.0),
+        )  # fmt: skip
+        for call in calls:
+            try:
+                call()
+            except SWALLOWED as error:
+                later.append(error)
+
+    known = Outputs()
+    with pytest.raises(SWALLOWED) as raised:
+        run_procedure(procedure(run), bench(tmp_path, more), {}, tmp_path / "run", known=known)
+    assert known.settled
+    assert len(later) == 9 and all(error is raised.value for error in later), later
+    return raised.value, record, later
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_signal_that_a_procedure_swallows_ends_the_run(number: signal.Signals, tmp_path: Path) -> None:
+    error, record, _ = ended(tmp_path, lambda _rig: signal.raise_signal(number))
+    assert isinstance(error, KeyboardInterrupt)
+    assert "outputs are safe (read back)" in told(error)
+    assert record["outcome"].startswith(type(error).__name__)
+
+
+def test_trip_that_a_procedure_swallows_ends_the_run(tmp_path: Path) -> None:
+    error, record, _ = ended(tmp_path, lambda rig: rig.ramp_to(80.0), TRIPS)
+    assert isinstance(error, TrippedError)
+    assert record["outcome"].startswith("TrippedError: interlock 'too-much'")
+
+
+def test_signal_that_a_generator_of_commands_swallows_ends_the_run(tmp_path: Path) -> None:
+    def commands() -> Iterator[Array]:
+        for _ in range(20):
+            with suppress(BaseException):
+                signal.raise_signal(signal.SIGINT)
+            yield np.full(50, 40.0)
+
+    error, _, _ = ended(tmp_path, lambda rig: list(rig.stream(commands())))
+    assert isinstance(error, KeyboardInterrupt)
+
+
+def test_signal_between_two_pieces_of_a_stream_ends_the_run(tmp_path: Path) -> None:
+    def act(rig: Rig) -> None:
+        for _ in rig.stream(np.full(50, 40.0) for _ in range(20)):
+            signal.raise_signal(signal.SIGINT)
+
+    error, _, _ = ended(tmp_path, act)
+    assert isinstance(error, KeyboardInterrupt)
+
+
+def test_signals_that_a_procedure_ignores_are_heard_from_its_next_call_on(tmp_path: Path) -> None:
+    def act(rig: Rig) -> None:
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+        hold(rig)
+        signal.raise_signal(signal.SIGINT)
+
+    error, _, _ = ended(tmp_path, act)
+    assert isinstance(error, KeyboardInterrupt)
+
+
+def test_record_that_cannot_be_written_ends_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise StorageError("no space left")
+
+    def act(rig: Rig) -> None:
+        monkeypatch.setattr("hil.record.samples.RowsWriter.append", full)
+        hold(rig)
+
+    error, record, _ = ended(tmp_path, act)
+    assert isinstance(error, StorageError) and record["outcome"].startswith("StorageError")
+
+
+def test_run_in_a_thread_of_the_procedure_ends_there_too(tmp_path: Path) -> None:
+    seen: list[BaseException] = []
+
+    def act(rig: Rig) -> None:
+        def drive() -> None:
+            try:
+                while True:
+                    hold(rig)
+                    at_work.set()
+            except SWALLOWED as error:
+                seen.append(error)
+
+        at_work = threading.Event()
+        thread = threading.Thread(target=drive)
+        thread.start()
+        assert at_work.wait(60.0)
+        try:
+            signal.raise_signal(signal.SIGINT)
+        finally:
+            thread.join(60.0)
+            assert not thread.is_alive()
+
+    error, _, _ = ended(tmp_path, act)
+    assert seen == [error]
+
+
+def test_what_is_refused_before_its_first_sample_is_no_end(tmp_path: Path) -> None:
+    with open_rig(bench(tmp_path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+        with pytest.raises(RangeError):
+            hold(rig, 900.0)
+        assert len(hold(rig)) == 100
+
+
+def test_reader_who_leaves_a_stream_may_go_on(tmp_path: Path) -> None:
+    with open_rig(bench(tmp_path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+        stream = rig.stream(np.full(50, 40.0) for _ in range(20))
+        next(iter(stream))
+        stream.close()  # type: ignore[attr-defined] # it is a generator
+        assert len(hold(rig)) == 100
+
+
+def leave_by(error: BaseException, tmp_path: Path) -> None:
+    with open_rig(bench(tmp_path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+        hold(rig)
+        raise error
+
+
+@pytest.mark.parametrize("error", [GeneratorExit(), ValueError("of the procedure"), StopIteration(), MemoryError()])
+def test_error_of_the_procedure_itself_closes_the_record(error: BaseException, tmp_path: Path) -> None:
+    with pytest.raises((type(error), RuntimeError)):
+        leave_by(error, tmp_path)
+    assert type(error).__name__ in json.loads((tmp_path / "run" / "end.json").read_text())["outcome"]
+
+
+def test_procedure_that_calls_sys_exit_is_named(tmp_path: Path) -> None:
+    def run(rig: Rig) -> None:
+        hold(rig)
+        sys.exit(0)
+
+    with pytest.raises(StoppedError, match=r"^procedure 'stubborn' called sys\.exit\(0\); the run was stopped"):
+        run_procedure(procedure(run), bench(tmp_path), {}, tmp_path / "run")
+
+
+def fork_within(tmp_path: Path, pipe: int) -> None:
+    with open_rig(bench(tmp_path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+        hold(rig)
+        if not (child := os.fork()):
+            try:
+                hold(rig)
+            except HilError as error:
+                os.write(pipe, str(error).encode())
+            os._exit(0)
+        os.waitpid(child, 0)
+        hold(rig)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_forked_child_drives_nothing_and_the_run_goes_on(tmp_path: Path) -> None:
+    near, far = os.pipe()
+    fork_within(tmp_path, far)
+    os.close(far)
+    with os.fdopen(near, "rb") as told_by_child:
+        assert told_by_child.read() == b"this process was forked from a run; only the run itself drives its bench"
+    assert json.loads((tmp_path / "run" / "end.json").read_text())["outcome"] == "completed"
+
+
+COMMAND = """
+import os, signal, sys, threading, time
+import numpy as np
+from pathlib import Path
+from hil.bench import ending
+from hil.bench.find import benches
+from hil.bench.read import read_bench
+from hil.cli.run_end import ended
+from hil.record.measurement import Findings
+from hil.session.procedure import Procedure
+from hil.session.run import run_procedure
+import typer
+
+ending.LEAVES_S = 0.3
+stubborn = sys.argv[1]
+
+def run(rig):
+    swallowed = 0
+    while True:
+        try:
+            rig.play(np.full(100, 20.0))
+            if not swallowed:
+                signal.raise_signal(signal.SIGTERM)
+        except BaseException:
+            swallowed += 1
+            if stubborn == "sleeps":
+                while True:
+                    try: time.sleep(60.0)
+                    except BaseException: pass
+            if stubborn == "returns": return
+            if stubborn == "raises": raise ValueError("mine")
+            if stubborn == "exits": sys.exit(0)
+            if stubborn == "forks" and os.fork() == 0: return
+
+procedure = Procedure("stubborn", "", run, lambda _recording: Findings(()), {}, ())
+file, out = read_bench(benches()["brevini-hpv41"]), Path(sys.argv[2])
+try:
+    ended(lambda known: run_procedure(procedure, file, {}, out, known=known), out, str(out.parent))
+except typer.Exit as left:
+    sys.exit(left.exit_code)
+"""
+
+
+@pytest.mark.parametrize("stubborn", ["sleeps", "again", "returns", "raises", "exits", "forks"])
+def test_command_leaves_with_the_status_of_the_end(stubborn: str, tmp_path: Path) -> None:
+    left = subprocess.run(
+        [sys.executable, "-P", "-c", COMMAND, stubborn, str(tmp_path / "run")], capture_output=True, text=True,
+        timeout=300.0, check=False, env={**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")},
+    )  # fmt: skip
+    assert left.returncode == 128 + signal.SIGTERM, left.stderr
+    said = [line for line in left.stderr.splitlines() if line.startswith("hil: ")]
+    kept = f"what was recorded is kept in {tmp_path / 'run'}"
+    assert said == [f"hil: stopped; outputs are safe (read back); {kept}"], left.stderr
+    assert json.loads((tmp_path / "run" / "end.json").read_text())["outcome"].startswith("Terminated: SIGTERM")
