@@ -22,6 +22,14 @@ _MOST_STARTED = 50
 
 
 @dataclass(slots=True)
+class Starting:
+    """A run from the click on: its process, and since when that is over."""
+
+    process: Started
+    over_s: float | None = None
+
+
+@dataclass(slots=True)
 class Console:
     """A console.
 
@@ -31,6 +39,7 @@ class Console:
         following: reads them for all viewers.
         watching: reads inputs while no run drives.
         started: processes that were started here, by the name by which pages speak of them.
+        starting: runs among them that nobody could stop yet at a listener of their own, by name.
         audit: told of each act that moves an output, resets a trip or overrides a limit: (request, act, details).
         readers: of the board, by run.
         products: by job, where its product is found.
@@ -41,6 +50,7 @@ class Console:
     following: Following = field(default_factory=Following)
     watching: Watching = field(default_factory=Watching)
     started: dict[str, Started] = field(default_factory=dict)
+    starting: dict[str, Starting] = field(default_factory=dict)
     audit: Callable[[Request, str, Mapping[str, Any]], None] = lambda _request, _act, _details: None
     readers: dict[str, RunReader] = field(default_factory=dict)
     products: dict[str, str] = field(default_factory=dict)

@@ -196,7 +196,7 @@ def test_record_of_outputs_comes_back_as_it_was() -> None:
 
 
 def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path: Path) -> None:
-    control = Control("watchdog", "http://127.0.0.1:1", Tokens())
+    control = Control("watchdog", ("http://127.0.0.1:1",), Tokens())
     assert control_of(control.told()) == control and control_of({"deaf": "x"}) is None
     path = tmp_path / "control.json"
     with published(control, tmp_path, lambda: False, lambda *_a, **_k: None):
@@ -212,7 +212,7 @@ def test_control_file_is_its_owners_and_goes_with_the_run(tmp_path: Path) -> Non
 
 def test_run_that_cannot_write_its_control_file_goes_on_and_says_so(tmp_path: Path) -> None:
     noted: list[str] = []
-    control = Control("watchdog", "http://127.0.0.1:1", Tokens())
+    control = Control("watchdog", ("http://127.0.0.1:1",), Tokens())
     with published(control, tmp_path / "gone", lambda: False, lambda event, **_: noted.append(event)):
         pass
     assert noted == ["no stop from a console"]

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from hil.bench.stop.desk import By
+from hil.bench.stop.press import StopSwitch
 
 CONTROL_FILE = "control.json"
 SCHEMA = "hil.control/1"
@@ -28,31 +29,43 @@ class Tokens:
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """Where a listener is, and in which process."""
+    """Where a listener is, and in which process.
+
+    Attributes:
+        listener: the process.
+        urls: where it is reached: on this computer first, then where consoles are reached from others.
+        tokens: that it takes.
+    """
 
     listener: By
-    url: str
+    urls: tuple[str, ...]
     tokens: Tokens
+
+    @property
+    def url(self) -> str:
+        """Where it is reached on this computer."""
+        return self.urls[0]
 
     def as_dict(self, run: Path) -> dict[str, Any]:
         """As the file has it."""
         return {
             "schema": SCHEMA, "run": run.absolute().name, "pid": os.getpid(), "listener": self.listener,
             "stop_url": f"{self.url}/stop", "token": self.tokens.stop,
+            "stop_urls": [f"{url}/stop" for url in self.urls],
             "hold_url": f"{self.url}/hold", "hold_token": self.tokens.hold,
             "started_utc": datetime.now(UTC).isoformat(timespec="seconds"),
         }  # fmt: skip
 
     def told(self) -> dict[str, str]:
         """What another process needs to say the same."""
-        return {"url": self.url, "stop": self.tokens.stop, "hold": self.tokens.hold}
+        return {"urls": " ".join(self.urls), "stop": self.tokens.stop, "hold": self.tokens.hold}
 
 
 def control_of(told: Mapping[str, str]) -> Control | None:
     """What a watchdog told of its listener; None when it has none."""
-    if "url" not in told:
+    if "urls" not in told:
         return None
-    return Control("watchdog", told["url"], Tokens(told["stop"], told["hold"]))
+    return Control("watchdog", tuple(told["urls"].split()), Tokens(told["stop"], told["hold"]))
 
 
 @contextmanager
@@ -61,13 +74,17 @@ def published(
 ) -> Iterator[None]:
     """The control file in the run folder while inside, readable by this user alone.
 
-    A run that cannot write it goes on: it says so in an event, and no console shows a button for it.
+    A run that cannot write it goes on: it says so in an event, and no console shows a button for it. Stop may have been
+    pressed before anybody listened: that is asked once the file is there, so that no press falls between the two.
 
     Args:
         control: where the listener is; None: there is none.
         run: the run folder.
         still_needed: asked afterwards; a watchdog that goes on trying can still be asked what it came to.
         note: takes an event.
+
+    Raises:
+        Halted: stop is pressed for the folder in which the run lies.
     """
     path = run / CONTROL_FILE
     if control is not None:
@@ -76,6 +93,7 @@ def published(
         except OSError as error:
             note("no stop from a console", why=f"{path}: cannot be written: {error.strerror}")
     try:
+        StopSwitch(run.absolute().parent).check()
         yield
     finally:
         if not still_needed():

@@ -1,8 +1,7 @@
 """The listener: takes a stop over HTTP and answers within a second with what was read back at the devices.
 
 It lives in a thread of its own, in the watchdog process where there is one. It holds nothing that the process needs:
-connections are few at a time, each has a moment to say what it wants, and whatever comes in cannot end the thread. Who
-floods it loses the connections that said nothing, oldest first; a whole request is answered at once.
+connections are few at a time, each has a moment to say what it wants, and whatever comes in cannot end the thread.
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from contextlib import suppress
 from hil.bench.stop.consoles import Console, consoles, may_read
 from hil.bench.stop.control import Control, Tokens
 from hil.bench.stop.desk import By, Desk
+from hil.bench.stop.door import ASKS_NOTHING, WAITS, Door, Listening
 from hil.bench.stop.request import BadRequestError, Request, request_in, response
 
 ANSWER_S = 0.85  # the page has its answer within a second, whatever the devices do
 _SAYS_S = 2.0  # so long a connection has to say what it wants
 _MOST = 128  # connections at a time
-_AT_ONCE = 16  # are taken before those that are there are heard again
 _QUEUED = 512
 _FLUSH_S = 0.3
 _AGAIN_S = 0.05
@@ -33,24 +32,23 @@ _AGAIN_S = 0.05
 class Listener:
     """Listens in a thread of its own until it is closed.
 
-    On loopback; where a console of this computer is reached from elsewhere, at its host and with its certificate.
+    On loopback, and wherever a console of this computer is reached from others, at its host and with its certificate.
 
     Args:
         desk: where wishes go.
         by: in which process this is.
 
     Raises:
-        OSError: no port can be had, or the console's certificate cannot be read.
+        OSError: no port can be had on this computer.
     """
 
     def __init__(self, desk: Desk, by: By) -> None:
         self._desk = desk
         self._tokens = Tokens()
-        self._socket, self._tls, where = _opened()
-        self._open: dict[_Connection, None] = {}
+        self._sockets, urls = _opened()
         self._ended = threading.Event()
         self._wake: Callable[[], object] | None = None
-        self.control = Control(by, where, self._tokens)
+        self.control = Control(by, urls, self._tokens)
         self._thread = threading.Thread(target=self._run, name="hil-stop", daemon=True)
         self._thread.start()
 
@@ -61,7 +59,8 @@ class Listener:
             if self._wake is not None:
                 self._wake()
         self._thread.join(2.0 * _FLUSH_S)
-        self._socket.close()
+        for opened, _tls in self._sockets:
+            opened.close()
 
     def _run(self) -> None:
         while not self._ended.is_set():
@@ -74,31 +73,13 @@ class Listener:
         loop, end = asyncio.get_running_loop(), asyncio.Event()
         self._wake = lambda: loop.call_soon_threadsafe(end.set)
         loop.set_exception_handler(lambda _loop, _context: None)
-        loop.add_reader(self._socket, self._accept, loop)
+        door = Door(self._sockets, lambda: _Connection(self._answer), _MOST, _SAYS_S)
         if not self._ended.is_set():
             await end.wait()
-        loop.remove_reader(self._socket)
+        door.close()
         until_s = time.monotonic() + _FLUSH_S
-        while any(connection.waits for connection in self._open) and time.monotonic() < until_s:
+        while door.is_busy and time.monotonic() < until_s:
             await asyncio.sleep(0.005)
-
-    def _accept(self, loop: asyncio.AbstractEventLoop) -> None:
-        for _ in range(_AT_ONCE):
-            try:
-                near, _peer = self._socket.accept()
-            except OSError:
-                return
-            near.setblocking(False)
-            connection = _Connection(self._answer, self._open)
-            self._open[connection] = None
-            if len(self._open) > _MOST:
-                self._drop_one()
-            connection.begin(loop, near, self._tls)
-
-    def _drop_one(self) -> None:
-        """The oldest that has said nothing; else the oldest, whose stop is under way all the same."""
-        silent = next((connection for connection in self._open if not connection.waits), None)
-        (silent or next(iter(self._open))).drop()
 
     async def _answer(self, request: Request) -> bytes:
         origin = request.origin if may_read(request.origin) else ""
@@ -142,41 +123,29 @@ class _Connection(asyncio.Protocol):
     """One connection, from being taken to its answer.
 
     Attributes:
-        waits: whether its request is there and its answer is not.
+        transport: None until it may speak.
+        gone: called when it is over.
     """
 
-    def __init__(self, answer: Callable[[Request], Awaitable[bytes]], open_ones: dict[_Connection, None]) -> None:
-        self._answer, self._open = answer, open_ones
+    def __init__(self, answer: Callable[[Request], Awaitable[bytes]]) -> None:
+        self._answer = answer
         self._received = b""
-        self._transport: asyncio.Transport | None = None
-        self._tasks: list[asyncio.Task[object]] = []
-        self._silent: asyncio.TimerHandle | None = None
-        self.waits = False
+        self._answering: asyncio.Task[None] | None = None
+        self.transport: asyncio.Transport | None = None
+        self.gone: Callable[[], None] = lambda: None
 
-    def begin(self, loop: asyncio.AbstractEventLoop, near: socket.socket, tls: ssl.SSLContext | None) -> None:
-        """Take it over."""
-        self._silent = loop.call_later(_SAYS_S, self.drop)
-        self._tasks.append(loop.create_task(self._connected(loop, near, tls)))
-
-    async def _connected(
-        self, loop: asyncio.AbstractEventLoop, near: socket.socket, tls: ssl.SSLContext | None
-    ) -> None:
-        limit = {"ssl_handshake_timeout": _SAYS_S, "ssl_shutdown_timeout": _FLUSH_S} if tls else {}
-        try:
-            await loop.connect_accepted_socket(lambda: self, near, ssl=tls, **limit)
-        except (OSError, asyncio.CancelledError):
-            near.close()
-            self._forget()
+    @property
+    def at(self) -> int:
+        """What it is at: it asks once."""
+        return ASKS_NOTHING if self._answering is None else WAITS
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """It may speak."""
-        self._transport = transport  # type: ignore[assignment] # of a socket, so it writes
-        if self not in self._open:  # dropped meanwhile
-            self.drop()
+        self.transport = transport  # type: ignore[assignment] # of a socket, so it writes
 
     def data_received(self, data: bytes) -> None:
         """Some of its request came."""
-        if self.waits:
+        if self._answering is not None:
             return
         self._received += data
         try:
@@ -185,58 +154,47 @@ class _Connection(asyncio.Protocol):
             self._send(response(error.status, {"error": str(error)}))
             return
         if request is not None:
-            self.waits = True
-            if self._silent is not None:
-                self._silent.cancel()
-            self._tasks.append(asyncio.get_running_loop().create_task(self._answered(request)))
+            self._answering = asyncio.get_running_loop().create_task(self._answered(request))
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 # as asyncio calls it
         """It is gone; a stop that it asked for goes on."""
-        self._forget()
-
-    def drop(self) -> None:
-        """Hang up."""
-        if self._transport is not None:
-            self._transport.abort()
-        elif self._tasks:
-            self._tasks[0].cancel()
-        self._forget()
+        self.gone()
 
     async def _answered(self, request: Request) -> None:
         try:
             self._send(await self._answer(request))
         except Exception:  # a fault of this program: hung up on, and the next is heard
-            self.drop()
-        finally:
-            self.waits = False
+            if self.transport is not None:
+                self.transport.abort()
 
     def _send(self, answer: bytes) -> None:
-        if self._transport is not None and not self._transport.is_closing():
-            self._transport.write(answer)
-            self._transport.close()
-
-    def _forget(self) -> None:
-        self._open.pop(self, None)
-        if self._silent is not None:
-            self._silent.cancel()
+        if self.transport is not None and not self.transport.is_closing():
+            self.transport.write(answer)
+            self.transport.close()
 
 
-def _opened() -> tuple[socket.socket, ssl.SSLContext | None, str]:
-    """A socket that listens, the certificate where there is one, and the address of both."""
-    away = next((console for console in consoles() if console.is_reached_from_elsewhere), None)
-    host = away.host if away else "127.0.0.1"
-    family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    opened = socket.create_server((host, 0), family=family, backlog=_QUEUED)
-    opened.setblocking(False)
-    port = int(opened.getsockname()[1])
-    written = f"[{host}]" if ":" in host else host
-    if away is None:
-        return opened, None, f"http://{written}:{port}"
-    try:
-        return opened, _certificate(away), f"https://{written}:{port}"
-    except BaseException:
-        opened.close()
-        raise
+def _opened() -> tuple[list[Listening], tuple[str, ...]]:
+    """Sockets that listen, and the address of each: on this computer, and where consoles are reached from others.
+
+    A console of which no more can be had keeps no run from being stopped: its pages ask its server to do that.
+    """
+    sockets, urls = [], []
+    away = {(console.host, console.cert): console for console in consoles() if console.is_reached_from_elsewhere}
+    for console in (None, *away.values()):
+        host = console.host if console else "127.0.0.1"
+        try:
+            tls = _certificate(console) if console else None
+            opened = socket.create_server(
+                (host, 0), family=socket.AF_INET6 if ":" in host else socket.AF_INET, backlog=_QUEUED
+            )
+        except OSError:
+            if console is None:
+                raise
+            continue
+        sockets.append((opened, tls))
+        written = f"[{host}]" if ":" in host else host
+        urls.append(f"{'https' if tls else 'http'}://{written}:{opened.getsockname()[1]}")
+    return sockets, tuple(urls)
 
 
 def _certificate(console: Console) -> ssl.SSLContext:

@@ -1,0 +1,111 @@
+"""The door of a server: so many connections at a time, and those that ask for nothing go first."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import ssl
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Protocol
+
+Listening = tuple[socket.socket, ssl.SSLContext | None]
+ASKS_NOTHING, RESTS, WAITS = 0, 1, 2
+"""What a connection is at: no whole request came yet; all were answered; its request is there, its answer is not."""
+_HANDSHAKE_S = 2.0
+_FLUSH_S = 0.3
+_AGAIN_S = 0.05
+
+
+class Visitor(Protocol):
+    """An asyncio protocol, as far as a door deals with it.
+
+    Attributes:
+        transport: None until it is connected.
+        gone: to be called when the connection is lost; the door sets it.
+    """
+
+    transport: asyncio.Transport | None
+    gone: Callable[[], None]
+
+    @property
+    def at(self) -> int:
+        """What it is at."""
+
+
+class Door:
+    """Takes the connections of sockets, within the running loop, until it is closed.
+
+    When more come than there is room for, the one that is at the least goes, the oldest of these: who floods a server
+    loses the connections that said nothing, and a whole request is answered at once.
+
+    Args:
+        sockets: that listen, each with its certificate.
+        made: makes the protocol of a connection.
+        most: connections at a time.
+        says_s: so long a new connection has until its first request is there whole.
+        dropped: called for each that was hung up on.
+    """
+
+    def __init__(
+        self, sockets: Iterable[Listening], made: Callable[[], Visitor], most: int, says_s: float,
+        dropped: Callable[[], None] = lambda: None,
+    ) -> None:  # fmt: skip
+        self._made, self._most, self._says_s, self._dropped = made, most, says_s, dropped
+        self._open: dict[Visitor, asyncio.Task[None]] = {}
+        self._loop = asyncio.get_running_loop()
+        self._taking = [self._loop.create_task(self._take(*one)) for one in sockets]
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether an answer is under way."""
+        return any(visitor.at == WAITS for visitor in self._open)
+
+    def close(self) -> None:
+        """Take no more; what is under way goes on."""
+        for task in self._taking:
+            task.cancel()
+
+    async def _take(self, listening: socket.socket, tls: ssl.SSLContext | None) -> None:
+        listening.setblocking(False)
+        while True:
+            try:
+                taken, _peer = await self._loop.sock_accept(listening)
+            except OSError:  # no descriptor is left, or the caller has gone
+                self._drop_one()
+                await asyncio.sleep(_AGAIN_S)
+                continue
+            visitor = self._made()
+            visitor.gone = partial(self._forget, visitor)
+            self._open[visitor] = self._loop.create_task(self._meet(visitor, taken, tls))
+            if len(self._open) > self._most:
+                self._drop_one()
+            await asyncio.sleep(0)  # those that are there are heard between two that come
+
+    async def _meet(self, visitor: Visitor, taken: socket.socket, tls: ssl.SSLContext | None) -> None:
+        """Connect it, and give it a moment to say what it wants."""
+        limit = {"ssl_handshake_timeout": _HANDSHAKE_S, "ssl_shutdown_timeout": _FLUSH_S} if tls else {}
+        try:
+            await self._loop.connect_accepted_socket(lambda: visitor, taken, ssl=tls, **limit)  # type: ignore[arg-type,type-var] # it is one
+        except (OSError, asyncio.CancelledError):
+            taken.close()
+            self._forget(visitor)
+            return
+        await asyncio.sleep(self._says_s)
+        if visitor.at == ASKS_NOTHING:
+            self._drop(visitor)
+
+    def _drop_one(self) -> None:
+        if self._open:
+            self._drop(min(self._open, key=lambda visitor: visitor.at))  # the first of equals: the oldest
+
+    def _drop(self, visitor: Visitor) -> None:
+        self._dropped()
+        if visitor.transport is not None:
+            visitor.transport.abort()
+        self._forget(visitor)
+
+    def _forget(self, visitor: Visitor) -> None:
+        task = self._open.pop(visitor, None)
+        if task is not None and task is not asyncio.current_task():
+            task.cancel()

@@ -1,0 +1,104 @@
+"""A stop that was pressed where no run could hear it yet: a file beside the run folders, which every run heeds."""
+
+from __future__ import annotations
+
+import json
+import os
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from hil.errors import StorageError
+from hil.safety.interrupt import Halted
+
+_FILE = "stop-pressed.json"
+_MOST_BYTES = 65_536
+
+
+class Press(BaseModel):
+    """Stop is pressed: until it is released, no run drives that records into this folder.
+
+    Attributes:
+        at_utc: when.
+        account: who was logged in where it was pressed; empty where nobody was.
+        runs: that were starting then. It releases itself when they are over; without any, somebody has to.
+    """
+
+    model_config = ConfigDict(frozen=True)
+
+    at_utc: datetime
+    account: str = ""
+    runs: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class StopSwitch:
+    """The switch of a folder of runs.
+
+    Attributes:
+        folder: in which the runs lie.
+    """
+
+    folder: Path
+
+    @property
+    def pressed(self) -> Press | None:
+        """What is known of the press; None while it is released. A file that cannot be read is a press."""
+        path = self.folder / _FILE
+        try:
+            handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0), 0o600)
+        except FileNotFoundError:
+            return None
+        except OSError:
+            return Press(at_utc=datetime.now(UTC))
+        with os.fdopen(handle, "rb") as file:
+            try:
+                return Press.model_validate(json.loads(file.read(_MOST_BYTES)))
+            except (OSError, ValueError, ValidationError, RecursionError):
+                return Press(at_utc=datetime.now(UTC))
+
+    def press(self, account: str, runs: tuple[str, ...] = ()) -> Press:
+        """Press it.
+
+        Raises:
+            StorageError: it cannot be written.
+        """
+        made = Press(at_utc=datetime.now(UTC), account=account, runs=runs)
+        path = self.folder / _FILE
+        part = path.with_suffix(f".{os.getpid()}.part")
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            part.write_text(made.model_dump_json(), encoding="utf-8")
+            part.replace(path)
+        except OSError as error:
+            raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
+        return made
+
+    def release(self) -> None:
+        """Release it; also where it is not pressed.
+
+        Raises:
+            StorageError: the file cannot be removed.
+        """
+        try:
+            (self.folder / _FILE).unlink(missing_ok=True)
+        except OSError as error:
+            raise StorageError(f"{self.folder / _FILE}: cannot be removed: {error.strerror}") from error
+
+    def text(self, press: Press) -> str:
+        """What keeps a run from starting, in one line."""
+        by = f" by {press.account}" if press.account else ""
+        return (
+            f"stop is pressed since {press.at_utc:%Y-%m-%d %H:%M:%S} UTC{by}; "
+            f"release it at the console, or remove {self.folder / _FILE}"
+        )
+
+    def check(self) -> None:
+        """Raise `Halted` while it is pressed."""
+        press = self.pressed
+        if press is not None:
+            halted = Halted()
+            halted.args = (self.text(press),)
+            raise halted
