@@ -29,7 +29,7 @@ from hil.errors import HilError
 from hil.language.reworded import reworded
 from hil.language.words import marked, speaking
 
-_ASKS_FOR_NOBODY = ("/login", "/logout", "/controls")  # and what lies below /static/
+_ASKS_FOR_NOBODY = ("/login", "/logout", "/controls", "/stop")  # and what lies below /static/
 _NEEDS_NO_SEAT = ("/run/check", "/seat", "/login", "/logout")
 _ENGINEERS = ("/devices/", "/diagnose/accept")  # what others are judged by, and the twins
 _UPLOADS = "/diagnose/"
@@ -92,7 +92,8 @@ class Access:
         """What is wrong with a request whoever sends it."""
         caller = request.client.host if request.client else ""
         host, acts = request.headers.get("host", ""), request.method not in _SAFE
-        if not self._all.admits(caller) or (acts and not self._acts.admits(caller)):
+        counts = acts and request.url.path != "/stop"
+        if not self._all.admits(caller) or (counts and not self._acts.admits(caller)):
             return _no(429, "too many requests; wait a moment")
         if not self._where.is_everywhere and host not in self._where.hosts:
             return _no(421, f"this console is not {host:.80}; it is {self._where.origins[0]}")

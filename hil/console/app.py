@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 
 from starlette.applications import Starlette
 from starlette.middleware import Middleware
@@ -19,10 +20,12 @@ from hil.console.access_where import Where
 from hil.console.console import Console
 from hil.console.headers import Headers
 from hil.console.page import refusal
-from hil.console.routes import bench, devices, diagnose, jobs, live, passports, results, run
+from hil.console.routes import bench, devices, diagnose, jobs, live, passports, results, run, stop
 from hil.console.site import Site
 from hil.console.underway import Underway
 from hil.errors import HilError
+
+_LOOK_S = 0.3
 
 
 def application(site: Site, where: Where, accounts: Accounts, audit: Audit) -> Starlette:
@@ -31,13 +34,15 @@ def application(site: Site, where: Where, accounts: Accounts, audit: Audit) -> S
 
     @asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
+        looking = asyncio.create_task(_look_after(console))
         yield
+        looking.cancel()
         console.close()
 
     app = Starlette(
         routes=[
-            Route("/", _first), *bench.ROUTES, *run.ROUTES, *live.ROUTES, *passports.ROUTES, *results.ROUTES,
-            *jobs.ROUTES, *diagnose.ROUTES, *devices.ROUTES,
+            Route("/", _first), *bench.ROUTES, *run.ROUTES, *stop.ROUTES, *live.ROUTES, *passports.ROUTES,
+            *results.ROUTES, *jobs.ROUTES, *diagnose.ROUTES, *devices.ROUTES,
             Mount("/static", StaticFiles(packages=[("hil.console", "static")])),
         ],
         middleware=[
@@ -49,6 +54,14 @@ def application(site: Site, where: Where, accounts: Accounts, audit: Audit) -> S
     )  # fmt: skip
     app.state.console = console
     return app
+
+
+async def _look_after(console: Console) -> None:
+    """What has to go on also while no page asks."""
+    while True:
+        await asyncio.sleep(_LOOK_S)
+        with suppress(HilError, OSError):
+            await asyncio.to_thread(console.tick)
 
 
 def _first(_request: Request) -> Response:

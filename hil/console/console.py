@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import math
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -11,6 +13,7 @@ from typing import Any
 
 from starlette.requests import Request
 
+from hil.bench.stop.press import StopSwitch
 from hil.console.board import RunReader
 from hil.console.follow import Following
 from hil.console.process import Started, start
@@ -19,6 +22,7 @@ from hil.console.underway import Run, Underway
 from hil.console.watching import Watching
 
 _MOST_STARTED = 50
+_TOLD_S = 3.0  # so long a run that ended while it started is still told
 
 
 @dataclass(slots=True)
@@ -87,6 +91,39 @@ class Console:
         """The run that drives the bench of that title now; the newest, where a simulated one has several."""
         driving = [run for run in self.underway.look() if run.meta.get("bench") == bench and run.state == "running"]
         return driving[-1] if driving else None
+
+    @property
+    def switch(self) -> StopSwitch:
+        """Stop, as it is pressed for the folder of runs."""
+        return StopSwitch(self.site.runs)
+
+    def begin_run(self, arguments: list[str], name: str) -> None:
+        """Start a run: it is under way from here on. A stop that was pressed just before ends it."""
+        made = self.starting[name] = Starting(self.start(arguments, name))
+        if self.switch.pressed is not None:
+            made.process.end()
+
+    def runs(self, anew: bool = False) -> list[dict[str, Any]]:
+        """Every run under way as pages are told of it, from the click that starts it; `anew`: as of now."""
+        told = {run.folder.name: run.told for run in self.underway.look(anew)}
+        for name, one in list(self.starting.items()):
+            status = one.process.exit_status
+            if status is not None:
+                one.over_s = one.over_s or time.monotonic()
+            if "stop_url" in told.get(name, {}) or time.monotonic() - (one.over_s or math.inf) > _TOLD_S:
+                del self.starting[name]
+                continue
+            state = "starting" if status is None else "ended"
+            outcome = "" if status is None else one.process.last_line.removeprefix("hil: ")
+            told.setdefault(name, {"run": name, "state": state, "outcome": outcome})["by"] = "console"
+        return list(told.values())
+
+    def tick(self) -> None:
+        """Release a stop that was pressed for runs that are over."""
+        self.runs()
+        press = self.switch.pressed
+        if press and press.runs and not any(name in self.starting for name in press.runs):
+            self.switch.release()
 
     def close(self) -> None:
         """Let go of what reads, and of who looks on; runs and devices go on."""

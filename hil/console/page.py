@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from http import HTTPStatus
 from typing import Any
 
@@ -18,12 +17,13 @@ from hil.report.page import templates
 from hil.version import __version__
 
 COOKIE = "hil_language"
-_FOR_A_STOP = ("run", "state", "outcome", "listener", "stop_url", "token")
+_FOR_A_STOP = ("run", "state", "outcome", "is_safe", "by", "listener", "stop_url", "stop_urls", "token")
 REFUSALS = (
     marked(
         "{name} operates this console since {time}, in another browser; you may look, and you may stop; take over to "
         "operate"
     ),
+    marked("stop is pressed since {time}; release it at the console, or remove {file}"),
 )  # that every operator may meet
 PAGES = (
     ("bench", marked("Bench")), ("run", marked("Run")), ("results", marked("Results")),
@@ -55,12 +55,17 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     return response
 
 
-def controls_of(request: Request) -> list[Mapping[str, Any]]:
-    """Every run under way that this console shows, and where each is stopped; to who has no role, nothing else."""
-    runs: list[Mapping[str, Any]] = [run.told for run in Console.of(request).underway.look()]
-    if request.scope.get("hil.role"):
-        return runs
-    return [{key: run[key] for key in _FOR_A_STOP if key in run} for run in runs]
+def controls_of(request: Request) -> dict[str, Any]:
+    """Every run under way that this console shows, where each is stopped, and what stop is pressed for.
+
+    Who has no role is told nothing else.
+    """
+    console, known = Console.of(request), bool(request.scope.get("hil.role"))
+    runs = console.runs()
+    if not known:
+        runs = [{key: run[key] for key in _FOR_A_STOP if key in run} for run in runs]
+    press = console.switch.pressed
+    return {"runs": runs, "pressed": press and press.model_dump(mode="json")}
 
 
 def refusal(request: Request, error: HilError) -> Response:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -45,10 +44,9 @@ class Started:
         """The last thing it said; empty before the first."""
         return next((line for line in reversed(self.lines) if line.strip()), "").strip()
 
-    def interrupt(self) -> None:
-        """Ask it to end, as Ctrl-C does; it makes its own outputs safe."""
-        if self.process.poll() is None:
-            self.process.send_signal(signal.SIGINT)
+    def end(self) -> None:
+        """Ask it to end; it makes its own outputs safe. Not as Ctrl-C does, which a shell lets its jobs ignore."""
+        self.process.terminate()
 
 
 def start(name: str, arguments: Sequence[str], log: Path) -> Started:

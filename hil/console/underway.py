@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import threading
@@ -12,11 +11,14 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
+from urllib.parse import urlsplit
 
+from hil.bench.stop.consoles import LOOPBACK, consoles
 from hil.errors import FileError
 from hil.record.alive import lives
 from hil.record.header import END_FILE, HEADER_FILE, read_end, read_header
 from hil.record.samples import JOURNAL_FILE
+from hil.untrusted import read_untrusted_json
 
 State = Literal["running", "lost", "ended"]
 
@@ -36,6 +38,7 @@ class Run:
         outcome: how it ended, in its own words; empty before.
         meta: of its header.
         control: how it is stopped and held (`control.json`); empty while it says nothing of that.
+        is_safe: whether it has ended with every output read back safe.
     """
 
     folder: Path
@@ -43,6 +46,7 @@ class Run:
     outcome: str
     meta: Mapping[str, Any]
     control: Mapping[str, Any]
+    is_safe: bool = False
 
     @property
     def told(self) -> dict[str, Any]:
@@ -52,11 +56,11 @@ class Run:
             "run": self.folder.name, "state": self.state, "outcome": self.outcome,
             "procedure": self.meta.get("procedure") or "", "bench": self.meta.get("bench") or "",
             "serial": valve.get("serial") or "", "operator": self.meta.get("operator") or "",
-            **{key: self.control[key] for key in _OF_CONTROL if key in self.control},
+            "is_safe": self.is_safe, **{key: self.control[key] for key in _OF_CONTROL if key in self.control},
         }  # fmt: skip
 
 
-_OF_CONTROL = ("listener", "stop_url", "token")
+_OF_CONTROL = ("listener", "stop_url", "stop_urls", "token")
 
 
 def run_of(folder: Path, pid: int | None = None) -> Run:
@@ -71,7 +75,9 @@ def run_of(folder: Path, pid: int | None = None) -> Run:
     """
     header, end, control = read_header(folder), read_end(folder), control_of(folder)
     if end is not None:
-        return Run(folder, "ended", end.outcome, header.meta, control)
+        outputs = end.meta.get("outputs") or {}
+        safe = bool(outputs) and all(one.get("state") == "safe" for one in outputs.values())
+        return Run(folder, "ended", end.outcome, header.meta, control, safe)
     known = control.get("pid", pid)
     alive = lives(int(known)) if isinstance(known, int) else _wrote_lately(folder)
     if not alive and (folder / END_FILE).exists():  # closed between the two questions
@@ -80,12 +86,24 @@ def run_of(folder: Path, pid: int | None = None) -> Run:
 
 
 def control_of(folder: Path) -> Mapping[str, Any]:
-    """What the run says of how it is stopped; empty where it says nothing that can be read."""
+    """What the run says of how it is stopped, on this computer; empty where it says nothing that can be read."""
     try:
-        content = json.loads((folder / CONTROL_FILE).read_bytes())
-    except (OSError, ValueError):
+        content = read_untrusted_json(folder, CONTROL_FILE)
+    except (OSError, FileError):
         return {}
-    return content if isinstance(content, dict) and content.get("schema") == "hil.control/1" else {}
+    if not isinstance(content, dict) or content.get("schema") != "hil.control/1":
+        return {}
+    urls = content.get("stop_urls")
+    urls = [url for url in urls if isinstance(url, str) and _is_here(url)] if isinstance(urls, list) else []
+    return {**content, "stop_urls": urls} if _is_here(str(content.get("stop_url", ""))) else {}
+
+
+def _is_here(url: str) -> bool:
+    """Whether an address is one at which a run of this computer may listen."""
+    with suppress(ValueError):
+        host = urlsplit(url).hostname
+        return host in LOOPBACK or any(host == console.host for console in consoles())
+    return False
 
 
 def _wrote_lately(folder: Path) -> bool:
@@ -113,10 +131,14 @@ class Underway:
     _looked_s: float = field(default=-math.inf, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
 
-    def look(self) -> list[Run]:
-        """Runs under way, the newest last; those that have just ended or were lost are told for a moment longer."""
+    def look(self, anew: bool = False) -> list[Run]:
+        """Runs under way, the newest last; those that have just ended or were lost are told for a moment longer.
+
+        Args:
+            anew: as of now, also where somebody has just looked.
+        """
         with self._lock:
-            if time.monotonic() - self._looked_s >= _FRESH_S:  # many pages ask
+            if anew or time.monotonic() - self._looked_s >= _FRESH_S:  # many pages ask
                 self._told, self._looked_s = self._look(), time.monotonic()
             return self._told
 

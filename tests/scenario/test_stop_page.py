@@ -22,6 +22,7 @@ from tests.stops import listening, tell_safe
 
 SCRIPT = (files("hil") / "console" / "static" / "stop.js").read_text(encoding="utf-8")
 PAGE = """<!DOCTYPE html><html lang="en"><head><title>t</title><script type="application/json" id="controls">%s</script>
+<script type="application/json" id="words">{}</script>
 <script src="/stop.js" defer></script></head><body><input id="field"><iframe id="frame" src="/empty"></iframe>
 <section id="stop"></section></body></html>"""
 CSP = "default-src 'none'; script-src 'self'; style-src 'self'; frame-src 'self'; connect-src 'self' http://127.0.0.1:*"
@@ -43,8 +44,9 @@ def browser() -> Iterator[Browser]:
 @contextmanager
 def web_server(runs: Sequence[dict[str, Any]]) -> Iterator[ThreadingHTTPServer]:
     """Serves one page with these runs, announced as a console."""
+    answer = {"pressed": None, "answers": {}, "starting": []}  # as a console that leaves all to the page
     contents = {
-        "/": ("text/html", PAGE % json.dumps(runs)), "/stop.js": ("text/javascript", SCRIPT),
+        "/": ("text/html", PAGE % json.dumps({"runs": runs, "pressed": None})), "/stop.js": ("text/javascript", SCRIPT),
         "/empty": ("text/html", "<p>x"),
     }  # fmt: skip
 
@@ -56,6 +58,11 @@ def web_server(runs: Sequence[dict[str, Any]]) -> Iterator[ThreadingHTTPServer]:
                 self.send_header(name, value)
             self.end_headers()
             self.wfile.write(text.encode())
+
+        def do_POST(self) -> None:
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(json.dumps(answer).encode())
 
         def log_message(self, *_: Any) -> None:
             """Nothing."""
@@ -75,7 +82,14 @@ def web_server(runs: Sequence[dict[str, Any]]) -> Iterator[ThreadingHTTPServer]:
 
 def run_at(listener: Listener, name: str = "hpv41-7", **more: Any) -> dict[str, Any]:
     control = listener.control
-    return {"run": name, "state": "running", "stop_url": f"{control.url}/stop", "token": control.tokens.stop, **more}
+    url = f"{control.url}/stop"
+    return {"run": name, "state": "running", "stop_url": url, "stop_urls": [url], "token": control.tokens.stop, **more}
+
+
+def told(page: Page, *runs: dict[str, Any], pressed: dict[str, Any] | None = None) -> None:
+    """What the console says now of runs under way."""
+    page.evaluate("now => document.dispatchEvent(new CustomEvent('hil:controls', {detail: now}))",
+                  {"runs": runs, "pressed": pressed})  # fmt: skip
 
 
 def shown(page: Page) -> str:
@@ -117,7 +131,8 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
 
         with subtests.test("nobody confirms: said so within a second, with sound, for each run"):
             three, wishes = stack.enter_context(listening())
-            dead = {"run": "gone", "state": "lost", "stop_url": "http://127.0.0.1:1/stop", "token": "x"}
+            url = "http://127.0.0.1:1/stop"
+            dead = {"run": "gone", "state": "lost", "stop_url": url, "stop_urls": [url], "token": "x"}
             deaf = {"run": "by hand", "state": "running"}
             with web_server([run_at(three), dead, deaf]) as server, chromium.new_page() as page:
                 page.add_init_script(COUNT_BEEPS)
@@ -150,11 +165,53 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
             four, wishes = stack.enter_context(listening(tell_safe))
             with web_server([]) as server, chromium.new_page() as page:
                 page.goto(f"http://127.0.0.1:{server.server_port}/")
-                told = [run_at(four), {**run_at(four, "old"), "state": "ended", "outcome": "completed"}]
-                page.evaluate("runs => document.dispatchEvent(new CustomEvent('hil:controls', {detail: runs}))", told)
+                told(page, run_at(four), {**run_at(four, "old"), "state": "ended", "outcome": "completed"})
                 page.keyboard.press("F12")
                 waited(page, "hpv41-7: stop confirmed", 2.0)
                 assert "old" not in shown(page)
+
+                told(page, {**run_at(four), "state": "ended", "outcome": "Halted", "is_safe": True})
+                assert "hpv41-7: stop confirmed" in shown(page), "until another run is under way"
+                told(page, run_at(four, "hpv41-8"))
+                assert "confirmed" not in shown(page), "the word of a run goes with it"
+                assert "ends hpv41-8" in shown(page)
+
+        with (
+            subtests.test("a server that does not answer: what is under way is not known"),
+            web_server([]) as server,
+            chromium.new_page() as page,
+        ):
+            page.goto(f"http://127.0.0.1:{server.server_port}/")
+            page.evaluate("document.dispatchEvent(new CustomEvent('hil:connection', {detail: false}))")
+            waited(page, "Not known whether a run is under way: use the emergency stop.", 2.0)
+            assert "no run is under way here" not in shown(page)
+            page.route("**/stop", lambda route: route.abort())
+            page.keyboard.press("F12")
+            waited(page, "UNCONFIRMED: use the emergency stop (the console does not answer)", 2.0)
+
+        with subtests.test("what this page does not reach says so before it is pressed"):
+            there = {"run": "there", "state": "running", "stop_url": "http://127.0.0.1:1/stop", "token": "x",
+                     "stop_urls": ["https://192.0.2.1:1/stop"]}  # fmt: skip
+            with web_server([there]) as server, chromium.new_page() as page:
+                page.goto(f"http://127.0.0.1:{server.server_port}/")
+                waited(page, "there: is stopped through the console, while that answers", 2.0)
+                page.evaluate("document.dispatchEvent(new CustomEvent('hil:connection', {detail: false}))")
+                waited(page, "there: cannot be stopped from here", 2.0)
+
+        with (
+            subtests.test("pressed where nothing is under way: it says that no run can start, and how it is released"),
+            web_server([]) as server,
+            chromium.new_page() as page,
+        ):
+            page.goto(f"http://127.0.0.1:{server.server_port}/")
+            press = {"at_utc": "2026-11-26T12:00:00Z", "account": "otto", "runs": []}
+            told(page, pressed=press)
+            assert "otto): no run can start." in shown(page) and "no run is under way" not in shown(page)
+            page.evaluate("document.addEventListener('hil:release', () => { window.released = true; })")
+            page.get_by_role("button", name="Release").click()
+            assert page.evaluate("window.released")
+            told(page)
+            assert "no run is under way here" in shown(page)
 
 
 def tell_safe_outputs() -> Any:

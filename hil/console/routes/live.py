@@ -2,13 +2,8 @@
 
 from __future__ import annotations
 
-import json
-import ssl
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
-from urllib.request import Request as Asked
-from urllib.request import urlopen
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
@@ -16,14 +11,15 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from hil.console.console import Console
-from hil.console.page import controls_of, page
+from hil.console.page import page
+from hil.console.stops import ask_listener
 from hil.console.underway import control_of, run_of
-from hil.errors import FileError, HilError, LinkError
+from hil.errors import FileError, HilError
 from hil.findings.results import RESULTS_FILE, read_results
 from hil.record.alive import lives
 from hil.record.progress import ToldProgress, progress_of
 
-_HOLD_S = 2.0
+_SIGNALS = 128  # from here on an exit status says which signal ended a program
 _LEFT = (" left", "almost done", "longer than expected")
 
 
@@ -46,34 +42,15 @@ async def stream(request: Request) -> Response:
     return StreamingResponse(pictures, media_type="text/event-stream", headers=headers)
 
 
-def controls(request: Request) -> Response:
-    """Every run under way, and where each is stopped."""
-    return JSONResponse({"runs": controls_of(request)})
-
-
 async def hold(request: Request) -> Response:
     """Hold a run, or let it go on; what its listener says."""
     console, name = Console.of(request), request.path_params["run"]
     wanted = str((await request.form()).get("hold", ""))
-    answer = await run_in_threadpool(_held, console.site.run(name), wanted)
+    folder = console.site.run(name)
+    answer = await run_in_threadpool(ask_listener, folder, control_of(folder), "hold", hold=wanted)
     if wanted:
         console.audit(request, "hold" if wanted == "1" else "go on", {"run": name})
     return JSONResponse(answer)
-
-
-def _held(folder: Path, wanted: str) -> Any:
-    """What the run's own listener answers: it is on this computer, and the run's own folder says where."""
-    control = control_of(folder)
-    if "hold_url" not in control:
-        raise LinkError(f"run {folder.name}: it does not say where it can be held")
-    fields = {"token": str(control.get("hold_token", "")), "hold": wanted}
-    own = ssl.create_default_context()
-    own.check_hostname, own.verify_mode = False, ssl.CERT_NONE  # the console's own certificate, maybe self-signed
-    try:
-        with urlopen(Asked(str(control["hold_url"]), urlencode(fields).encode()), timeout=_HOLD_S, context=own) as told:
-            return json.loads(told.read(4096))
-    except (OSError, ValueError) as error:
-        raise LinkError(f"run {folder.name}: it does not answer: {error}") from None
 
 
 def _told(console: Console, name: str) -> dict[str, Any]:
@@ -99,7 +76,11 @@ def _told(console: Console, name: str) -> dict[str, Any]:
     except FileError:
         if started is None:
             raise
-        return {**told, "state": "starting" if status is None else "refused", "outcome": "" if status is None else said}
+        if status is None:
+            return {**told, "state": "starting"}
+        if status < 0 or status >= _SIGNALS:
+            return {**told, "state": "ended", "outcome": "stopped; nothing was driven"}
+        return {**told, "state": "refused", "outcome": said}
     done = progress_of(folder)
     evaluating = run.state == "ended" and done is not None and lives(done.pid)
     return {
@@ -129,7 +110,6 @@ def _verdict(folder: Path) -> dict[str, Any]:
 
 
 ROUTES = [
-    Route("/controls", controls),
     Route("/live/{run}", show),
     Route("/live/{run}/state", state),
     Route("/live/{run}/stream", stream),

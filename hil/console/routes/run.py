@@ -93,7 +93,7 @@ async def begin(request: Request) -> Response:
     console, form = Console.of(request), await _form(request)
     folder, about, arguments = await run_in_threadpool(_prepared, console, form)
     console.audit(request, "run", about)  # before anything moves: what cannot be written down is not done
-    await run_in_threadpool(console.start, arguments, folder.name)
+    await run_in_threadpool(console.begin_run, arguments, folder.name)
     return JSONResponse({"run": folder.name})
 
 
@@ -112,18 +112,20 @@ def _prepared(console: Console, form: Mapping[str, str]) -> tuple[Path, dict[str
     procedure, file, arguments = _asked(console, form)
     if not file.is_simulated and (driving := console.run_on(file.bench.name)) is not None:
         raise InUseError(f"bench '{file.bench.name}': run {driving.folder.name} drives it now", None)
+    if (press := console.switch.pressed) is not None:
+        raise SettingError(console.switch.text(press))
     console.watching.end(form["bench"])
     console.site.runs.mkdir(parents=True, exist_ok=True)
-    folder = _free(console.site.runs / folder_name(procedure.name, form.get("serial", "").strip()))
+    folder = _free(console, console.site.runs / folder_name(procedure.name, form.get("serial", "").strip()))
     archive = str(console.site.place.folder or console.site.place.url)
     about = {"run": folder.name, "bench": file.bench.name, "arguments": arguments}
     return folder, about, [*arguments, "--out", str(folder), "--archive", archive]
 
 
-def _free(folder: Path) -> Path:
-    """A folder of that name, or with a number behind it where a run of the same second has it."""
+def _free(console: Console, folder: Path) -> Path:
+    """A folder of that name, or with a number behind it where a run of the same second has it, or will have it."""
     names = (folder.with_name(f"{folder.name}{f'-{i}' if i else ''}") for i in range(100))
-    return next(name for name in names if not name.exists())
+    return next(name for name in names if not name.exists() and name.name not in console.started)
 
 
 def _kept(console: Console, name: str) -> Path:

@@ -95,6 +95,7 @@ function connected(is) {
   const silent = performance.now() - heard > SILENT_MS;
   if (silent === offline) return;
   offline = silent;
+  document.body.classList.toggle("offline", silent);
   const told = document.getElementById("offline");
   told.hidden = !silent;
   told.textContent = silent ? say("No connection to the console. What this page shows is old.") : "";
@@ -118,11 +119,12 @@ async function look() {
     const told = await ask("/controls");
     connected(true);
     showUnderway(told.runs);
-    document.dispatchEvent(new CustomEvent("hil:controls", {detail: told.runs}));
+    document.dispatchEvent(new CustomEvent("hil:controls", {detail: told}));
   } catch (error) { connected(false); }
   setTimeout(look, EVERY_MS);
 }
 
+document.addEventListener("hil:release", () => post("/stop/release", {}).catch(error => refuse(error.message)));
 for (const select of document.querySelectorAll("select[data-go]")) select.addEventListener("change", () => select.form.submit());
 for (const link of document.querySelectorAll(".langs a")) {  // keeps what else the address says
   const address = new URL(location.href);
@@ -130,6 +132,6 @@ for (const link of document.querySelectorAll(".langs a")) {  // keeps what else 
   link.href = address.search;
 }
 const FIRST_CONTROLS = JSON.parse(document.getElementById("controls").textContent);
-showUnderway(FIRST_CONTROLS);
+showUnderway(FIRST_CONTROLS.runs);
 setInterval(() => connected(false), 200);
 look();

@@ -200,6 +200,6 @@ for (const button of document.querySelectorAll("[data-window]")) button.addEvent
 });
 addEventListener("resize", soon);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", soon);
-document.addEventListener("hil:connection", event => { if (event.detail && fine && told && told.state === "running") follow(); else if (!event.detail) values([]); });
+document.addEventListener("hil:connection", event => { if (event.detail && fine && told && told.state === "running") follow(); else if (!event.detail) { values([]); put("state", say("not known")); } });
 state(JSON.parse(document.getElementById("first").textContent));
 lookRun();

@@ -86,9 +86,9 @@ document.getElementById("rehearse").addEventListener("click", event => act(event
 
 form.addEventListener("submit", event => {
   event.preventDefault();
-  act(document.getElementById("start"), async () => {
+  hilStop.expect(act(document.getElementById("start"), async () => {
     tell(say("Starting …"));
     const begun = await post("/run/start", fields());
     location.href = "/live/" + encodeURIComponent(begun.run);
-  });
+  }));
 });

@@ -1,6 +1,7 @@
-// The stop button and its key, F12. It speaks to each run's own listener, never to the web server, and needs nothing
-// but what this page knew last: it works when the server is dead. Runs come from the JSON of #controls, then from the
-// event `hil:controls`; a page without these calls hilStop.show(runs). A run is {run, state, stop_url, token, listener}.
+// The stop button and its key, F12. It speaks to each run's own listener and needs nothing but what this page knew last:
+// it works when the server is dead. Beside that it tells the server, which stops what is starting, and what this page does
+// not reach. What is known comes from the JSON of #controls, then from the event `hil:controls`: {runs, pressed}, a run
+// being {run, state, stop_urls, token, listener, by}; whether the server answers from the event `hil:connection`.
 "use strict";
 window.hilStop = (() => {
   const ANSWER_MS = 950, AGAIN_MS = 1000, GIVE_UP_MS = 60000, LOOK_MS = 200, BEEP_S = 0.22;
@@ -15,7 +16,7 @@ window.hilStop = (() => {
     #stop .told { flex: 1; min-width: 0; max-height: 42vh; overflow-y: auto; }
     #stop ul { list-style: none; margin: 0; padding: 0; } #stop li, #stop p { margin: 0 0 .15rem; overflow-wrap: anywhere; }
     #stop .keys.lost { background: #fbf1dc; color: #5c3d00; border: 2px dashed #7a5200; padding: .1rem .5rem; font-weight: 700; cursor: pointer; }
-    #stop .asked { font-weight: 700; } #stop .confirmed { color: #00563f; font-weight: 700; }
+    #stop .asked, #stop .unknown { font-weight: 700; } #stop .confirmed { color: #00563f; font-weight: 700; }
     #stop .unconfirmed { background: #b3261e; color: #fff; font-weight: 800; font-size: 1.25rem; padding: .2rem .6rem; border-radius: .3rem; }
     #stop button.mute { font: inherit; margin: .2rem 0; padding: .25rem .7rem; border: 2px solid #171b20; border-radius: .3rem; background: #fff; color: #171b20; cursor: pointer; }
     @media (prefers-color-scheme: dark) {
@@ -25,7 +26,7 @@ window.hilStop = (() => {
       #stop .unconfirmed { font-size: 1rem; padding: .1rem .4rem; } }
     @media print { #stop { display: none; } }`;
 
-  let words = {}, runs = [], asked = new Map(), pressedAt = 0, sound = null, beeping = 0;
+  let words = {}, runs = [], pressed = null, offline = false, begun = 0, asked = new Map(), press_ = null, sound = null, beeping = 0;
   const parts = {};
 
   function say(text, values) {
@@ -48,11 +49,15 @@ window.hilStop = (() => {
     return made;
   }
 
-  // A listener on every address of its computer is reached where this page came from.
-  function reached(url) {
-    const at = new URL(url);
-    if (["0.0.0.0", "[::]"].includes(at.hostname)) at.hostname = location.hostname;
-    return at.href;
+  // Where this page reaches a run itself: over TLS at the host that it came from, else on this computer. A listener on
+  // every address of its computer is reached where this page came from.
+  function reached(run) {
+    for (const url of run.stop_urls || []) {
+      const at = new URL(url);
+      if (["0.0.0.0", "[::]"].includes(at.hostname)) at.hostname = location.hostname;
+      if (at.protocol === location.protocol && (at.protocol === "http:" || at.hostname === location.hostname)) return at.href;
+    }
+    return "";
   }
 
   function underway() { return runs.filter(run => run.state !== "ended"); }
@@ -62,7 +67,7 @@ window.hilStop = (() => {
   function line(one) {
     const name = one.run.run + ": ";
     if (one.state === "asked") return make("li", "asked", name + say("stop requested …"));
-    if (one.state === "over") return make("li", "", name + say("had ended before: {outcome}", {outcome: one.why}));
+    if (one.state === "over") return make("li", "", name + (one.why ? say("had ended before: {outcome}", {outcome: one.why}) : say("stopped before it drove")));
     if (one.state === "confirmed") {
       const outputs = Object.entries(one.answer.outputs || {}).map(([name, o]) => name + " " + o.at + " " + o.unit).join(", ");
       const text = say("stop confirmed, outputs read back safe after {time}", {time: seconds(one.took)});
@@ -72,17 +77,40 @@ window.hilStop = (() => {
   }
 
   function idle(run) {
-    if (!run.stop_url) return make("li", "", run.run + ": " + say("cannot be stopped from here; end it where it was started, or use the emergency stop"));
+    if (run.state === "starting") return make("li", "", say("ends {run} before it drives", {run: run.run}));
+    if (!reached(run)) {
+      const how = offline || !(run.stop_url || run.by) ? "cannot be stopped from here; end it where it was started, or use the emergency stop" : "is stopped through the console, while that answers";
+      return make("li", "", run.run + ": " + say(how));
+    }
     const own = run.listener === "run" ? " " + say("(no watchdog: the run itself listens)") : "";
     return make("li", "", say("ends {run}", {run: run.run}) + own);
+  }
+
+  function blocked() {
+    const at = new Date(pressed.at_utc).toLocaleTimeString(document.documentElement.lang);
+    const by = [at, pressed.account].filter(Boolean).join(", ");
+    if (pressed.runs.length) return make("li", "asked", say("Stop is pressed ({by}): {run} ends before it drives.", {by, run: pressed.runs.join(", ")}));
+    const button = make("button", "mute", say("Release"));
+    button.type = "button";
+    button.addEventListener("click", () => document.dispatchEvent(new CustomEvent("hil:release")));
+    return make("li", "asked", say("Stop is pressed ({by}): no run can start.", {by}) + " ", button);
+  }
+
+  function nothing() {
+    if (offline && underway().length) return make("li", "unknown", say("What else is under way is not known: use the emergency stop."));
+    if (offline) return make("li", "unknown", say("Not known whether a run is under way: use the emergency stop."));
+    return make("li", "", say(begun ? "a run is starting" : "no run is under way here"));
   }
 
   function draw() {
     const open = underway().filter(run => !asked.has(run.run));
     const urgent = ["unconfirmed", "asked", "confirmed", "over"];
     const told = [...asked.values()].sort((one, other) => urgent.indexOf(one.state) - urgent.indexOf(other.state));
-    const lines = [...told.map(line), ...open.map(idle)];
-    parts.list.replaceChildren(...(lines.length ? lines : [make("li", "", say("no run is under way here"))]));
+    const lines = [...told.map(line), ...open.map(idle), ...(pressed && !offline ? [blocked()] : [])];
+    if (!lines.length || (offline && !told.some(one => one.state === "unconfirmed"))) lines.push(nothing());
+    const drawn = lines.map(one => one.className + one.textContent).join("\n");
+    if (drawn !== parts.list.dataset.drawn) parts.list.replaceChildren(...lines);  // what is said again is not announced again
+    parts.list.dataset.drawn = drawn;
     parts.mute.hidden = !beeping;
   }
 
@@ -121,41 +149,92 @@ window.hilStop = (() => {
   // ---- stop ---------------------------------------------------------------------------------------------------
 
   function settle(one, state, why, answer) {
-    if (one.state === "confirmed") return;
+    if (one.state === "confirmed" || one.state === "over") return;
     Object.assign(one, {state, why: why || "", answer: answer || {}, took: (performance.now() - one.since) / 1000});
-    const open = [...asked.values()].some(other => other.state === "unconfirmed");
-    alarm(open && !one.muted);
+    sounds();
     draw();
   }
 
-  async function ask(one) {
-    if (!one.run.stop_url) return settle(one, "unconfirmed", say("no listener"));
-    try {
-      const body = new URLSearchParams({token: one.run.token});
-      const answer = await fetch(reached(one.run.stop_url), {method: "POST", body, mode: "cors", credentials: "omit", cache: "no-store",
-        signal: AbortSignal.timeout(2 * ANSWER_MS)});
-      const told = await answer.json();
-      if (told.state === "confirmed") return settle(one, "confirmed", "", told);
-      settle(one, "unconfirmed", told.error || Object.entries(told.outputs || {}).map(([name, o]) => name + " " + say(o.state)).join(", "), told);
-    } catch {
-      const now = runs.find(run => run.run === one.run.run);
-      if (now && now.state === "ended" && now.outcome === "completed") settle(one, "over", say("completed"));
-      else settle(one, "unconfirmed", say("its listener does not answer"));
-    }
-    if (one.state === "unconfirmed" && performance.now() - one.since < GIVE_UP_MS) setTimeout(() => current(one) && ask(one), AGAIN_MS);
+  function sounds() { alarm([...asked.values()].some(one => one.state === "unconfirmed" && !one.muted)); }
+
+  async function posted(url, body, more) {
+    const answer = await fetch(url, {method: "POST", body, cache: "no-store", signal: AbortSignal.timeout(2 * ANSWER_MS), ...more});
+    if (!answer.ok) throw new Error(String(answer.status));
+    return answer.json();
   }
 
-  function current(one) { return asked.get(one.run.run) === one; }
+  function heard(one, told) {
+    if (told.state === "confirmed") settle(one, "confirmed", "", told);
+    else settle(one, "unconfirmed", told.error || Object.entries(told.outputs || {}).map(([name, o]) => name + " " + say(o.state)).join(", "), told);
+  }
+
+  // A run's own listener, until it has confirmed.
+  async function ask(one) {
+    const url = reached(one.run);
+    if (!url) return one.run.by || one.run.stop_url ? undefined : settle(one, "unconfirmed", say("no listener"));
+    try {
+      heard(one, await posted(url, new URLSearchParams({token: one.run.token}), {mode: "cors", credentials: "omit"}));
+    } catch { if (!ended(one)) settle(one, "unconfirmed", say("its listener does not answer")); }
+    if (one.state === "unconfirmed" && performance.now() - one.since < GIVE_UP_MS) setTimeout(() => asked.get(one.run.run) === one && ask(one), AGAIN_MS);
+  }
+
+  // The server, until it has answered: it ends what is starting, and keeps runs from starting.
+  async function tell(press) {
+    try {
+      const told = await posted("/stop", new URLSearchParams(press.runs.map(name => ["run", name])));
+      if (press !== press_) return;
+      press.answered = true;
+      asked.delete("");
+      for (const [name, answer] of Object.entries(told.answers)) {
+        if (!asked.has(name)) asked.set(name, {run: {run: name}, state: "asked", since: press.at, muted: false});
+        if (answer.state === "confirmed" || !reached(asked.get(name).run)) heard(asked.get(name), answer);
+      }
+      show({runs, pressed: told.pressed});
+    } catch {
+      const again = performance.now() - press.at < GIVE_UP_MS && ![...asked.values()].some(one => one.state === "confirmed");
+      if (press === press_ && again) setTimeout(() => press === press_ && tell(press), AGAIN_MS);
+    }
+  }
+
+  // Nothing confirmed in time. What is starting is as good as stopped once the server knows of the press.
+  function late(press) {
+    if (press !== press_) return;
+    if (!asked.size && !press.answered) asked.set("", {run: {run: say("console")}, state: "asked", since: press.at, muted: false});
+    for (const one of asked.values()) {
+      const why = reached(one.run) ? "no answer within a second" : "the console does not answer";
+      if (one.state === "asked" && !(press.answered && one.run.by)) settle(one, "unconfirmed", say(why));
+    }
+  }
+
+  // A run that was asked may be known better now: it listens, has ended, or another one is under way.
+  function ended(one) {
+    const now = runs.find(run => run.run === one.run.run);
+    if (!now && press_.answered && !one.run.stop_url) { settle(one, "over"); return true; }
+    if (!now || now.state !== "ended" || !(now.is_safe || now.outcome === "completed" || !now.stop_url && now.by)) return false;
+    settle(one, "over", now.outcome === "completed" ? say("completed") : now.stop_url ? now.outcome : "");
+    return true;
+  }
+
+  function follow() {
+    for (const [name, one] of asked) {
+      const now = runs.find(run => run.run === name);
+      if (now && reached(now) && !reached(one.run) && now.state !== "ended") { one.run = now; ask(one); }
+      else if (["asked", "unconfirmed"].includes(one.state)) ended(one);
+      const next = runs.find(run => run.state !== "ended" && run.run !== name && !asked.has(run.run));
+      if (next && ["confirmed", "over"].includes(one.state)) asked.delete(name);  // the word of a run goes with it
+      else if (next && one.state === "unconfirmed" && one.run.bench && next.bench === one.run.bench && !underway().some(run => run.run === name)) asked.delete(name);
+    }
+    sounds();
+  }
 
   function press() {
     tuned();
     alarm(false);
-    pressedAt = performance.now();
-    asked = new Map(underway().map(run => [run.run, {run, state: "asked", since: pressedAt, muted: false}]));
-    for (const one of asked.values()) {
-      ask(one);
-      setTimeout(() => { if (current(one) && one.state === "asked") settle(one, "unconfirmed", say("no answer within a second")); }, ANSWER_MS);
-    }
+    press_ = {at: performance.now(), answered: false, runs: underway().map(run => run.run)};
+    asked = new Map(underway().map(run => [run.run, {run, state: "asked", since: press_.at, muted: false}]));
+    for (const one of asked.values()) ask(one);
+    tell(press_);
+    setTimeout(late, ANSWER_MS, press_);
     draw();
   }
 
@@ -173,7 +252,16 @@ window.hilStop = (() => {
   }
 
   function show(now) {
-    if (Array.isArray(now)) { runs = now; draw(); }
+    ({runs, pressed} = now);
+    follow();
+    draw();
+  }
+
+  // Somebody starts a run: it is under way from the click, until the console says how it stands.
+  async function expect(work) {
+    begun += 1;
+    draw();
+    try { return await work; } finally { begun -= 1; draw(); }
   }
 
   function begin() {
@@ -200,12 +288,12 @@ window.hilStop = (() => {
     window.addEventListener("pointerdown", tuned, {once: true, capture: true});
     for (const event of ["focus", "blur", "visibilitychange", "focusin"]) window.addEventListener(event, look, true);
     document.addEventListener("hil:controls", event => show(event.detail));
+    document.addEventListener("hil:connection", event => { offline = !event.detail; draw(); });
     setInterval(look, LOOK_MS);
-    show(json("controls", []));
-    draw();
+    show(json("controls", {runs: [], pressed: null}));
     look();
   }
 
   if (document.readyState === "loading") document.addEventListener("DOMContentLoaded", begin); else begin();
-  return {show, press};
+  return {show, press, expect};
 })();

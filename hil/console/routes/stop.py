@@ -1,0 +1,47 @@
+"""Stop, as pages send it to the console beside the runs' own listeners; it asks for no account."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from hil.console.console import Console
+from hil.console.page import controls_of
+from hil.console.stops import press_stop
+from hil.errors import StorageError
+
+
+def controls(request: Request) -> Response:
+    """Every run under way, where each is stopped, and whether stop is pressed."""
+    return JSONResponse(controls_of(request))
+
+
+async def press(request: Request) -> Response:
+    """Stop what is under way; what became of it."""
+    console, form = Console.of(request), await request.form(max_files=0)
+    asked = [str(name) for name in form.getlist("run")]
+    told = await run_in_threadpool(press_stop, console, request.scope.get("hil.account", ""), asked)
+    with suppress(StorageError):  # the stop is done
+        console.audit(
+            request, "press stop", {"stopped": sorted({*told["answers"], *asked}), "starting": told["starting"]}
+        )
+    return JSONResponse(told)
+
+
+async def release(request: Request) -> Response:
+    """Runs may start again."""
+    console = Console.of(request)
+    console.audit(request, "release stop", {})
+    await run_in_threadpool(console.switch.release)
+    return JSONResponse({"pressed": None})
+
+
+ROUTES = [
+    Route("/controls", controls),
+    Route("/stop", press, methods=["POST"]),
+    Route("/stop/release", release, methods=["POST"]),
+]

@@ -1,0 +1,108 @@
+"""Stop and hold as the console's server asks for them, beside the pages: also where no page reaches a run."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from http.client import HTTPConnection, HTTPException
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode, urlsplit
+
+from hil.bench.stop.consoles import LOOPBACK
+from hil.console.console import Console
+from hil.errors import HilError, LinkError
+
+_ANSWER_S = 1.5
+_MOST_BYTES = 65_536
+_AT_ONCE = 8
+
+
+def ask_listener(folder: Path, control: Mapping[str, Any], what: str, **fields: str) -> Any:
+    """What the listener of a run answers.
+
+    Args:
+        folder: of the run.
+        control: its control file, as far as it can be read.
+        what: `stop` or `hold`.
+        fields: sent along.
+
+    Raises:
+        LinkError: it has no listener, not on this computer, or it does not answer.
+    """
+    address = str(control.get(f"{what}_url", ""))
+    if not address:
+        raise LinkError(f"run {folder.name}: it does not say where it can be asked to {what}")
+    try:
+        place = urlsplit(address)
+        port = place.port
+    except ValueError:
+        place, port = urlsplit(""), None
+    if place.scheme != "http" or place.hostname not in LOOPBACK or port is None:
+        raise LinkError(f"run {folder.name}: {what}_url {address:.80}: an address of this computer was expected")
+    token = str(control.get("token" if what == "stop" else f"{what}_token", ""))
+    line = HTTPConnection(place.hostname, port, timeout=_ANSWER_S)
+    try:
+        form = {"Content-Type": "application/x-www-form-urlencoded"}
+        line.request("POST", f"/{what}", urlencode({"token": token, **fields}), form)
+        return json.loads(line.getresponse().read(_MOST_BYTES))
+    except (OSError, HTTPException, ValueError, RecursionError) as error:
+        raise LinkError(f"run {folder.name}: its listener does not answer: {error}") from None
+    finally:
+        line.close()
+
+
+def press_stop(console: Console, account: str, asked: Collection[str] = ()) -> dict[str, Any]:
+    """Stop every run under way, at its listener or, while it starts, before it drives.
+
+    The switch is pressed first: a run that begins to listen meanwhile heeds it, and one that did so before is found.
+    It stays pressed for runs that are starting, until these are over; and where there was nothing to stop, until
+    somebody releases it.
+
+    Args:
+        console: whose runs.
+        account: who is logged in; empty where nobody is.
+        asked: runs that the page stops itself; they may have ended by now.
+
+    Returns:
+        `pressed`: what stays pressed, or None; `answers` of the listeners and `starting`: runs.
+
+    Raises:
+        StorageError: the switch cannot be pressed; what could be stopped was stopped all the same.
+    """
+    before, fault = console.switch.pressed, None
+    try:
+        console.switch.press(account)
+    except HilError as error:
+        fault = error
+    runs = console.runs(anew=True)
+    starting = [
+        run["run"] for run in runs if run["run"] in console.starting and run["state"] in ("starting", "running")
+    ]
+    for name in starting:
+        console.starting[name].process.end()
+    answers = _answers(console)
+    if fault is not None:
+        raise fault
+    if starting:
+        console.switch.press(account, tuple(starting))
+    elif (answers or any(run["run"] in asked for run in runs)) and (before is None or before.runs):
+        console.switch.release()
+    press = console.switch.pressed
+    return {"pressed": press and press.model_dump(mode="json"), "answers": answers, "starting": starting}
+
+
+def _answers(console: Console) -> dict[str, Any]:
+    """What each listener says, by run."""
+    asked = [run for run in console.underway.look() if run.state != "ended" and "stop_url" in run.control]
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        answers = pool.map(lambda run: _answer(run.folder, run.control), asked)
+        return {run.folder.name: answer for run, answer in zip(asked, answers, strict=True)}
+
+
+def _answer(folder: Path, control: Mapping[str, Any]) -> Any:
+    try:
+        return ask_listener(folder, control, "stop")
+    except LinkError as error:
+        return {"state": "unconfirmed", "error": str(error)}
