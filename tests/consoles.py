@@ -7,14 +7,14 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from tests.waits import PATIENCE_S
+
 INSTALLED = Path(__file__).parent.parent / "sim_devices" / "benches" / "brevini-hpv41.toml"
-_START_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ def console(folder: Path, port: int = 0) -> Iterator[Lab]:
     finally:
         was_killed = process.poll() is not None
         process.send_signal(signal.SIGINT)
-        process.wait(20.0)
+        process.wait(PATIENCE_S)
         assert process.stdout is not None
         process.stdout.close()
         if not was_killed:
@@ -88,13 +88,3 @@ def _end_all(folder: Path) -> None:
     for path in [*folder.glob("runs/*/control.json"), *folder.glob("state/console/devices/*.json")]:
         with suppress(OSError, ValueError, KeyError):
             os.kill(int(json.loads(path.read_text(encoding="utf-8"))["pid"]), signal.SIGKILL)
-
-
-def until(what: object, within_s: float = _START_S, every_s: float = 0.02) -> float:
-    """How long it takes until a function says yes, in s; fails when it does not in time."""
-    assert callable(what)
-    begun_s = time.monotonic()
-    while not what():
-        assert time.monotonic() - begun_s < within_s, f"not within {within_s} s"
-        time.sleep(every_s)
-    return time.monotonic() - begun_s

@@ -15,9 +15,9 @@ from typing import Any
 
 from hil.errors import FileError
 from hil.record.folder import read
+from tests.waits import PATIENCE_S
 
 STRANGER = Path(__file__).parent / "stranger"
-PATIENCE_S = 60.0  # of a test, on a machine that is busy with other things
 
 
 @dataclass(frozen=True, slots=True)

@@ -25,8 +25,9 @@ from pathlib import Path
 from typing import Any
 
 from tests import observer
-from tests.faults import PATIENCE_S, STRANGER
+from tests.faults import STRANGER
 from tests.links import bench_text, devices_of, moved
+from tests.waits import PATIENCE_S
 
 # By link: the bench, the address of the device with the output in it, how its output is looked at, and how exactly.
 LINKS: Mapping[str, tuple[str, str, Callable[[int], Callable[[], float]], float]] = {

@@ -21,8 +21,9 @@ from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import HilError, exit_status_of, told
 from sim_devices._quirks import Quirks
-from tests.faults import PATIENCE_S, Case, Observer, Seen, observed, samples_in, start_run, watchdog_of
+from tests.faults import Case, Observer, Seen, observed, samples_in, start_run, watchdog_of
 from tests.links import served
+from tests.waits import PATIENCE_S
 
 # By link: the bench, and the device on it that has the output.
 LINKS = {"Modbus TCP": ("hpv41-modbus-tcp", "io"), "Modbus RTU": ("hpv41-modbus-rtu", "io"),

@@ -6,12 +6,10 @@ import socket
 import struct
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping
 from types import TracebackType
-from typing import Self, TypeVar
+from typing import Self
 
-_Case, _Found = TypeVar("_Case"), TypeVar("_Found")
 WholeRequest = Callable[[bytes], int]
 """How many of the bytes that have come are the first request; none while it is not whole."""
 
@@ -32,13 +30,6 @@ def serial_frame(came: bytes) -> int:
     several = len(came) > 6 and came[1] in (15, 16)
     whole = 9 + came[6] if several else 7 if came[1:2] == b"\x2b" else 8
     return whole if len(came) >= whole else 0
-
-
-def side_by_side(try_one: Callable[[_Case], _Found], cases: Iterable[_Case]) -> list[_Found]:
-    """What is found in cases each of which waits for an answer that does not come: they wait at the same time."""
-    every = list(cases)
-    with ThreadPoolExecutor(len(every)) as threads:
-        return list(threads.map(try_one, every))
 
 
 class ForeignLine:

@@ -15,6 +15,7 @@ from typing import Any
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.twin import serve
+from tests.waits import PATIENCE_S
 
 # Changes for benches that have such lines. Patient: links wait while a busy host does something else.
 PATIENT = (
@@ -84,7 +85,7 @@ def devices_of(path: Path) -> Iterator[tuple[subprocess.Popen[str], list[str]]]:
     finally:
         process.send_signal(signal.SIGINT)
         try:
-            process.wait(30.0)
+            process.wait(PATIENCE_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

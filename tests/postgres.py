@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 _PLACES = ("/usr/lib/postgresql", "/usr/local/pgsql")
-_START_S = 30.0
+_START_S = 600.0
 
 
 def server_programs() -> Path | None:
@@ -44,7 +44,7 @@ def served(programs: Path) -> Iterator[str]:
         yield f"postgresql://hil@127.0.0.1:{port}/postgres"
     finally:
         server.terminate()
-        server.wait(30)
+        server.wait(_START_S)
         shutil.rmtree(folder, ignore_errors=True)
 
 

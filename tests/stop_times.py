@@ -29,10 +29,10 @@ import numpy as np
 from tests import observer
 from tests.links import bench_text, devices_of, moved
 from tests.stops import posted
+from tests.waits import PATIENCE_S
 
 How = Literal["work", "killed", "hung"]
 SAFE_PERCENT, DRIVEN_PERCENT = 0.6, 39.0
-PATIENCE_S = 180.0
 STAYS_S = 0.2
 HALTED = 138
 # The coupler's own watchdog stays off, so that only the program and its watchdog process can make it safe.

@@ -16,6 +16,7 @@ from hil.bench.stop.listener import Listener
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
+from tests.waits import PATIENCE_S
 
 WIRING = Wiring(
     {"valve": OutputChannel("valve", "out", "voltage", "V", -10.0, 10.0)},
@@ -52,7 +53,7 @@ class Remote:
         """Nothing is held."""
 
 
-def sent(url: str, what: bytes, timeout_s: float = 3.0) -> bytes:
+def sent(url: str, what: bytes, timeout_s: float = PATIENCE_S) -> bytes:
     """What comes back for some bytes, until the other side hangs up."""
     place = urlsplit(url)
     with socket.create_connection((place.hostname or "", place.port or 0), timeout_s) as line:

@@ -23,8 +23,8 @@ from hil.daq.polled import PolledDaq
 from hil.description.find import descriptions
 from hil.errors import DeviceLostError, LinkError
 from tests.conftest import Install
-from tests.foreign_line import side_by_side
 from tests.links import moved
+from tests.waits import side_by_side
 
 pytestmark = pytest.mark.xdist_group("waits for twins")  # for clocks: on one worker, beside others that compute
 

@@ -18,7 +18,7 @@ from hil.daq.conformance import CHECKS, Subject, examine, left_safe, verdict_of
 from hil.errors import DeviceLostError
 from tests.liars import LIES, WIRES, Port, Server
 
-pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group("waits for liars")  # for clocks: on one worker, beside others that compute
 
 BENCH = """
 name = "liar"
@@ -59,8 +59,8 @@ terminal = "IN1"
 unit = "V"
 """
 DEVICES = {
-    "modbus": 'driver = "modbus"\nmodel = "wago-750"\naddress = "ADDRESS"\nwatchdog_s = 0.3',
-    "scpi": 'driver = "scpi"\nmodel = "scanner"\naddress = "ADDRESS"\nlongest_reply_s = 0.5',
+    "modbus": 'driver = "modbus"\nmodel = "wago-750"\naddress = "ADDRESS"\ntimeout_s = 1.0\nwatchdog_s = 1.5',
+    "scpi": 'driver = "scpi"\nmodel = "scanner"\naddress = "ADDRESS"\ntimeout_s = 1.0\nlongest_reply_s = 1.0',
 }
 TERMINALS = {"modbus": ("ao0", "ao1", "ai0", "ai1"), "scpi": ("dac4", "dac5", "in1", "in2")}
 WIRED = {"command": "flow", "second": "wire of second"}
@@ -119,7 +119,7 @@ def bench(wire: str, server: Server | Port, folder: Path, *, meter: str = "", wa
     socket_ = "" if wire == "modbus" else "socket://"
     address = f"{socket_}127.0.0.1:{server.port}" if isinstance(server, Server) else server.name
     text = BENCH.replace("DEVICE", DEVICES[wire]).replace("ADDRESS", address)
-    text = text if watchdog else text.replace("watchdog_s = 0.3", "timeout_s = 0.8")  # a busy computer would meet it
+    text = text if watchdog else text.replace("watchdog_s = 1.5", "")  # a busy computer would meet it
     if meter:
         text = text.replace("[channels.command]", f"[devices.meter]\n{meter}\n\n[channels.command]")
         text = text.replace('device = "io"\nterminal = "IN0"', 'device = "meter"\nterminal = "ai0"')

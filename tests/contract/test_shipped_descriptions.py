@@ -19,12 +19,14 @@ from hil.description.read import read_description
 from sim_devices._quirks import Quirks
 from tests.links import free_port
 
-pytestmark = pytest.mark.xdist_group("waits for descriptions")  # for clocks: on one worker, beside others that compute
+pytestmark = pytest.mark.xdist_group(
+    "waits for lies of descriptions"
+)  # for clocks: on one worker, beside others that compute
 
 NAMES = sorted(descriptions())
 DRIVES, OBEYS, GOES_SAFE = "drives_what_it_is_told", "obeys_every_command", "goes_to_its_safe_value_when_told"
 WATCHDOG, READS = "has_the_watchdog_that_it_promises", "reads_what_is_there"
-WATCHDOG_S = 0.2
+WATCHDOG_S = 1.5
 
 
 class Terminals:
@@ -164,13 +166,13 @@ def examined(name: str, lie: Lie | None) -> Iterator[Subject]:
     settings: dict[str, Any] = {
         "model": name,
         "address": address,
-        "timeout_s": 0.5,
-        "longest_reply_s": 0.5,
+        "timeout_s": 1.0,
+        "longest_reply_s": 1.0,
         **({"node": 5} if told.protocol == "canopen" else {}),
     }
     world = Terminals(wiring)
     if _watches(told) and told.protocol != "can":
-        settings |= {"watchdog_s": WATCHDOG_S, "longest_reply_s": 0.1, "timeout_s": 0.1}
+        settings["watchdog_s"] = WATCHDOG_S
     served = twin.serve(settings, Device(world, lie), Quirks())
 
     def spoil(**quirks: Any) -> None:

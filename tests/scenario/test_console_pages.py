@@ -16,8 +16,9 @@ from playwright.sync_api import Browser, BrowserContext, Page, expect
 import hil
 from hil.bench.read import read_bench
 from tests.chromium import chromium, faults_of, serious
-from tests.consoles import Lab, console, real_time_bench, until
+from tests.consoles import Lab, console, real_time_bench
 from tests.links import free_port
+from tests.waits import until
 
 pytestmark = pytest.mark.xdist_group("console")
 PAGES = ("/bench?bench=real", "/run?bench=real", "/results", "/results/{run}", "/results/trend?serial=SN-1",

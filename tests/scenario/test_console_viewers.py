@@ -20,7 +20,8 @@ import pytest
 
 import hil
 from tests.chromium import chromium
-from tests.consoles import console, real_time_bench, until
+from tests.consoles import console, real_time_bench
+from tests.waits import until
 
 pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("console")]
 

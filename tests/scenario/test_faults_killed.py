@@ -21,8 +21,9 @@ from hil.errors import LinkError, exit_status_of
 from hil.errors import told as said
 from hil.record.header import read_end
 from hil.record.read import read_recording
-from tests.faults import PATIENCE_S, Observer, observed, start_run, watchdog_of
+from tests.faults import Observer, observed, start_run, watchdog_of
 from tests.links import served
+from tests.waits import PATIENCE_S
 
 # The coupler's own watchdog stays off, so that only the watchdog process can make it safe.
 TCP = ("hpv41-modbus-tcp", ("watchdog_s = 1.0\n", ""), ("block_s = 0.1", "block_s = 0.1\nwatchdog_s = 1.0"))

@@ -21,8 +21,8 @@ import pytest
 
 from tests import observer
 from tests.links import served
+from tests.waits import PATIENCE_S
 
-PATIENCE_S = 40.0
 pytestmark = pytest.mark.slow
 
 # The shell of a terminal: when the first process of a session ends, what nobody has read from the terminal is lost.

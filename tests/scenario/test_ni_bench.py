@@ -13,8 +13,9 @@ from typing import Any
 
 import pytest
 
+from tests.waits import PATIENCE_S
+
 HERE = Path(__file__).parents[1]
-PATIENCE_S = 60.0
 HALF, RELAY = 5.0, "port1/line0"
 
 

@@ -24,9 +24,10 @@ from hil.record.header import read_end
 from hil.safety.interrupt import Halted, terminable
 from hil.safety.operator import Operator
 from tests import observer
-from tests.faults import PATIENCE_S, STRANGER, start_run
+from tests.faults import STRANGER, start_run
 from tests.links import CALM, served
 from tests.stops import posted
+from tests.waits import PATIENCE_S
 
 # The coupler's own watchdog stays off, so that only the program and its watchdog process can make it safe.
 CHANGES = (("\nwatchdog_s = 1.0\n", "\n"), ("block_s = 0.1\n", "block_s = 0.1\nwatchdog_s = 10.0\n"))

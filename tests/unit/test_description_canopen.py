@@ -6,7 +6,6 @@ import math
 import re
 import struct
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -28,6 +27,7 @@ from hil.errors import DeviceLostError, FileError, HardwareError, LinkError, Set
 from sim_devices import canopen as twin
 from sim_devices._eds import objects_of
 from tests.described import bench, input_, output, passes, written
+from tests.waits import until
 
 HERE = descriptions()["io-401"].parent
 IO = (HERE / "io-401.toml").read_text(encoding="utf-8")
@@ -117,7 +117,14 @@ def by_hand(folder: Path, objects: dict[tuple[int, int], bytes], fixed: set[int]
             model: str = "io-401", wiring: Wiring = WIRING, **more: Any) -> Iterator[tuple[Any, ByHand]]:  # fmt: skip
     node = ByHand(folder.name, objects)
     node.fixed = fixed or set()
-    told = {"model": model, "address": f"virtual:{folder.name}", "node": 5, **more}
+    told = {
+        "model": model,
+        "address": f"virtual:{folder.name}",
+        "node": 5,
+        "timeout_s": 1.0,
+        "longest_reply_s": 1.0,
+        **more,
+    }
     try:
         link = driver.open_link(driver.Settings.model_validate(told), wiring)
         try:
@@ -129,8 +136,7 @@ def by_hand(folder: Path, objects: dict[tuple[int, int], bytes], fixed: set[int]
 
 
 def read_on(link: Any) -> None:
-    for _ in range(50):
-        link.read()
+    until(lambda: link.read() is None)
 
 
 def test_a_mapping_that_would_drive_other_outputs_is_told_anew_and_read_back(tmp_path: Path) -> None:
@@ -142,8 +148,7 @@ def test_a_mapping_that_would_drive_other_outputs_is_told_anew_and_read_back(tmp
         assert node.objects[0x1016, 1] == struct.pack("<I", 127 << 16 | 1000)
         assert node.objects[0x6443, 1] == b"\x01"
         node.objects[0x6411, 2] = b"\x34\x12"
-        time.sleep(0.05)
-        assert node.nmt == [0x80, 0x01]
+        until(lambda: node.nmt == [0x80, 0x01])
         link.drive({"ao1": -5.0})
         node.objects[0x6401, 1], node.objects[0x6401, 2] = struct.pack("<h", 16384), struct.pack("<h", -32767)
         assert link.read() == pytest.approx({"ai1": 5.00015, "ai2": -10.0}, abs=1e-4)
@@ -250,8 +255,7 @@ def test_pdos_that_come_at_changes_alone_are_left_and_their_inputs_asked_for(tmp
         node.objects[0x6401, 1] = struct.pack("<h", 16384)
         link.drive({"ao1": 5.0})
         assert link.read() == pytest.approx({"ai1": 5.0002, "ai2": 0.0}, abs=1e-4)
-        time.sleep(0.05)
-        assert node.objects[0x6411, 1] == struct.pack("<h", 16384)
+        until(lambda: node.objects[0x6411, 1] == struct.pack("<h", 16384))
 
 
 WORDS = """invalid = { "0x8000" = "sensor broken", "-2" = "not taught" }
@@ -347,10 +351,7 @@ def digital_module() -> dict[tuple[int, int], bytes]:
 
 
 def stands_soon(node: ByHand, place: tuple[int, int], byte: int) -> None:
-    until_s = time.monotonic() + 1.0
-    while node.objects[place] != bytes([byte]) and time.monotonic() < until_s:
-        time.sleep(0.005)
-    assert node.objects[place] == bytes([byte])
+    until(lambda: node.objects[place] == bytes([byte]))
 
 
 def test_bits_of_an_object_are_driven_and_the_others_stay_as_they_were_found(tmp_path: Path) -> None:

@@ -27,6 +27,7 @@ from sim_devices import scpi as scpi_twin
 from sim_devices._field import Field, Side
 from sim_devices._quirks import Quirks
 from sim_devices._simulation import Simulation
+from tests.waits import until
 
 pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
@@ -44,7 +45,7 @@ SCANNER = Wiring(
     {"command": OutputChannel("command", "dac4", "voltage", "V", -12.0, 12.0)},
     {"read back": InputChannel("read back", "in3", "voltage", "V", -10.0, 10.0)},
 )
-QUICK = {"timeout_s": 0.1, "longest_reply_s": 0.3}
+CALM = {"timeout_s": 1.0, "longest_reply_s": 1.0}
 
 
 def module_of(name: str) -> ModuleDescription:
@@ -65,7 +66,7 @@ def linked(
     **settings: Any,
 ) -> Iterator[tuple[Any, Any, Side]]:
     side = twin.world(SIMULATION, {"": wiring}).side("")
-    told = {"address": "socket://127.0.0.1:0", **QUICK, **settings}
+    told = {"address": "socket://127.0.0.1:0", **CALM, **settings}
     served = twin.serve(told, side, quirks or Quirks())
     told["address"] = served.where
     try:
@@ -131,7 +132,8 @@ def test_another_module_than_the_one_that_was_named_is_refused() -> None:
 def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices() -> None:
     with module(watchdog_s=0.2) as (link, _, side):
         link.drive({"ao0": 5.0})
-        time.sleep(0.35)
+        until(lambda: side.standing("ao0") == 0.0)
+        time.sleep(0.25)
         assert side.standing("ao0") == 0.0
         with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s"):
             link.read()
@@ -247,7 +249,7 @@ def test_bad_answer_is_an_error_and_the_next_one_is_right(make: Any, elsewhere: 
     with make() as (link, served, _):
         (terminal,) = link.standing()
         link.drive({terminal: 5.0})
-        late = 0.15  # after the next request, were it sent at once
+        late = 1.5  # after the next request, were it sent at once
         served.behaviour.quirks = Quirks.model_validate({quirk: late if quirk == "late_s" else True, "answers": 1})
         if quirk == "garbled":  # one bit may still make a number; what counts is that the line stays in step
             served.behaviour.mangled = lambda answer, quirks: b"\xfe" + answer if quirks.garbled else answer
@@ -259,20 +261,17 @@ def test_bad_answer_is_an_error_and_the_next_one_is_right(make: Any, elsewhere: 
 
 @pytest.mark.parametrize("make", [scanner, module], ids=["scpi", "module"])
 def test_safe_value_does_not_wait_for_a_line_that_is_not_clean(make: Any) -> None:
-    with make() as (link, served, side):
+    with make(longest_reply_s=4.0) as (link, served, side):
         (terminal,) = link.standing()
         link.drive({terminal: 5.0})
         served.behaviour.quirks = Quirks(silent=True, answers=1)
         with pytest.raises(LinkError):
             link.standing()
-        begun_s = time.monotonic()
         thread = threading.Thread(target=link.drive, args=({terminal: 0.0},))
         thread.start()
-        while side.standing(terminal) != 0.0 and time.monotonic() - begun_s < 1.0:
-            time.sleep(0.002)
-        reached_s = time.monotonic() - begun_s
+        until(lambda: side.standing(terminal) == 0.0)
+        assert not link._line.is_clean, "it was told only when no late answer could come"
         thread.join()
-        assert reached_s < 0.1
 
 
 def test_line_that_is_gone_is_a_lost_device() -> None:

@@ -24,6 +24,7 @@ from sim_devices import j1939_valve as j1939_twin
 from sim_devices._quirks import Quirks
 from sim_devices._simulation import Simulation
 from tests.sick_bus import SickBus
+from tests.waits import PATIENCE_S
 
 pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
@@ -66,8 +67,7 @@ def bus(request: pytest.FixtureRequest) -> str:
 def linked(kind: str, bus: str, **more: Any) -> Iterator[Any]:
     driver, twin, wiring = KINDS[kind]
     served = twin.serve({"address": f"virtual:{bus}"}, twin.world(SIMULATION, {"": wiring}).side(""), Quirks())
-    patient = {"timeout_s": 0.2} if kind == "canopen" else {"timeout_s": 1.0, "longest_reply_s": 1.0}
-    told = {"address": f"sick:{bus}", **patient, **more}
+    told = {"address": f"sick:{bus}", "timeout_s": 1.0, "longest_reply_s": 1.0, "watchdog_s": 60.0, **more}
     try:
         link = driver.open_link(driver.Settings.model_validate(told), wiring)
         try:
@@ -81,7 +81,7 @@ def linked(kind: str, bus: str, **more: Any) -> Iterator[Any]:
 def moved(kind: str, link: Any, percent: float) -> dict[str, float]:
     """Drive, and read until what is read is what was driven."""
     (terminal,) = (channel.terminal for channel in KINDS[kind][2].outputs.values())
-    until_s = time.monotonic() + 2.0
+    until_s = time.monotonic() + PATIENCE_S
     while True:
         link.drive({terminal: percent})
         read: dict[str, float] = link.read()

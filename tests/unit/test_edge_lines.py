@@ -17,8 +17,9 @@ from drivers import ascii_module, scpi
 from drivers._line import Line
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
-from tests.foreign_line import ForeignLine, ended, side_by_side
+from tests.foreign_line import ForeignLine, ended
 from tests.links import free_port
+from tests.waits import side_by_side
 
 pytestmark = pytest.mark.xdist_group("waits for descriptions")  # for clocks: on one worker, beside others that compute
 

