@@ -106,6 +106,7 @@ class CanopenLink:
             for pdo in self._sent:
                 self._network.subscribe(pdo.identifier, self._on_pdo)
             self.identity = once_started(settings.startup_s, self._objects.recognised)
+            wiring.refuse_another(self.identity)
             if self._outputs:
                 self._set_up(told)
         except BaseException:

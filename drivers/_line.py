@@ -11,6 +11,7 @@ from typing import Any
 from drivers._edge import wire_log
 from drivers._start_up import once_started
 from hil.daq.address import Port, address_fault
+from hil.daq.channel import Wiring
 from hil.errors import DeviceLostError, LinkError
 
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
@@ -19,8 +20,10 @@ _LONGEST = 4096  # an answer without an end
 _FIRST = 10  # answers on a line: a device that needs a pause falls silent among them
 
 
-def answering(opened: Callable[[], Line], hello: str, startup_s: float) -> tuple[Line, str]:
+def answering(opened: Callable[[], Line], hello: str, startup_s: float, wiring: Wiring) -> tuple[Line, str]:
     """A line whose device has answered to `hello`, and what it said; only open where there is nothing to ask.
+
+    Where nothing is wanted but that outputs become safe, the line is handed over without an answer too.
 
     Raises:
         LinkError: it did not, in the time of its start-up.
@@ -29,12 +32,18 @@ def answering(opened: Callable[[], Line], hello: str, startup_s: float) -> tuple
     def asked() -> tuple[Line, str]:
         line = opened()
         try:
-            return line, line.ask_first(hello).strip() if hello else ""
+            ask = line.ask if wiring.only_safe else line.ask_first
+            return line, ask(hello).strip() if hello else ""
+        except LinkError:
+            if wiring.only_safe:
+                return line, ""
+            line.close()
+            raise
         except BaseException:
             line.close()
             raise
 
-    return once_started(startup_s, asked)
+    return once_started(0.0 if wiring.only_safe else startup_s, asked)
 
 
 class Line:

@@ -63,10 +63,14 @@ class ModbusLink:
         self._line = ModbusLine(settings, self._watchdog.heard)
         self._ready = Readiness(self._line, model, self._order, self._safe, self.watchdog_s, self._out)
         try:
-            once_started(settings.startup_s, lambda: self._reached(settings.startup_s))
+            startup_s = 0.0 if wiring.only_safe else settings.startup_s
+            once_started(startup_s, lambda: self._reached(startup_s))
+            self.identity = self._line.identity() if wiring.known_as else ""
+            wiring.refuse_another(self.identity)
             if wiring.outputs:  # a device whose inputs alone are read is left as it is
-                self._ready.made(self._go_safe, self._look_around)
-            self.identity = self._line.identity()
+                with wiring.forgiving():
+                    self._ready.made(self._go_safe, self._look_around)
+            self.identity = self.identity if wiring.known_as else self._line.identity()
         except BaseException:
             self.close()
             raise

@@ -96,13 +96,15 @@ class TextLink:
                 settings.address, settings.baud, ENDS[talk.end], settings.timeout_s, settings.longest_reply_s,
                 driver="text", echo=settings.echo or talk.echo, pause_s=max(settings.pause_s, talk.pause_s),
                 answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
-            ), talk.hello, settings.startup_s,
+            ), talk.hello, settings.startup_s, wiring,
         )  # fmt: skip
         try:
-            if talk.hello:
+            wiring.refuse_another(self.identity)
+            if self.identity or (talk.hello and not wiring.only_safe):
                 self._recognise()
             if self._outputs:
-                self._set_up(told, {c.terminal: c.safe for c in wiring.outputs.values()})
+                with wiring.forgiving():
+                    self._set_up(told, {c.terminal: c.safe for c in wiring.outputs.values()})
         except BaseException:
             self.close()
             raise

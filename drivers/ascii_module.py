@@ -130,9 +130,10 @@ class AsciiModuleLink:
         self._checked_s = time.monotonic()
         self._read_back_times = ReadBackTimes()
         try:
-            self._recognise()
+            self._recognise(wiring)
             if self.watchdog_s is not None and self._outputs:
-                self._done(f"$%X{round(10.0 * self.watchdog_s):04d}")
+                with wiring.forgiving():
+                    self._done(f"$%X{round(10.0 * self.watchdog_s):04d}")
         except BaseException:
             self.close()
             raise
@@ -189,10 +190,12 @@ class AsciiModuleLink:
         """Close the line."""
         self._line.close()
 
-    def _recognise(self) -> None:
+    def _recognise(self, wiring: Wiring) -> None:
         try:
             name = self._ask("$%M", "!%")
         except LinkError:  # what an earlier program left on the line may have come in between
+            if wiring.only_safe:
+                return
             name = self._ask("$%M", "!%")
         if name != self._model.module_name:
             raise LinkError(f"module {self._at} is a '{name}', not a {self._model.module_name}")

@@ -185,6 +185,7 @@ class CanopenValveLink:
                 self._network.subscribe(base + settings.node, heard)
             self._recognise()
             self.identity = self._told_identity()
+            self._refuse_another(wiring)
             if self._commands:
                 self._configure()
                 self._activate([c.safe for c in wiring.outputs.values()])
@@ -242,6 +243,13 @@ class CanopenValveLink:
             wanted = of_file.default if of_file is not None else None
             if wanted and (said := self._unsigned(0x1018, sub)) != wanted:
                 raise LinkError(f"node {self._settings.node} is of {what} {said:#x}, its file is of {wanted:#x}")
+
+    def _refuse_another(self, wiring: Wiring) -> None:
+        try:
+            wiring.refuse_another(self.identity)
+        except DeviceLostError:
+            self._commands = False  # it is not ours to step down either
+            raise
 
     def _told_identity(self) -> str:
         told = []

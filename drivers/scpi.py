@@ -124,7 +124,7 @@ class ScpiLink:
             lambda: Line(
                 settings.address, settings.baud, ENDS[settings.end], settings.timeout_s, settings.longest_reply_s,
                 driver="scpi", echo=settings.echo or told.text.echo, pause_s=max(settings.pause_s, told.text.pause_s),
-            ), "*CLS;*IDN?", settings.startup_s,
+            ), "*CLS;*IDN?", settings.startup_s, wiring,
         )  # fmt: skip
         self._outputs = {c.terminal: told.whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: told.whole[c.terminal] for c in wiring.inputs.values()}
@@ -133,17 +133,21 @@ class ScpiLink:
         self._checked_s = time.monotonic()
         self._read_back_times = ReadBackTimes()
         try:
-            if self.identity.count(",") != 3:
-                raise LinkError(
-                    f"'{self.identity}' is not the identity of a SCPI instrument (maker,model,serial,version)"
-                )
-            if matched(told.text.identity, self.identity, self._written) is None:
-                raise LinkError(f"it says that it is '{self.identity}', not '{told.text.identity}'")
+            if self.identity or not wiring.only_safe:
+                self._recognise(told.text.identity)
+            wiring.refuse_another(self.identity)
             if self._outputs and self._setup:
-                self._asked(list(self._setup))
+                with wiring.forgiving():
+                    self._asked(list(self._setup))
         except BaseException:
             self.close()
             raise
+
+    def _recognise(self, wanted: str) -> None:
+        if self.identity.count(",") != 3:
+            raise LinkError(f"'{self.identity}' is not the identity of a SCPI instrument (maker,model,serial,version)")
+        if matched(wanted, self.identity, self._written) is None:
+            raise LinkError(f"it says that it is '{self.identity}', not '{wanted}'")
 
     def standing(self) -> dict[str, float]:
         """Where the outputs stand, as the instrument tells."""

@@ -13,6 +13,7 @@ HilError
 └── HardwareError         the bench failed                            exit status 3
     ├── LinkError         no or garbled answer from a device
     ├── DeviceLostError   the device is gone
+    │   └── UnansweredError  it was told to be safe, and did not answer
     ├── OutputUnderflowError the output ran out of samples
     ├── OverrunError      input samples were overwritten before they were read
     ├── StorageError      the recording could not be written (disk full)
@@ -92,6 +93,10 @@ class LinkError(HardwareError):
 
 class DeviceLostError(HardwareError):
     """The device is gone: unplugged, powered off, or its link is down. Its outputs cannot be made safe from here."""
+
+
+class UnansweredError(DeviceLostError):
+    """A device was told to make its outputs safe, and did not answer."""
 
 
 class OutputUnderflowError(HardwareError):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -19,6 +19,7 @@ from hil.bench.lines import Place
 from hil.catalog import Kind, find
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.contract import Daq
+from hil.daq.pin import Pin
 from hil.errors import HardwareError, HilError, LinkError
 
 if TYPE_CHECKING:
@@ -29,30 +30,35 @@ _WHATEVER = (Exception, SystemExit)  # that a driver may throw; Ctrl-C is not it
 
 @dataclass(frozen=True, slots=True)
 class DeviceInUse:
-    """A device of a bench, not yet opened."""
+    """A device of a bench, not yet opened. However often it is opened, it is the same one (see `hil.daq.pin.Pin`)."""
 
     name: str
     module: ModuleType
     settings: BaseModel
     terminals: Mapping[str, Terminal]
+    pin: Pin = field(init=False, compare=False)
 
-    def open(self, channels: Mapping[str, ChannelEntry], *, looked_at: bool = False) -> Daq:
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "pin", Pin(self.module, self.settings))
+
+    def open(self, channels: Mapping[str, ChannelEntry], *, looked_at: bool = False, only_safe: bool = False) -> Daq:
         """Open it with these channels, the outputs where they were found.
 
         Args:
             channels: of the bench.
             looked_at: nothing is run: an input without a measurement is shown as such, not refused.
-        """
-        wiring = replace(self.wiring(channels), looked_at=looked_at)
-        if mixes(self.module):
-            return self._polled(wiring, measured=True)
-        with named(self.name):
-            daq: Daq = self.module.open_daq(self.settings, wiring)
-        return daq
+            only_safe: nothing is wanted but that its outputs become safe, as fast as can be: not measured first, and
+                told also where nobody answers.
 
-    def open_to_make_safe(self, channels: Mapping[str, ChannelEntry]) -> Daq:
-        """Open it with these channels as fast as it can be, for nothing else than making its outputs safe."""
-        return self._polled(self.wiring(channels), measured=False) if mixes(self.module) else self.open(channels)
+        Raises:
+            DeviceLostError: it is not there, or another device has its name or address now.
+            LinkError: it does not answer.
+        """
+        wiring = replace(self.wiring(channels), looked_at=looked_at, only_safe=only_safe)
+        with named(self.name):
+            if not mixes(self.module):
+                return self.pin.daq(wiring)
+            return polled_of({self.name: self.pin.link(wiring)}, {self.name: wiring}, {self.name: self})
 
     def wiring(self, channels: Mapping[str, ChannelEntry]) -> Wiring:
         """The channels that are connected to this device, in raw units."""
@@ -61,14 +67,6 @@ class DeviceInUse:
             {name: self._output(name, channel) for name, channel in mine.items() if channel.is_output},
             {name: self._input(name, channel) for name, channel in mine.items() if not channel.is_output},
         )
-
-    def _polled(self, wiring: Wiring, *, measured: bool) -> Daq:
-        """Its link under the name that it has on this bench, so that whatever it raises says that name once."""
-        from hil.daq.polled import PolledDaq
-
-        with named(self.name):
-            link = self.module.open_link(self.settings, wiring)
-            return PolledDaq({self.name: link}, {self.name: wiring}, measured=measured)
 
     def _output(self, name: str, channel: ChannelEntry) -> OutputChannel:
         terminal = self.terminals[channel.terminal]
@@ -149,20 +147,27 @@ def open_devices(devices: Mapping[str, DeviceInUse], channels: Mapping[str, Chan
     if len(devices) == 1:
         (device,) = devices.values()
         return device.open(channels)
-    from hil.daq.polled import PolledDaq
-
     wirings = {name: device.wiring(channels) for name, device in devices.items()}
     links: dict[str, Link] = {}
     try:
         for name, device in devices.items():
             with named(name):
-                links[name] = device.module.open_link(device.settings, wirings[name])
+                links[name] = device.pin.link(wirings[name])
     except BaseException:
         for link in links.values():
             with suppress(Exception):  # one that cannot be closed keeps no other from it
                 link.close()
         raise
-    return PolledDaq(links, wirings)
+    return polled_of(links, wirings, devices)
+
+
+def polled_of(links: Mapping[str, Link], wirings: Mapping[str, Wiring], devices: Mapping[str, DeviceInUse]) -> Daq:
+    """Links under the names that they have on this bench, so that whatever they raise says that name once."""
+    from hil.daq.polled import PolledDaq
+
+    doubts = {name: devices[name].pin.doubt for name in links}
+    measured = not any(wiring.only_safe for wiring in wirings.values())
+    return PolledDaq(links, wirings, measured=measured, doubts=doubts)
 
 
 def simulation_of(names: Collection[str], draft: Draft | Bench, folder: Path) -> dict[str, Any]:

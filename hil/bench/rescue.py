@@ -175,7 +175,7 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
     known = Outputs()
     try:
         if any(entry.device == device.name for entry in outputs.values()):
-            daq = file.devices[device.name].open_to_make_safe(outputs)
+            daq = file.devices[device.name].open(outputs, only_safe=True)
             device.moved = any(daq.levels.get(name) != channel.safe for name, channel in daq.outputs.items())
             _ask_to_be_safe(daq, known)
     except BaseException as error:

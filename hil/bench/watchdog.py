@@ -41,7 +41,6 @@ from hil.bench.heartbeat import (
     units_of,
 )
 from hil.bench.lease import leased
-from hil.bench.pinned import pinned
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.rescue import Rescue, tried_once
 from hil.bench.stop.control import withdraw
@@ -72,7 +71,7 @@ def main(path: str, pid: str, run: str, folder: str) -> int:
 
 def _watch(path: Path, pid: int, run: Path) -> int:
     try:
-        file = pinned(read_bench(path))
+        file = read_bench(path)
         left = tried_once(file)
         if left:
             raise HardwareError("; ".join(left))

@@ -64,14 +64,29 @@ class Port:
         Raises:
             DeviceLostError: it is not there, or another device is.
         """
-        path, identity = found(self._address)
-        if self._identity and identity != self._identity:
-            raise DeviceLostError(
-                f"{self._address}: another device has this name now ({identity}); the one that was opened "
-                f"({self._identity}) is not there"
-            )
-        self._identity = identity
-        return path
+        return self.now()[0]
+
+    def now(self) -> tuple[str, bool]:
+        """Where to open it, and whether that is elsewhere than its name says: its adapter may have another name now.
+
+        Raises:
+            DeviceLostError: it is not there, or another device is.
+        """
+        try:
+            path, identity = found(self._address)
+        except DeviceLostError:
+            if elsewhere := _port_of(self._identity):
+                return elsewhere, True
+            raise
+        if not self._identity or identity == self._identity:
+            self._identity = identity
+            return path, False
+        if elsewhere := _port_of(self._identity):
+            return elsewhere, True
+        raise DeviceLostError(
+            f"{self._address}: another device has this name now ({identity}); the one that was opened "
+            f"({self._identity}) is not there"
+        )
 
 
 def found(address: str) -> tuple[str, str]:
@@ -162,14 +177,24 @@ def _usb_port(address: str) -> str:
 
 def _usb_identity(path: str) -> str:
     real = os.path.realpath(path)
-    for port in _ports():
-        if port.vid is not None and os.path.realpath(port.device) == real:
-            kind = f"USB adapter {port.vid:04x}:{port.pid:04x}"
-            interface = (port.location or "").partition(":")[2]
-            if port.serial_number:
-                return f"{kind} number {port.serial_number}" + (f", interface {interface}" if interface else "")
-            return f"{kind} without number at {port.location}"
-    return ""
+    return next((_adapter(port) for port in _ports() if os.path.realpath(port.device) == real), "")
+
+
+def _adapter(port: Any) -> str:
+    """What a serial port belongs to; empty where it is none of a USB adapter."""
+    if port.vid is None:
+        return ""
+    kind = f"USB adapter {port.vid:04x}:{port.pid:04x}"
+    interface = (port.location or "").partition(":")[2]
+    if port.serial_number:
+        return f"{kind} number {port.serial_number}" + (f", interface {interface}" if interface else "")
+    return f"{kind} without number at {port.location}"
+
+
+def _port_of(identity: str) -> str:
+    """The port of the one adapter with this serial number, wherever it is now; empty where there is none."""
+    ports = [port for port in _ports() if " number " in identity and _adapter(port) == identity]
+    return str(ports[0].device) if len(ports) == 1 else ""
 
 
 def _ports() -> Iterable[Any]:

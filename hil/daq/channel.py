@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Literal
+
+from hil.errors import DeviceLostError, LinkError
 
 Direction = Literal["out", "in"]
 Kind = Literal["voltage", "current", "pwm_current", "digital", "value"]
@@ -92,8 +95,32 @@ class Wiring:
 
     Attributes:
         looked_at: nothing is run: an input without a measurement is shown as such, not refused.
+        only_safe: nothing is wanted but that outputs become safe: they are told so also where nobody answers.
+        known_as: what the device said that it is when it was opened before; empty where that is not known.
     """
 
     outputs: Mapping[str, OutputChannel]
     inputs: Mapping[str, InputChannel]
     looked_at: bool = False
+    only_safe: bool = False
+    known_as: str = ""
+
+    def refuse_another(self, identity: str) -> None:
+        """Called by a driver as soon as its device has said what it is, before anything is written to it.
+
+        Raises:
+            DeviceLostError: it is another one than before.
+        """
+        if identity and self.known_as and identity != self.known_as:
+            raise DeviceLostError(
+                f"another device answers: it says that it is {identity}; {self.known_as} was opened before"
+            )
+
+    @contextmanager
+    def forgiving(self) -> Iterator[None]:
+        """Goes on when nobody answers inside, where nothing is wanted but that outputs become safe."""
+        try:
+            yield
+        except LinkError:
+            if not self.only_safe:
+                raise

@@ -28,8 +28,8 @@ class Link(Protocol):
 
     A device that tells its readings without being asked may say `reading_age_s`: how old one is on average. One that
     says what it is (a serial number) may keep that as `identity`, empty when it has not: who answers to its address
-    with another one later is another device. One that says why an input has no measurement may keep that after each
-    `read` as `unmeasured`, in words by terminal.
+    with another one later is another device. It asks before it writes, and calls `Wiring.refuse_another`. One that
+    says why an input has no measurement may keep that after each `read` as `unmeasured`, in words by terminal.
     """
 
     watchdog_s: float | None
@@ -62,12 +62,15 @@ class Link(Protocol):
 
 @dataclass(slots=True)
 class Member:
-    """A link of a DAQ, the channels on it, and how long it took of late."""
+    """A link of a DAQ, the channels on it, and how long it took of late; `doubt`: why what it says is not believed,
+    given what it says that it is.
+    """
 
     name: str
     link: Link
     wiring: Wiring
     clock: Clock
+    doubt: Callable[[str], str] = lambda _identity: ""
     read_after_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
     read_for_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
@@ -75,6 +78,11 @@ class Member:
     def delay_name(self) -> str:
         """Under which blocks keep how long after the update of the outputs it was read."""
         return f"delay of {self.name}"
+
+    @property
+    def identity(self) -> str:
+        """What the device says that it is; empty where it says nothing."""
+        return str(getattr(self.link, "identity", ""))
 
     @property
     def reading_age_s(self) -> float:
@@ -113,7 +121,9 @@ class Member:
         rescue = f"its own watchdog acts after {watchdog_s:g} s" if watchdog_s else ""
         try:
             values = self._named(self.link.standing) if self.wiring.outputs else {}
-            told = {terminal: _answer(float(value), rescue) for terminal, value in values.items()}
+            told = {
+                terminal: _answer(float(value), rescue, self.doubt(self.identity)) for terminal, value in values.items()
+            }
         except Exception as error:
             return dict.fromkeys(self.wiring.outputs, ReadBack(why=str(error), rescue=rescue))
         return {name: told.get(channel.terminal, CANNOT_BE_ASKED) for name, channel in self.wiring.outputs.items()}
@@ -129,6 +139,6 @@ class Member:
             raise LinkError(f"{self.name}: {type(error).__name__}: {error}") from error
 
 
-def _answer(at: float, rescue: str) -> ReadBack:
-    why = "the device says only that it is not at its safe value" if math.isnan(at) else ""
+def _answer(at: float, rescue: str, doubt: str) -> ReadBack:
+    why = "the device says only that it is not at its safe value" if math.isnan(at) else doubt
     return ReadBack(None if why else at, why=why, rescue=rescue)

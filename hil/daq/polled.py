@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, suppress
+from types import MappingProxyType
 from typing import TypeVar
 
 import numpy as np
@@ -21,7 +22,7 @@ from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Block, Promises, ReadBack, Waveform
 from hil.daq.link import WHATEVER, Link, Member
 from hil.daq.polling import BEHIND_S, Taken, Task
-from hil.errors import DeviceLostError, HardwareError, LinkError
+from hil.errors import DeviceLostError, HardwareError, LinkError, UnansweredError
 
 _T = TypeVar("_T")
 
@@ -54,7 +55,9 @@ class PolledDaq:
         links: by name of the device; the DAQ closes them.
         wirings: what is connected to each.
         clock: by which samples are due and stamped; the host's monotonic one when not given.
-        measured: whether it is measured first how long a sample takes. Who only makes outputs safe has no time for it.
+        measured: whether it is measured first how long a sample takes. Who only makes outputs safe has no time for it,
+            and tells also a device that does not answer.
+        doubts: by device, why nothing that it says is believed, given what it says that it is.
 
     Raises:
         HardwareError: a device does not answer, or too slowly for its own watchdog. All links are closed then.
@@ -67,9 +70,12 @@ class PolledDaq:
         clock: Clock | None = None,
         *,
         measured: bool = True,
+        doubts: Mapping[str, Callable[[str], str]] = MappingProxyType({}),
     ) -> None:
         self._clock = RealClock() if clock is None else clock
         self._members = [Member(name, link, wirings[name], self._clock) for name, link in links.items()]
+        for member in self._members:
+            member.doubt = doubts.get(member.name, member.doubt)
         self.outputs: Mapping[str, OutputChannel] = _merged(member.wiring.outputs for member in self._members)
         self.inputs: Mapping[str, InputChannel] = _merged(member.wiring.inputs for member in self._members)
         self._lock = threading.Lock()
@@ -80,7 +86,7 @@ class PolledDaq:
         self._blind_s = 0.0
         self._zero_s = self._used_s = self._told_s = self._clock.now_s
         try:
-            self.levels: Mapping[str, float] = _merged(member.standing() for member in self._members)
+            self.levels: Mapping[str, float] = _merged(self._standing(member, measured) for member in self._members)
             self._cycle_s = self._measured() if measured else _SHORTEST_S
             self._samples_s = deque([self._cycle_s], maxlen=_OF_LATE)
             self._refuse_too_slow_for_watchdogs()
@@ -92,7 +98,7 @@ class PolledDaq:
     @property
     def identities(self) -> Mapping[str, str]:
         """What each device says that it is; empty where it says nothing."""
-        return {member.name: str(getattr(member.link, "identity", "")) for member in self._members}
+        return {member.name: member.identity for member in self._members}
 
     @property
     def promises(self) -> Promises:
@@ -127,7 +133,8 @@ class PolledDaq:
         """Stop what plays, and put every output at its safe value, whatever the other links do.
 
         Raises:
-            DeviceLostError: an output could not be reached.
+            UnansweredError: every device was told, and one did not answer.
+            DeviceLostError: one could not be told.
         """
         if self._ended.is_set():
             return
@@ -137,7 +144,10 @@ class PolledDaq:
             left = self._driven_safe([member for member, _ in left])
             self._told_safe = True
             if left:  # said before the lock is given up: the keep-alive must not drive again what stood before
-                self._failed = DeviceLostError("; ".join(str(failure) for _, failure in left))
+                told = all(isinstance(failure, LinkError) for _, failure in left)
+                self._failed = (UnansweredError if told else DeviceLostError)(
+                    "; ".join(str(failure) for _, failure in left)
+                )
                 raise self._failed
 
     def read_back(self) -> Mapping[str, ReadBack]:
@@ -169,6 +179,15 @@ class PolledDaq:
             else:
                 self.levels = {**self.levels, **mine}
         return left
+
+    @staticmethod
+    def _standing(member: Member, measured: bool) -> dict[str, float]:
+        try:
+            return member.standing()
+        except LinkError:
+            if measured:
+                raise
+            return {}
 
     def _measured(self) -> float:
         """How long one sample takes on all links together; asking where outputs stand counts as driving them."""
@@ -211,7 +230,7 @@ class PolledDaq:
             watchdog_s, outputs = member.link.watchdog_s, member.wiring.outputs
             if watchdog_s is None or member.link.keep_alive_s is None or silent_s <= watchdog_s:
                 continue
-            if any(self.levels[name] != channel.safe for name, channel in outputs.items()):
+            if any(self.levels.get(name) != channel.safe for name, channel in outputs.items()):
                 raise LinkError(
                     f"{member.name}: nothing was said to it for {silent_s:.3g} s, longer than its own watchdog of "
                     f"{watchdog_s:g} s, and where its outputs stood meanwhile is not known"

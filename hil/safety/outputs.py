@@ -18,7 +18,7 @@ import numpy as np
 from hil.clock import Clock, RealClock
 from hil.daq.channel import OutputChannel
 from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
-from hil.errors import HilError, NotSafeError, marked, reason
+from hil.errors import HilError, NotSafeError, UnansweredError, marked, reason
 from hil.language.words import _
 from hil.safety.interrupt import status_of
 
@@ -204,11 +204,11 @@ class Outputs:
 
     def _asked(self, daq: Daq, alive: Callable[[], None]) -> None:
         """Tell them once, and ask once."""
-        failure = ""
+        failure, was_told = "", True
         try:
             daq.make_safe()
         except BaseException as error:
-            failure = reason(error)
+            failure, was_told = reason(error), isinstance(error, UnansweredError)
         alive()
         try:
             answers = daq.read_back()
@@ -216,16 +216,19 @@ class Outputs:
             answers = dict.fromkeys(self._known, ReadBack(why=reason(error)))
         alive()
         for name in self._known:
-            self._known[name] = self._after(name, answers.get(name, CANNOT_BE_ASKED), failure, daq.levels)
+            level = None if was_told else daq.levels.get(name)
+            self._known[name] = self._after(name, answers.get(name, CANNOT_BE_ASKED), failure, was_told, level)
 
-    def _after(self, name: str, answer: ReadBack, failure: str, levels: Mapping[str, float]) -> Output:
+    def _after(self, name: str, answer: ReadBack, failure: str, was_told: bool, level: float | None) -> Output:
         before, channel = self._known[name], self._channels[name]
         known = replace(before, can=answer.can, why=answer.why or failure, rescue=answer.rescue, at_utc=_now_utc())
         if answer.at is not None:
             safe = abs(answer.at - channel.safe) <= _AGREES * (channel.high - channel.low)
             return replace(known, state=State.SAFE if safe else State.DRIVEN, at=answer.at, why="")
-        if failure:  # a way to the safe values that was planned is no place where it was driven to
-            return replace(known, state=State.UNKNOWN, at=levels.get(name, known.at))
+        if not was_told:  # a way to the safe values that was planned is no place where it was driven to
+            return replace(known, state=State.UNKNOWN, at=known.at if level is None else level)
+        if failure and not answer.can:  # told, and silent: an answer would have been all that there is
+            return replace(known, state=State.UNKNOWN)
         return replace(known, state=State.UNCONFIRMED, at=None)
 
 

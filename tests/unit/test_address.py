@@ -12,9 +12,11 @@ import pytest
 
 from drivers import modbus
 from drivers._line import Line
+from drivers._modbus_line import ModbusLine
 from hil.bench.find import benches
-from hil.bench.pinned import PinnedDevice, pinned
 from hil.bench.read import read_bench
+from hil.bench.rescue import Rescue, tried_once
+from hil.bench.stop.desk import Desk
 from hil.daq import address
 from hil.daq.address import Port, places_of
 from hil.daq.channel import OutputChannel, Wiring
@@ -130,7 +132,7 @@ def test_the_coupler_that_has_the_name_of_a_lost_one_is_left_alone(tmp_path: Pat
         other = modbus.open_link(settings.model_copy(update={"address": str(there)}), wiring)
         other.drive({"ao0": 3.0})
         other.close()
-        watched = pinned(file).devices["io"]
+        watched = file.devices["io"]
         watched.open(file.bench.channels).close()
         link = modbus.open_link(settings, wiring)
         link.drive({"ao0": 5.0})
@@ -163,14 +165,84 @@ def test_a_port_that_another_program_has_is_said_to_be_so(tmp_path: Path) -> Non
         modbus.open_link(settings, Wiring({}, {})).close()
 
 
+def _at(settings: modbus.Settings, address: str, volts: float | None = None) -> float:
+    """Where an output stands at an address, driven there first."""
+    wiring = Wiring({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)}, {})
+    link = modbus.open_link(settings.model_copy(update={"address": address}), wiring)
+    if volts is not None:
+        link.drive({"ao0": volts})
+    stands = link.standing()["ao0"]
+    link.close()
+    return float(stands)
+
+
+def test_the_watchdog_writes_nothing_to_the_port_that_has_the_name_of_ours(tmp_path: Path) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    bench = "hpv41-modbus-rtu"
+    with served(bench, tmp_path / "a", *PATIENT) as (file, _), served(bench, tmp_path / "b") as (_, twins):
+        settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
+        name, there, own = Path(settings.address), twins["io"].where, Path(settings.address).readlink()
+        for address in (str(own), there):
+            _at(settings, address, 3.0)
+        assert tried_once(file) == [] and _at(settings, str(own)) == 0.0
+        _at(settings, str(own), 3.0)
+        name.unlink()
+        name.symlink_to(Path(there).readlink())  # two adapters swap their names
+        (left,) = tried_once(file)
+        assert "another device has this name now" in left
+        assert [_at(settings, at) for at in (str(own), there)] == pytest.approx([3.0, 3.0], abs=1e-3)
+
+
+def test_the_watchdog_finds_the_adapter_that_has_another_name_by_its_number(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for folder in ("a", "b"):
+        (tmp_path / folder).mkdir()
+    bench = "hpv41-modbus-rtu"
+    with served(bench, tmp_path / "a", *PATIENT) as (file, _), served(bench, tmp_path / "b") as (_, twins):
+        settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
+        name, there, own = Path(settings.address), twins["io"].where, Path(settings.address).readlink()
+        monkeypatch.setattr(address, "_ports", lambda: [
+            SimpleNamespace(device=str(port), vid=0x0403, pid=0x6001, serial_number=number, location=None)
+            for port, number in ((own, "OURS"), (Path(there).readlink(), "THEIRS"))
+        ])  # fmt: skip
+        assert tried_once(file) == []
+        for at in (str(own), there):
+            _at(settings, at, 3.0)
+        name.unlink()
+        name.symlink_to(Path(there).readlink())
+        assert tried_once(file) == []
+        assert [_at(settings, at) for at in (str(own), there)] == pytest.approx([0.0, 3.0], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("said", "says", "stands"),
+    [("another one", "another device answers: it says that it is another one; WAGO", 3.0),
+     ("", "it does not say what it is; WAGO", 0.0)],
+)  # fmt: skip
+def test_who_answers_as_another_one_is_told_nothing_and_who_says_nothing_is_told_to_be_safe(
+    said: str, says: str, stands: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with served("hpv41-modbus-tcp", tmp_path, ("watchdog_s = 1.0", "")) as (file, _):
+        settings = modbus.Settings.model_validate(file.bench.devices["io"].settings)
+        monkeypatch.setattr(ModbusLine, "identity", lambda _line: "WAGO")
+        rescue = Rescue(file, Desk({}, "watchdog", lambda _wish: None))
+        assert tried_once(file) == []
+        _at(settings, settings.address, 3.0)
+        monkeypatch.setattr(ModbusLine, "identity", lambda _line: said)
+        rescue.at_once()
+        assert says in rescue.left[0]
+        assert rescue.outputs["command"].state == ("unknown" if said else "unconfirmed")
+        assert _at(settings, settings.address) == pytest.approx(stands, abs=1e-3)
+
+
 def test_who_answers_as_another_one_is_another_device(tmp_path: Path) -> None:
     with served("hpv41-serial", tmp_path, *PATIENT) as (file, _):
-        watched = pinned(file)
-        device = watched.devices["module"]
-        assert isinstance(device, PinnedDevice)
+        device = file.devices["module"]
         for _ in range(2):
             device.open(file.bench.channels).close()
-        device.answered.update(dict.fromkeys(device.answered, "another module at 01"))
+        device.pin.identity = "another module at 01"
         with pytest.raises(
             DeviceLostError, match=r"it says that it is .* at 01; another module at 01 was opened before"
         ):

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Daq
+from hil.daq.pin import Pin
 from hil.errors import HardwareError
 
 AGREES = 0.005  # of an output's range: what a protocol may round
@@ -100,6 +101,10 @@ class Subject:
     witnesses: Mapping[str, Witness] = field(default_factory=dict)
     responses: tuple[str, ...] = ()
     settling_s: float = 1.0
+    _pin: Pin = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_pin", Pin(self.module, self.settings))
 
     @contextmanager
     def link(self) -> Iterator[Any]:
@@ -117,7 +122,7 @@ class Subject:
         """A link that is opened, and closed again as it is."""
         if not hasattr(self.module, "open_link"):
             raise LeftOut("this driver times its samples by itself")
-        link = self.module.open_link(self.settings, self.wiring)
+        link = self._pin.link(self.wiring)
         try:
             yield link
         finally:
@@ -126,7 +131,7 @@ class Subject:
     @contextmanager
     def daq(self) -> Iterator[Daq]:
         """The device as a DAQ, its outputs made safe afterwards."""
-        daq = self.module.open_daq(self.settings, self.wiring)
+        daq = self._pin.daq(self.wiring)
         try:
             yield daq
         finally:

@@ -1,0 +1,82 @@
+"""The one way to open a device: it stays the one that was opened first, whatever comes to have its name."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+
+from hil.daq.address import Port
+from hil.daq.channel import Wiring
+from hil.daq.contract import Daq
+from hil.errors import HardwareError
+
+if TYPE_CHECKING:
+    from hil.daq.link import Link
+
+
+@dataclass(slots=True)
+class Pin:
+    """Which device it is that a bench names: its port, and what it says that it is, as they were at the first opening.
+
+    Another device that has its name is refused before anything is written to it, where its port tells or its driver
+    asks; its own port is looked for by the serial number of its adapter. One that does not say what it is, and did
+    before, is told its safe values all the same, and nothing that it says is believed.
+
+    Attributes:
+        module, settings: its driver, and how that reaches it.
+        identity: what it said that it is.
+    """
+
+    module: ModuleType
+    settings: BaseModel
+    identity: str = ""
+    _port: Port = field(init=False)
+
+    def __post_init__(self) -> None:
+        self._port = Port(str(getattr(self.settings, "address", "")))
+
+    def link(self, wiring: Wiring) -> Link:
+        """Its link.
+
+        Raises:
+            DeviceLostError: it is not there, or another one is.
+            LinkError: it does not answer.
+        """
+        link: Link = self.module.open_link(self._found(), self._known(wiring))
+        self._recognise(link, str(getattr(link, "identity", "")), wiring)
+        return link
+
+    def daq(self, wiring: Wiring) -> Daq:
+        """The device alone as a DAQ, as its driver makes it. Raises as `link`."""
+        daq: Daq = self.module.open_daq(self._found(), self._known(wiring))
+        for identity in getattr(daq, "identities", {}).values():
+            self._recognise(daq, identity, wiring)
+        return daq
+
+    def doubt(self, identity: str) -> str:
+        """Why nothing is believed of who says that it is this; empty where there is no doubt."""
+        if not self.identity or identity == self.identity:
+            return ""
+        said = f"another device answers: it says that it is {identity}" if identity else "it does not say what it is"
+        return f"{said}; {self.identity} was opened before"
+
+    def _known(self, wiring: Wiring) -> Wiring:
+        return replace(wiring, known_as=self.identity)
+
+    def _found(self) -> BaseModel:
+        """Its settings, with the path at which its adapter is now where its name leads to another one."""
+        path, is_elsewhere = self._port.now()
+        return self.settings.model_copy(update={"address": path}) if is_elsewhere else self.settings
+
+    def _recognise(self, opened: Any, identity: str, wiring: Wiring) -> None:
+        try:
+            self._known(wiring).refuse_another(identity)
+        except HardwareError:
+            with suppress(Exception):
+                opened.close()
+            raise
+        self.identity = self.identity or identity
