@@ -20,7 +20,12 @@ from tests.waits import PATIENCE_S
 # Changes for benches that have such lines. Patient: links wait while a busy host does something else.
 PATIENT = (
     *((f'driver = "{name}"\n', f'driver = "{name}"\ntimeout_s = 1.0\n') for name in ("modbus", "ascii_module", "scpi")),
-    ('driver = "canopen_valve"\n', 'driver = "canopen_valve"\ntimeout_s = 0.25\n'),
+    ('driver = "canopen_valve"\n', 'driver = "canopen_valve"\ntimeout_s = 1.0\nlongest_reply_s = 1.0\n'),
+    ('driver = "pwm_amplifier"\n', 'driver = "pwm_amplifier"\ntimeout_s = 1.0\n'),
+    ("node = 1\nwatchdog_s = 0.5\n", "node = 1\nwatchdog_s = 10.0\n"),
+    ("node = 1\n\n", "node = 1\nwatchdog_s = 10.0\n\n"),
+    ("valve = 1\n", "valve = 1\ntimeout_s = 1.0\nlongest_reply_s = 1.0\nwatchdog_s = 10.0\n"),
+    ("watchdog_s = 1.0\n", "watchdog_s = 10.0\n"),
 )
 CALM = (
     *PATIENT,

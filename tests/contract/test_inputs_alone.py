@@ -11,7 +11,7 @@ import pytest
 from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.daq.contract import Waveform
-from tests.links import served
+from tests.links import PATIENT, served
 from tests.ni_board import Board, Device, Task
 from tests.recorded_line import RecordedLine
 
@@ -19,7 +19,7 @@ from tests.recorded_line import RecordedLine
 @pytest.mark.parametrize("bench", ["hpv41-modbus-tcp", "hpv41-serial", "hpv41-canopen", "hpv41-j1939",
                                    "cummins-efc-modbus"])  # fmt: skip
 def test_every_device_is_read_and_left_as_it_is(bench: str, tmp_path: Path) -> None:
-    with served(bench, tmp_path) as (file, devices):
+    with served(bench, tmp_path, *PATIENT) as (file, devices):
         driven = [_counted(device) for device in devices.values()]
         for name, device in file.devices.items():
             inputs = _inputs_of(file, name)
@@ -69,7 +69,7 @@ def test_a_simulated_device_too() -> None:
 
 
 def test_on_canopen_nothing_but_uploads_is_sent(tmp_path: Path) -> None:
-    with served("hpv41-canopen", tmp_path) as (file, _):
+    with served("hpv41-canopen", tmp_path, *PATIENT) as (file, _):
         (name,) = (name for name, device in file.bench.devices.items() if device.driver == "canopen_valve")
         port = str(file.bench.devices[name].settings["address"]).rpartition(":")[2]
         line = RecordedLine(int(port))

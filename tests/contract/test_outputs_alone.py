@@ -16,7 +16,7 @@ from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.catalog import entries
 from hil.daq.contract import Waveform
-from tests.links import served
+from tests.links import PATIENT, served
 from tests.ni_board import Board, Device, Task
 
 # By driver: the bench that is served for it, and how its text is changed so that the driver has the command.
@@ -65,7 +65,7 @@ def test_every_driver_is_opened_so() -> None:
 @pytest.mark.parametrize("driver", BENCHES)
 def test_outputs_alone_are_made_safe(driver: str, tmp_path: Path) -> None:
     bench, changes = BENCHES[driver]
-    with served(bench, tmp_path, *changes) as (file, devices):
+    with served(bench, tmp_path, *changes, *PATIENT) as (file, devices):
         outputs = {name: entry for name, entry in file.bench.channels.items() if entry.is_output}
         (name,) = {entry.device for entry in outputs.values()}
         assert file.bench.devices[name].driver == driver

@@ -13,7 +13,7 @@ from hil.bench.read import BenchFile
 from hil.daq.channel import OutputChannel
 from hil.errors import LinkError, told
 from hil.safety.outputs import Outputs
-from tests.links import served
+from tests.links import PATIENT, served
 
 
 def lose(file: BenchFile, run: Path, known: Outputs) -> None:
@@ -25,7 +25,7 @@ def lose(file: BenchFile, run: Path, known: Outputs) -> None:
 def test_a_run_that_lost_its_device_tells_who_goes_on_and_where_that_is_told(tmp_path: Path) -> None:
     run = tmp_path / "run"
     run.mkdir()
-    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
+    with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, _):
         known = Outputs()
         with pytest.raises(LinkError) as raised:
             lose(file, run, known)

@@ -21,7 +21,7 @@ from hil.bench.stop.desk import Desk
 from hil.daq.channel import Wiring
 from hil.daq.contract import ReadBack
 from hil.errors import HardwareError
-from tests.links import bench_text, moved, served
+from tests.links import PATIENT, bench_text, moved, served
 
 DESK = Desk({}, "watchdog", lambda _wish: None)
 BROKEN = [RuntimeError("error 105"), SystemExit("of a library"), MemoryError(), KeyError("ao0")]
@@ -172,7 +172,7 @@ def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(
 def test_nothing_of_the_working_folder_is_executed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("queue", "json", "socket"):
         (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'executed')!r}, 'w')\n")
-    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
+    with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, _):
         monkeypatch.chdir(tmp_path)
         heart = Heart(file, tmp_path / "run")
         heart.wait_until_ready()

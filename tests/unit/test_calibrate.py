@@ -16,7 +16,7 @@ from hil.cli.app import _assembled
 from hil.errors import SettingError
 from hil.record.folder import read
 from hil.session.calibration import input_points
-from tests.links import bench_text, served
+from tests.links import PATIENT, bench_text, served
 
 
 def _bench(folder: Path) -> Path:
@@ -80,7 +80,7 @@ def test_beyond_the_limits_nothing_is_driven(tmp_path: Path) -> None:
 
 def test_an_input_is_averaged_at_each_point(tmp_path: Path) -> None:
     """The valve is moved by hand behind the device; the reference reads what the plant really does."""
-    with served("hpv41-modbus-tcp", tmp_path) as (file, devices):
+    with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
         places = iter([-40.0, 0.0, 40.0])
 

@@ -16,7 +16,7 @@ from hil.errors import LinkError
 from hil.session.possible import hindrance
 from hil.session.procedure import load_procedure
 from sim_devices._quirks import Quirks
-from tests.links import bench_text, served
+from tests.links import PATIENT, bench_text, served
 from tests.recorded_line import RecordedLine
 
 
@@ -30,7 +30,7 @@ def test_a_simulated_bench() -> None:
 
 
 def test_a_polled_link_is_measured_and_nothing_is_written(tmp_path: Path) -> None:
-    with served("hpv41-modbus-tcp", tmp_path) as (file, devices):
+    with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
         line = RecordedLine(device.port)
         path = tmp_path / "through.toml"
@@ -72,7 +72,7 @@ def test_command_line(tmp_path: Path) -> None:
 
 
 def test_a_device_that_does_not_answer_hides_no_other(tmp_path: Path) -> None:
-    with served("hpv41-mixed", tmp_path) as (file, devices):
+    with served("hpv41-mixed", tmp_path, *PATIENT) as (file, devices):
         name, device = next(
             (name, one) for name, one in devices.items() if f"127.0.0.1:{getattr(one, 'port', 0)}" in file.text
         )

@@ -24,7 +24,7 @@ from hil.errors import LinkError, SettingError
 from sim_devices._quirks import Quirks
 from tests.described import bench, input_, output, written
 from tests.foreign_line import ForeignLine, ended, tcp_frame
-from tests.links import bench_text, served
+from tests.links import PATIENT, bench_text, served
 from tests.recorded_line import RecordedLine
 
 
@@ -55,7 +55,7 @@ def test_a_live_zero_tells_a_broken_wire(tmp_path: Path) -> None:
 
 
 def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path: Path) -> None:
-    with served("hpv41-modbus-tcp", tmp_path) as (file, devices):
+    with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
         line = RecordedLine(device.port)
         path = tmp_path / "through.toml"
@@ -70,7 +70,7 @@ def test_a_bench_is_looked_at_and_nothing_is_written(tmp_path: Path) -> None:
 
 
 def test_a_device_that_does_not_answer_is_stale_and_then_back(tmp_path: Path) -> None:
-    with served("hpv41-modbus-tcp", tmp_path) as (file, devices):
+    with served("hpv41-modbus-tcp", tmp_path, *PATIENT) as (file, devices):
         (device,) = devices.values()
         with inputs_of(file, ["flow"]) as looked:
             looked.look(0.2)
