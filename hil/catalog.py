@@ -10,6 +10,7 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
+import json
 import pkgutil
 import sys
 import tokenize
@@ -113,6 +114,21 @@ def files_of(groups: Iterable[str], folder: str, pattern: str) -> dict[str, Path
 def models() -> dict[str, Path]:
     """Every model file that packages of plants bring along in a folder `models`, by name."""
     return files_of(["hil.plants"], "models", "*.json")
+
+
+def base_plant(name: str) -> str:
+    """The plant behind what a bench file names: a plant, an installed model, or a model file.
+
+    A model file that cannot be read is of no known plant: empty.
+    """
+    path = Path(name) if name.endswith(".json") else models().get(name)
+    if path is None:
+        return _entry_name("plants", name)
+    try:
+        content = json.loads(path.read_bytes())
+    except (OSError, ValueError, RecursionError):
+        return ""
+    return _entry_name("plants", str(content.get("plant") or "")) if isinstance(content, dict) else ""
 
 
 def tables() -> dict[str, Path]:

@@ -17,7 +17,8 @@ GAIN = Measurement("gain", "l/min", "flow at full command", low=40.0, high=60.0)
 
 
 def run_of(folder: Path, serial: str = "SN-7", *, gain: float = 50.0, hour: int = 9, name: str = "run",
-           outcome: str = "completed", measured: Measurement = GAIN, simulated: bool = False) -> Path:  # fmt: skip
+           outcome: str = "completed", measured: Measurement = GAIN, simulated: bool = False,
+           plant: str = "") -> Path:  # fmt: skip
     """A closed run folder with its results."""
     time_s = np.arange(400) * 0.01
     command = 100.0 * np.sin(2.0 * np.pi * 0.5 * time_s)
@@ -30,7 +31,7 @@ def run_of(folder: Path, serial: str = "SN-7", *, gain: float = 50.0, hour: int 
         "stopped_utc": datetime(2026, 11, 24, hour, 5, tzinfo=UTC).isoformat(),
         "valve": {"name": "HPV41", "serial": serial}, "conditions": {"fluid_temperature_c": 40.0},
         "instruments": [{"name": "flow meter", "serial": "F-1", "calibrated": "2026-03-01", "due": "2027-03-01"}],
-        "roles": {"command": "command", "response": "flow"}, "simulated": simulated,
+        "roles": {"command": "command", "response": "flow"}, "simulated": simulated, "plant": plant,
     }  # fmt: skip
     channels = {
         "command": Channel("command", "%", command),

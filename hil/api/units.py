@@ -93,6 +93,7 @@ def diff(
 
     from hil.passport.difference import difference
     from hil.passport.sources import read_dated
+    from hil.physics.other_plant import other_plants
     from hil.record.reading import AS_IT_IS
     from hil.session.sources import notes_on
 
@@ -101,6 +102,10 @@ def diff(
         first, second = (read_dated(Path(p), Path(folder) / name, asked) for p, name in ((old, "old"), (new, "new")))
         for note in notes_on([*first.recordings, *second.recordings]):
             notes(note)
+        if (known := kind or first.kind or second.kind or first.unit) is not None:
+            recorded = (*first.recordings, *second.recordings)
+            for note in other_plants(known.plant, ((one.name, one.meta) for one in recorded)):
+                notes(note)
         return difference(first, second, kind, progress, several(inputs), output, budget_s)
 
 

@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from hil.bench.device import model_path
 from hil.bench.ending import Ending, LastWord, accounted, closed_for_sure, recorded
 from hil.bench.file import Bench
 from hil.bench.heartbeat import watched
@@ -22,6 +23,7 @@ from hil.bench.recorder import Recorder
 from hil.bench.rig import BenchRig, conditions_of
 from hil.bench.stop.control import published
 from hil.bench.told import Progress, Shown, Told
+from hil.catalog import base_plant
 from hil.clock import Clock, clock
 from hil.daq.contract import Block, Daq
 from hil.daq.scaled import Scaled
@@ -118,6 +120,7 @@ def _opened_rig(
     columns += [Column(name=name, unit="s", source="time of the readings") for name in daq.promises.delay_names]
     rate_hz = daq.actual_rate_hz(bench.sample_rate_hz)
     header = {**about, **conditions_of(bench), "deviations": deviations, "bench_file": file.text,
+              "plant": base_plant(model_path(bench.valve.plant, file.path.parent)),
               "sampling": daq.promises.sampling(daq.inputs, rate_hz),
               "driven": {name: output.driven for name, output in daq.outputs.items()},
               "read": {name: {"step": read.step} for name, read in daq.inputs.items() if read.step}}  # fmt: skip

@@ -64,8 +64,7 @@ def command(
     check_distinct(recordings)
     from hil import api
     from hil.cli.progress import shown
-    from hil.record.plain import to_json
-    from hil.session.diagnosis import REPORT_FILE
+    from hil.session.diagnosis import DIAGNOSIS_FILE, REPORT_FILE
 
     with shown() as progress:
         found = api.diagnose(
@@ -74,7 +73,7 @@ def command(
             progress=progress,
         )  # fmt: skip
     if as_json:
-        typer.echo(to_json(found.diagnosis.as_dict()))
+        typer.echo((out / DIAGNOSIS_FILE).read_text(encoding="utf-8"), nl=False)
         return
     typer.echo(found.diagnosis.as_text())
     typer.echo(f"report: {out / REPORT_FILE}")

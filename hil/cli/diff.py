@@ -11,6 +11,8 @@ from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from hil.passport.difference import Change, DateDifference, Size, Unchanged
 
 
@@ -40,13 +42,14 @@ def command(
     from hil.cli.progress import shown
     from hil.record.plain import to_json
 
+    said: list[str] = []
     with shown() as progress:
         found = api.diff(old, new, model=model, inputs=input_name, output=output_name, budget_s=budget_s,
-                         reading=reading, notes=teller(aside=as_json), progress=progress)  # fmt: skip
-    typer.echo(to_json(found.as_dict()) if as_json else _text(found))
+                         reading=reading, notes=teller(aside=as_json, kept=said), progress=progress)  # fmt: skip
+    typer.echo(to_json(found.as_dict()) if as_json else _text(found, said))
 
 
-def _text(found: DateDifference) -> str:
+def _text(found: DateDifference, said: Sequence[str] = ()) -> str:
     lines = [found.verdict, *(f"  {_sentence(change)}" for change in found.changes)]
     if found.unchanged:
         lines.append("  unchanged within these limits (95 %):")
@@ -56,7 +59,7 @@ def _text(found: DateDifference) -> str:
         lines.append("  cannot be told:")
         width = max(len(one.name) for one in found.cannot_tell)
         lines += [f"    {one.name:{width}}  known only within {_limit(one)}" for one in found.cannot_tell]
-    return "\n".join([*lines, *(f"  note: {note}" for note in found.notes)])
+    return "\n".join([*lines, *(f"  note: {note}" for note in found.notes if note not in said)])
 
 
 def _sentence(change: Change) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
-from hil.errors import InputError, StorageError
+from hil.errors import InputError, SettingError, StorageError
 from hil.language.choice import in_page_language
 from hil.passport.attached import DCC_FILE, DIAGNOSIS_FILE, MODEL_FILE, TYPE_MODEL_FILE, Attached, attached_runs
 from hil.passport.attached import without_names as nameless
@@ -23,6 +23,7 @@ from hil.passport.pdf import compiled
 from hil.passport.sign import signed
 from hil.passport.unit import Unit, read_unit_runs
 from hil.passport.verify import Soundness, verify
+from hil.physics.other_plant import other_plants
 from hil.record.plain import plain
 
 if TYPE_CHECKING:
@@ -57,11 +58,12 @@ def issue(
     """Make, sign, check and write a passport.
 
     Raises:
-        InputError: runs of different units or of none, a changed run, a key that cannot sign.
+        InputError: runs of different units or of none, a changed run, a key that cannot sign, a model of another plant.
         StorageError: something cannot be written.
     """
     progress(0.0, "reading the runs")
     unit = read_unit_runs(folders)
+    _check_kind(unit, wanted.model)
     signer = Signer(name_of(key.certificate), fingerprint(key.certificate))
     known = understood(unit, wanted.identify, wanted.model, progress)
     with TemporaryDirectory(prefix="hil-passport-") as folder:
@@ -73,6 +75,12 @@ def issue(
     _written(content, out)
     progress(1.0, "done")
     return Issued(out, unit, known, signer)
+
+
+def _check_kind(unit: Unit, kind: Model | None) -> None:
+    """Raise `SettingError` when the model is of another plant: what the data excluded would be said of that."""
+    if kind is not None and (said := other_plants(kind.plant, ((r.folder.name, r.recording.meta) for r in unit.runs))):
+        raise SettingError(f"--model: {said[0]} Give the model of this valve's type")
 
 
 def _sealed(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: SigningKey, place: Path) -> bytes:

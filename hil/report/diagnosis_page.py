@@ -12,7 +12,9 @@ from typing import Any
 from hil.diagnosis.diagnosis import Diagnosis, NextTest, Spectrum, Strip
 from hil.diagnosis.locate import StageShare
 from hil.language.choice import in_page_language
+from hil.language.reworded import reworded
 from hil.language.words import _, marked
+from hil.physics.other_plant import other_plants
 from hil.record.simulated import is_simulated
 from hil.report.diagnosis_figures import (
     before_and_after,
@@ -40,6 +42,12 @@ from hil.report.origins import Origin, origin_facts
 from hil.report.page import write_page
 
 _MOST_STAGES = 3
+OTHER_PLANT = (
+    marked(
+        "{name} is a run of the plant {own}, the model is of {other}: what a verdict names may be nothing but the "
+        "difference between the two plants."
+    ),
+)
 _VERDICTS = {
     "consistent": ("good", marked("Consistent")),
     "parameter_change": ("told", marked("Changed parameters")),
@@ -64,6 +72,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
     d = diagnosis
     tone, word = _VERDICTS[d.verdict]
     corrected = _is_corrected(d)
+    above = [said for said in other_plants(d.plant, ((one.name, one.about) for one in origins)) if said in d.warnings]
     write_page(
         "diagnosis.html", path,
         simulated=any(is_simulated(one.about) for one in origins),
@@ -73,7 +82,8 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
         word=_(word),
         headline=d.headline,
         details=_details(d),
-        warnings=d.warnings,
+        above=[reworded(said, OTHER_PLANT) for said in above],
+        warnings=[said for said in d.warnings if said not in above],
         corrected=corrected,
         overlays=_overlays(d, corrected=corrected),
         fits=fit_rows(d),

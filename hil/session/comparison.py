@@ -13,6 +13,7 @@ from hil.identification.compare import Comparison, compare_all
 from hil.identification.experiment import for_model
 from hil.identification.table_fit import TableComparison, compare_table
 from hil.physics.model import Model
+from hil.physics.other_plant import other_plants
 from hil.record.header import Header, read_header
 from hil.record.instruments import instruments_mark
 from hil.record.reading import AS_IT_IS, Reading
@@ -58,7 +59,8 @@ def compared_with(
     for i, one in enumerate(sources):
         progress(_READING * i / len(sources), f"reading {_name_of(one)}")
         read += _read_for(model, one, inputs, output, reading or AS_IT_IS)
-    for note in notes_on(read):
+    said = [*other_plants(model.plant, ((one.name, one.meta) for one in read)), *notes_on(read)]
+    for note in said:
         notes(note)
     measured = [one if isinstance(one, ResponseTable) else for_model(model, one, inputs, output) for one in read]
     samples = [one for one in measured if not isinstance(one, ResponseTable)]
@@ -67,7 +69,7 @@ def compared_with(
     if page is not None:
         from hil.report.fit_page import write_fit_page
 
-        write_fit_page(model, measured, {one.name: one.headline for one in found}, notes_on(read), page,
+        write_fit_page(model, measured, {one.name: one.headline for one in found}, said, page,
                        simulated=any(is_simulated(one.meta) for one in read))  # fmt: skip
     return found
 

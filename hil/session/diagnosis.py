@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,7 @@ from hil.errors import SettingError, StorageError
 from hil.identification.experiment import Experiment, for_model
 from hil.identification.stretches import experiments_of
 from hil.physics.model import Model, save_model
+from hil.physics.other_plant import other_plants
 from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Recording, split_heading
@@ -42,15 +44,18 @@ def bound_to(
     output: str = "",
     computing_s: float = math.inf,
 ) -> tuple[list[Experiment], tuple[str, ...]]:
-    """Recordings bound to a model, in their most telling stretches where they are too long; and that in words.
+    """Recordings bound to a model, in their most telling stretches where they are too long; and what to know of it.
+
+    In words: first which of them is of another plant than the model.
 
     Too long are those that nobody diagnoses in the computing time, where it has an end.
     """
     command = inputs[0] if inputs and inputs[0] else split_heading(model.input)[0]
 
-    return experiments_of(
+    bound, said = experiments_of(
         model, recordings, lambda _: command, lambda one: for_model(model, one, inputs, output), computing_s
     )
+    return bound, (*other_plants(model.plant, ((one.name, one.meta) for one in recordings)), *said)
 
 
 def diagnosed(
@@ -74,9 +79,16 @@ def diagnosed(
         found = conclude(model, experiments, read_bench(find_bench(bench)), budget_s, out, progress, computing_s)
     else:
         found = diagnose(model, experiments, progress, budget_s=computing_s)
+    found = _warned(found, origins)
     if out is not None:
         write_diagnosis(found, out, origins)
     return found
+
+
+def _warned(found: Diagnosed, origins: Sequence[Origin]) -> Diagnosed:
+    """The diagnosis with a warning, before all others, of a model of another plant."""
+    said = other_plants(found.diagnosis.plant, ((one.name, one.about) for one in origins))
+    return replace(found, diagnosis=replace(found.diagnosis, warnings=(*said, *found.diagnosis.warnings)))
 
 
 def conclude(
@@ -144,8 +156,11 @@ def write_diagnosis(found: Diagnosed, out: Path, origins: Sequence[Origin] = ())
         StorageError: something cannot be written.
     """
     whence = all_origins(origins, found.diagnosis.recordings)
+    other = other_plants(found.diagnosis.plant, ((one.name, one.about) for one in whence))
     simulated = any(is_simulated(one.about) for one in whence)
-    content = json.dumps(plain({**found.diagnosis.as_dict(), SIMULATED: simulated}), indent=1, ensure_ascii=False)
+    content = json.dumps(
+        plain({**found.diagnosis.as_dict(), SIMULATED: simulated, "other_plant": other}), indent=1, ensure_ascii=False
+    )
     try:
         out.mkdir(parents=True, exist_ok=True)
         (out / DIAGNOSIS_FILE).write_text(content + "\n", encoding="utf-8")

@@ -184,8 +184,19 @@ def test_results_are_found_compared_and_followed(page: Page) -> None:
     expect(page.locator("main")).to_contain_text("No drift can be told")
 
 
+def test_the_form_of_a_diagnosis_chooses_the_model_of_the_run_or_none(page: Page) -> None:
+    page.goto("/diagnose")
+    assert page.input_value("#model") == ""
+    assert page.locator("#model").get_attribute("required") is not None
+    page.goto("/diagnose?run=one")
+    assert page.input_value("#model") == "hpv41-identified"  # the only one of the plant that the run says it is of
+    expect(page.locator("li", has_text="one").first).to_contain_text("brevini-hpv41")
+    expect(page.locator("#model option:checked")).to_have_text("hpv41-identified · brevini-hpv41")
+
+
 def test_hostile_uploads_and_names_reach_no_file(page: Page, lab: Lab) -> None:
     page.goto("/diagnose")
+    page.select_option("#model", "hpv41-identified")
     page.set_input_files("#file", [{"name": "../../evil.exe", "mimeType": "text/csv", "buffer": b"MZ"}])
     page.get_by_role("button", name="Diagnose").click()
     expect(page.locator("#refused")).to_contain_text("no recording by its name")
@@ -280,6 +291,7 @@ def test_the_next_test_of_a_diagnosis_stands_ready_on_the_form(page: Page, lab: 
         "why": "It tells friction from backlash.",
     }
     told = {"verdict": "partly_explained", "effects": [friction], "next_test": test}
+    told["other_plant"] = ["one is a run of the plant a, the model is of b: what a verdict names may be nothing but …"]
     (folder / "diagnosis.json").write_text(json.dumps(told), encoding="utf-8")
     (folder / "report.html").write_text("<h1>Diagnosis</h1>", encoding="utf-8")
     page.goto("/diagnose")

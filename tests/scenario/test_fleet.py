@@ -29,6 +29,7 @@ if __name__ == "__main__":
 
 
 FILES = ("diagnosis", "corrected")
+ORIGIN: dict[str, object] = {"simulated": False, "other_plant": []}  # what the file says of CSV, which says nothing
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +48,7 @@ def answer(of: UnitAnswer) -> tuple[dict[str, Any], dict[str, Any]]:
     """The diagnosis and the corrected model, as their files hold them."""
     found = of.diagnosed
     assert found is not None
-    diagnosis, corrected = {**found.diagnosis.as_dict(), "seconds": 0}, found.corrected.as_dict()
+    diagnosis, corrected = {**found.diagnosis.as_dict(), "seconds": 0, **ORIGIN}, found.corrected.as_dict()
     return json.loads(json.dumps(diagnosis)), json.loads(json.dumps(corrected))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import shutil
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
@@ -16,14 +17,17 @@ from starlette.responses import FileResponse, RedirectResponse, Response
 from starlette.routing import Route
 
 from hil.archive.archive import Search, find_runs
-from hil.catalog import models
+from hil.catalog import base_plant, models
 from hil.console import uploads
 from hil.console.console import Console
 from hil.console.page import page
 from hil.console.routes import jobs
 from hil.console.routes.results import REPORT_HEADERS
-from hil.errors import ArchiveError, FileError, SettingError, UnknownNameError
+from hil.errors import ArchiveError, FileError, HilError, SettingError, UnknownNameError
+from hil.language.reworded import reworded
 from hil.physics.model import load_model
+from hil.physics.other_plant import plant_of_run
+from hil.record.header import read_header
 
 _RUNS = 40
 _NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9 ._+-]{0,60}$")
@@ -32,10 +36,29 @@ _NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9 ._+-]{0,60}$")
 def show(request: Request) -> Response:
     """What can be diagnosed, and what was."""
     console, asked = Console.of(request), request.query_params
+    known = {name: base_plant(str(path)) for name, path in _models(console).items()}
+    runs = {name: _header(console, name) for name in _runs(console)}
+    chosen = [runs[name] for name in asked.getlist("run") if name in runs]
     return page(
-        request, "diagnose.html", models=list(_models(console)), model=asked.get("model", ""), runs=_runs(console),
-        chosen=asked.getlist("run"), done=_done(console),
+        request, "diagnose.html", models=known, model=asked.get("model") or _model_for(chosen, known),
+        runs={name: plant_of_run(meta) for name, meta in runs.items()}, chosen=asked.getlist("run"),
+        done=_done(console),
     )  # fmt: skip
+
+
+def _header(console: Console, run: str) -> Mapping[str, Any]:
+    try:
+        return read_header(console.site.run(run)).meta
+    except HilError:
+        return {}
+
+
+def _model_for(chosen: Sequence[Mapping[str, Any]], known: Mapping[str, str]) -> str:
+    """The model of the valve that was recorded: the one that its bench names, else the only one of its plant."""
+    named = {str((meta.get("valve") or {}).get("plant") or "") for meta in chosen}
+    plants = {plant_of_run(meta) for meta in chosen}
+    fitting = [name for name in known if {name} == named] or [n for n, plant in known.items() if {plant} == plants]
+    return fitting[0] if len(fitting) == 1 else ""
 
 
 async def begin(request: Request) -> Response:
@@ -43,6 +66,8 @@ async def begin(request: Request) -> Response:
     console, form = Console.of(request), await uploads.form_of(request)
     known = _models(console)
     model = str(form.get("model", ""))
+    if not model:
+        raise SettingError("a diagnosis needs a nominal model; choose that of the valve that was recorded")
     if model not in known:
         raise UnknownNameError("model", model, known)
     recordings = [console.site.run(str(name)) for name in form.getlist("run")]
@@ -62,11 +87,14 @@ async def begin(request: Request) -> Response:
 
 def one(request: Request) -> Response:
     """A diagnosis: what it says, in short, its report, and what can be done now."""
+    from hil.report.diagnosis_page import OTHER_PLANT
+
     console, name = Console.of(request), request.path_params["diagnosis"]
     folder = _folder(console, name)
     told = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
     return page(
-        request, "diagnosis.html", name=name, told=told, next_run=_next_run(told),
+        request, "diagnosis.html", name=name, told=told,
+        above=[reworded(text, OTHER_PLANT) for text in told.get("other_plant", ())], next_run=_next_run(told),
         corrected=(folder / "corrected.json").is_file(), accepted=request.query_params.get("accepted", ""),
     )  # fmt: skip
 
