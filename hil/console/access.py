@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import urlencode
 
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, RedirectResponse, Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
@@ -86,6 +86,8 @@ class Access:
             if begun:
                 raise
             answer = _no(413, f"the request is too large, or does not end: {error}")
+        except ClientDisconnect:
+            return
         await answer(scope, receive, send)
 
     def _refused(self, request: Request, most: int) -> Response | None:

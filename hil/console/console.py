@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -20,8 +21,11 @@ from hil.console.process import Started, start
 from hil.console.site import Site
 from hil.console.underway import Run, Underway
 from hil.console.watching import Watching
+from hil.errors import SettingError
 
 _MOST_STARTED = 50
+_JOBS_AT_ONCE = 2  # each takes what processors there are
+_MOST_WAITING = 20
 _TOLD_S = 3.0  # so long a run that ended while it started is still told
 
 
@@ -47,6 +51,7 @@ class Console:
         audit: told of each act that moves an output, resets a trip or overrides a limit: (request, act, details).
         readers: of the board, by run.
         products: by job, where its product is found.
+        waiting: jobs that are not started yet, the first first: the arguments of `hil`, by job.
     """
 
     site: Site
@@ -58,6 +63,8 @@ class Console:
     audit: Callable[[Request, str, Mapping[str, Any]], None] = lambda _request, _act, _details: None
     readers: dict[str, RunReader] = field(default_factory=dict)
     products: dict[str, str] = field(default_factory=dict)
+    waiting: dict[str, list[str]] = field(default_factory=dict)
+    _lock: threading.Lock = field(default_factory=threading.Lock)
     _numbers: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
 
     @classmethod
@@ -118,8 +125,36 @@ class Console:
             told.setdefault(name, {"run": name, "state": state, "outcome": outcome})["by"] = "console"
         return list(told.values())
 
+    def begin_job(self, arguments: list[str], name: str, product: str) -> None:
+        """Start a job as soon as fewer than two are at work.
+
+        Args:
+            arguments: of `hil`.
+            name: of the job.
+            product: the address at which its product is found when it has ended well.
+
+        Raises:
+            SettingError: too many wait.
+            StorageError: its log cannot be written.
+        """
+        if len(self.waiting) >= _MOST_WAITING:
+            raise SettingError(f"{_MOST_WAITING} jobs wait already; try again when some are done")
+        self.waiting[name], self.products[name] = arguments, product
+        self._start_jobs()
+
+    def _start_jobs(self) -> None:
+        with self._lock:
+            while self.waiting and sum(self._works(name) for name in self.products) < _JOBS_AT_ONCE:
+                name = next(iter(self.waiting))
+                self.start(self.waiting.pop(name), name)
+
+    def _works(self, job: str) -> bool:
+        made = self.started.get(job)
+        return made is not None and made.exit_status is None
+
     def tick(self) -> None:
-        """Release a stop that was pressed for runs that are over."""
+        """Start jobs that waited, and release a stop that was pressed for runs that are over."""
+        self._start_jobs()
         self.runs()
         press = self.switch.pressed
         if press and press.runs and not any(name in self.starting for name in press.runs):

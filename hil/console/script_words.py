@@ -7,7 +7,8 @@ from hil.language.words import marked
 SAID_BY_SCRIPTS = (
     marked("No connection to the console. What this page shows is old."),
     marked("starting"), marked("running"), marked("evaluating"), marked("ended"), marked("lost"), marked("done"),
-    marked("refused"), marked("ok"), marked("driven"), marked("not driven by a run"), marked("kept"), marked("broken"),
+    marked("refused"), marked("waiting"),
+    marked("ok"), marked("driven"), marked("not driven by a run"), marked("kept"), marked("broken"),
     marked("not known"), marked("judged by the run"), marked("tripped"), marked("answers"), marked("silent"),
     marked("not asked"), marked("stale"), marked("no measurement"), marked("nobody reads it now"),
     marked("last recorded"),

@@ -6,14 +6,11 @@ import os
 import socket
 from collections.abc import Callable
 from dataclasses import replace
-from types import FrameType
-from typing import Any
 
 from hil.bench.audit import Audit
 from hil.console.access_accounts import Accounts
 from hil.console.access_where import Where, check_where, opened
 from hil.console.app import application
-from hil.console.console import Console
 from hil.console.site import Site
 from hil.errors import SettingError
 
@@ -33,6 +30,8 @@ def serve(site: Site, where: Where, ready: Callable[[str], None]) -> None:
     """
     import uvicorn
 
+    from hil.console.server import Server
+
     accounts = Accounts()
     check_where(where, accounts)
     listening = _listening(where.host, where.port)
@@ -45,19 +44,7 @@ def serve(site: Site, where: Where, ready: Callable[[str], None]) -> None:
     )  # fmt: skip
     with opened(where, accounts):
         ready(where.address)
-        _server(config, app.state.console).run([listening])
-
-
-def _server(config: Any, console: Console) -> Any:
-    """A server that ends its streams at a signal: they would go on for as long as their runs."""
-    import uvicorn
-
-    class Server(uvicorn.Server):
-        def handle_exit(self, sig: int, frame: FrameType | None) -> None:
-            console.close()
-            super().handle_exit(sig, frame)
-
-    return Server(config)
+        Server(config, app.state.console.close).run([listening])
 
 
 def _listening(host: str, port: int) -> socket.socket:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import json
+import logging
 import os
 import re
 import subprocess
@@ -31,6 +32,7 @@ from hil.console.routes import results as results_routes
 from hil.console.routes import run as run_routes
 from hil.console.routes.run import _asked
 from hil.console.script_words import SAID_BY_SCRIPTS
+from hil.console.server import OnceAMinute
 from hil.console.site import Site
 from hil.console.underway import Underway, run_of
 from hil.errors import FileError, SettingError, StorageError, UnknownNameError
@@ -306,3 +308,33 @@ def test_results_of_a_run_that_tripped_say_so_in_place_of_a_verdict(
              "server": ("127.0.0.1", 1), "scheme": "http", "path_params": {"run": "tripped"}}  # fmt: skip
     text = bytes(results_routes.one(Request(scope)).body).decode()
     assert f'<span class="word">{word}</span>' in text
+
+
+def test_jobs_wait_until_fewer_than_two_are_at_work(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
+    console = Console(site, Underway(site.runs))
+    ready = site.runs / "ready"
+    code = f"import pathlib, time\nwhile not pathlib.Path({str(ready)!r}).exists(): time.sleep(0.02)"
+    monkeypatch.setattr("hil.child.python", lambda *_: [sys.executable, "-c", code])
+    for number in range(4):
+        console.begin_job(["diagnose"], f"diagnosis-{number}", "/diagnose/x")
+    assert [*console.started] == ["diagnosis-0", "diagnosis-1"] and [*console.waiting] == ["diagnosis-2", "diagnosis-3"]
+    ready.touch()
+    for name in ("diagnosis-0", "diagnosis-1"):
+        assert console.started[name].process.wait(60.0) == 0
+    console.tick()
+    assert [*console.started][2:] == ["diagnosis-2", "diagnosis-3"] and not console.waiting
+    for one in console.started.values():
+        one.process.wait(60.0)
+    console.waiting.update({f"diagnosis-{number}": [] for number in range(20)})
+    with pytest.raises(SettingError, match="20 jobs wait already"):
+        console.begin_job(["diagnose"], "diagnosis-20", "/diagnose/x")
+
+
+def test_same_message_is_logged_once_a_minute(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [1000.0]
+    monkeypatch.setattr("hil.console.server.time.monotonic", lambda: now[0])
+    once = OnceAMinute()
+    records = [logging.LogRecord("x", logging.WARNING, "", 1, text, (), None) for text in ("one", "one", "two")]
+    assert [once.filter(record) for record in records] == [True, False, True]
+    now[0] += 61.0
+    assert once.filter(records[0])

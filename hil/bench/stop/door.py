@@ -7,11 +7,9 @@ import socket
 import ssl
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 Listening = tuple[socket.socket, ssl.SSLContext | None]
-ASKS_NOTHING, RESTS, WAITS = 0, 1, 2
-"""What a connection is at: no whole request came yet; all were answered; its request is there, its answer is not."""
 _HANDSHAKE_S = 2.0
 _FLUSH_S = 0.3
 _AGAIN_S = 0.05
@@ -21,23 +19,27 @@ class Visitor(Protocol):
     """An asyncio protocol, as far as a door deals with it.
 
     Attributes:
-        transport: None until it is connected.
+        transport: of asyncio; None until it is connected.
         gone: to be called when the connection is lost; the door sets it.
     """
 
-    transport: asyncio.Transport | None
+    transport: Any
     gone: Callable[[], None]
 
     @property
-    def at(self) -> int:
-        """What it is at."""
+    def waits(self) -> bool:
+        """Whether a request of it is there whole, and its answer is not."""
+
+    @property
+    def has_asked(self) -> bool:
+        """Whether a whole request of it ever came."""
 
 
 class Door:
     """Takes the connections of sockets, within the running loop, until it is closed.
 
-    When more come than there is room for, the one that is at the least goes, the oldest of these: who floods a server
-    loses the connections that said nothing, and a whole request is answered at once.
+    When more come than there is room for, the oldest goes that waits for nothing: who floods a server loses the
+    connections that said nothing, and a whole request is answered at once.
 
     Args:
         sockets: that listen, each with its certificate.
@@ -59,7 +61,7 @@ class Door:
     @property
     def is_busy(self) -> bool:
         """Whether an answer is under way."""
-        return any(visitor.at == WAITS for visitor in self._open)
+        return any(visitor.waits for visitor in self._open)
 
     def close(self) -> None:
         """Take no more; what is under way goes on."""
@@ -92,12 +94,12 @@ class Door:
             self._forget(visitor)
             return
         await asyncio.sleep(self._says_s)
-        if visitor.at == ASKS_NOTHING:
+        if not visitor.has_asked:
             self._drop(visitor)
 
     def _drop_one(self) -> None:
         if self._open:
-            self._drop(min(self._open, key=lambda visitor: visitor.at))  # the first of equals: the oldest
+            self._drop(min(self._open, key=lambda visitor: visitor.waits))  # the first of equals: the oldest
 
     def _drop(self, visitor: Visitor) -> None:
         self._dropped()

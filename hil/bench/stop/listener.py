@@ -18,7 +18,7 @@ from contextlib import suppress
 from hil.bench.stop.consoles import Console, consoles, may_read
 from hil.bench.stop.control import Control, Tokens
 from hil.bench.stop.desk import By, Desk
-from hil.bench.stop.door import ASKS_NOTHING, WAITS, Door, Listening
+from hil.bench.stop.door import Door, Listening
 from hil.bench.stop.request import BadRequestError, Request, request_in, response
 
 ANSWER_S = 0.85  # the page has its answer within a second, whatever the devices do
@@ -135,9 +135,14 @@ class _Connection(asyncio.Protocol):
         self.gone: Callable[[], None] = lambda: None
 
     @property
-    def at(self) -> int:
-        """What it is at: it asks once."""
-        return ASKS_NOTHING if self._answering is None else WAITS
+    def waits(self) -> bool:
+        """Whether its request is there, and its answer is not."""
+        return self._answering is not None and not self._answering.done()
+
+    @property
+    def has_asked(self) -> bool:
+        """Whether its request came; it asks once."""
+        return self._answering is not None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """It may speak."""

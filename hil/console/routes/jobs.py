@@ -1,4 +1,4 @@
-"""Work that takes a while and drives nothing: a passport, a diagnosis, a report. Each is a process of its own."""
+"""Work that takes a while and drives nothing: a passport, a diagnosis, a report. Each is a process; some at a time."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from starlette.routing import Route
 from hil.console.console import Console
 from hil.console.page import page
 from hil.errors import FileError
+from hil.language.words import _
 
 
 def begin(console: Console, kind: str, arguments: list[str], product: str, name: str = "") -> Response:
@@ -23,9 +24,9 @@ def begin(console: Console, kind: str, arguments: list[str], product: str, name:
         product: the address at which its product is found when it has ended well.
         name: if not a new one.
     """
-    made = console.start(arguments, name or console.new_name(kind))
-    console.products[made.name] = product
-    return RedirectResponse(f"/jobs/{made.name}", 303)
+    name = name or console.new_name(kind)
+    console.begin_job(arguments, name, product)
+    return RedirectResponse(f"/jobs/{name}", 303)
 
 
 def show(request: Request) -> Response:
@@ -41,6 +42,15 @@ def state(request: Request) -> Response:
 
 def _told(console: Console, name: str) -> dict[str, Any]:
     made, product = console.started.get(name), console.products.get(name)
+    if name in console.waiting:
+        before = list(console.waiting).index(name) + 1
+        return {
+            "job": name,
+            "state": "waiting",
+            "text": "",
+            "lines": [_("number {place} of those that wait").format(place=before)],
+            "product": "",
+        }
     if made is None or product is None:
         raise FileError(f"no job '{name:.80}'; it was started by a console that has ended")
     status = made.exit_status

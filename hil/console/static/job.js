@@ -8,7 +8,7 @@ function showJob(told) {
   document.getElementById("lines").textContent = told.lines.join("\n");
   link.hidden = !told.product;
   if (told.product && !link.href) { link.href = told.product; link.focus(); }
-  return told.state !== "running";
+  return told.state !== "running" && told.state !== "waiting";
 }
 async function againJob() {
   let over = false;
