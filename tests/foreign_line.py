@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
 import socket
 import struct
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from types import TracebackType
 from typing import Self
 
+_RETURN, _ATTACH, _DETACH = 0x06, 26, 27  # BPF_RET | BPF_K, SO_ATTACH_FILTER, SO_DETACH_FILTER
 WholeRequest = Callable[[bytes], int]
 """How many of the bytes that have come are the first request; none while it is not whole."""
 
@@ -48,6 +51,27 @@ class ForeignLine:
         self._clients: list[socket.socket] = []
         self._thread = threading.Thread(target=self._serve, daemon=True)
         self._thread.start()
+
+    def lose(self) -> None:
+        """From now on the kernel throws away every packet that comes here, as a network does that is out."""
+        nothing = ctypes.create_string_buffer(struct.pack("HBBI", _RETURN, 0, 0, 0))
+        for end in (self._listener, *self._clients):  # a connection that is accepted later has what the listener has
+            with suppress(OSError):
+                end.setsockopt(socket.SOL_SOCKET, _ATTACH, struct.pack("HxxxxxxP", 1, ctypes.addressof(nothing)))
+
+    def heal(self) -> None:
+        """Packets come through again: also those that the other side sends once more."""
+        for end in (self._listener, *self._clients):
+            with suppress(OSError):
+                end.setsockopt(socket.SOL_SOCKET, _DETACH, 0)
+
+    def reset(self) -> None:
+        """Every connection is reset, as by a device that restarts."""
+        for client in self._clients:
+            with suppress(OSError):
+                client.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+                client.shutdown(socket.SHUT_RD)
+            client.close()
 
     def __enter__(self) -> Self:
         return self

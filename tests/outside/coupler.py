@@ -1,0 +1,78 @@
+"""A WAGO coupler that shares no code with the program, and remembers where its output stood and when."""
+
+from __future__ import annotations
+
+import random
+import struct
+import threading
+import time
+from typing import Any
+
+from tests.foreign_line import ForeignLine, Tables
+
+FULL, READ_BACK = 0x7FFF, 0x0200
+NEAR = 0.6  # % of full scale: nearer than that it stands at its safe value
+
+
+class Coupler(Tables):
+    """Four outputs, read back from 0x0200, and eight noisy inputs that follow the first.
+
+    Attributes:
+        changes: (time, %) of the first output, each time that it was another one; time is that of the day, in s.
+        garbles: answers are spoiled.
+        late_s: answers come so much later.
+        over: the supply pressure is beyond its limit.
+        ignores: writing is acknowledged and moves nothing.
+    """
+
+    def __init__(self) -> None:
+        super().__init__(holding=dict.fromkeys([*range(4), *range(READ_BACK, READ_BACK + 4)], 0))
+        self.changes: list[tuple[float, float]] = [(time.time(), 0.0)]
+        self.garbles = self.over = self.ignores = False
+        self.late_s = 0.0
+        self._noise, self._lock = random.Random(1), threading.Lock()
+        self.line = ForeignLine(self._answer)
+
+    @property
+    def percent(self) -> float:
+        """Where the first output stands."""
+        return self.changes[-1][1]
+
+    def away_s(self, since_s: float) -> float | None:
+        """When it was away from zero last, after a moment; None where it never was."""
+        ends = [*[at_s for at_s, _ in self.changes[1:]], time.time()]
+        away = [end_s for (_, at), end_s in zip(self.changes, ends, strict=True) if abs(at) > NEAR and end_s > since_s]
+        return max(away, default=None)
+
+    def poke(self) -> None:
+        """Another master puts the output to zero."""
+        self.on_tcp(struct.pack(">HHHBBHH", 1, 0, 6, 1, 6, 0, 0))
+
+    def answered(self, request: bytes) -> bytes:
+        with self._lock:
+            self._measure()
+            before = dict(self.holding)
+            answer = super().answered(request)
+            if self.ignores:
+                self.holding = before
+            self.holding.update((READ_BACK + i, self.holding[i]) for i in range(4))
+            at = 100.0 * struct.unpack(">h", struct.pack(">H", self.holding[0]))[0] / FULL
+            if at != self.percent:
+                self.changes.append((time.time(), at))
+        return answer
+
+    def _answer(self, frame: bytes) -> bytes:
+        answer = self.on_tcp(frame)
+        time.sleep(self.late_s)
+        return answer[:8] + self._noise.randbytes(len(answer) - 8) if self.garbles else answer
+
+    def _measure(self) -> None:
+        volts = [0.1 * self.percent, 0.08 * self.percent, 8.0 if self.over else 4.0, *[0.0] * 5]
+        counts = (round(FULL / 10.0 * (v + self._noise.gauss(0.0, 0.02))) for v in volts)
+        self.inputs = dict(enumerate(max(-FULL, min(FULL, count)) & 0xFFFF for count in counts))
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.line.__exit__(None, None, None)

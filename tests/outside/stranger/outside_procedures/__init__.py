@@ -1,0 +1,1 @@
+"""Procedures of somebody who does not mean well."""
