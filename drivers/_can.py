@@ -7,9 +7,11 @@ from textwrap import shorten
 from typing import Any
 
 from drivers._edge import quiet, said_by
+from hil.daq.connection import close, connect, guard
 from hil.errors import DeviceLostError
 
 _LONGEST_WHY = 200
+_CONNECTS_S = 1.0
 
 
 def bus_fault(address: str) -> str:
@@ -22,8 +24,13 @@ def bus_fault(address: str) -> str:
     return ""
 
 
-def open_bus(address: str, bitrate: int) -> Any:
+def open_bus(address: str, bitrate: int, timeout_s: float = 1.0) -> Any:
     """A bus: `socketcan:can0`, `pcan:PCAN_USBBUS1`, `socketcand:HOST:PORT`, `virtual:NAME`, as python-can names them.
+
+    Args:
+        address: of the bus.
+        bitrate: of the bus.
+        timeout_s: of the link; what a hub does not acknowledge for so long is not sent again.
 
     Raises:
         DeviceLostError: it cannot be opened.
@@ -36,11 +43,28 @@ def open_bus(address: str, bitrate: int) -> Any:
         if interface != "socketcand":
             return can.Bus(interface=interface, channel=channel, bitrate=bitrate)
         host, _, port = channel.rpartition(":")
-        socket.create_connection((host, int(port)), 1.0).close()  # python-can alone would try for 10 s
-        return can.Bus(interface=interface, channel="can0", host=host, port=int(port), tcp_tune=True)
+        connect(host, int(port), _CONNECTS_S).close()  # python-can alone would try for 10 s
+        bus = can.Bus(interface=interface, channel="can0", host=host, port=int(port), tcp_tune=True)
+        if (behind := _socket_of(bus)) is not None:
+            guard(behind, timeout_s)
+        return bus
     except Exception as error:  # interfaces that are not installed raise whatever their libraries do
         why = shorten(str(error), _LONGEST_WHY) or type(error).__name__  # some print all that came
         raise DeviceLostError(f"{address}: this bus cannot be opened: {why}") from error
+
+
+def close_bus(bus: Any, timeout_s: float = 1.0) -> None:
+    """Leave a bus; what a hub does not acknowledge in time is given up."""
+    behind = _socket_of(bus)
+    if behind is not None and behind.fileno() >= 0:
+        close(behind, timeout_s)
+    bus.shutdown()
+
+
+def _socket_of(bus: Any) -> socket.socket | None:
+    """The connection of a bus behind a hub; None where it has none."""
+    found: socket.socket | None = getattr(bus, "_SocketCanDaemonBus__socket", None)
+    return found
 
 
 def heard(bus: Any, address: str, wait_s: float) -> Any:

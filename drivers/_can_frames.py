@@ -9,7 +9,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, PositiveFloat, PositiveInt
 
 from drivers._address_claim import CLAIM_WAIT_S, AddressClaim, default_name
-from drivers._can import gone, heard, open_bus
+from drivers._can import close_bus, gone, heard, open_bus
 from drivers._can_messages import Received, group_of
 from drivers._edge import wire_log
 from hil.description.can import J1939
@@ -55,7 +55,7 @@ class CanFrames:
         self._echoes: list[tuple[int, bytes]] = []
         self._log = wire_log("can", settings.address)
         self._claim = AddressClaim(j1939.source, default_name()) if j1939 and j1939.claim and claims else None
-        self._bus = open_bus(settings.address, settings.bitrate)
+        self._bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         try:
             self._claim_address()
         except BaseException:
@@ -82,7 +82,7 @@ class CanFrames:
 
     def close(self) -> None:
         """Leave the bus."""
-        self._bus.shutdown()
+        close_bus(self._bus, self._settings.timeout_s)
 
     def _heard(self, wait_s: float) -> bool | None:
         """Take in one message: whether it was one of ours; None when none came."""

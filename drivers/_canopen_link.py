@@ -9,7 +9,7 @@ from contextlib import suppress
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
-from drivers._can import open_bus
+from drivers._can import close_bus, open_bus
 from drivers._edge import edge, wire_log
 from drivers._node_objects import NodeObjects
 from drivers._pdo_mapping import configure, pdos_for, with_sync
@@ -94,7 +94,7 @@ class CanopenLink:
         self._emergency: tuple[int, int] | None = None
         self._quiet_until_s, self._checked_s, self._drove_s = 0.0, time.monotonic(), 0.0
         self._read_back_times = ReadBackTimes()
-        bus = open_bus(settings.address, settings.bitrate)
+        bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         self._network = CanopenNetwork(bus, settings.address, wire_log("canopen", settings.address))
         self._closed = False
         try:
@@ -160,7 +160,7 @@ class CanopenLink:
         with suppress(Exception):
             self._network.disconnect()
         if self._network.bus is not None:
-            self._network.bus.shutdown()
+            close_bus(self._network.bus, self._settings.timeout_s)
 
     def _measured(self, name: str, told: CanopenTerminal, counts: Mapping[tuple[int, int], float]) -> float:
         """A reading, NaN when it is none.

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from contextlib import suppress
 from functools import wraps
 from typing import Any, TypeVar
 
+from hil.daq.connection import close, close_in_children, guard
 from hil.errors import DeviceLostError, HardwareError, HilError, LinkError
 
 _T = TypeVar("_T", bound=type)
@@ -45,6 +47,26 @@ def edge(link: _T) -> _T:
         setattr(link, name, _named_errors(getattr(link, name)))
     link.close = _silent(link.close)  # type: ignore[attr-defined]
     return link
+
+
+def guard_port(port: Any, timeout_s: float) -> None:
+    """A port of pyserial that sends nothing once it is given up, and that no forked child holds."""
+    behind = getattr(port, "_socket", None)
+    if behind is None:
+        close_in_children(port)
+    else:
+        guard(behind, timeout_s)
+
+
+def given_up(port: Any) -> None:
+    """Close a port of pyserial; what was not sent, or not acknowledged, is not sent any more."""
+    behind = getattr(port, "_socket", None)
+    if behind is not None:
+        close(behind)
+    with suppress(Exception):
+        port.reset_output_buffer()
+    with suppress(Exception):
+        port.close()
 
 
 def wire_log(driver: str, address: str) -> logging.Logger:

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import socket
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from drivers._edge import wire_log
+from drivers._edge import given_up, guard_port, wire_log
 from drivers._start_up import once_started
 from hil.daq.address import Port, address_fault
 from hil.daq.channel import Wiring
+from hil.daq.connection import close
 from hil.errors import DeviceLostError, LinkError
 
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
@@ -124,17 +124,24 @@ class Line:
     def failed(self, text: str) -> LinkError:
         """After an answer that cannot be used nothing is asked for a while; what comes then is thrown away."""
         self._quiet_until_s = time.monotonic() + self._longest_reply_s
+        if self._port is not None and getattr(self._port, "_socket", None) is None:
+            with suppress(Exception):  # what a held line kept back would go out after what is sent next
+                self._port.reset_output_buffer()
         return LinkError(text)
 
     def close(self) -> None:
-        """Close the port."""
+        """Close the port; what was sent goes out, unless an answer is missing."""
         port, self._port = self._port, None
-        if port is not None:
-            behind = getattr(port, "_socket", None)  # pyserial leaves it open when the other side is gone
-            with suppress(Exception):
-                port.close()
-            if behind is not None:
-                behind.close()
+        if port is None:
+            return
+        if not self.is_clean:
+            given_up(port)
+            return
+        behind = getattr(port, "_socket", None)  # pyserial leaves it open when the other side is gone
+        if behind is not None:
+            close(behind, self._timeout_s)
+        with suppress(Exception):
+            port.close()
 
     def _open(self) -> None:
         import serial
@@ -146,11 +153,9 @@ class Line:
             more: dict[str, Any] = {} if self._address.startswith("rfc2217:") else {"write_timeout": self._timeout_s}
             look_s = min(self._timeout_s, _LOOK_S)  # set once: on some ports a change is a negotiation
             self._port = serial.serial_for_url(path, baudrate=self._baud, timeout=look_s, **more)
+            guard_port(self._port, self._timeout_s)
         except (OSError, ValueError) as error:
             raise DeviceLostError(f"{self._address}: cannot be opened: {_cause(error, path)}") from None
-        if (behind := getattr(self._port, "_socket", None)) is not None:
-            # A setting and the question behind it go at once: else the second waits 40 ms for a word about the first.
-            behind.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
     def _send(self, request: str, until_s: float) -> bytes:
         """Send; returns what has come of the answer while the echo was waited for."""
@@ -194,7 +199,8 @@ class Line:
             raise self._gone(error) from error
 
     def _gone(self, error: Exception) -> DeviceLostError:
-        self.close()
+        port, self._port = self._port, None
+        given_up(port)
         return DeviceLostError(f"{self._address}: the line is gone: {error or type(error).__name__}")
 
     def _wait_until_clean(self) -> None:

@@ -52,18 +52,18 @@ class LineSettings(BaseModel):
 def client_of(settings: LineSettings, trace: Callable[[bool, bytes], bytes] | None = None) -> Any:
     """The library's client for such a line, not yet connected."""
     from pymodbus import FramerType
-    from pymodbus.client import ModbusTcpClient
 
+    from drivers._aborting_client import AbortingTcpClient
     from drivers._steady_serial import SteadySerialClient
 
     quiet("pymodbus.logging")
     common: dict[str, Any] = {"timeout": settings.timeout_s, "retries": 0, "trace_packet": trace}
     if settings.transport == "tcp":
         host, port = host_and_port(settings.address) or ("", 0)
-        return ModbusTcpClient(host, port=port, **common)
+        return AbortingTcpClient(host, port=port, **common)
     if settings.address.startswith("socket://"):
         host, port = host_and_port(settings.address.removeprefix("socket://")) or ("", 0)
-        client: Any = ModbusTcpClient(host, port=port, framer=FramerType.RTU, **common)
+        client: Any = AbortingTcpClient(host, port=port, framer=FramerType.RTU, **common)
     else:
         client = SteadySerialClient(settings.address, baudrate=settings.baud, parity=settings.parity, **common)
     client.comm_params.handle_local_echo = client.transaction.comm_params.handle_local_echo = settings.echo

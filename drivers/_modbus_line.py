@@ -40,7 +40,7 @@ class ModbusLine:
 
     def close(self) -> None:
         """Let go of it."""
-        self.client.close()
+        self.client.let_go()
 
     @property
     def is_clean(self) -> bool:
@@ -75,7 +75,7 @@ class ModbusLine:
             self.connect()
             for function, address, values in requests:
                 request(self.client, function, address, 1, values, self._settings.unit_id, no_response_expected=True)
-        self.client.close()
+        self.client.let_go()
 
     def ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:
         """One request and its answer.

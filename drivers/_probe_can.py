@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, field_validator
 
 from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST
-from drivers._can import bus_fault, gone, heard, open_bus
+from drivers._can import bus_fault, close_bus, gone, heard, open_bus
 from drivers._edge import wire_log
 from hil.daq.probe import Found, Progress
 
@@ -46,7 +46,7 @@ class Options(BaseModel):
 
 def who(options: Options, progress: Progress) -> list[Found]:
     """Every node of CANopen, and every address of J1939. A bus of 29-bit frames alone is not asked by SDO."""
-    bus = open_bus(options.address, options.bitrate)
+    bus = open_bus(options.address, options.bitrate, options.timeout_s)
     try:
         progress(0.0, "listening")
         standard, extended = _listened(bus, options.listen_s, options.address)
@@ -57,7 +57,7 @@ def who(options: Options, progress: Progress) -> list[Found]:
         return found
     finally:
         with suppress(Exception):
-            bus.shutdown()
+            close_bus(bus, options.timeout_s)
 
 
 def _listened(bus: Any, for_s: float, address: str) -> tuple[set[int], dict[int, str]]:

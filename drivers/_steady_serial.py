@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import errno
+from contextlib import suppress
 from typing import Any
 
 import serial
 from pymodbus.client import ModbusSerialClient
 from pymodbus.exceptions import ConnectionException
 
+from drivers._edge import guard_port
 from drivers._shared_port import keep_quiet, quiet_until_s, shared_port
 from hil.daq.address import Port
 from hil.errors import DeviceLostError
@@ -43,6 +45,17 @@ class SteadySerialClient(ModbusSerialClient):
         with self.socket.line:  # type: ignore[union-attr]
             return super().execute(no_response_expected, request)
 
+    def close(self) -> None:
+        """Give the port up: what still waits in it to be sent is not."""
+        if self.socket is not None:
+            with suppress(Exception):
+                self.socket.reset_output_buffer()
+        super().close()  # type: ignore[no-untyped-call]
+
+    def let_go(self) -> None:
+        """Close it in order: what was sent goes out."""
+        super().close()  # type: ignore[no-untyped-call]
+
     @property
     def quiet_until_s(self) -> float:
         """Until when nobody asks on this line."""
@@ -55,10 +68,12 @@ class SteadySerialClient(ModbusSerialClient):
     def _opened(self, path: str) -> serial.Serial:
         told = self.comm_params
         try:
-            return serial.serial_for_url(
+            port: serial.Serial = serial.serial_for_url(
                 path, told.baudrate, told.bytesize, told.parity, told.stopbits, told.timeout_connect,
                 write_timeout=told.timeout_connect, exclusive=True,
             )  # fmt: skip
+            guard_port(port, told.timeout_connect or 0.0)
+            return port
         except Exception as error:  # pyserial raises its own, those of the system, and those of its protocols
             why = "another program has it" if getattr(error, "errno", None) == errno.EAGAIN else str(error)
             raise DeviceLostError(f"{self._address}: cannot be opened: {why}") from error
@@ -70,5 +85,5 @@ class SteadySerialClient(ModbusSerialClient):
         try:
             return bytes(self.socket.read(size or max(1, self.socket.in_waiting)))
         except OSError:
-            self.close()  # type: ignore[no-untyped-call]
+            self.close()
             raise ConnectionException(str(self)) from None

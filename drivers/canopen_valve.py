@@ -14,7 +14,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
-from drivers._can import bus_fault, open_bus
+from drivers._can import bus_fault, close_bus, open_bus
 from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -174,7 +174,7 @@ class CanopenValveLink:
         self._emergency: tuple[int, int] | None = None
         self._beat_s: float | None = None
         self._quiet_until_s = 0.0
-        bus = open_bus(settings.address, settings.bitrate)
+        bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         self._network = CanopenNetwork(bus, settings.address, wire_log("canopen_valve", settings.address))
         self._closed = False
         try:
@@ -226,7 +226,7 @@ class CanopenValveLink:
         with suppress(Exception):
             self._network.disconnect()
         if self._network.bus is not None:
-            self._network.bus.shutdown()
+            close_bus(self._network.bus, self._settings.timeout_s)
 
     def _recognise(self) -> None:
         """See that a valve is there, and make it operational."""

@@ -16,7 +16,7 @@ from typing import Literal
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST, AddressClaim, default_name
-from drivers._can import bus_fault, gone, heard, open_bus
+from drivers._can import bus_fault, close_bus, gone, heard, open_bus
 from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -135,7 +135,7 @@ class J1939ValveLink:
         self._name, self._names_device = name, ""
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=_ECHOES)
         self._log = wire_log("j1939_valve", settings.address)
-        self._bus = open_bus(settings.address, settings.bitrate)
+        self._bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         self._commands = bool(wiring.outputs)
         if not self._commands:  # who only listens needs no address
             return
@@ -205,7 +205,7 @@ class J1939ValveLink:
 
     def close(self) -> None:
         """Leave the bus."""
-        self._bus.shutdown()
+        close_bus(self._bus, self._settings.timeout_s)
 
     def _receive(self, wait_s: float) -> None:
         """Take in every message that has come; wait for the first estimate so long if there is none."""

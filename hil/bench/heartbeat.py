@@ -20,6 +20,7 @@ from hil.bench.stop.control import Control, control_of
 from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
 from hil.child import child
+from hil.daq.connection import close_in_children
 from hil.errors import HardwareError, StoppedError
 from hil.safety.operator import Asked, Operator
 from hil.safety.outputs import Outputs
@@ -133,6 +134,7 @@ class Heart:
             stderr=None if self._speaks else subprocess.PIPE, bufsize=0, start_new_session=True,
             cwd=Path(os.sep).resolve(),
         )  # fmt: skip
+        close_in_children(self._process.stdin)  # held there, it would not end with this program
         self._started = threading.Event()
         self._failed = ""
         self._heard_s = self._asked_s = time.monotonic()
