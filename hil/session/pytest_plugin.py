@@ -5,14 +5,17 @@
         assert outcome.findings.verdict == "pass"
 
 `--hil-bench` names the bench file (of a real bench its twin is taken), `--hil-seed` the seed of the noise; both are
-printed, and stand as properties in JUnit XML with everything that was measured, its limits and verdicts. What a run
-found is printed as `hil run` prints it, and so shown when the test fails.
+printed, and stand as properties in JUnit XML with everything that was measured, its uncertainty, limits and verdicts.
+What a run found is printed as `hil run` prints it, and so shown when the test fails.
+
+An assertion on a verdict or an exit status says which limit was missed, and by how much. A test whose run *cannot tell*
+is an error, one whose run *fails* a failure: CI systems show and count the two apart, and both make the job red.
 """
 
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,6 +29,9 @@ if TYPE_CHECKING:
 
 DEFAULT_BENCH = "brevini-hpv41"
 _MOST, _SEED = 1 << 31, "hil_seed"
+_BENCH = pytest.StashKey["SimulatedBench"]()  # of the test that is running
+_CANNOT_TELL = "cannot tell"
+_WHEN = "verdict"  # instead of `call`: what fails in another phase than the call is an error, also in JUnit XML
 
 
 class SimulatedBench:
@@ -34,6 +40,8 @@ class SimulatedBench:
     Attributes:
         file: the bench file, its devices simulated in virtual time.
         seed: of the noise.
+        outcomes: of its runs, in their order.
+        unproven: whether an assertion failed on a verdict that cannot be told.
     """
 
     def __init__(self, file: BenchFile, seed: int, folder: Path, note: Callable[[str, object], None]) -> None:
@@ -42,6 +50,8 @@ class SimulatedBench:
         self._folder = folder
         self._note = note
         self._runs = 0
+        self.outcomes: list[Outcome] = []
+        self.unproven = False
 
     def run(self, procedure: str, limits: Iterable[str] = (), **settings: Any) -> Outcome:
         """Run a procedure and evaluate it.
@@ -61,8 +71,16 @@ class SimulatedBench:
         outcome = run_procedure(
             load_procedure(procedure), self.file, settings, self._next(procedure), limits=split_limits(limits)
         )
+        self.outcomes.append(outcome)
         self._tell(procedure, outcome)
         return outcome
+
+    def reasons(self, verdict: str) -> list[str]:
+        """What kept its runs from passing, a sentence for each limit; empty when none ended with that verdict."""
+        from hil.report.results import verdict_sentence
+
+        judged = [one.findings for one in self.outcomes if one.findings.verdict == verdict]
+        return [verdict_sentence(found) for findings in judged for found in findings.open_or_missed]
 
     def rig(self) -> AbstractContextManager[BenchRig]:
         """The rig itself, to be driven by the test: `with bench.rig() as rig: rig.play(…)`."""
@@ -71,14 +89,18 @@ class SimulatedBench:
         return open_rig(self.file, self._next("rig"), {}, lambda _done, _text: None)
 
     def _tell(self, procedure: str, outcome: Outcome) -> None:
+        from hil.record.measurement import COVERAGE_FACTOR
         from hil.report.number import limits_text
         from hil.report.terminal import findings_text
 
         findings = outcome.findings
         print(f"{procedure}:\n{findings_text(findings, simulated=outcome.simulated)}")
         for found in findings.measured:
+            bound = "" if found.relation == "=" else f"{found.relation} "
             if found.value is not None:
-                self._note(f"{found.name} [{found.unit}]", found.value)
+                self._note(f"{found.name} [{found.unit}]", f"{bound}{found.value}")
+            if found.std is not None and not bound:
+                self._note(f"{found.name} U (k = 2) [{found.unit}]", COVERAGE_FACTOR * found.std)
             if found.verdict is not None:
                 self._note(f"{found.name} limits [{found.unit}]", limits_text(found.low, found.high))
                 self._note(f"{found.name} verdict", found.verdict)
@@ -122,8 +144,41 @@ def pytest_report_header(config: pytest.Config) -> list[str]:
     return [f"hil: --hil-bench {config.getoption('--hil-bench')} --hil-seed {seed}"] if seed else []
 
 
+def pytest_assertrepr_compare(config: pytest.Config, op: str, left: object, right: object) -> list[str] | None:
+    """Say which limit was missed where a verdict or an exit status of a run is not what was asserted."""
+    bench = config.stash.get(_BENCH, None)
+    if bench is None or not bench.outcomes or op != "==":
+        return None
+    last = bench.outcomes[-1]
+    if (left, right) in ((last.exit_status, 0), (0, last.exit_status)):
+        verdict = str(last.findings.verdict)
+    elif "pass" in (left, right):
+        verdict = str(left if right == "pass" else right)
+    else:
+        return None
+    if reasons := bench.reasons(verdict):
+        bench.unproven = verdict == _CANNOT_TELL
+        return [*reasons, f"{left!r} == {right!r}"]
+    return None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item: pytest.Item, call: pytest.CallInfo[None]) -> Generator[None, Any, Any]:
+    """Make a test that asserted a verdict which cannot be told an error."""
+    report = yield
+    bench = item.config.stash.get(_BENCH, None)
+    if bench is not None and bench.unproven and call.when == "call" and report.failed:
+        report.when = _WHEN
+    return report
+
+
+def pytest_report_teststatus(report: Any) -> tuple[str, str, str] | None:
+    """Call it by its name."""
+    return ("error", "E", "CANNOT TELL") if report.when == _WHEN else None
+
+
 @pytest.fixture
-def bench(request: pytest.FixtureRequest, tmp_path: Path) -> SimulatedBench:
+def bench(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[SimulatedBench]:
     """A simulated bench in virtual time; prints its seed, which is shown when the test fails."""
     from hil.bench.find import find_bench
     from hil.bench.read import read_bench
@@ -136,6 +191,9 @@ def bench(request: pytest.FixtureRequest, tmp_path: Path) -> SimulatedBench:
     print(f"hil: bench {name}, seed {seed}; again with --hil-bench {name} --hil-seed {seed}")
     properties = request.node.user_properties
     properties += [("hil_bench", name), ("hil_seed", seed), ("hil_simulated", "true")]
-    return SimulatedBench(
+    made = SimulatedBench(
         twin_of(file, seed), seed, tmp_path / "runs", lambda what, value: properties.append((what, value))
     )
+    request.config.stash[_BENCH] = made
+    yield made
+    del request.config.stash[_BENCH]

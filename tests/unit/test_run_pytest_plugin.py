@@ -14,6 +14,18 @@ MISSED = """
 def test_misses(bench):
     assert bench.run("step_response", limits=["rise=..1"]).exit_status == 0
 """
+VERDICTS = """
+def test_fails(bench):
+    assert bench.run("step_response", limits=["rise=..1"], levels=(0, 80)).findings.verdict == "pass"
+
+def test_cannot_tell(bench):
+    outcome = bench.run("step_response", limits=["overshoot=0.1.."], levels=(0, 80))
+    assert "pass" == outcome.findings.verdict
+
+def test_other_assertions_are_failures(bench):
+    bench.run("step_response", limits=["overshoot=0.1.."], levels=(0, 80))
+    assert 1 + 1 == 3
+"""
 SEEN = """
 import pytest
 
@@ -48,6 +60,28 @@ def test_the_how_to_passes_a_limit_is_missed_and_junit_has_what_was_measured(pyt
         ["rise*ms*≤ 1*fail", "Fail: rise*limit ≤ 1 ms: it is missed by*", "verdict: fail (SIMULATED)"]
     )
     assert missed["step_response verdict"] == "fail"
+
+
+def test_an_assertion_says_the_limit_and_what_cannot_be_told_is_an_error(pytester: pytest.Pytester) -> None:
+    pytester.makepyfile(VERDICTS)
+    found = pytester.runpytest_subprocess("--junitxml=report.xml")
+    found.assert_outcomes(failed=2, errors=1)
+    found.stdout.fnmatch_lines([
+        "E*AssertionError: assert Cannot tell: overshoot at 0 → 80 % is < * %, limit ≥ 0.1 %: a bound, *",
+        "E*AssertionError: assert Fail: rise at 0 → 80 % is * ms, limit ≤ 1 ms: it is missed by *",
+        "FAILED *test_fails - AssertionError: assert Fail: *",
+        "CANNOT TELL *test_cannot_tell - *",
+    ])  # fmt: skip
+    cases = {case.attrib["name"]: case for case in ET.parse(pytester.path / "report.xml").iter("testcase")}
+    kinds = {name: [one.tag for one in case if one.tag in ("failure", "error")] for name, case in cases.items()}
+    others = {"test_other_assertions_are_failures": ["failure"]}
+    assert kinds == {"test_fails": ["failure"], "test_cannot_tell": ["error"], **others}
+    assert "Cannot tell: overshoot at 0 → 80 %" in str(cases["test_cannot_tell"].find("error").attrib["message"])
+    told = {one.attrib["name"]: one.attrib["value"] for one in cases["test_cannot_tell"].iter("property")}
+    assert told["hil_simulated"] == "true"
+    assert re.fullmatch(r"< 0\.\d+", told["overshoot, 0 → 80 % [%]"]), "a bound is none where it stands as a value"
+    assert "overshoot, 0 → 80 % U (k = 2) [%]" not in told
+    assert 0.0 < float(told["rise, 0 → 80 % U (k = 2) [ms]"]) < 0.1 * float(told["rise, 0 → 80 % [ms]"])
 
 
 def test_workers_share_the_seed_that_is_printed_and_a_failure_tells_it(pytester: pytest.Pytester) -> None:
