@@ -81,7 +81,7 @@ class PolledDaq:
         self._lock = threading.Lock()
         self._task: Task | None = None
         self._failed: HardwareError | None = None
-        self._told_safe = False
+        self._told_safe, self._only_safe = False, not measured
         self._ended = Flag()
         self._blind_s = 0.0
         self._zero_s = self._used_s = self._told_s = self._clock.now_s
@@ -133,7 +133,7 @@ class PolledDaq:
         """Stop what plays, and put every output at its safe value, whatever the other links do.
 
         Raises:
-            UnansweredError: every device was told, and one did not answer.
+            UnansweredError: opened for nothing else, every device was told, and one did not answer.
             DeviceLostError: one could not be told.
         """
         if self._ended.is_set():
@@ -144,7 +144,7 @@ class PolledDaq:
             left = self._driven_safe([member for member, _ in left])
             self._told_safe = True
             if left:  # said before the lock is given up: the keep-alive must not drive again what stood before
-                told = all(isinstance(failure, LinkError) for _, failure in left)
+                told = self._only_safe and all(isinstance(failure, LinkError) for _, failure in left)
                 self._failed = (UnansweredError if told else DeviceLostError)(
                     "; ".join(str(failure) for _, failure in left)
                 )

@@ -30,7 +30,7 @@ from tests.stops import posted
 from tests.waits import PATIENCE_S
 
 # The coupler's own watchdog stays off, so that only the program and its watchdog process can make it safe.
-CHANGES = (("\nwatchdog_s = 1.0\n", "\n"), ("block_s = 0.1\n", "block_s = 0.1\nwatchdog_s = 10.0\n"))
+CHANGES = (("\nwatchdog_s = 10.0\n", "\n"), ("block_s = 0.1\n", "block_s = 0.1\nwatchdog_s = 10.0\n"))
 
 
 def written(path: Path) -> dict[str, Any]:
