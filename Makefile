@@ -7,15 +7,26 @@ STAMP  := $(VENV)/.installed
 # Tests start hundreds of processes: without bytecode on disk each of them compiles every module anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-slow check warm wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues tutorial clean help
+.PHONY: demo test test-slow outside check pins warm wheel bench acceptance-risk papers notebooks proof coverage coverage-identify docs catalogues tutorial clean help
 
 help:            ## this list
 	@grep -hE '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed 's/:.*##/\t/'
 
-$(STAMP): pyproject.toml constraints.txt
+PIP    := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+$(STAMP): pyproject.toml requirements.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	$(PIP) --require-hashes -r requirements.txt
+	$(PIP) --no-deps --no-build-isolation -e .
 	@touch $@
+
+pins:            ## the pins of constraints.txt once more with the hash of every file, after a change of either
+	$(PIP) uv
+	for extra in dev bench; do \
+	    [ $$extra = dev ] && out=requirements.txt more='setuptools>=77' || { out=benchmarks/requirements.txt; more=''; }; \
+	    echo "$$more" | $(BIN)/uv pip compile pyproject.toml - --extra $$extra -c constraints.txt --universal \
+	        --python-version 3.11 --generate-hashes --no-annotate --no-header --quiet -o $$out || exit 1; \
+	done
 
 demo: $(STAMP)   ## test, identify and diagnose the simulated HPV41; writes demo/report.html
 	$(BIN)/hil demo --out demo
@@ -38,11 +49,14 @@ test: $(STAMP)   ## everything CI asks for
 test-slow: $(STAMP)  ## the rest: faults on every link in wall-clock time, on a machine that does nothing else
 	$(BIN)/pytest -m slow --timeout 1200
 
+outside: $(STAMP)  ## the device against every word of the program: outages, named cases, 300 drawn combinations (an hour)
+	$(BIN)/python -m tests.outside --drawn 300
+
 wheel: $(STAMP)  ## build the wheel, install it alone, and try it where there is no checkout
 	$(BIN)/python .ci/try_wheel.py
 
 $(VENV)/.bench-installed: $(STAMP)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[bench]'
+	$(PIP) --require-hashes -r benchmarks/requirements.txt
 	@touch $@
 
 bench: $(VENV)/.bench-installed  ## every benchmark beside its peers, one table of times and ratios
