@@ -48,7 +48,6 @@ class Situation:
     terminal: bool = False
     words: Callable[[object], list[str]] | None = None
     settle_s: float = 0.5
-    by_pid: bool = True
 
 
 def later(after_s: float, do: Callable[[], object]) -> None:
@@ -183,7 +182,7 @@ from hil import api
 def drive():
     with api.open_bench(sys.argv[1], sys.argv[2]) as rig:
         for _ in range(60):
-            rig.play(np.full(25, 70.0))
+            rig.play(np.full(8, 70.0))
 
 how = sys.argv[3]
 if how == "thread":
@@ -193,7 +192,7 @@ if how == "thread":
 elif how in ("left open", "left open and exits"):
     opened = api.open_bench(sys.argv[1], sys.argv[2])
     rig = opened.__enter__()
-    rig.play(np.full(25, 70.0))
+    rig.play(np.full(8, 70.0))
     if how == "left open":
         time.sleep(40.0)
 else:
