@@ -6,13 +6,11 @@ modules, and an empty entry of PYTHONPATH, which means the same folder, is left 
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
@@ -57,6 +55,9 @@ def finished(command: Sequence[str]) -> subprocess.CompletedProcess[str]:
 
 def over_processes(function: Callable[[_Item], _Found], items: Sequence[_Item], workers: int) -> Iterator[_Found]:
     """`map(function, items)`, each in one of some processes; in order, as they are finished."""
+    import multiprocessing
+    from concurrent.futures import ProcessPoolExecutor
+
     with _safe_path():  # processes start when the pool is made and while it takes the work
         pool = ProcessPoolExecutor(workers, multiprocessing.get_context("spawn"))
         answers = pool.map(function, items)

@@ -12,6 +12,7 @@ import os
 import re
 import stat
 import tomllib
+from functools import cache
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO
 
@@ -25,6 +26,7 @@ MOST_LEVELS = 64
 
 _PATH_FLAGS = os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _FILE_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
+_LEAST_BYTES, _LARGEST_BYTES = 1 << 30, 1 << 34
 _SPARSE_BYTES, _SPARSEST = 1 << 28, 64  # a file this large holds at least a part of what its size says
 _KINDS = (
     (stat.S_ISLNK, "a link, and links are not followed"), (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"),
@@ -33,6 +35,18 @@ _KINDS = (
 # Atomic groups: a line of 100 kB is read once, whatever stands in it.
 _KEY = r"""(?>[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _DOTTED = re.compile(rf"(?<![A-Za-z0-9_-]){_KEY}(?:[ \t]*+\.[ \t]*+{_KEY}){{{MOST_LEVELS}}}")
+
+
+@cache
+def most_bytes() -> int:
+    """The largest recording that is read: a quarter of this computer's memory, within 1 and 16 GiB."""
+    quarter = os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE") // 4
+    return max(_LEAST_BYTES, min(quarter, _LARGEST_BYTES))
+
+
+def size_allowed() -> str:
+    """For messages: what `most_bytes` allows."""
+    return f"at most {most_bytes() / 1e9:.3g} GB are read on this computer"
 
 
 def open_untrusted(root: str | Path, name: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
@@ -87,16 +101,30 @@ def is_regular(root: str | Path, name: str | Path) -> bool:
         os.close(handle)
 
 
-def read_small(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
-    """All of a file that its user names: a link leads where it leads, but the file has to be regular and small.
+def open_small(path: Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
+    """A file that its user names, open for reading: a link leads where it leads, but the file has to be regular.
 
     Raises:
         OSError: it cannot be read.
         FileError: it is no regular file, or larger than allowed.
     """
-    handle = os.open(path, _FILE_FLAGS & ~os.O_NOFOLLOW)
-    with open(handle, "rb") as file:  # noqa: PTH123  # a handle, not a path
+    try:
+        handle = os.open(path, _FILE_FLAGS & ~os.O_NOFOLLOW)
+    except OSError as error:
+        if error.errno != errno.ENXIO:
+            raise
+        raise FileError(f"{path}: is a socket; only regular files are read here") from None
+    try:
         _check(os.fstat(handle), path, most_bytes)
+        return open(handle, "rb")  # noqa: PTH123  # a handle, not a path
+    except BaseException:
+        os.close(handle)
+        raise
+
+
+def read_small(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
+    """All of a file that its user names; raises as `open_small`."""
+    with open_small(path, most_bytes) as file:
         return file.read(most_bytes)
 
 

@@ -115,6 +115,10 @@ class Table:
     assumed: str = ""
 
 
+Contents = tuple[list[Table], dict[str, Any]]
+"""The tables of a file, and what it says besides."""
+
+
 def numbers(properties: Mapping[str, Any]) -> dict[str, float]:
     """The single numbers among what is said about a file, a group or a channel."""
     single = {key: value for key, value in properties.items() if np.ndim(value) == 0}

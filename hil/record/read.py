@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import importlib
+import os
 import pkgutil
 from functools import cache
 from pathlib import Path
 from types import ModuleType
+from typing import BinaryIO
 
 from hil.catalog import tables
 from hil.errors import FileError, StorageError
 from hil.record import exchange
+from hil.record.assemble import assemble
 from hil.record.named import as_said
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
+from hil.untrusted import most_bytes, open_small
 
 _LONGEST_BEGINNING = 32
 
@@ -29,10 +33,9 @@ def formats() -> dict[str, ModuleType]:
     return {suffix: module for module in modules for suffix in module.SUFFIXES}
 
 
-def _by_content(path: Path) -> ModuleType | None:
+def _by_content(file: BinaryIO) -> ModuleType | None:
     """The module of a file that says by its first bytes what it is, whatever its name says."""
-    with path.open("rb") as file:
-        start = file.read(_LONGEST_BEGINNING)
+    start = os.pread(file.fileno(), _LONGEST_BEGINNING, 0)
     for module in formats().values():
         if any(start.startswith(beginning) for beginning in getattr(module, "BEGINNINGS", ())):
             return module
@@ -86,11 +89,24 @@ def read_any(path: str | Path, reading: Reading = AS_IT_IS) -> Recording | Respo
         return as_said(with_blanks(read(path)), reading)
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
-    form = _by_content(path) or format_of(path)
-    if not path.stat().st_size:
-        raise FileError(f"{path}: the file is empty")
+    with _opened(path) as file:
+        form = _by_content(file) or format_of(path)
+        if not os.fstat(file.fileno()).st_size:
+            raise FileError(f"{path}: the file is empty")
+        if hasattr(form, "contents"):
+            from hil.record.confined import confined_contents
+
+            return assemble(str(path), *confined_contents(form, path, file), reading)
     found: Recording | ResponseTable = form.read(path, reading)
     return found
+
+
+def _opened(path: Path) -> BinaryIO:
+    """A regular file no larger than what is read; raises `FileError` for any other."""
+    try:
+        return open_small(path, most_bytes())
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def write_recording(recording: Recording, path: str | Path) -> None:

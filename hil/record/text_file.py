@@ -3,22 +3,57 @@
 from __future__ import annotations
 
 import gzip
+from io import TextIOWrapper
 from pathlib import Path
 from typing import IO, Literal
 
 from hil.errors import FileError
+from hil.untrusted import most_bytes
 
 _MOSTLY = 0.8
+_START_BYTES = 1 << 16
+_LEAST_UNPACKED, _MOST_SHRUNK = 1 << 28, 100
 _GZIP_LEVEL = 3  # noise shrinks by 3 % more at level 9, for more than twice the time
 
 
 def open_text(path: Path, encoding: str, mode: Literal["rt", "wt"] = "rt") -> IO[str]:
     """A text file, compressed or not; bytes that are no text in a remark do no harm."""
     errors = "replace" if mode == "rt" else "strict"
-    packed = is_packed(path) if mode == "rt" else path.suffix.lower() == ".gz"
-    if packed:
+    if mode == "rt" and is_packed(path):
+        return TextIOWrapper(Unpacked(path), encoding, errors)
+    if mode == "wt" and path.suffix.lower() == ".gz":
         return gzip.open(path, mode, _GZIP_LEVEL, encoding=encoding, errors=errors)
     return path.open(mode, encoding=encoding, errors=errors)
+
+
+class TooLargeError(FileError):
+    """A compressed file that unpacks to more than is read: nothing more is looked for in it."""
+
+
+class Unpacked(gzip.GzipFile):
+    """A compressed file, read as far as a recording can go: measured values shrink to a tenth, not to a thousandth."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path, "rb")
+        self._path, packed = path, path.stat().st_size
+        self._most = min(max(_LEAST_UNPACKED, _MOST_SHRUNK * packed), most_bytes())
+
+    def read(self, size: int | None = -1) -> bytes:
+        """So many bytes. Raises `FileError` beyond what is read."""
+        return self._checked(super().read(self._most + 1 if size is None or size < 0 else size))
+
+    def read1(self, size: int = -1) -> bytes:
+        """As many bytes as are there. Raises `FileError` beyond what is read."""
+        return self._checked(super().read1(size))
+
+    def _checked(self, found: bytes) -> bytes:
+        if self.tell() > self._most:
+            raise TooLargeError(
+                f"{self._path}: {self._path.stat().st_size} bytes unpack to more than "
+                f"{self._most / 1e6:.4g} MB; so much "
+                "is read of a compressed file"
+            )
+        return found
 
 
 def is_packed(path: Path) -> bool:
@@ -33,8 +68,8 @@ def encoding_of(path: Path) -> str:
     Raises:
         FileError: bytes that no text has.
     """
-    with gzip.open(path) if is_packed(path) else path.open("rb") as file:
-        start = file.read(1 << 16)
+    with Unpacked(path) if is_packed(path) else path.open("rb") as file:
+        start = file.read(_START_BYTES)
     if start.startswith((b"\xff\xfe", b"\xfe\xff")):
         return "utf-16"
     if b"\0" in start:
@@ -42,6 +77,8 @@ def encoding_of(path: Path) -> str:
             if zeros.count(0) > _MOSTLY * len(zeros):
                 return encoding
         raise FileError(f"{path}: holds bytes that no text has; is its name right?")
+    if len(start) == _START_BYTES and not (b"\n" in start or b"\r" in start):
+        raise FileError(f"{path}: its first line is longer than {_START_BYTES} bytes; is it a table?")
     whole = start[: start.rfind(b"\n") + 1] or start
     try:
         whole.decode("utf-8")

@@ -16,7 +16,7 @@ from hil.errors import FileError
 from hil.record import heading as headings
 from hil.record.columns import Column
 from hil.record.layout import Layout
-from hil.record.text_file import is_packed, open_text
+from hil.record.text_file import TooLargeError, Unpacked, is_packed, open_text
 from hil.record.tokens import (
     BLANKS,
     decimal_and_thousands,
@@ -66,6 +66,8 @@ def _rows(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout, 
     """The fields, the layout with the lines among them that are none, and what stood where numbers should, in words."""
     try:
         return _table(pd, path, found), found, ""
+    except TooLargeError:
+        raise
     except FileError:
         remarks = frozenset(number for number, line in _texts(path, found) if gaps or line.startswith(_REMARKS))
     found = replace(found, remarks=remarks)
@@ -149,13 +151,13 @@ def _table(pd: Any, path: Path, found: Layout, spare: bool = False, by_hand: boo
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", pd.errors.ParserWarning)  # that fields were dropped
-            table = pd.read_csv(
-                path, sep=found.separator, decimal=found.decimal, thousands=thousands,
-                skiprows=_skipped(found), header=None, names=names, index_col=False, dtype=kinds,
-                na_values=blanks, keep_default_na=False, skipinitialspace=True, encoding=encoding,
-                encoding_errors="strict" if only_numbers else "replace", engine="c", nrows=found.rows,
-                compression="gzip" if is_packed(path) else None,
-            )  # fmt: skip
+            with Unpacked(path) if is_packed(path) else path.open("rb") as file:
+                table = pd.read_csv(
+                    file, sep=found.separator, decimal=found.decimal, thousands=thousands,
+                    skiprows=_skipped(found), header=None, names=names, index_col=False, dtype=kinds,
+                    na_values=blanks, keep_default_na=False, skipinitialspace=True, encoding=encoding,
+                    encoding_errors="strict" if only_numbers else "replace", engine="c", nrows=found.rows,
+                )  # fmt: skip
     except pd.errors.EmptyDataError:
         raise FileError(f"{path}: no rows after the header") from None
     except pd.errors.ParserWarning:

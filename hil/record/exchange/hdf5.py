@@ -8,37 +8,42 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
-from hil.errors import FileError
+from hil.errors import FileError, reason
 from hil.record.about import KEY, about, parse_about
-from hil.record.assemble import assemble
-from hil.record.columns import Column, Table, by_length, even_table, from_matrix, numbers
+from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix, numbers
 from hil.record.extra import library
 from hil.record.flat import flat
+from hil.record.hdf5_inside import check_inside
 from hil.record.heading import interval_of
-from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
 
 SUFFIXES = (".h5", ".hdf5", ".hdf")
+KIND = "HDF5"
 _MATLAB_INSIDES = ("#refs#", "#subsystem#")
 _UNIT_KEYS = ("unit", "units", "Unit", "Units", "unit_string")
 
 
-def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
-    """Read a recording.
+def libraries(_: bytes) -> tuple[str, ...]:
+    """What reads a file, whatever it begins with."""
+    return ("h5py",)
+
+
+def contents(path: Path, file: BinaryIO) -> Contents:
+    """The tables of an open file.
 
     Raises:
-        FileError: not HDF5, or without a time and a signal; names what is there.
+        FileError: not HDF5, or a part of it leads out of it, back into itself, or beyond what is read; names the part.
     """
     h5py = library("h5py", path)
     try:
-        with h5py.File(path, "r") as file:
-            meta, channels = parse_about(file[KEY][()] if KEY in file else None)
-            return assemble(str(path), list(tables(file, path.stem, channels)), meta, reading)
-    except (OSError, RuntimeError) as error:
-        raise FileError(f"{path}: cannot be read as HDF5: {error}") from None
+        with h5py.File(file, "r") as opened:
+            check_inside(h5py, path, opened)
+            meta, channels = parse_about(opened[KEY][()] if KEY in opened else None)
+            return list(tables(opened, path.stem, channels)), meta
+    except (OSError, RuntimeError, KeyError) as error:
+        raise FileError(f"{path}: cannot be read as HDF5: {reason(error)}") from None
 
 
 def write(recording: Recording, path: Path) -> None:
@@ -80,11 +85,18 @@ def tables(group: Any, name: str, channels: Mapping[str, Mapping[str, Any]]) -> 
 
 def _items(group: Any) -> Iterator[tuple[str, Any]]:
     # Whoever calls a dataset "flow [l/min]" gets a group "flow [l" with a dataset "min]" in it.
-    for key, item in group.items():
+    for key in group:
+        item = group.get(key)
+        if item is None or (hasattr(item, "items") and not _is_hard(group, key)):
+            continue  # a link that leads nowhere, or to a group that is read where it stands
         if hasattr(item, "items") and (key.count("[") > key.count("]") or key.count("(") > key.count(")")):
             yield from ((f"{key}/{inner}", child) for inner, child in _items(item))
         else:
             yield key, item
+
+
+def _is_hard(group: Any, key: str) -> bool:
+    return type(group.get(key, getlink=True)).__name__ == "HardLink"
 
 
 def _columns(key: str, dataset: Any, channels: Mapping[str, Mapping[str, Any]]) -> list[Column]:

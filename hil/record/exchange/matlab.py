@@ -9,46 +9,47 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
 from hil.errors import FileError
 from hil.record.about import about, parse_about
-from hil.record.assemble import assemble
-from hil.record.columns import Column, Table, by_length, even_table, from_matrix
+from hil.record.columns import Column, Contents, Table, by_length, even_table, from_matrix
 from hil.record.exchange import hdf5
 from hil.record.flat import flat
-from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
 
 SUFFIXES = (".mat",)
+KIND = "MAT"
+_HDF5_SIGNATURE = b"\x89HDF\r\n\x1a\n"
 _INDEX, _ABOUT = "channels", "valve_hil"
 _FIELDS = ("variable", "name", "unit")
 _MOST_BYTES = 1 << 31
 _LONGEST_NAME = 63
 
 
-def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
-    """Read a recording.
+def libraries(start: bytes) -> tuple[str, ...]:
+    """What reads a file that begins so."""
+    return ("scipy.io", *(hdf5.libraries(start) if _HDF5_SIGNATURE in start else ()))
+
+
+def contents(path: Path, file: BinaryIO) -> Contents:
+    """The tables of an open file.
 
     Raises:
-        FileError: not a MAT file, or without a time and a signal; names what is there.
+        FileError: not a MAT file, or of version 7.3 and refused as HDF5 (see `hdf5.contents`).
     """
     from scipy.io import loadmat
-    from scipy.io.matlab import MatReadError
 
     try:
-        content = loadmat(path, simplify_cells=True)
+        content = loadmat(file, simplify_cells=True)  # type: ignore[arg-type]  # an open file is taken too
     except NotImplementedError:
-        return hdf5.read(path, reading)
-    except (MatReadError, OSError, ValueError, TypeError) as error:
-        raise FileError(f"{path}: cannot be read as MAT: {error}") from None
+        return hdf5.contents(path, file)
     meta, channels = parse_about(content.pop(_ABOUT, None))
     known = _index(content)
     signals = {key: value for key, value in content.items() if not key.startswith("__") and key != _INDEX * bool(known)}
-    return assemble(str(path), list(_tables(path.stem, signals, known, channels)), meta, reading)
+    return list(_tables(path.stem, signals, known, channels)), meta
 
 
 def write(recording: Recording, path: Path) -> None:

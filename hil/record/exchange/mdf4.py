@@ -8,64 +8,58 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
-from traceback import walk_tb
-from types import ModuleType
 from typing import Any, BinaryIO
 
 import numpy as np
 
 from hil.errors import FileError
 from hil.record.about import KEY, about, parse_about
-from hil.record.assemble import assemble
-from hil.record.columns import Column, Table
+from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.flat import flat
-from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
 
 SUFFIXES = (".mf4", ".mdf")
+KIND = "MDF"
 BEGINNINGS = (b"MDF     ", b"UnFinMF ")
 _ATTACHMENT = f"{KEY}.json"
 _FINISHED, _UNFINISHED = b"MDF     ", b"UnFinMF "
 _MASTERS = (2, 3)  # channel types "master" and "virtual master"
+_EMBEDDED = 1  # flag of an attachment
 _NO_TIME = (2, 3, 4)  # synchronised over angle, distance or index
 
 
-def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
-    """Read a recording.
+def libraries(_: bytes) -> tuple[str, ...]:
+    """What reads a file, whatever it begins with."""
+    return ("asammdf",)
+
+
+def contents(path: Path, file: BinaryIO) -> Contents:
+    """The tables of an open file.
 
     Raises:
-        FileError: not MDF, or without a time and a signal; names what is there.
+        FileError: not MDF, or what it knows besides lies in another file.
     """
     asammdf = library("asammdf", path)
-    with path.open("rb") as raw:
-        beginning = raw.read(8)
-        if beginning not in (_FINISHED, _UNFINISHED):
-            raise FileError(f"{path}: cannot be read as MDF: it does not begin with 'MDF'")
-        # An unfinished file is mended while it is read: in memory, not where it lies.
-        stream = raw if beginning == _FINISHED else BytesIO(path.read_bytes())
-        return _read(path, asammdf, stream, reading)
+    for module in (asammdf.blocks.mdf_v3, asammdf.blocks.mdf_v4):
+        module.NamedTemporaryFile = _Scratch  # here no file can be made
+    beginning = file.read(8)
+    if beginning not in (_FINISHED, _UNFINISHED):
+        raise FileError(f"{path}: cannot be read as MDF: it does not begin with 'MDF'")
+    file.seek(0)
+    # An unfinished file is mended while it is read: in memory, not where it lies.
+    with asammdf.MDF(file if beginning == _FINISHED else BytesIO(file.read())) as opened:
+        meta, channels = parse_about(_attached(path, opened))
+        return list(_tables(opened, channels)), meta
 
 
-def _read(path: Path, asammdf: ModuleType, stream: BinaryIO, reading: Reading) -> Recording | ResponseTable:
-    try:
-        file = asammdf.MDF(stream)
-    except Exception as error:  # asammdf raises what its parser happens to stumble over
-        _let_go(error)
-        raise FileError(f"{path}: cannot be read as MDF: {error}") from None
-    with file:
-        meta, channels = parse_about(_attached(file))
-        return assemble(str(path), list(_tables(file, channels)), meta, reading)
+class _Scratch(BytesIO):
+    """What asammdf keeps a file for, in memory."""
 
+    name = ""
 
-def _let_go(error: Exception) -> None:
-    # The destructor of a file that could not be opened prints a traceback of its own, unless it is closed already.
-    for frame, _ in walk_tb(error.__traceback__):
-        half_made = getattr(frame.f_locals.get("self"), "__dict__", {})
-        if "_tempfile" in half_made:
-            half_made["_tempfile"].close()
-            half_made["_closed"] = True
+    def __init__(self, **_: Any) -> None:
+        super().__init__()
 
 
 def write(recording: Recording, path: Path) -> None:
@@ -82,11 +76,16 @@ def write(recording: Recording, path: Path) -> None:
         Path(saved).replace(path)
 
 
-def _attached(file: Any) -> bytes | None:
+def _attached(path: Path, file: Any) -> bytes | None:
     if file.version < "4":
         return None  # version 3 has no attachments
     names = [Path(str(attachment.file_name)).name for attachment in file.attachments]
-    return bytes(file.extract_attachment(index=names.index(_ATTACHMENT))[0]) if _ATTACHMENT in names else None
+    if _ATTACHMENT not in names:
+        return None
+    index = names.index(_ATTACHMENT)
+    if not file.attachments[index].flags & _EMBEDDED:
+        raise FileError(f"{path}: attachment '{_ATTACHMENT}' lies in another file; only an embedded one is read")
+    return bytes(file.extract_attachment(index=index)[0])
 
 
 def _tables(file: Any, channels: Mapping[str, Mapping[str, Any]]) -> Iterator[Table]:

@@ -3,37 +3,46 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import BinaryIO
 
 from hil.errors import FileError
 from hil.record.about import KEY, about, parse_about
-from hil.record.assemble import assemble
-from hil.record.columns import Column, Table
+from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.flat import flat
-from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
+from hil.untrusted import most_bytes, size_allowed
 
 SUFFIXES = (".parquet", ".pq")
+KIND = "Parquet"
+_VALUE_BYTES = 8
 
 
-def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
-    """Read a recording.
+def libraries(_: bytes) -> tuple[str, ...]:
+    """What reads a file, whatever it begins with."""
+    return ("pyarrow.parquet",)
+
+
+def contents(path: Path, file: BinaryIO) -> Contents:
+    """The tables of an open file.
 
     Raises:
-        FileError: not Parquet, or without a time and a signal; names what is there.
+        FileError: it holds more than is read.
     """
-    pyarrow, parquet = library("pyarrow", path), library("pyarrow.parquet", path)
-    try:
-        table = parquet.read_table(path)
-    except (OSError, pyarrow.ArrowException) as error:
-        raise FileError(f"{path}: cannot be read as Parquet: {error}") from None
+    parquet = library("pyarrow.parquet", path)
+    opened = parquet.ParquetFile(file)
+    if (size := opened.metadata.num_rows * opened.metadata.num_columns * _VALUE_BYTES) > most_bytes():
+        raise FileError(
+            f"{path}: says that it holds {opened.metadata.num_rows} rows of {opened.metadata.num_columns} columns, "
+            f"{size / 1e9:.3g} GB; {size_allowed()}"
+        )
+    table = opened.read(use_threads=False)
     meta, channels = parse_about((table.schema.metadata or {}).get(KEY.encode()))
     columns = []
     for heading, values in zip(table.column_names, table.columns, strict=True):
         bare = Column(heading, values.to_numpy())
         columns.append(Column(heading, bare.values, "", **channels.get(bare.name_and_unit[0], {})))
-    return assemble(str(path), [Table(path.stem, columns)], meta, reading)
+    return [Table(path.stem, columns)], meta
 
 
 def write(recording: Recording, path: Path) -> None:

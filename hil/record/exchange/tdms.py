@@ -7,43 +7,36 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
-from hil.errors import FileError
 from hil.record.about import KEY, about, parse_about
-from hil.record.assemble import assemble
-from hil.record.columns import Column, Table, by_length, even_table, numbers
+from hil.record.columns import Column, Contents, Table, by_length, even_table, numbers
 from hil.record.extra import library
 from hil.record.flat import flat
-from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
-from hil.record.response_table import ResponseTable
 
 SUFFIXES = (".tdms",)
+KIND = "TDMS"
 _UNIT_KEYS = ("unit_string", "NI_UnitDescription", "unit", "Unit")
 _GROUP = "recording"
 _NOT_SET = np.datetime64("1904-01-02")
 
 
-def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
-    """Read a recording.
+def libraries(_: bytes) -> tuple[str, ...]:
+    """What reads a file, whatever it begins with."""
+    return ("nptdms",)
 
-    Raises:
-        FileError: not TDMS, or without a time and a signal; names what is there.
-    """
-    nptdms = library("nptdms", path)
-    try:
-        file = nptdms.TdmsFile.read(path)
-        meta, channels = parse_about(file.properties.get(KEY))
-        first = _first_start(file)
-        stated = [numbers({**file.properties, **group.properties}) for group in file.groups()]
-        groups = zip(file.groups(), stated, strict=True)
-        tables = [table for group, own in groups for table in _tables(group, channels, first, own)]
-    except Exception as error:  # nptdms raises what its parser happens to stumble over, also where it scales samples
-        raise FileError(f"{path}: cannot be read as TDMS: {error!r}") from None
-    return assemble(str(path), tables, meta, reading)
+
+def contents(path: Path, file: BinaryIO) -> Contents:
+    """The tables of an open file; an index beside it is not looked at."""
+    opened = library("nptdms", path).TdmsFile.read(file)
+    meta, channels = parse_about(opened.properties.get(KEY))
+    first = _first_start(opened)
+    stated = [numbers({**opened.properties, **group.properties}) for group in opened.groups()]
+    groups = zip(opened.groups(), stated, strict=True)
+    return [table for group, own in groups for table in _tables(group, channels, first, own)], meta
 
 
 def write(recording: Recording, path: Path) -> None:

@@ -1,0 +1,124 @@
+"""The process that reads files of others: it imports their libraries, and makes a child for each file.
+
+The child gives up the right to open anything (Landlock), to write, and to use more memory and time than a recording
+needs, before it looks at the file. Started by `hil.record.confined`, with a socket as its input.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import importlib
+import json
+import os
+import resource
+import signal
+import socket
+import struct
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from hil.errors import FileError, reason
+from hil.record import exchange
+from hil.record.confined import START_BYTES, framed, sent
+from hil.record.extra import library
+from hil.untrusted import most_bytes, size_allowed
+
+_CPU_S, _BYTES_PER_CPU_S = 60, 10_000_000
+_SPARE_BYTES = 1 << 31  # for what libraries reserve and never touch
+
+_CREATE_RULESET, _RESTRICT_SELF, _VERSION = 444, 446, 1
+_PR_SET_NO_NEW_PRIVS, _PR_SET_PDEATHSIG = 38, 1
+_FILE_RIGHTS = {1: 0x1FFF, 2: 0x3FFF, 3: 0x7FFF, 4: 0x7FFF}  # of each version of Landlock
+_ALL_FILE_RIGHTS, _NET_RIGHTS, _SCOPES = 0xFFFF, 0x3, 0x3
+
+
+def main() -> None:
+    """Answer requests until the asking program is gone."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for the children
+    asked = socket.socket(fileno=os.dup(0))
+    while True:
+        message, handles, _, _ = socket.recv_fds(asked, 1 << 16, 2)
+        if len(handles) != 2:
+            return
+        try:
+            _answer_in_a_child(asked, json.loads(message), *handles)
+        finally:
+            for handle in handles:
+                os.close(handle)
+
+
+def _answer_in_a_child(asked: socket.socket, request: dict[str, str], file: int, answer: int) -> None:
+    form = importlib.import_module(f"{exchange.__name__}.{request['format']}")
+    path = Path(request["path"])
+    try:
+        for name in form.libraries(os.pread(file, START_BYTES, 0)):
+            library(name, path)
+    except (FileError, OSError) as error:
+        _send(answer, framed({"error": reason(error)}))
+        return
+    if os.fork() == 0:  # noqa: TID251  # one thread, and nothing open but what the child is for
+        with suppress(BaseException):
+            asked.close()
+            _send(answer, _read(form, path, file))
+        os._exit(0)
+
+
+def _read(form: Any, path: Path, file: int) -> list[bytes | memoryview]:
+    is_confined = confine(os.fstat(file).st_size)
+    try:
+        with open(os.dup(file), "rb") as opened:  # noqa: PTH123  # a handle, not a path
+            return sent(form.contents(path, opened), is_confined)
+    except MemoryError:
+        text = f"{path}: needs more memory than allowed; {size_allowed()}"
+    except FileError as error:
+        text = str(error)
+    except Exception as error:  # a library raises what its parser happens to stumble over
+        text = f"{path}: cannot be read as {form.KIND}: {reason(error)}"
+    return framed({"error": text})
+
+
+def confine(file_bytes: int) -> bool:
+    """Give up, for good, what reading an open file does not need; returns whether nothing else can be opened now.
+
+    Args:
+        file_bytes: size of the file, on which the time depends that it may take.
+    """
+    libc = ctypes.CDLL(None, use_errno=True)
+    libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
+    memory = _mapped_bytes() + 2 * most_bytes() + _SPARE_BYTES
+    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
+    cpu_s = _CPU_S + file_bytes // _BYTES_PER_CPU_S
+    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
+    for limit in (resource.RLIMIT_FSIZE, resource.RLIMIT_CORE):
+        resource.setrlimit(limit, (0, 0))
+    return _give_up_files(libc)
+
+
+def _give_up_files(libc: ctypes.CDLL) -> bool:
+    version = libc.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _VERSION)
+    if version < 1:
+        return False
+    rights = struct.pack("QQQ", _FILE_RIGHTS.get(version, _ALL_FILE_RIGHTS), _NET_RIGHTS, _SCOPES)
+    size = 8 if version < 4 else 16 if version < 6 else 24
+    rules = libc.syscall(_CREATE_RULESET, rights, ctypes.c_size_t(size), 0)  # without an exception: nothing is allowed
+    if rules < 0:
+        return False
+    libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
+    done = libc.syscall(_RESTRICT_SELF, rules, 0)
+    os.close(rules)
+    return bool(done == 0)
+
+
+def _mapped_bytes() -> int:
+    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+
+
+def _send(answer: int, parts: list[bytes | memoryview]) -> None:
+    with socket.socket(fileno=os.dup(answer)) as stream:
+        for part in parts:
+            stream.sendall(part)
+
+
+if __name__ == "__main__":
+    main()

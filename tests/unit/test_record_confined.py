@@ -1,0 +1,348 @@
+"""Recordings of others: none reaches outside its file, and none takes more memory or time than a recording needs.
+
+The table reader × (external file, link, entity, bomb, code) is in docs/reference/recordings.md.
+"""
+
+from __future__ import annotations
+
+import gzip
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+
+from hil.cli.app import main
+from hil.errors import FileError
+from hil.record.exchange import parquet
+from hil.record.read import read_recording, write_recording
+from hil.record.recording import recording
+
+SECRET = "the session key of the console is 7f3a91"
+TIME_S = np.arange(len(SECRET)) * 0.01
+
+
+def _begun(path: Path, **how: Any) -> h5py.File:
+    file = h5py.File(path, "w", **how)
+    file.create_dataset("time", data=TIME_S).attrs["unit"] = "s"
+    return file
+
+
+def external(file: h5py.File, folder: Path) -> None:
+    file.create_dataset("flow", shape=TIME_S.shape, dtype="u1", external=[(str(folder / "secret"), 0, len(SECRET))])
+
+
+def external_in_a_group(file: h5py.File, folder: Path) -> None:
+    external(file.create_group("a/b"), folder)
+
+
+def link(file: h5py.File, folder: Path) -> None:
+    file["flow"] = h5py.ExternalLink(str(folder / "target.h5"), "/values")
+
+
+def link_behind_a_soft_one(file: h5py.File, folder: Path) -> None:
+    file["#refs#/away"] = h5py.ExternalLink(str(folder / "target.h5"), "/")
+    file["flow"] = h5py.SoftLink("/#refs#/away/values")
+
+
+def virtual(file: h5py.File, folder: Path) -> None:
+    layout = h5py.VirtualLayout(shape=TIME_S.shape, dtype="f8")
+    layout[:] = h5py.VirtualSource(str(folder / "target.h5"), "values", shape=TIME_S.shape)
+    file.create_virtual_dataset("flow", layout)
+
+
+def virtual_without_end(file: h5py.File, folder: Path) -> None:
+    layout = h5py.VirtualLayout(shape=(0,), dtype="f8", maxshape=(None,))
+    source = h5py.VirtualSource(str(folder / "target.h5"), "values", shape=(0,), maxshape=(None,))
+    layout[: h5py.h5s.UNLIMITED] = source[: h5py.h5s.UNLIMITED]
+    file.create_virtual_dataset("flow", layout)
+
+
+def huge(file: h5py.File, _: Path) -> None:
+    file.create_dataset("flow", shape=(10**11,), dtype="f8", chunks=(10**6,), compression="gzip")
+
+
+def huge_text(file: h5py.File, _: Path) -> None:
+    file.create_dataset("flow", shape=(10**4,), dtype="S100000000", chunks=(1,))
+
+
+def cycle(file: h5py.File, _: Path) -> None:
+    file.create_group("a")["b"] = file["/"]
+
+
+def doubled(file: h5py.File, _: Path) -> None:
+    """Each group holds the next one twice: 2^60 ways to the last."""
+    group = file
+    for _ in range(60):
+        inner = group.create_group("a")
+        group["b"] = inner
+        group = inner
+
+
+def deep(file: h5py.File, _: Path) -> None:
+    group = file
+    for _ in range(3000):
+        group = group.create_group("a")
+
+
+def held_twice_by_a_soft_link(file: h5py.File, _: Path) -> None:
+    file.create_group("a")["up"] = h5py.SoftLink("/")
+
+
+OUTSIDE = {
+    external: "dataset '/flow' has its samples in another file",
+    external_in_a_group: "dataset '/a/b/flow' has its samples in another file",
+    link: "'/flow' is a link to another file",
+    link_behind_a_soft_one: "'/#refs#/away' is a link to another file",
+    virtual: "dataset '/flow' is made of other datasets",
+    virtual_without_end: "dataset '/flow' is made of other datasets",
+    huge: "dataset '/flow' says that it holds 100000000000 values (800 GB); at most",
+    huge_text: "dataset '/flow' says that it holds 10000 values (1e+03 GB); at most",
+    cycle: "group '/a/b' is one that stands elsewhere in the file too",
+    doubled: "/a/b' is one that stands elsewhere in the file too",
+    deep: "groups more than 64 deep",
+    held_twice_by_a_soft_link: "no signal with a time",
+}
+KINDS: dict[str, dict[str, Any]] = {".h5": {}, ".mat": {"userblock_size": 512}, ".nc.h5": {}}
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    (tmp_path / "secret").write_text(SECRET)
+    with h5py.File(tmp_path / "target.h5", "w") as target:
+        target.create_dataset("values", data=TIME_S * 1.5, maxshape=(None,))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, *words: str) -> tuple[int, str]:
+    """Exit status of a command and what it says on stderr."""
+    monkeypatch.setattr(sys, "argv", ["hil", *words])
+    capsys.readouterr()
+    return main(), capsys.readouterr().err
+
+
+@pytest.mark.parametrize("suffix", KINDS)
+@pytest.mark.parametrize("make", OUTSIDE, ids=lambda make: make.__name__)
+def test_hdf5_does_not_reach_outside_itself(
+    make: Callable[[h5py.File, Path], None],
+    suffix: str,
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    path = folder / f"made{suffix}"
+    with _begun(path, **KINDS[suffix]) as file:
+        if suffix == ".nc.h5":
+            file.attrs["_NCProperties"] = "version=2,netcdf=4.9.2,hdf5=1.14.3"
+        make(file, folder)
+    if suffix == ".mat":
+        head = b"MATLAB 7.3 MAT-file".ljust(116) + bytes(8) + struct.pack("<H", 0x0200) + b"IM"
+        path.write_bytes(head.ljust(512, b"\0") + path.read_bytes()[512:])
+    status, err = told(capsys, monkeypatch, "convert", path.name, "out.csv")
+    assert status == 2 and len(err.splitlines()) == 1
+    assert err.startswith(f"hil: {path.name}: ") and OUTSIDE[make] in err, err
+    assert not (folder / "out.csv").exists()
+
+
+def test_diagnose_reads_no_other_file(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with _begun(folder / "made.h5") as file:
+        external(file, folder)
+    status, err = told(capsys, monkeypatch, "diagnose", "--model", "efc-good", "made.h5", "--out", "d")
+    assert status == 2 and "has its samples in another file" in err and len(err.splitlines()) == 1
+
+
+def test_hdf5_with_links_within_is_read(folder: Path) -> None:
+    with _begun(folder / "made.h5") as file:
+        file.create_dataset("a/flow", data=np.ones(len(TIME_S))).attrs["unit"] = "l/min"
+        file["soft"], file["nowhere"] = h5py.SoftLink("/a/flow"), h5py.SoftLink("/b")
+        file["hard"] = file["a/flow"]
+    assert set(read_recording(folder / "made.h5").channels) >= {"soft", "hard"}
+
+
+def _rows(count: int = 50) -> Any:
+    return recording("r", np.arange(count) * 0.1, {"flow [l/min]": np.arange(count) * 1.0})
+
+
+def test_mdf_takes_nothing_from_an_attachment_outside(folder: Path) -> None:
+    import asammdf
+
+    (folder / "valve-hil.json").write_text('{"meta": {"serial": "of another file"}}')
+    signal_ = asammdf.Signal(samples=TIME_S, timestamps=TIME_S, name="flow", unit="l/min")
+    with asammdf.MDF(version="4.10") as file:
+        file.append([signal_])
+        file.attach(b"{}", file_name="valve-hil.json", embedded=False)
+        file.save(folder / "made.mf4")
+    with pytest.raises(FileError, match=r"made.mf4: attachment 'valve-hil.json' lies in another file"):
+        read_recording(folder / "made.mf4")
+
+
+def test_mdf_with_entities_in_its_remarks_ends_at_once(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import asammdf
+
+    entities = "".join(f'<!ENTITY e{i} "{f"&e{i - 1};" * 10}">' for i in range(1, 12))
+    bomb = f'<!DOCTYPE x [<!ENTITY e0 "{"x" * 1000}">{entities}]><HDcomment><TX>&e11;</TX></HDcomment>'
+    inside = '<!DOCTYPE x [<!ENTITY s SYSTEM "file://{}">]><HDcomment><TX>&s;</TX></HDcomment>'
+    for comment in (bomb, inside.format(folder / "secret")):
+        signal_ = asammdf.Signal(samples=TIME_S, timestamps=TIME_S, name="flow", unit="l/min", comment=comment)
+        with asammdf.MDF(version="4.10") as file:
+            file.append([signal_], comment=comment)
+            file.header.comment = comment
+            file.save(folder / "made.mf4", overwrite=True)
+        status, err = told(capsys, monkeypatch, "convert", "made.mf4", "out.csv")
+        assert status in (0, 2) and SECRET not in err
+        assert status or SECRET not in (folder / "out.csv").read_text()
+
+
+def test_tdms_takes_nothing_from_an_index_beside_it(folder: Path) -> None:
+    write_recording(_rows(), folder / "made.tdms")
+    (folder / "made.tdms_index").write_text(SECRET)
+    assert len(read_recording(folder / "made.tdms")) == 50
+
+
+def test_tdms_that_says_it_is_huge_is_refused(folder: Path) -> None:
+    write_recording(_rows(50), folder / "made.tdms")
+    content = (folder / "made.tdms").read_bytes()
+    assert content.count(struct.pack("<Q", 50)) >= 2
+    (folder / "made.tdms").write_bytes(content.replace(struct.pack("<Q", 50), struct.pack("<Q", 1 << 50)))
+    assert len(read_recording(folder / "made.tdms")) == 50  # as many as there are
+
+
+def test_parquet_that_says_it_is_huge_is_refused(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_recording(_rows(1000), folder / "made.parquet")
+    monkeypatch.setattr(parquet, "most_bytes", lambda: 10_000)  # a true one takes a minute to write
+    with (folder / "made.parquet").open("rb") as file, pytest.raises(FileError, match="says that it holds 1000 rows"):
+        parquet.contents(folder / "made.parquet", file)
+
+
+def test_matlab_that_says_it_is_huge_is_refused(folder: Path) -> None:
+    write_recording(_rows(50), folder / "made.mat")
+    content = (folder / "made.mat").read_bytes()
+    dimensions, huge_ones = struct.pack("<ii", 50, 1), struct.pack("<ii", 1 << 30, 1 << 30)
+    assert dimensions in content
+    (folder / "made.mat").write_bytes(content.replace(dimensions, huge_ones))
+    with pytest.raises(FileError, match=r"made\.mat: "):
+        read_recording(folder / "made.mat")
+
+
+def test_a_compressed_text_that_unpacks_to_much_more_is_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    head = gzip.compress(b"time [s],flow [l/min]\n0,1\n0.1,2\n")
+    (folder / "made.csv.gz").write_bytes(head + gzip.compress(b"0" * (1 << 20)) * 300)
+    status, err = told(capsys, monkeypatch, "convert", "made.csv.gz", "out.csv")
+    assert status == 2 and len(err.splitlines()) == 1
+    assert "bytes unpack to more than 268.4 MB" in err
+
+
+def test_a_text_that_is_one_line_is_refused(folder: Path) -> None:
+    (folder / "made.csv").write_bytes(b"a" * (1 << 20))
+    with pytest.raises(FileError, match="its first line is longer than 65536 bytes"):
+        read_recording(folder / "made.csv")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".csv.gz", ".lvm", ".h5", ".mat", ".mf4", ".tdms", ".parquet"])
+def test_what_is_no_file_is_not_waited_for(suffix: str, folder: Path) -> None:
+    os.mkfifo(folder / f"pipe{suffix}")
+    with pytest.raises(FileError, match=f"pipe{suffix}: is a pipe; only regular files"):
+        read_recording(folder / f"pipe{suffix}")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(f"socket{suffix}")
+        with pytest.raises(FileError, match=f"socket{suffix}: is a socket"):
+            read_recording(f"{folder}/socket{suffix}")
+    with (folder / f"sparse{suffix}").open("wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(FileError, match=f"sparse{suffix}: has 1100 GB; at most"):
+        read_recording(folder / f"sparse{suffix}")
+
+
+def _in_confinement(program: str, *words: str) -> str:
+    start = "import os, sys\nfrom hil.record.confined_reader import confine\nprint(confine(0))\n"
+    done = subprocess.run([sys.executable, "-c", start + program, *words], capture_output=True, text=True)
+    return done.stdout + done.stderr
+
+
+def test_confine_leaves_nothing_to_open(folder: Path) -> None:
+    program = """
+import socket
+for flags in (os.O_RDONLY, os.O_WRONLY | os.O_CREAT):
+    try: os.open(sys.argv[1], flags)
+    except PermissionError: print("refused")
+try: os.listdir("/")
+except PermissionError: print("refused")
+try: os.execv("/bin/sh", ["sh", "-c", "echo executed"])
+except PermissionError: print("refused")
+"""
+    told_ = _in_confinement(program, str(folder / "secret"))
+    if told_.startswith("False"):
+        pytest.skip("this kernel has no Landlock")
+    assert told_ == "True\n" + "refused\n" * 4
+
+
+def test_confine_bounds_memory_and_writing(folder: Path) -> None:
+    program = """
+handle = int(sys.argv[1])
+try: bytearray(1 << 42)
+except MemoryError: print("refused")
+import signal; signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+try: os.write(handle, b"x")
+except OSError: print("refused")
+"""
+    with (folder / "out").open("wb") as file:
+        start = "import os, sys\nfrom hil.record.confined_reader import confine\nconfine(0)\n"
+        done = subprocess.run(
+            [sys.executable, "-c", start + program, str(file.fileno())],
+            pass_fds=[file.fileno()], capture_output=True, text=True,
+        )  # fmt: skip
+    assert done.stdout == "refused\nrefused\n", done.stderr
+
+
+def _readers() -> list[int]:
+    """Process numbers of the reader that this program has started."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            is_reader = b"hil.record.confined_reader" in (process / "cmdline").read_bytes()
+            parent = int((process / "stat").read_text().rpartition(")")[2].split()[1])
+        except (OSError, IndexError):
+            continue
+        found += [int(process.name)] if is_reader and parent == os.getpid() else []
+    return found
+
+
+def test_a_reader_that_was_ended_is_started_anew(folder: Path) -> None:
+    write_recording(_rows(), folder / "made.h5")
+    assert len(read_recording(folder / "made.h5")) == 50
+    (reader,) = _readers()
+    os.kill(reader, signal.SIGKILL)
+    os.waitid(os.P_PID, reader, os.WEXITED | os.WNOWAIT)
+    assert len(read_recording(folder / "made.h5")) == 50
+
+
+def test_many_files_need_one_reader(folder: Path) -> None:
+    for i in range(5):
+        write_recording(_rows(20 + i), folder / f"made{i}.h5")
+        assert len(read_recording(folder / f"made{i}.h5")) == 20 + i
+    assert len(_readers()) == 1
+
+
+def test_what_is_shared_and_odd_comes_back(folder: Path) -> None:
+    with h5py.File(folder / "made.h5", "w") as file:
+        file["time"], file["flow"] = TIME_S, np.ones(len(TIME_S), ">f4")
+        file["remark"] = np.array(["a"] * len(TIME_S), dtype=h5py.string_dtype())
+        file["both"] = np.ones(len(TIME_S), dtype=[("x", "f8"), ("y", "S3")])
+    found = read_recording(folder / "made.h5")
+    assert found.values("flow").tolist() == [1.0] * len(TIME_S)
+    assert any("remark" in sentence for sentence in found.meta["assumed"])
