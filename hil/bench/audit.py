@@ -8,7 +8,7 @@ import json
 import os
 import threading
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -19,8 +19,11 @@ from filelock import FileLock
 
 from hil.bench.read import BenchFile
 from hil.errors import FileError, StorageError, marked
+from hil.safety.interrupt import Terminated
 from hil.safety.latch import state_path
 
+ACCOUNT = "HIL_ACCOUNT"
+"""The environment variable that says to a run who started it at a console."""
 _TAIL_BYTES = 1 << 16
 _BEGINNING = "0" * 64
 
@@ -39,8 +42,14 @@ class Audit:
         self.path = path or state_path("console", "audit", ".jsonl")
         self._lock = threading.Lock()
 
-    def write(self, who: str, act: str, details: Mapping[str, Any]) -> None:
+    def write(self, account: str, act: str, details: Mapping[str, Any], operator: str = "") -> None:
         """Add a line.
+
+        Args:
+            account: who was logged in: at the console, or on this computer (see `acting_account`); empty: nobody known.
+            act: what happened.
+            details: of it.
+            operator: as typed for the run; it may be anybody's name.
 
         Raises:
             StorageError: it is not on the disk; what it tells of must not be done unnoticed.
@@ -48,17 +57,17 @@ class Audit:
         try:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             with self._lock, FileLock(self.path.with_suffix(".lock"), timeout=5.0):
-                self._add(who, act, details)
+                self._add(account, act, details, operator)
         except OSError as error:  # also of a lock that somebody keeps
             raise StorageError(f"{self.path}: the audit trail cannot be written: {error.strerror or error}") from error
 
-    def _add(self, who: str, act: str, details: Mapping[str, Any]) -> None:
+    def _add(self, account: str, act: str, details: Mapping[str, Any], operator: str) -> None:
         handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND, 0o600)
         try:
             last, whole = _last_line(handle)
             line = {
-                "utc": datetime.now(UTC).isoformat(timespec="milliseconds"), "who": who, "act": act,
-                "details": details, "previous": hashlib.sha256(last).hexdigest() if last else _BEGINNING,
+                "utc": datetime.now(UTC).isoformat(timespec="milliseconds"), "account": account, "operator": operator,
+                "act": act, "details": details, "previous": hashlib.sha256(last).hexdigest() if last else _BEGINNING,
             }  # fmt: skip
             text = json.dumps(line, ensure_ascii=False, default=str).encode() + b"\n"
             _write_all(handle, text if whole else b"\n" + text)  # one that was torn by a power cut stays as it is
@@ -158,40 +167,58 @@ def _write_all(handle: int, text: bytes) -> None:
 
 
 @contextmanager
-def on_the_trail(file: BenchFile, out: Path, about: Mapping[str, Any], resets: Iterable[str] = ()) -> Iterator[None]:
-    """A run stands in the audit trail before it drives, with the trips that it resets, and when it was stopped.
+def on_the_trail(
+    file: BenchFile, out: Path, about: Mapping[str, Any], resets: Iterable[str] = ()
+) -> Iterator[Callable[[], None]]:
+    """A run stands in the audit trail from where it drives, with the trips that it has reset, and when it was stopped.
 
     On a bench that is simulated throughout nothing moves, and a trail that cannot be written keeps nobody from it.
 
     Args:
         file: the bench.
         out: the run folder.
-        about: what the run is; its operator is who did it, else who is logged in.
+        about: what the run is, with its operator.
         resets: names of interlocks whose trips are forgotten.
 
-    Raises:
-        StorageError: a line is not on the disk, and nothing has moved.
+    Yields:
+        What is to be called once the bench is had and before anything is driven. Raises `StorageError`: a line is not
+        on the disk, and nothing may move.
     """
-    audit, who = Audit(), str(about.get("operator") or _logged_in())
+    audit, operator, drives = Audit(), str(about.get("operator") or ""), False
     run = {"run": str(out.absolute()), "bench": file.bench.name, "pid": os.getpid()}
-    with suppress(*([StorageError] if file.is_simulated else [])):
-        for name in resets:
-            audit.write(who, "reset", {**run, "interlock": name})
-        told = {name: about[name] for name in ("procedure", "commanding", "resumes", "limits given") if about.get(name)}
-        audit.write(who, "drives", {**run, **told})
+    told = {name: about[name] for name in ("procedure", "commanding", "resumes", "limits given") if about.get(name)}
+
+    def begins() -> None:
+        nonlocal drives
+        with suppress(*([StorageError] if file.is_simulated else [])):
+            for name in resets:
+                audit.write(acting_account(), "reset", {**run, "interlock": name}, operator)
+            audit.write(acting_account(), "drives", {**run, **told}, operator)
+        drives = True
+
     try:
-        yield
+        yield begins
     except KeyboardInterrupt as stopped:
-        with suppress(StorageError):  # the outputs are settled; what is known of them stands in the run folder
-            audit.write(who, "stop", {**run, "how": str(stopped) or "Ctrl-C", "outputs": _of_outputs(stopped)})
+        if drives:
+            how = {"how": str(stopped) or "Ctrl-C", "outputs": _of_outputs(stopped)}
+            with suppress(StorageError):  # the outputs are settled; what is known of them stands in the run folder
+                audit.write(_who_stopped(stopped), "stop", {**run, **how}, operator)
         raise
 
 
-def _logged_in() -> str:
+def acting_account() -> str:
+    """Who acts in this process: the account at the console that started it, else who is logged in on this computer."""
+    if given := os.environ.get(ACCOUNT):
+        return given
     try:
         return getpass.getuser()
     except (OSError, KeyError, ImportError):  # a container's user without a name
         return f"user {os.getuid()}" if hasattr(os, "getuid") else ""
+
+
+def _who_stopped(stopped: KeyboardInterrupt) -> str:
+    """Ctrl-C is of who sits at the terminal; who pressed stop, or sent a signal, this process does not know."""
+    return "" if isinstance(stopped, Terminated) or os.environ.get(ACCOUNT) else acting_account()
 
 
 def _of_outputs(error: BaseException) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import asdict
 from datetime import UTC, datetime
@@ -50,7 +50,7 @@ def open_rig(
     known: Outputs | None = None,
     commanding: str = "",
     operator: Operator | None = None,
-    within: AbstractContextManager[object] | None = None,
+    within: AbstractContextManager[Callable[[], None]] | None = None,
     word: LastWord | None = None,
 ) -> Iterator[BenchRig]:
     """The rig of a bench, recording into a new run folder; outputs are made safe before and after, and read back.
@@ -72,7 +72,8 @@ def open_rig(
         known: what is known of the outputs, for somebody who asks for it afterwards.
         commanding: the output that the rig drives, where it is not the command of the bench.
         operator: whoever may stop or hold this run from outside. A bench with a watchdog is listened for in any case.
-        within: entered before anything else, and left when the run has ended.
+        within: entered before anything else, and left when the run has ended; what it yields is called once the bench
+            is had, before anything is driven.
         word: said when an error has ended the run.
 
     Raises:
@@ -86,8 +87,10 @@ def open_rig(
     """
     ending = Ending(word)
     try:
-        ending.enter(within or nullcontext())
-        yield _opened_rig(file, out, about, progress, resets, earlier, known or Outputs(), commanding, operator, ending)
+        begins = ending.enter(within or nullcontext(lambda: None))
+        yield _opened_rig(
+            file, out, about, progress, resets, earlier, known or Outputs(), commanding, operator, ending, begins
+        )
     except BaseException as error:
         ending.end(error)
     else:
@@ -106,6 +109,7 @@ def _opened_rig(
     commanding: str,
     operator: Operator | None,
     ending: Ending,
+    begins: Callable[[], None],
 ) -> BenchRig:
     check_packages(file)
     deviations = deviations_on(file, datetime.now(UTC).date())
@@ -143,6 +147,7 @@ def _opened_rig(
     ending.enter(closed_for_sure(guard.close))
     ending.guard = guard
     ending.enter(told_of_signals(ending.signalled))
+    begins()
     with ending.task():
         _switch_on(bench, guard, rate_hz)
     return BenchRig(bench, guard, recorder, columns, told, finished, commanding, ending)

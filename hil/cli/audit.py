@@ -79,7 +79,9 @@ def _head_text(link: Link) -> str:
 
 def _text(line: Mapping[str, Any]) -> str:
     """Time, who, act, and everything else that the line says."""
-    who = [value for key, value in line.items() if key not in _AT_FRONT and isinstance(value, str)]
+    who = [value for key, value in line.items() if key not in _AT_FRONT and isinstance(value, str) and value]
+    if operator := line.get("operator"):
+        who[-1] = f"operator {operator}"
     details = line.get("details")
     more = [f"{key} {_value(value)}" for key, value in details.items()] if isinstance(details, Mapping) else []
     return _shown("  ".join([str(line.get("utc", "")), ", ".join(who), str(line.get("act", "")), "; ".join(more)]))

@@ -23,6 +23,8 @@ def console(
     archive: str = ARCHIVE,
     cert: Path | None = typer.Option(None, "--cert", metavar="FILE", help="Certificate, where others reach it."),
     key: Path | None = typer.Option(None, "--key", metavar="FILE", help="Key of the certificate."),
+    public: str = typer.Option("", "--public", metavar="URL", help="Its address behind a proxy: https://bench7.lab."),
+    proxy: list[str] = typer.Option([], "--proxy", metavar="ADDRESS", help="A proxy that is believed who calls."),
     open_page: bool = typer.Option(False, "--open", help="Show it in the browser."),
 ) -> None:
     """Serve the operator's console: bench, run, results, diagnosis and devices as pages. Ctrl-C ends it.
@@ -47,7 +49,7 @@ def console(
         if open_page:
             typer.launch(address)
 
-    serve(site, Where(host, port, cert, key), ready)
+    serve(site, Where(host, port, cert, key, public.rstrip("/"), tuple(proxy)), ready)
 
 
 @users.command()
@@ -56,18 +58,25 @@ def add(
     role: str = typer.Option("operator", "--role", help="viewer looks, operator drives, engineer also sets limits."),
 ) -> None:
     """A new account, or another role and password for one; the password is asked for, and read from no argument."""
+    from hil.bench.audit import Audit, acting_account
     from hil.console.access_accounts import Accounts
 
-    Accounts().add(name, role, _password())
+    accounts = Accounts()
+    known = accounts.all().get(name)
+    accounts.add(name, role, _password())
+    details = {"name": name, "role": role, **({"role before": known.role} if known else {})}
+    Audit().write(acting_account(), "change account" if known else "add account", details)
     typer.echo(f"{name}: {role}")
 
 
 @users.command()
 def remove(name: str = typer.Argument(..., metavar="NAME", help="Whose account goes.")) -> None:
     """Take an account away; who is logged in with it is out at once."""
+    from hil.bench.audit import Audit, acting_account
     from hil.console.access_accounts import Accounts
 
     Accounts().remove(name)
+    Audit().write(acting_account(), "remove account", {"name": name})
 
 
 @users.command(name="list")

@@ -7,6 +7,7 @@ What a page needs for that (`/controls`, scripts) asks for no role either.
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Mapping
 from contextlib import suppress
 from getpass import getuser
@@ -22,10 +23,11 @@ from hil.bench.audit import Audit
 from hil.console.access_accounts import ROLES, Accounts, Role
 from hil.console.access_limits import Limiter, Rate, TooLargeError, limited
 from hil.console.access_seat import Seat, SeatTakenError
-from hil.console.access_session import COOKIE, LASTS_S, Session, Sessions, account_of
+from hil.console.access_session import LASTS_S, Session, Sessions, account_of
 from hil.console.access_where import Where
 from hil.console.page import REFUSALS, language_of, page
-from hil.errors import HilError
+from hil.console.uploads import form_of
+from hil.errors import HilError, SettingError
 from hil.language.reworded import reworded
 from hil.language.words import marked, speaking
 
@@ -34,7 +36,8 @@ _NEEDS_NO_SEAT = ("/run/check", "/seat", "/login", "/logout")
 _ENGINEERS = ("/devices/", "/diagnose/accept")  # what others are judged by, and the twins
 _UPLOADS = "/diagnose/"
 _SMALL, _LARGE = 1 << 20, 256 << 20
-_ALL, _ACTS, _LOGINS = Rate(1000.0, 400.0), Rate(60.0, 10.0), Rate(5.0, 0.1)
+_ALL, _ACTS, _LOGINS = Rate(1000.0, 400.0), Rate(60.0, 10.0), Rate(5.0, 0.25)
+_LOGIN_WAITS_S = 20.0
 _SAFE = ("GET", "HEAD", "OPTIONS")
 
 
@@ -88,6 +91,8 @@ class Access:
             answer = _no(413, f"the request is too large, or does not end: {error}")
         except ClientDisconnect:
             return
+        except SettingError as error:
+            answer = _no(400, str(error))
         await answer(scope, receive, send)
 
     def _refused(self, request: Request, most: int) -> Response | None:
@@ -137,7 +142,7 @@ class Access:
         return self._seated(request, session, name)
 
     def _known(self, request: Request) -> tuple[Session, str, Role | None]:
-        session = self._sessions.read(request.cookies.get(COOKIE, "")) or self._sessions.begun()
+        session = self._sessions.read(request.cookies.get(self._where.cookie, "")) or self._sessions.begun()
         if self._where.is_local and not self._accounts.all():
             return session, _local_name(), "engineer"
         account = account_of(session, self._accounts) if session.name else None
@@ -160,7 +165,7 @@ class Access:
         if request.method == "POST":
             if role is None or role == "viewer":
                 return _no(403, "operating needs the role operator")
-            wanted = str((await request.form()).get("take", ""))
+            wanted = str((await form_of(request)).get("take", ""))
             if wanted == "1" and self.seat.take(session.id, name, over=True):
                 self._audit.write(name, "takes over", {"address": _address(request)})
             elif wanted == "0":
@@ -169,13 +174,15 @@ class Access:
         return self._keep(answer, session)
 
     async def _login(self, request: Request) -> Response:
-        form = await request.form(max_files=0, max_fields=8)
+        form = await form_of(request)
         name, password = str(form.get("name", "")), str(form.get("password", ""))
-        if not (self._logins.admits(_address(request)) and self._logins.admits(f"name {name:.64}")):
+        wait_s = self._logins.wait_s(_address(request), _LOGIN_WAITS_S)  # its name is slowed nowhere else
+        if wait_s is None:
             return _login_page(request, marked("Too many tries; wait a minute."), 429)
+        await asyncio.sleep(wait_s)
         account = await run_in_threadpool(self._accounts.verified, name, password)
         if account is None:
-            self._audit.write(f"{name:.64}", "was refused", {"address": _address(request)})
+            self._audit.write("", "was refused", {"address": _address(request), "name": f"{name:.64}"})
             return _login_page(request, marked("No account with that name and password."), 401)
         self._audit.write(name, "logs in", {"address": _address(request), "role": account.role})
         return self._keep(RedirectResponse(_next(request), 303), self._sessions.begun(name, account))
@@ -183,19 +190,19 @@ class Access:
     def _logout(self, session: Session) -> Response:
         self.seat.leave(session.id)
         answer = RedirectResponse("/login", 303)
-        answer.delete_cookie(COOKIE)
+        answer.delete_cookie(self._where.cookie, httponly=True, samesite="strict", secure=self._where.scheme == "https")
         return answer
 
     def _keep(self, answer: Response, session: Session) -> Response:
         answer.set_cookie(
-            COOKIE, self._sessions.signed(session), max_age=LASTS_S, httponly=True, samesite="strict",
+            self._where.cookie, self._sessions.signed(session), max_age=LASTS_S, httponly=True, samesite="strict",
             secure=self._where.scheme == "https",
         )  # fmt: skip
         return answer
 
     def _with_cookie(self, scope: Scope, send: Send) -> Send:
         """A browser that is new here is told its session with its first page."""
-        if COOKIE in Request(scope).cookies and self._sessions.read(Request(scope).cookies[COOKIE]):
+        if self._sessions.read(Request(scope).cookies.get(self._where.cookie, "")):
             return send
 
         async def sent(message: Message) -> None:
@@ -208,10 +215,10 @@ class Access:
 
 
 def audited(audit: Audit) -> Any:
-    """What an application calls for each act: (request, act, details); the name is that of the request."""
+    """What an application calls for each act: (request, act, details, operator); the account is the request's."""
 
-    def write(request: Request, act: str, details: Mapping[str, Any]) -> None:
-        audit.write(request.scope.get("hil.account", ""), act, {"address": _address(request), **details})
+    def write(request: Request, act: str, details: Mapping[str, Any], operator: str = "") -> None:
+        audit.write(request.scope.get("hil.account", ""), act, {"address": _address(request), **details}, operator)
 
     return write
 

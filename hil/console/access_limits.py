@@ -37,10 +37,23 @@ class Limiter:
         now_s = time.monotonic()
         left, since_s = self._left.pop(caller, (self._rate.burst, now_s))
         left = min(self._rate.burst, left + (now_s - since_s) * self._rate.per_s)
-        self._left[caller] = (max(0.0, left - 1.0), now_s)
+        self._keep(caller, max(0.0, left - 1.0), now_s)
+        return left >= 1.0
+
+    def wait_s(self, caller: str, most_s: float) -> float | None:
+        """How long this one has to wait for its turn; counts it. None when that would be longer than a limit."""
+        now_s = time.monotonic()
+        left, since_s = self._left.pop(caller, (self._rate.burst, now_s))
+        left = min(self._rate.burst, left + (now_s - since_s) * self._rate.per_s) - 1.0
+        wait_s = max(0.0, -left / self._rate.per_s)
+        refused = wait_s > most_s
+        self._keep(caller, left + refused, now_s)
+        return None if refused else wait_s
+
+    def _keep(self, caller: str, left: float, now_s: float) -> None:
+        self._left[caller] = (left, now_s)
         while len(self._left) > _MOST_CALLERS:
             self._left.popitem(last=False)
-        return left >= 1.0
 
 
 class TooLargeError(Exception):

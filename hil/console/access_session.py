@@ -11,7 +11,6 @@ from hil.console.access_accounts import Account, Accounts, write_private
 from hil.errors import FileError
 from hil.safety.latch import state_path
 
-COOKIE = "hil_session"
 LASTS_S = 12 * 3600
 
 

@@ -6,7 +6,7 @@ import itertools
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -48,10 +48,11 @@ class Console:
         watching: reads inputs while no run drives.
         started: processes that were started here, by the name by which pages speak of them.
         starting: runs among them that nobody could stop yet at a listener of their own, by name.
-        audit: told of each act that moves an output, resets a trip or overrides a limit: (request, act, details).
+        audit: told of each act that moves an output, resets a trip or overrides a limit: (request, act, details, and
+            the operator's name as typed).
         readers: of the board, by run.
         products: by job, where its product is found.
-        waiting: jobs that are not started yet, the first first: the arguments of `hil`, by job.
+        waiting: jobs that are not started yet, the first first: the arguments of `hil` and the account, by job.
     """
 
     site: Site
@@ -60,10 +61,10 @@ class Console:
     watching: Watching = field(default_factory=Watching)
     started: dict[str, Started] = field(default_factory=dict)
     starting: dict[str, Starting] = field(default_factory=dict)
-    audit: Callable[[Request, str, Mapping[str, Any]], None] = lambda _request, _act, _details: None
+    audit: Callable[..., None] = lambda *_args, **_named: None
     readers: dict[str, RunReader] = field(default_factory=dict)
     products: dict[str, str] = field(default_factory=dict)
-    waiting: dict[str, list[str]] = field(default_factory=dict)
+    waiting: dict[str, tuple[list[str], str]] = field(default_factory=dict)
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _numbers: itertools.count[int] = field(default_factory=lambda: itertools.count(1))
 
@@ -77,9 +78,9 @@ class Console:
         """A name for a process of a kind, unlike any other."""
         return f"{kind}-{datetime.now(UTC):%Y%m%dT%H%M%S}-{next(self._numbers)}"
 
-    def start(self, arguments: list[str], name: str) -> Started:
-        """Start `hil ARGUMENTS…` under a name."""
-        made = self.started[name] = start(name, arguments, self.log(name))
+    def start(self, arguments: list[str], name: str, account: str = "") -> Started:
+        """Start `hil ARGUMENTS…` under a name, for an account."""
+        made = self.started[name] = start(name, arguments, self.log(name), account)
         ended = [key for key, one in self.started.items() if one.exit_status is not None]
         for key in ended[: max(0, len(self.started) - _MOST_STARTED)]:
             del self.started[key]
@@ -104,9 +105,9 @@ class Console:
         """Stop, as it is pressed for the folder of runs."""
         return StopSwitch(self.site.runs)
 
-    def begin_run(self, arguments: list[str], name: str) -> None:
+    def begin_run(self, arguments: list[str], name: str, account: str) -> None:
         """Start a run: it is under way from here on. A stop that was pressed just before ends it."""
-        made = self.starting[name] = Starting(self.start(arguments, name))
+        made = self.starting[name] = Starting(self.start(arguments, name, account))
         if self.switch.pressed is not None:
             made.process.end()
 
@@ -125,13 +126,14 @@ class Console:
             told.setdefault(name, {"run": name, "state": state, "outcome": outcome})["by"] = "console"
         return list(told.values())
 
-    def begin_job(self, arguments: list[str], name: str, product: str) -> None:
+    def begin_job(self, arguments: list[str], name: str, product: str, account: str = "") -> None:
         """Start a job as soon as fewer than two are at work.
 
         Args:
             arguments: of `hil`.
             name: of the job.
             product: the address at which its product is found when it has ended well.
+            account: for which it works.
 
         Raises:
             SettingError: too many wait.
@@ -139,14 +141,15 @@ class Console:
         """
         if len(self.waiting) >= _MOST_WAITING:
             raise SettingError(f"{_MOST_WAITING} jobs wait already; try again when some are done")
-        self.waiting[name], self.products[name] = arguments, product
+        self.waiting[name], self.products[name] = (arguments, account), product
         self._start_jobs()
 
     def _start_jobs(self) -> None:
         with self._lock:
             while self.waiting and sum(self._works(name) for name in self.products) < _JOBS_AT_ONCE:
                 name = next(iter(self.waiting))
-                self.start(self.waiting.pop(name), name)
+                arguments, account = self.waiting.pop(name)
+                self.start(arguments, name, account)
 
     def _works(self, job: str) -> bool:
         made = self.started.get(job)

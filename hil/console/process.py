@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil.bench.audit import ACCOUNT
 from hil.child import Process, child
 from hil.errors import StorageError
 from hil.language.choice import VARIABLE
@@ -49,8 +50,8 @@ class Started:
         self.process.terminate()
 
 
-def start(name: str, arguments: Sequence[str], log: Path) -> Started:
-    """Start `hil ARGUMENTS…`.
+def start(name: str, arguments: Sequence[str], log: Path, account: str = "") -> Started:
+    """Start `hil ARGUMENTS…`, for an account of the console.
 
     Raises:
         StorageError: its log cannot be written.
@@ -59,7 +60,8 @@ def start(name: str, arguments: Sequence[str], log: Path) -> Started:
         log.parent.mkdir(parents=True, exist_ok=True)
         with log.open("wb") as written:
             process = child(
-                "hil", arguments, {"PYTHONUNBUFFERED": "1", "HIL_PROGRESS_S": "1", VARIABLE: spoken()},
+                "hil", arguments,
+                {"PYTHONUNBUFFERED": "1", "HIL_PROGRESS_S": "1", VARIABLE: spoken(), ACCOUNT: account},
                 stdin=subprocess.DEVNULL, stdout=written, stderr=subprocess.STDOUT, start_new_session=True,
             )  # fmt: skip
     except OSError as error:

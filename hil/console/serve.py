@@ -40,6 +40,7 @@ def serve(site: Site, where: Where, ready: Callable[[str], None]) -> None:
     config = uvicorn.Config(
         app, ssl_certfile=where.cert, ssl_keyfile=where.key,
         log_level="warning", access_log=False, ws="none", server_header=False,
+        proxy_headers=bool(where.proxies), forwarded_allow_ips=list(where.proxies),
         timeout_graceful_shutdown=_SHUTDOWN_S, h11_max_incomplete_event_size=16_384,
     )  # fmt: skip
     with opened(where, accounts):

@@ -8,28 +8,39 @@ import shutil
 from pathlib import Path
 
 from starlette.datastructures import FormData, UploadFile
+from starlette.exceptions import HTTPException
 from starlette.requests import Request
 
 from hil.errors import SettingError
 from hil.record.read import formats
 
 MOST_BYTES = 64 * 1024 * 1024
-_MOST_FILES, _MOST_FIELDS = 8, 200
+MOST_FILES = 8
+_MOST_FIELDS = 200
 _KEPT = 20  # uploads before the oldest is forgotten
 
 
-async def form_of(request: Request) -> FormData:
-    """The form of a request that may bring files.
+async def form_of(request: Request, files: int = 0) -> FormData:
+    """The form of a request.
+
+    Args:
+        request: of a page.
+        files: that it may bring; its size is said beforehand then.
 
     Raises:
-        SettingError: it is too large, or does not say how large it is.
+        SettingError: it is malformed, too large, or does not say how large it is.
     """
-    said = request.headers.get("content-length", "")
-    if not said.isdigit():
-        raise SettingError("an upload says its Content-Length")
-    if int(said) > MOST_BYTES:
-        raise SettingError(f"{int(said) / 2**20:.0f} MiB; {MOST_BYTES // 2**20} MiB may be uploaded at a time")
-    return await request.form(max_files=_MOST_FILES, max_fields=_MOST_FIELDS)
+    length = request.headers.get("content-length", "")
+    if files and not length.isdigit():
+        raise SettingError("an upload needs its Content-Length")
+    if files and int(length) > MOST_BYTES:
+        raise SettingError(f"{int(length) / 2**20:.0f} MiB; {MOST_BYTES // 2**20} MiB may be uploaded at a time")
+    try:
+        return await request.form(max_files=files, max_fields=_MOST_FIELDS)
+    except HTTPException as error:
+        raise SettingError(f"the form cannot be read: {error.detail}") from None
+    except (ValueError, LookupError) as error:  # of the parser, or a character set that does not exist
+        raise SettingError(f"the form cannot be read: {error}") from None
 
 
 def kept(files: list[UploadFile], state: Path) -> list[Path]:

@@ -6,11 +6,14 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.audit import Audit, on_the_trail, read_audit
+from hil.bench.audit import ACCOUNT, Audit, on_the_trail, read_audit
 from hil.bench.find import benches
+from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench
-from hil.errors import StorageError
+from hil.errors import InUseError, StorageError
 from hil.safety.interrupt import Halted, Terminated
+from hil.session.procedure import load_procedure
+from hil.session.run import run_procedure
 
 SIMULATED, LINKED = "brevini-hpv41", "hpv41-modbus-tcp"
 
@@ -25,42 +28,58 @@ def bench(name: str) -> BenchFile:
     return read_bench(benches()[name])
 
 
-def test_a_run_that_drives_and_resets_is_named_before_it_does() -> None:
+def test_a_run_that_drives_and_resets_is_named_by_account_and_operator(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(ACCOUNT, "otto")
     about = {"procedure": "flow_curve", "operator": "Eva", "limits given": {"lag": {"low": None, "high": 2.0}}}
-    with on_the_trail(bench(SIMULATED), Path("runs/one"), about, ["over-pressure"]):
-        reset, drives = read_audit(Audit().path)
-    assert (reset["act"], reset["who"], reset["details"]["interlock"]) == ("reset", "Eva", "over-pressure")
-    assert (drives["act"], drives["who"], drives["details"]["procedure"]) == ("drives", "Eva", "flow_curve")
+    with on_the_trail(bench(SIMULATED), Path("runs/one"), about, ["over-pressure"]) as begins:
+        assert not Audit().path.exists(), "nothing has happened yet"
+        begins()
+    reset, drives = read_audit(Audit().path)
+    assert (reset["act"], reset["account"], reset["operator"]) == ("reset", "otto", "Eva")
+    assert (drives["act"], drives["account"], drives["operator"]) == ("drives", "otto", "Eva")
+    assert reset["details"]["interlock"] == "over-pressure" and drives["details"]["procedure"] == "flow_curve"
     assert drives["details"]["limits given"] == about["limits given"]
     assert drives["details"]["run"] == str(Path("runs/one").absolute())
-    assert len(list(read_audit(Audit().path))) == 2  # an end as planned is no act
 
 
 @pytest.mark.parametrize(
-    ("stopped", "how"),
-    [(KeyboardInterrupt(), "Ctrl-C"), (Terminated(), "SIGTERM"), (Halted(), "stop was pressed")],
+    ("stopped", "how", "account"),
+    [(KeyboardInterrupt(), "Ctrl-C", "labuser"), (Terminated(), "SIGTERM", ""), (Halted(), "stop was pressed", "")],
 )
-def test_what_stopped_a_run_is_on_the_trail(stopped: KeyboardInterrupt, how: str) -> None:
+def test_what_stopped_a_run_is_on_the_trail_and_who_only_where_it_is_known(
+    stopped: KeyboardInterrupt, how: str, account: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("getpass.getuser", lambda: "labuser")
     stopped.add_note("outputs are safe (read back)")
-    with pytest.raises(KeyboardInterrupt), on_the_trail(bench(SIMULATED), Path("run"), {"operator": "Eva"}):
-        raise stopped
+
+    def drive() -> None:
+        with on_the_trail(bench(SIMULATED), Path("run"), {"operator": "Eva"}) as begins:
+            begins()
+            raise stopped
+
+    with pytest.raises(KeyboardInterrupt):
+        drive()
     *_, last = read_audit(Audit().path)
-    assert (last["act"], last["who"], last["details"]["how"]) == ("stop", "Eva", how)
-    assert last["details"]["outputs"] == "outputs are safe (read back)"
+    assert (last["act"], last["account"], last["operator"]) == ("stop", account, "Eva")
+    assert last["details"]["how"] == how and last["details"]["outputs"] == "outputs are safe (read back)"
+
+
+def test_run_that_did_not_get_the_bench_drove_nothing_and_stopped_nothing() -> None:
+    with pytest.raises(KeyboardInterrupt), on_the_trail(bench(SIMULATED), Path("run"), {}):
+        raise KeyboardInterrupt
+    assert not Audit().path.exists()
 
 
 def test_nothing_moves_that_cannot_be_written_down(state: Path) -> None:
     state.write_text("no folder", encoding="utf-8")
-    moved = []
-    with pytest.raises(StorageError, match="audit trail"), on_the_trail(bench(LINKED), Path("run"), {}):
-        moved.append("real")
-    with on_the_trail(bench(SIMULATED), Path("run"), {}):
-        moved.append("simulated")
-    assert moved == ["simulated"]
+    with on_the_trail(bench(LINKED), Path("run"), {}) as begins, pytest.raises(StorageError, match="audit trail"):
+        begins()
+    with on_the_trail(bench(SIMULATED), Path("run"), {}) as begins:
+        begins()
 
 
-def test_without_an_operator_it_is_who_is_logged_in(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("getpass.getuser", lambda: "labuser")
-    with on_the_trail(bench(SIMULATED), Path("run"), {}):
-        (line,) = read_audit(Audit().path)
-    assert line["who"] == "labuser"
+def test_start_that_is_refused_the_bench_writes_no_line(tmp_path: Path) -> None:
+    file = bench(LINKED)
+    with leased(file), pytest.raises(InUseError):
+        run_procedure(load_procedure("jog"), file, {"value": 0.0}, tmp_path / "run")
+    assert not Audit().path.exists()

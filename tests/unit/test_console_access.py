@@ -211,13 +211,61 @@ def test_console_at_every_address_takes_acts_of_the_page_that_it_served(accounts
     assert answers == [403, 403, 303]
 
 
-def test_password_is_tried_only_so_often(accounts: Accounts) -> None:
+def test_who_tries_passwords_is_slowed_and_nobody_else_is(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+    waited: list[float] = []
+
+    async def waits(seconds: float) -> None:
+        waited.append(round(seconds))
+
+    monkeypatch.setattr("hil.console.access.asyncio.sleep", waits)
     browser = Browser(console(accounts))
-    tried = [browser.ask("/login", {"name": "otto", "password": f"wrong {i}"})[0] for i in range(8)]
-    assert tried == [401] * 5 + [429] * 3
-    other = Browser(browser.app, address="198.51.100.1")  # from elsewhere, the same name: as often in all
-    assert other.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 429
-    assert other.ask("/login", {"name": "emil", "password": PASSWORD})[0] == 303
+    tried = [browser.ask("/login", {"name": "otto", "password": f"wrong {i}"})[0] for i in range(14)]
+    assert tried == [401] * 10 + [429] * 4 and waited == [0] * 5 + [4, 8, 12, 16, 20]
+    other = Browser(browser.app, address="198.51.100.1")  # the owner of the name, from elsewhere
+    assert other.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303 and waited[-1] == 0
+
+
+def test_two_consoles_on_one_computer_keep_their_sessions_apart(accounts: Accounts) -> None:
+    one, two = (Browser(console(accounts, Where("127.0.0.1", port))) for port in (8123, 8124))
+    for browser, port in ((one, 8123), (two, 8124)):
+        told = browser.ask("/login", {"name": "otto", "password": PASSWORD}, origin=f"http://127.0.0.1:{port}",
+                           host=f"127.0.0.1:{port}")[2]  # fmt: skip
+        assert told["set-cookie"].startswith(f"hil_session_{port}=")
+    one.cookie = two.cookie = f"{one.cookie}; {two.cookie}"  # a browser sends both to both
+    assert one.ask("/bench")[0] == two.ask("/bench", host="127.0.0.1:8124")[0] == 200
+    away = Browser(console(accounts, Where("bench7", 8123, Path("c"), Path("k"))))
+    told = away.ask("/login", {"name": "otto", "password": PASSWORD}, origin="https://bench7:8123",
+                    host="bench7:8123")[2]["set-cookie"]  # fmt: skip
+    assert told.startswith("__Host-hil_session_8123=") and "; secure" in told.lower() and "; path=/;" in told.lower()
+
+
+@pytest.mark.parametrize(
+    ("kind", "body"),
+    [
+        ("multipart/form-data", b"x"), ("multipart/form-data; boundary=a", b"nothing"),
+        ("application/x-www-form-urlencoded", b"a=1&" * 400),
+    ],
+)  # fmt: skip
+def test_malformed_form_is_refused_in_words(kind: str, body: bytes, accounts: Accounts) -> None:
+    browser = Browser(console(accounts)).logged_in("otto")
+    browser.headers["content-type"] = kind
+    for path in ("/login", "/seat"):
+        status, text, _ = browser.ask(path, body=body)
+        assert (status, "the form cannot be read" in text) == (400, True)
+
+
+def test_console_behind_a_proxy_believes_that_one_alone(accounts: Accounts) -> None:
+    there = Where("127.0.0.1", 8123, public="https://bench7.lab", proxies=("127.0.0.1",))
+    check_where(there, accounts)
+    assert (there.is_local, there.origins, there.listeners) == (False, ("https://bench7.lab",), "")
+    browser = Browser(console(accounts, there))
+    assert browser.ask("/bench", host="127.0.0.1:8123")[0] == 421
+    assert browser.ask("/login", {"name": "otto", "password": PASSWORD}, origin="https://bench7.lab",
+                       host="bench7.lab")[0] == 303  # fmt: skip
+    for wrong in (Where("127.0.0.1", 1, public="https://bench7.lab"), Where("127.0.0.1", 1, proxies=("::1",)),
+                  Where("127.0.0.1", 1, public="http://bench7.lab", proxies=("::1",))):  # fmt: skip
+        with pytest.raises(SettingError, match="--public"):
+            check_where(wrong, accounts)
 
 
 def test_too_many_acts_are_refused(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -293,9 +341,10 @@ def test_audit_names_who_did_what_and_when(accounts: Accounts) -> None:
     Browser(app).logged_in("otto").ask("/run/start", {"a": "1"})
     Browser(app).ask("/login", {"name": "otto", "password": "wrong"})
     lines = list(read_audit(audit.path))
-    assert [(line["who"], line["act"]) for line in lines] == [
-        ("otto", "logs in"), ("otto", "operates"), ("otto", "run"), ("otto", "was refused"),
+    assert [(line["account"], line["act"]) for line in lines] == [
+        ("otto", "logs in"), ("otto", "operates"), ("otto", "run"), ("", "was refused"),
     ]  # fmt: skip
+    assert lines[3]["details"]["name"] == "otto"
     assert lines[2]["details"] == {"address": "192.0.2.7", "bench": "b"} and lines[2]["utc"].endswith("+00:00")
     assert stat.S_IMODE(audit.path.stat().st_mode) == 0o600 and PASSWORD not in audit.path.read_text()
 
@@ -385,7 +434,11 @@ def test_user_add_asks_for_the_password_and_console_refuses_others(
     assert status("user", "add", "olga", PASSWORD) == 2, "no password as an argument"
     assert status("user", "list") == 0 and "otto  operator" in capsys.readouterr().out
     assert status("--host", "0.0.0.0") == 2 and "--cert FILE --key FILE" in capsys.readouterr().err
+    assert status("user", "add", "otto", "--role", "viewer", typed=f"{PASSWORD}\n") == 0
     assert status("user", "remove", "otto") == 0 and not Accounts().all()
+    lines = list(read_audit(Audit().path))
+    assert [line["act"] for line in lines] == ["add account", "change account", "remove account"]
+    assert lines[1]["details"] == {"name": "otto", "role": "viewer", "role before": "operator"} and lines[1]["account"]
 
 
 def test_nobody_is_told_where_to_stop_and_nothing_else(accounts: Accounts, tmp_path: Path) -> None:

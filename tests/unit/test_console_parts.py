@@ -247,7 +247,7 @@ def test_a_certificate_needs_a_serial_number_on_the_form(site: Site) -> None:
 
 
 def _refusing(site: Site) -> Console:
-    def full(_request: object, _act: str, _details: object) -> None:
+    def full(*_told: object, **_named: object) -> None:
         raise StorageError("the audit trail cannot be written: disk full")
 
     return Console(site, Underway(site.runs), audit=full)
@@ -260,7 +260,7 @@ def test_a_run_that_cannot_be_written_down_is_not_started(site: Site, monkeypatc
     started: list[str] = []
     console = _refusing(site)
     monkeypatch.setattr(Console, "of", lambda _request: console)
-    monkeypatch.setattr(Console, "start", lambda _self, _arguments, name: started.append(name))
+    monkeypatch.setattr(Console, "start", lambda _self, _arguments, name, _account: started.append(name))
     monkeypatch.setattr(run_routes, "_form", form)
     with pytest.raises(StorageError, match="audit trail"):
         asyncio.run(run_routes.begin(None))  # type: ignore[arg-type]
@@ -270,9 +270,9 @@ def test_a_run_that_cannot_be_written_down_is_not_started(site: Site, monkeypatc
 def test_a_reset_that_cannot_be_written_down_is_not_done(site: Site, monkeypatch: pytest.MonkeyPatch) -> None:
     class Request:
         def __init__(self) -> None:
-            self.path_params = {"bench": "own"}
+            self.path_params, self.headers = {"bench": "own"}, {}
 
-        async def form(self) -> dict[str, str]:
+        async def form(self, **_limits: int) -> dict[str, str]:
             return {"interlock": "over-pressure"}
 
     done: list[str] = []
@@ -325,7 +325,7 @@ def test_jobs_wait_until_fewer_than_two_are_at_work(site: Site, monkeypatch: pyt
     assert [*console.started][2:] == ["diagnosis-2", "diagnosis-3"] and not console.waiting
     for one in console.started.values():
         one.process.wait(60.0)
-    console.waiting.update({f"diagnosis-{number}": [] for number in range(20)})
+    console.waiting.update({f"diagnosis-{number}": ([], "") for number in range(20)})
     with pytest.raises(SettingError, match="20 jobs wait already"):
         console.begin_job(["diagnose"], "diagnosis-20", "/diagnose/x")
 

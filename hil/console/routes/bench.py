@@ -16,6 +16,7 @@ from hil.console.board import STATES, RunReader, check_tripped, interlocks_of, l
 from hil.console.console import Console
 from hil.console.page import page
 from hil.console.underway import Run
+from hil.console.uploads import form_of
 from hil.errors import FileError, HilError, InUseError
 from hil.language.reworded import reworded
 from hil.language.words import _
@@ -46,7 +47,7 @@ def state(request: Request) -> Response:
 
 async def watch(request: Request) -> Response:
     """Read the inputs while no run drives the bench, or end that."""
-    wanted = (await request.form()).get("on") == "1"
+    wanted = (await form_of(request)).get("on") == "1"
     name = request.path_params["bench"]
     await run_in_threadpool(_watch, Console.of(request), name, wanted)
     return RedirectResponse(f"/bench?bench={name}", 303)
@@ -55,7 +56,7 @@ async def watch(request: Request) -> Response:
 async def reset(request: Request) -> Response:
     """Forget a latched trip, by the name of its interlock."""
     console, name = Console.of(request), request.path_params["bench"]
-    interlock = str((await request.form()).get("interlock", ""))
+    interlock = str((await form_of(request)).get("interlock", ""))
     file = console.site.bench(name)
     check_tripped(file, interlock)
     console.audit(request, "reset", {"bench": file.bench.name, "interlock": interlock})  # else it is not done

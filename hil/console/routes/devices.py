@@ -15,6 +15,7 @@ from hil.console import served
 from hil.console.console import Console
 from hil.console.page import page
 from hil.console.site import names_driver
+from hil.console.uploads import form_of
 from hil.errors import HilError
 
 
@@ -36,7 +37,7 @@ def state(request: Request) -> Response:
 
 async def begin(request: Request) -> Response:
     """Serve the devices of a bench."""
-    console, form = Console.of(request), await request.form()
+    console, form = Console.of(request), await form_of(request)
     bench = str(form.get("bench", ""))
     path = console.site.bench_path(bench)
     quirks = [

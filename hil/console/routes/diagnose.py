@@ -23,6 +23,7 @@ from hil.console.console import Console
 from hil.console.page import page
 from hil.console.routes import jobs
 from hil.console.routes.results import REPORT_HEADERS
+from hil.console.uploads import form_of
 from hil.errors import ArchiveError, FileError, HilError, SettingError, UnknownNameError
 from hil.language.reworded import reworded
 from hil.physics.model import load_model
@@ -63,7 +64,7 @@ def _model_for(chosen: Sequence[Mapping[str, Any]], known: Mapping[str, str]) ->
 
 async def begin(request: Request) -> Response:
     """Start a diagnosis, in a process of its own."""
-    console, form = Console.of(request), await uploads.form_of(request)
+    console, form = Console.of(request), await uploads.form_of(request, uploads.MOST_FILES)
     known = _models(console)
     model = str(form.get("model", ""))
     if not model:
@@ -82,7 +83,7 @@ async def begin(request: Request) -> Response:
     for option in ("input", "output"):
         if channel := str(form.get(option, "")).strip():
             arguments.append(f"--{option}={channel}")
-    return jobs.begin(console, "diagnosis", arguments, f"/diagnose/{name}", name)
+    return jobs.begin(request, "diagnosis", arguments, f"/diagnose/{name}", name)
 
 
 def one(request: Request) -> Response:
@@ -108,7 +109,7 @@ def report(request: Request) -> Response:
 async def accept(request: Request) -> Response:
     """Take the corrected model among those of this lab, under a name."""
     console, name = Console.of(request), request.path_params["diagnosis"]
-    wanted = str((await request.form()).get("name", "")).strip()
+    wanted = str((await form_of(request)).get("name", "")).strip()
     await run_in_threadpool(_accept, console, _folder(console, name), wanted)
     console.audit(request, "accept model", {"diagnosis": name, "model": wanted})
     return RedirectResponse(f"/diagnose/{name}?{urlencode({'accepted': wanted})}", 303)

@@ -14,18 +14,19 @@ from hil.errors import FileError
 from hil.language.words import _
 
 
-def begin(console: Console, kind: str, arguments: list[str], product: str, name: str = "") -> Response:
+def begin(request: Request, kind: str, arguments: list[str], product: str, name: str = "") -> Response:
     """Start a job and lead to its page.
 
     Args:
-        console: where it is started.
+        request: that asks for it.
         kind: of the job, as in its name.
         arguments: of `hil`.
         product: the address at which its product is found when it has ended well.
         name: if not a new one.
     """
+    console = Console.of(request)
     name = name or console.new_name(kind)
-    console.begin_job(arguments, name, product)
+    console.begin_job(arguments, name, product, request.scope.get("hil.account", ""))
     return RedirectResponse(f"/jobs/{name}", 303)
 
 

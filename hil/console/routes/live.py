@@ -14,6 +14,7 @@ from hil.console.console import Console
 from hil.console.page import page
 from hil.console.stops import ask_listener
 from hil.console.underway import control_of, run_of
+from hil.console.uploads import form_of
 from hil.errors import FileError, HilError
 from hil.findings.results import RESULTS_FILE, read_results
 from hil.record.alive import lives
@@ -45,7 +46,7 @@ async def stream(request: Request) -> Response:
 async def hold(request: Request) -> Response:
     """Hold a run, or let it go on; what its listener says."""
     console, name = Console.of(request), request.path_params["run"]
-    wanted = str((await request.form()).get("hold", ""))
+    wanted = str((await form_of(request)).get("hold", ""))
     folder = console.site.run(name)
     answer = await run_in_threadpool(ask_listener, folder, control_of(folder), "hold", hold=wanted)
     if wanted:

@@ -13,6 +13,7 @@ from starlette.routing import Route
 
 from hil.console.console import Console
 from hil.console.routes import jobs
+from hil.console.uploads import form_of
 from hil.errors import FileError, SettingError
 from hil.record.folder import read
 
@@ -22,7 +23,7 @@ _PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
 async def passport(request: Request) -> Response:
     """Issue a passport of runs of one unit."""
     console = Console.of(request)
-    names = [str(name) for name in (await request.form()).getlist("run")]
+    names = [str(name) for name in (await form_of(request)).getlist("run")]
     if not names:
         raise SettingError("a passport is of at least one run; choose runs of one unit")
     folders = [console.site.run(name) for name in names]
@@ -32,7 +33,7 @@ async def passport(request: Request) -> Response:
     file = f"{serial}-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.pdf"
     console.audit(request, "passport", {"runs": names, "file": file})
     arguments = ["passport", *map(str, folders), "--out", str(folder / file)]
-    return jobs.begin(console, "passport", arguments, f"/passports/{file}")
+    return jobs.begin(request, "passport", arguments, f"/passports/{file}")
 
 
 def passport_file(request: Request) -> Response:

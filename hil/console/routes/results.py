@@ -90,7 +90,7 @@ async def report_again(request: Request) -> Response:
     """Make the report again, also of a run that was stopped or tripped."""
     console, name = Console.of(request), request.path_params["run"]
     folder = console.site.run(name)
-    return jobs.begin(console, "report", ["report", str(folder)], f"/results/{name}")
+    return jobs.begin(request, "report", ["report", str(folder)], f"/results/{name}")
 
 
 def compare(request: Request) -> Response:

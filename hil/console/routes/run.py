@@ -22,6 +22,7 @@ from hil.console.envelope import COARSE_KEPT, FINE_S, Envelope
 from hil.console.form import faults_of, fields_of, given_of, setting_named_in
 from hil.console.page import page
 from hil.console.process import Started
+from hil.console.uploads import form_of
 from hil.errors import HilError, InUseError, SettingError
 from hil.record.folder import read
 from hil.report.number import number
@@ -92,8 +93,9 @@ async def begin(request: Request) -> Response:
     """Start the run, in a process of its own; answers with its name."""
     console, form = Console.of(request), await _form(request)
     folder, about, arguments = await run_in_threadpool(_prepared, console, form)
-    console.audit(request, "run", about)  # before anything moves: what cannot be written down is not done
-    await run_in_threadpool(console.begin_run, arguments, folder.name)
+    # before anything moves: what cannot be written down is not done; that it drives, the run writes itself
+    console.audit(request, "ask for a run", about, operator=form.get("operator", "").strip())
+    await run_in_threadpool(console.begin_run, arguments, folder.name, request.scope.get("hil.account", ""))
     return JSONResponse({"run": folder.name})
 
 
@@ -153,7 +155,7 @@ def _asked(console: Console, form: Mapping[str, str]) -> tuple[Procedure, BenchF
 
 
 async def _form(request: Request) -> dict[str, str]:
-    return {key: value for key, value in (await request.form()).items() if isinstance(value, str)}
+    return {key: value for key, value in (await form_of(request)).items() if isinstance(value, str)}
 
 
 def _listed() -> list[tuple[str, str]]:

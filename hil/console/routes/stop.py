@@ -12,6 +12,7 @@ from starlette.routing import Route
 from hil.console.console import Console
 from hil.console.page import controls_of
 from hil.console.stops import press_stop
+from hil.console.uploads import form_of
 from hil.errors import StorageError
 
 
@@ -22,7 +23,7 @@ def controls(request: Request) -> Response:
 
 async def press(request: Request) -> Response:
     """Stop what is under way; what became of it."""
-    console, form = Console.of(request), await request.form(max_files=0)
+    console, form = Console.of(request), await form_of(request)
     asked = [str(name) for name in form.getlist("run")]
     told = await run_in_threadpool(press_stop, console, request.scope.get("hil.account", ""), asked)
     with suppress(StorageError):  # the stop is done
