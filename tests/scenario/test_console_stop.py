@@ -15,7 +15,8 @@ from urllib.request import HTTPCookieProcessor, Request, build_opener
 import pytest
 
 import hil
-from tests.consoles import Lab, console, real_time_bench, until
+from tests.consoles import Lab, console, real_time_bench
+from tests.waits import until
 
 pytestmark = pytest.mark.xdist_group("console")
 BROWSER = build_opener(HTTPCookieProcessor())

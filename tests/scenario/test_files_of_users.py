@@ -32,6 +32,7 @@ def owned(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A copy of everything, as the folder that one works in."""
     folder = shutil.copytree(SAMPLE, tmp_path / "owned")
     (folder / "state" / "passport-key.pem").chmod(0o600)
+    (folder / "state" / "console" / "accounts.json").chmod(0o600)
     monkeypatch.chdir(folder)
     monkeypatch.setenv("HIL_STATE_DIR", str(folder / "state"))
     return folder
