@@ -119,7 +119,7 @@ def bench(folder: Path, port: int) -> Path:
     """The shipped bench with this device, which has no watchdog of its own: nobody helps the program."""
     text = BENCH.read_text(encoding="utf-8").replace("127.0.0.1:15502", f"127.0.0.1:{port}")
     text = re.sub(r"sample_rate_hz = \d+", "sample_rate_hz = 8", text.replace("\nwatchdog_s = 1.0\n", "\n", 1))
-    text = text.replace("block_s = 0.1", f"block_s = 0.1\nwatchdog_s = {WATCHDOG_S}").replace("HPV41 on", f"{port} on")
+    text = text.replace("block_s = 0.1", f"block_s = 0.25\nwatchdog_s = {WATCHDOG_S}").replace("HPV41 on", f"{port} on")
     path = folder / "bench.toml"
     path.write_text(text, encoding="utf-8")
     return path

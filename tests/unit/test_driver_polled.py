@@ -14,6 +14,7 @@ from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Waveform, joined
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, LinkError, OutputUnderflowError, RangeError, StoppedError
+from tests.waits import until
 
 RATE_HZ = 200.0
 
@@ -373,9 +374,7 @@ def test_levels_are_driven_again_in_a_pause() -> None:
     link = Loop(keep_alive_s=0.02)
     device = daq(link)
     device.make_safe()
-    deadline_s = time.monotonic() + 3.0
-    while len(link.written) < 3 and time.monotonic() < deadline_s:
-        time.sleep(0.01)
+    until(lambda: len(link.written) >= 3)
     assert len(link.written) >= 3 and set(link.written) == {-1.0}
     device.close()
     count = len(link.written)
