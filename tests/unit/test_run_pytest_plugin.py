@@ -69,8 +69,8 @@ def test_an_assertion_says_the_limit_and_what_cannot_be_told_is_an_error(pyteste
     found.stdout.fnmatch_lines([
         "E*AssertionError: assert Cannot tell: overshoot at 0 → 80 % is < * %, limit ≥ 0.1 %: a bound, *",
         "E*AssertionError: assert Fail: rise at 0 → 80 % is * ms, limit ≤ 1 ms: it is missed by *",
-        "FAILED *test_fails - AssertionError: assert Fail: *",
-        "CANNOT TELL *test_cannot_tell - *",
+        "FAILED *test_fails*",
+        "CANNOT TELL *test_cannot_tell*",
     ])  # fmt: skip
     cases = {case.attrib["name"]: case for case in ET.parse(pytester.path / "report.xml").iter("testcase")}
     kinds = {name: [one.tag for one in case if one.tag in ("failure", "error")] for name, case in cases.items()}
