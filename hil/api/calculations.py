@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.models import model_of
+from hil.api.python_words import in_python_words
 from hil.api.several import several
 from hil.api.told import Notes, Progress, quiet, unsaid
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from hil.session.sources import Source
 
 
+@in_python_words
 def identify(
     recordings: Source | Iterable[Source],
     plant: str | Path,
@@ -44,8 +46,9 @@ def identify(
     """Fit a plant's parameters to recordings together (`hil identify`).
 
     Args:
-        recordings: one or several: samples in time, or tables of a frequency response, or their paths. Of a run that
-            measured frequency responses, given by its path, the plant `transfer-function` is fitted to those.
+        recordings: one or several: samples in time, or tables of a frequency response, or their paths; also a pandas
+            DataFrame, or arrays by their headings, `{"time [s]": t, "command [%]": u, "flow [l/min]": y}`. Of a run
+            that measured frequency responses, given by its path, the plant `transfer-function` is fitted to those.
         plant: name of a plant, or the path of a model file to start from.
         free: parameters that are held fixed otherwise.
         inputs: names of the input channels, where they are not the plant's own.
@@ -78,6 +81,7 @@ def identify(
     return found
 
 
+@in_python_words
 def compare(
     model: Model | str | Path,
     recordings: Source | Iterable[Source],
@@ -107,6 +111,7 @@ def compare(
     return compared_with(model_of(model), several(recordings), several(inputs), output, reading, notes, drawn, progress)
 
 
+@in_python_words
 def simulate(
     model: Model | str | Path,
     recording: Source,
@@ -143,6 +148,7 @@ def simulate(
     return make(f"{read.name}, simulated", bound.time_s, {simulated.output: response})
 
 
+@in_python_words
 def diagnose(
     model: Model | str | Path,
     recordings: Source | Iterable[Source],
@@ -191,6 +197,7 @@ def diagnose(
     return diagnosed(nominal, experiments, folder, str(bench), bench_budget_s, progress, budget_s, origins)
 
 
+@in_python_words
 def linearise(
     model: Model | str | Path,
     at: float,
@@ -219,6 +226,7 @@ def linearise(
     )
 
 
+@in_python_words
 def step_models(
     recording: Source | None = None,
     *,
@@ -255,6 +263,7 @@ def step_models(
     return models_of_steps(samples_of(recording, reading or AS_IT_IS), input, output, table, band)
 
 
+@in_python_words
 def compose(curve: str | Path, dynamics: Model | str | Path) -> Model:
     """A measured flow curve and a transfer function as one model (`hil analyse compose`).
 

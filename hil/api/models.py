@@ -6,12 +6,15 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.api.python_words import in_python_words
+
 if TYPE_CHECKING:
     from hil.findings.results import Results
     from hil.physics.model import Model
     from hil.session.export import Exported
 
 
+@in_python_words
 def load_model(path: str | Path) -> Model:
     """Read a model file, or an installed model by its bare name (`hil list models`).
 
@@ -39,6 +42,7 @@ def save_model(model: Model, path: str | Path) -> None:
     saved(model, Path(path))
 
 
+@in_python_words
 def typical_model(plant: str) -> Model:
     """A plant at its typical values, nothing estimated."""
     from hil.physics.model import typical_model as typical
@@ -46,6 +50,7 @@ def typical_model(plant: str) -> Model:
     return typical(plant)
 
 
+@in_python_words
 def export(
     source: Model | Results | str | Path,
     to: str,

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.api.python_words import in_python_words
 from hil.api.several import several
 from hil.api.told import NOTHING
 
@@ -16,8 +17,9 @@ if TYPE_CHECKING:
     from hil.session.sources import Source
 
 
+@in_python_words
 def read(
-    path: str | Path,
+    path: Source,
     *,
     time: str = "",
     interval_s: float = 0.0,
@@ -31,7 +33,7 @@ def read(
     """A recording, a run folder, or a table of a frequency response; `hil convert` and all that read do the same.
 
     Args:
-        path: file or run folder.
+        path: file or run folder; also a DataFrame, or arrays by their headings `name [unit]`.
         time: name of the column that holds the time.
         interval_s: the samples lie so far apart, whatever the file says.
         units: of channels by name, whatever the file says.
@@ -51,6 +53,7 @@ def read(
     return read_source(path, reading, responses=responses, part=part)
 
 
+@in_python_words
 def write(recording: Recording | ResponseTable, path: str | Path) -> None:
     """Write a recording or a table; the ending of the name says the format, none makes a run folder of a recording.
 
@@ -66,6 +69,7 @@ def write(recording: Recording | ResponseTable, path: str | Path) -> None:
         write_recording(recording, Path(path))
 
 
+@in_python_words
 def average(
     responses: Source | Iterable[Source], *, normalised: bool = False, reading: Reading | None = None, part: str = ""
 ) -> ResponseTable:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.api.bench import bench_of
+from hil.api.python_words import in_python_words
 from hil.api.several import several
 from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from hil.session.procedure import Procedure
 
 
+@in_python_words
 def run(
     procedure: str | Procedure,
     bench: str | Path | BenchFile,
@@ -93,6 +95,7 @@ def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet
         yield rig
 
 
+@in_python_words
 def results(run: str | Path) -> Results:
     """Every value, curve and transfer function of a run (`hil results`)."""
     from hil.session.results import results_of_run
@@ -100,6 +103,7 @@ def results(run: str | Path) -> Results:
     return results_of_run(Path(run))
 
 
+@in_python_words
 def find_runs(
     *,
     serial: str = "",

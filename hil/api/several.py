@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import TypeVar
+from collections.abc import Iterable, Mapping
+from typing import TypeVar, cast
 
 T = TypeVar("T")
 
 
 def several(given: T | Iterable[T]) -> list[T]:
-    """What was given as a list; a text is one name or path, never its letters."""
-    if isinstance(given, str) or not isinstance(given, Iterable):
-        return [given]
+    """What was given as a list; a text is one name or path, never its letters, a table one, never its columns."""
+    if isinstance(given, str | Mapping) or hasattr(given, "columns") or not isinstance(given, Iterable):
+        return [cast("T", given)]
     return list(given)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.models import model_of
+from hil.api.python_words import in_python_words
 from hil.api.several import several
 from hil.api.told import Notes, Progress, quiet, unsaid
 
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
     from hil.session.fleet import UnitAnswer
 
 
+@in_python_words
 def diagnose_fleet(
     folders: str | Path | Iterable[str | Path],
     *,
@@ -63,6 +65,7 @@ def diagnose_fleet(
     )
 
 
+@in_python_words
 def diff(
     old: str | Path,
     new: str | Path,
@@ -109,6 +112,7 @@ def diff(
         return difference(first, second, kind, progress, several(inputs), output, budget_s)
 
 
+@in_python_words
 def issue_passport(
     runs: str | Path | Iterable[str | Path],
     out: str | Path,

@@ -9,6 +9,7 @@ import sys
 import typer
 
 from hil import cli
+from hil.api.python_words import at_the_prompt
 from hil.cli import said
 from hil.cli.said import say
 from hil.errors import InputError, marked
@@ -55,7 +56,8 @@ def main() -> int:
     silent, said.ended = len(sys.argv) == 1, False  # without a word the help is shown, and nothing was done
     try:
         app = _assembled()
-        status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
+        with at_the_prompt():
+            status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
         signalled = None if said.ended or status != _CTRL_C else raised()
         if signalled is not None and status_of(signalled) != _CTRL_C:
             return _stopped(signalled)  # typer takes every signal that was raised for Ctrl-C

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
@@ -67,19 +68,33 @@ class GreyBoxFit:
         """A table of parameters with their uncertainty, fits and notes, for a terminal."""
         rows = [f"{self.model.plant}"]
         for name, found in self.model.parameters.items():
-            row = f"  {name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit:8}{_whole(found)}"
+            row = f"  {name:18} {_shown(found):>12} {_interval(found.std):12} {found.unit:8}{_whole(found)}"
             rows.append(row.rstrip())
         for e in self.model.effects:
             for name, found in e.parameters.items():
-                rows.append(f"  {e.name + '.' + name:18} {found.value:12.6g} {_interval(found.std):12} {found.unit}")
+                rows.append(f"  {e.name + '.' + name:18} {_shown(found):>12} {_interval(found.std):12} {found.unit}")
         rows += [f"  fit {fit:7.2f} %  {name}" for name, fit in self.fits.items()]
         return "\n".join([*rows, *(f"  note: {note}" for note in self.notes)])
+
+
+def _shown(found: Value) -> str:
+    """The value to the second digit of its interval; one that has none to six."""
+    if not found.std or not np.isfinite(found.std):
+        return f"{found.value:.6g}"
+    return f"{found.value:.{_places(_COVERED * found.std)}f}"
 
 
 def _interval(std: float | None) -> str:
     if std is None:
         return "held"
-    return f"± {_COVERED * std:.2g}" if np.isfinite(std) else "not told"
+    if not np.isfinite(std):
+        return "not told"
+    return f"± {_COVERED * std:.{_places(_COVERED * std)}f}" if std else "± 0"
+
+
+def _places(width: float) -> int:
+    """Decimals that keep two digits of a width, none of one beyond 100."""
+    return max(0, 1 - math.floor(math.log10(float(f"{width:.1e}"))))
 
 
 def _whole(found: Value) -> str:

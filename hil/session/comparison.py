@@ -75,7 +75,7 @@ def compared_with(
 
 
 def _name_of(source: Source) -> str:
-    return str(source) if isinstance(source, str | Path) else source.name
+    return str(source) if isinstance(source, str | Path) else getattr(source, "name", "columns in memory")
 
 
 def _read_for(

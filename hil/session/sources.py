@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Union
 
 from hil.errors import FileError
+from hil.record.frame import from_memory
 from hil.record.read import read_any
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from hil.identification.experiment import Experiment
 
-Source = Recording | ResponseTable | str | Path
+Source = Union[Recording, ResponseTable, str, Path, Mapping[str, Any], "pd.DataFrame"]
 
 
 def read_source(
@@ -24,7 +27,7 @@ def read_source(
     """A recording or a table of a frequency response.
 
     Args:
-        source: a value that was read already, or the path of one.
+        source: a value that was read already, the path of one, or columns in memory (see `from_memory`).
         reading: options for a path.
         responses: of a run that measured frequency responses, those and not its samples.
         part: of a run that measured several, the one of this name; asks for it as `responses` does.
@@ -32,8 +35,10 @@ def read_source(
     Raises:
         FileError: it cannot be read, or the run has no such part.
     """
-    if not isinstance(source, str | Path):
+    if isinstance(source, Recording | ResponseTable):
         return source
+    if not isinstance(source, str | Path):
+        return from_memory(source, reading)
     if responses or part:
         from hil.session.responses import holds_responses, response_of_run
 

@@ -1,0 +1,85 @@
+"""Recordings from memory, and errors of the Python interface in its own words."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+import hil
+from hil.api.python_words import python_words
+from hil.cli.app import main
+from hil.errors import HilError
+from hil.record.recording import Recording
+
+TIME = np.arange(400) * 0.01
+COMMAND = 60.0 * np.sign(np.sin(2.0 * np.pi * 0.4 * TIME))
+UNITS = {"time [s]": TIME, "command [%]": COMMAND}
+MEASURED = {**UNITS, "flow [l/min]": np.zeros(400)}
+
+
+def measured() -> dict[str, Any]:
+    flow = hil.simulate(hil.typical_model("brevini-hpv41"), MEASURED).values("flow")
+    return {**UNITS, "flow [l/min]": flow + np.random.default_rng(1).normal(0.0, 0.3, 400)}
+
+
+def test_identify_takes_arrays_a_frame_and_its_index_alike() -> None:
+    given = measured()
+    frame = pd.DataFrame(given)
+    kinds = [given, frame, frame.set_index("time [s]"), [frame], hil.read(frame)]
+    found = [hil.identify(one, "brevini-hpv41").model for one in kinds]
+    assert {one.values["full_flow"] for one in found} == {found[0].values["full_flow"]}
+    true = hil.typical_model("brevini-hpv41").values["full_flow"]
+    assert found[0].values["full_flow"] == pytest.approx(true, rel=0.02)
+
+
+def test_read_takes_what_a_frame_does_not_say() -> None:
+    frame = pd.DataFrame({"ch1": COMMAND, "flow": np.arange(400.0)})
+    units = {"command": "%", "flow": "l/min"}
+    read = hil.read(frame, interval_s=0.01, renamed={"ch1": "command"}, units=units)
+    assert isinstance(read, Recording)
+    assert read.channels["flow"].heading == "flow [l/min]"
+    np.testing.assert_allclose(read.time_s, TIME)
+    dated = frame.set_index(pd.date_range("2026-11-26", periods=400, freq="10ms"))
+    np.testing.assert_allclose(hil.read(dated).time_s, TIME, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"command [%]": COMMAND, "flow [l/min]": COMMAND}, r"the arrays: .*hil\.read\(…, time=NAME\).*interval_s=S"),
+        ({**UNITS, "flow": COMMAND}, r"no unit is stated for channel 'flow'.*hil\.read\(…, units=\{'flow': 'l/min'\}"),
+        (UNITS, r"no channel 'flow', the output of brevini-hpv41; it has: command \[%\]; say which .* output=NAME$"),
+        ({**UNITS, "flow [l/min]": COMMAND[:-1]}, r"2 different lengths: .*'flow \[l/min\]' 399"),
+        ({**UNITS, "flow [l/min]": np.zeros((400, 2))}, r"'flow \[l/min\]' is 400×2; a channel is an array"),
+    ],
+    ids=["no time", "no unit", "no output", "lengths", "matrix"],
+)  # fmt: skip
+def test_identify_says_what_is_missing_in_words_of_python(given: dict[str, Any], said: str) -> None:
+    for one in (given, pd.DataFrame(given)) if said.startswith(("no ", "the")) else (given,):
+        with pytest.raises(HilError) as raised:
+            hil.identify(one, "brevini-hpv41")
+        assert re.search(said.replace("the arrays", "the (arrays|DataFrame)"), str(raised.value)), raised.value
+        assert "--" not in str(raised.value)
+
+
+def test_python_words_are_arguments() -> None:
+    assert python_words("use --gaps, or --columns A,B") == "use hil.read(…, gaps=True), or hil.read(…, columns=A),B"
+    assert python_words("--rename time=frequency") == "hil.read(…, renamed={'time': 'frequency'})"
+    assert python_words("a larger --bench-budget; --free a") == "a larger bench_budget_s; free a"
+    assert python_words("say --input NAME (of hil simulate: --input-name NAME)") == "say inputs=NAME"
+
+
+def test_the_command_line_keeps_its_options(
+    tmp_path: Any, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = str(tmp_path / "one.csv")
+    pd.DataFrame({**UNITS, "flow": COMMAND}).to_csv(path, index=False)
+    monkeypatch.setattr("sys.argv", ["hil", "identify", path, "--plant", "brevini-hpv41", "--out", str(tmp_path / "m")])
+    assert main() == 2
+    assert "--unit 'flow=l/min'" in capsys.readouterr().err
+    with pytest.raises(HilError, match=r"units=\{'flow': 'l/min'\}"):
+        hil.identify(path, "brevini-hpv41")
