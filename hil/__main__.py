@@ -2,7 +2,9 @@
 
 import gc
 import os
+import signal
 import sys
+import threading
 from contextlib import suppress
 from pathlib import Path
 
@@ -22,8 +24,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 gc.set_threshold(20_000, 10, 10)
 
 
+_LEAVES_S = 5.0  # so long threads and children that a procedure has left behind are waited for
+
+
 def main() -> None:
     """Entry point of the console script."""
+    for name in ("SIGTTOU", "SIGTTIN"):  # in the background of a terminal: to write, or to read nothing, stops no run
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
     with terminable():
         try:
             status = run()
@@ -33,7 +41,16 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         with suppress(OSError, ValueError, AttributeError):
             stream.flush()
+    if _is_program():
+        leaving = threading.Timer(_LEAVES_S, os._exit, [status])
+        leaving.daemon = True
+        leaving.start()
     sys.exit(status)
+
+
+def _is_program() -> bool:
+    """Whether this is the whole program, and not called by another one."""
+    return __name__ == "__main__" or Path(getattr(sys.modules["__main__"], "__file__", None) or "").stem == "hil"
 
 
 if __name__ == "__main__":

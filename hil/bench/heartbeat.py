@@ -26,6 +26,7 @@ from hil.safety.operator import Asked, Operator
 from hil.safety.outputs import Outputs
 
 READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready ", b"d", b"s", b"q", b".", b"error "
+HANDS_OVER, TAKEN = b"h", b"+"  # the program ends and its outputs are not settled; the watchdog goes on
 WISHES: Mapping[Asked, bytes] = {"stop": b"!", "hold": b"=", "resume": b">"}
 LINE = b"{"  # to the watchdog: a line of JSON begins, {"outputs": …} after a stop, or {"holding": …}
 REPORT_FILE = "watchdog.json"
@@ -33,6 +34,11 @@ GIVE_UP_S = 60.0  # so long a watchdog tries to reach a device
 _START_S = 60.0
 _FAREWELL_S = 10.0
 _DEATH_S = 1.0
+_TAKES_OVER_S = 2.0  # a watchdog that does not say so within this time is taken for dead
+_NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGUSR1", "SIGUSR2", "SIGALRM", "SIGTSTP", "SIGTTIN", "SIGTTOU",
+          "SIGBREAK")  # fmt: skip
+SIGNALS = frozenset(getattr(signal, name) for name in _NAMES if hasattr(signal, name))
+"""What a watchdog ignores: all that can be ignored and would end or stop it."""
 _LONGEST_REASON = 4096
 
 
@@ -129,13 +135,14 @@ class Heart:
         self._speaks = _is_terminal_or_file(sys.stderr)
         # A session of its own: a Ctrl-C or a closed terminal reaches the run alone. Who reads a pipe of the run does
         # not wait for it.
-        self._process = child(
-            "hil.bench.watchdog", words, _state_from_anywhere(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=None if self._speaks else subprocess.PIPE, bufsize=0, start_new_session=True,
-            cwd=Path(os.sep).resolve(),
-        )  # fmt: skip
+        with _signals_blocked():  # it is born with that, so that none ends it before it can ignore them
+            self._process = child(
+                "hil.bench.watchdog", words, _state_from_anywhere(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                stderr=None if self._speaks else subprocess.PIPE, bufsize=0, start_new_session=True,
+                cwd=Path(os.sep).resolve(),
+            )  # fmt: skip
         close_in_children(self._process.stdin)  # held there, it would not end with this program
-        self._started = threading.Event()
+        self._started, self._taken = threading.Event(), threading.Event()
         self._failed = ""
         self._heard_s = self._asked_s = time.monotonic()
         threading.Thread(target=self._listen, name="hil-watchdog", daemon=True).start()
@@ -173,6 +180,7 @@ class Heart:
         try:
             self._say(FAREWELL)
             self.stop()
+            self._wake()
             self._process.wait(_FAREWELL_S)
         except (OSError, ValueError, subprocess.TimeoutExpired):
             self._end()
@@ -187,10 +195,14 @@ class Heart:
         self._say_line({"holding": holds})
 
     def hand_over(self) -> str:
-        """Leave the rest to the watchdog; what is to be said of it."""
+        """Leave the rest to the watchdog; what is to be said of it. That it goes on is said when it has said so."""
+        with suppress(OSError, ValueError):
+            self._say(HANDS_OVER)
+        self._wake()
+        taken = self._taken.wait(_TAKES_OVER_S)
         self.stop()
-        if self._failed:
-            return f"the watchdog process {self._failed}: nobody goes on trying"
+        if not taken:
+            return f"the watchdog process {self._failed or 'does not answer'}: nobody goes on trying"
         where = f"here and in {self._report}" if self._speaks else f"in {self._report}"
         return f"the watchdog process goes on trying for {GIVE_UP_S:g} s and tells what came of it {where}"
 
@@ -199,6 +211,11 @@ class Heart:
         with suppress(OSError):
             if self._process.stdin is not None:
                 self._process.stdin.close()
+
+    def _wake(self) -> None:
+        """One that somebody has paused is needed now."""
+        if hasattr(signal, "SIGCONT") and self._process.poll() is None:
+            self._process.send_signal(signal.SIGCONT)
 
     def _end(self) -> None:
         self.stop()
@@ -239,6 +256,9 @@ class Heart:
         for at, byte in enumerate(said):
             if bytes([byte]) == ANSWER:
                 continue
+            if bytes([byte]) == TAKEN:
+                self._taken.set()
+                continue
             wish = next((wish for wish, word in WISHES.items() if word[0] == byte), None)
             if wish is None:
                 return said[at:]
@@ -259,6 +279,18 @@ class Heart:
         except subprocess.TimeoutExpired:
             return "ended"
         return f"ended: killed by {signal.Signals(-status).name}" if status < 0 else f"ended with status {status}"
+
+
+@contextmanager
+def _signals_blocked() -> Iterator[None]:
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _reason(said: bytes) -> str:

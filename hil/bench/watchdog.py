@@ -4,8 +4,10 @@
 
 It hears the program through a pipe, a byte for each sign of life, and answers each. Before anything moves it opens
 its own way to the devices once and makes their outputs safe, so that this way is known to work. From then on it does
-not touch them, until the pipe ends without a farewell (the program is dead) or is silent for too long while outputs
-are driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). Each device is made safe
+not touch them, until the program hands over or dies without a farewell, or is silent for too long while outputs
+are driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). What lies in the pipe is
+heard before anything is judged, also after a pause of its own. Until its work is done it ignores every signal that can
+be ignored: a shutdown sends SIGTERM to all, and it is what makes the outputs safe then. Each device is made safe
 and read back by itself, whatever the others do, and those that fail are told of and tried again; one that has the name
 of a device but is another one than before is not touched. It also listens for a stop (see `hil.bench.stop`): it tells
 the program, and takes over in the same way when that has not made its outputs safe within `CONFIRMS_S`. What it did
@@ -19,12 +21,14 @@ import json
 import math
 import os
 import queue
+import select
 import signal
+import socket
 import sys
 import threading
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -34,9 +38,12 @@ from hil.bench.heartbeat import (
     ERROR,
     FAREWELL,
     GIVE_UP_S,
+    HANDS_OVER,
     LINE,
     READY,
     REPORT_FILE,
+    SIGNALS,
+    TAKEN,
     WISHES,
     units_of,
 )
@@ -50,15 +57,21 @@ from hil.errors import HardwareError, HilError, InUseError, reason
 from hil.safety.latch import state_path
 from hil.safety.operator import Asked
 from hil.safety.outputs import outputs_in, record_of
+from hil.stderr import write
 
 CONFIRMS_S = 0.2  # after a stop the program has so long to read its outputs back safe
 _SO_FAR = "watchdog-so-far"  # what is told before the last word, for who cannot hear it on stderr
 _LONGEST_LINE = 1 << 20
+_TELLS_S = 5.0  # so long a stopped terminal is waited for
 _RELEASE_S = 2.0  # the system needs a moment to end a killed process, its lease and its hold on serial ports
 
 
 def main(path: str, pid: str, run: str, folder: str) -> int:
     """Watch a program; returns the exit status. Whatever it dies of, it says so to the program and on stderr."""
+    for number in SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):  # blocked since before it began, see `Heart`
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     try:
         os.chdir(folder)
         return _watch(Path(path), int(pid), Path(run))
@@ -78,9 +91,9 @@ def _watch(path: Path, pid: int, run: Path) -> int:
     except HilError as error:
         _say(ERROR + f"{' '.join(str(error).split())}\n".encode())
         return error.exit_status
-    ears = _Ears()
+    ears = _Ears(pid=pid)
     desk = Desk(units_of(file), "watchdog", ears.wish)
-    with _listening(desk) as told:
+    with closing(ears), _listening(desk) as told:
         _say(READY + json.dumps(told).encode() + b"\n")
         end = _watched(ears, file.bench.protection.watchdog_s, pid, desk)
         if end is not None:
@@ -106,32 +119,73 @@ def _listening(desk: Desk) -> Iterator[dict[str, str]]:
 class _Ears:
     """What the program says and what an operator wishes, one after the other, to be waited for with a limit.
 
-    The program is read in a thread of its own.
+    The pipe may be held open by children of the program, so the process itself is watched too, where the system can.
 
     Args:
         descriptor: of the pipe on which the program speaks.
+        pid: of the program.
     """
 
-    def __init__(self, descriptor: int = 0) -> None:
-        self._descriptor = descriptor
-        self._heard: queue.SimpleQueue[bytes | Asked] = queue.SimpleQueue()
-        threading.Thread(target=self._listen, daemon=True).start()
+    def __init__(self, descriptor: int = 0, pid: int | None = None) -> None:
+        self._descriptor = descriptor if os.name == "posix" else _as_socket(descriptor)
+        self._wishes: queue.SimpleQueue[Asked] = queue.SimpleQueue()
+        self._called, self._call = socket.socketpair()
+        self._call.setblocking(False)
+        self._program = None if pid is None else _process(pid)
 
     def wish(self, what: Asked) -> None:
         """Somebody wishes something. From any thread."""
-        self._heard.put(what)
+        self._wishes.put(what)
+        with suppress(OSError):  # full: it will wake up
+            self._call.send(b"!")
 
     def next(self, timeout_s: float | None) -> bytes | Asked | None:
-        """What came; nothing at the end of the pipe, None when nothing came in time."""
-        try:
-            return self._heard.get(timeout=timeout_s)
-        except queue.Empty:
-            return None
+        """What came; nothing at the end of the pipe or of the program, None when nothing came in time."""
+        called = self._called.fileno()
+        places = [self._descriptor, called, *([] if self._program is None else [self._program])]
+        ready, _, _ = select.select(places, [], [], timeout_s)
+        if self._descriptor in ready:
+            return os.read(self._descriptor, 4096)
+        if called in ready:
+            self._called.recv(1)
+            return self._wishes.get()
+        return b"" if ready else None
 
-    def _listen(self) -> None:
-        while said := os.read(self._descriptor, 4096):
-            self._heard.put(said)
-        self._heard.put(b"")
+    def close(self) -> None:
+        """Listen no more."""
+        self._called.close()
+        self._call.close()
+        if self._program is not None:
+            os.close(self._program)
+
+    def kill(self, pid: int) -> None:
+        """End the program, so that it cannot wake up and drive on; never another that has got its number since."""
+        with suppress(ProcessLookupError):
+            if self._program is not None:
+                signal.pidfd_send_signal(self._program, signal.SIGKILL)
+            else:
+                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+
+
+def _process(pid: int) -> int | None:
+    """A descriptor that can be read once the process has ended; None where the system has none."""
+    try:
+        return os.pidfd_open(pid)
+    except (AttributeError, OSError):
+        return None
+
+
+def _as_socket(descriptor: int) -> int:
+    """The same bytes from a socket, on a system that cannot wait for a pipe and a socket together."""
+    near, far = socket.socketpair()
+
+    def copy() -> None:
+        with far:
+            while said := os.read(descriptor, 4096):
+                far.sendall(said)
+
+    threading.Thread(target=copy, daemon=True).start()
+    return near.detach()
 
 
 class _Program:
@@ -140,12 +194,13 @@ class _Program:
     Attributes:
         driven: whether outputs are driven.
         has_left: it said farewell.
+        hands_over: it ends, and its outputs are not settled.
     """
 
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._rest = b""
-        self.driven = self.has_left = False
+        self.driven = self.has_left = self.hands_over = False
 
     def said(self, what: bytes) -> int:
         """Take it in; returns how many signs of life it held."""
@@ -164,6 +219,7 @@ class _Program:
 
     def _signs(self, signs: bytes) -> int:
         self.has_left = self.has_left or FAREWELL in signs
+        self.hands_over = self.hands_over or HANDS_OVER in signs
         if signs:
             self.driven = signs[-1:] != AT_REST
         return len(signs)
@@ -193,8 +249,10 @@ def _watched(ears: _Ears, limit_s: float, pid: int, desk: Desk) -> _End | None:
         until_s = min(silent_at_s, confirms_by_s)
         heard = ears.next(None if until_s == math.inf else max(0.0, until_s - time.monotonic()))
         if heard is None:
-            with suppress(ProcessLookupError):  # it cannot wake up and drive on
-                os.kill(pid, getattr(signal, "SIGKILL", signal.SIGTERM))
+            if time.monotonic() - silent_at_s > 0.5 * limit_s:  # this process did not run, nor perhaps the program
+                silent_at_s = time.monotonic() + limit_s
+                continue
+            ears.kill(pid)
             if confirms_by_s <= silent_at_s:
                 return _End(f"was told to stop, did not confirm within {CONFIRMS_S:g} s, and was killed", True)
             return _End(f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed", True)
@@ -208,6 +266,9 @@ def _watched(ears: _Ears, limit_s: float, pid: int, desk: Desk) -> _End | None:
         _say(ANSWER * program.said(heard))
         if program.has_left:
             return None
+        if program.hands_over:
+            _say(TAKEN)
+            return _End("ended without making its outputs safe")
         silent_at_s = time.monotonic() + limit_s if program.driven else math.inf
         if desk.told.is_final:
             confirms_by_s = math.inf
@@ -217,10 +278,8 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
     why = end.why
     desk.forget()
     rescue = Rescue(file, desk)
-    if end.killed:  # its lease goes with it, which takes a moment: until then the bench is nobody else's
-        rescue.at_once()
     try:
-        with _lease_of_the_dead(file, pid):
+        with _lease_of_the_dead(file, pid, rescue.at_once):
             rescue.with_patience(lambda: _report_not_yet(file, run, why, pid, rescue))
     except InUseError as taken:  # whoever took it has made its outputs safe on opening it
         told = {"why": why, "left_alone": str(taken), "outputs": record_of(rescue.outputs)}
@@ -251,11 +310,13 @@ def _with_remedy(left: list[str]) -> str:
 
 
 @contextmanager
-def _lease_of_the_dead(file: BenchFile, pid: int) -> Iterator[None]:
+def _lease_of_the_dead(file: BenchFile, pid: int, meanwhile: Callable[[], None]) -> Iterator[None]:
     """The lease on the bench, as soon as the system has taken it from the dead program.
 
-    A program that does not die keeps it; then it goes on without: outputs matter more than order.
+    Until then the bench is nobody else's, and `meanwhile` is done. A program that does not die keeps it, and so does a
+    child that it has forked; then it goes on without: outputs matter more than order.
     """
+    busy = False
     deadline_s = time.monotonic() + _RELEASE_S
     with ExitStack() as held:
         while time.monotonic() < deadline_s:
@@ -265,6 +326,9 @@ def _lease_of_the_dead(file: BenchFile, pid: int) -> Iterator[None]:
             except InUseError as taken:
                 if taken.pid not in (pid, None):
                     raise
+                if not busy:
+                    busy = True
+                    meanwhile()
             except Exception:  # no place for leases
                 break
             time.sleep(0.01)
@@ -299,8 +363,7 @@ def _write(places: tuple[Path, Path], told: Mapping[str, object]) -> None:
 
 
 def _tell(text: str) -> None:
-    with suppress(OSError, ValueError):
-        print(f"hil watchdog: {text}", file=sys.stderr, flush=True)
+    write(f"hil watchdog: {text}\n", _TELLS_S)
 
 
 def _say(what: bytes) -> None:

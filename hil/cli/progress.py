@@ -9,6 +9,12 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from typing import IO, TYPE_CHECKING
+
+from hil.stderr import write
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 _STEP = 0.1
 EVERY = "HIL_PROGRESS_S"
@@ -33,14 +39,46 @@ def shown(after_s: float = 0.0) -> Iterator[Callable[[float, str], None]]:
 
     said = TextColumn("{task.description}", table_column=Column(no_wrap=False, overflow="fold", ratio=1))
     columns = (BarColumn(bar_width=20), TaskProgressColumn(), TimeElapsedColumn(), said)
-    bar = Progress(*columns, console=Console(stderr=True), transient=True, expand=True)
+    screen: IO[str] = _Screen(sys.stderr)  # type: ignore[assignment] # what a console needs of one
+    bar = Progress(*columns, console=Console(file=screen, force_terminal=True), transient=True, expand=True)
     bar.start()
+    _bars.append(bar)
     try:
         task = bar.add_task("", total=1.0)
         yield _while_it_lasts(lambda done, text: bar.update(task, completed=done, description=text))
     finally:
+        clear()
+
+
+_bars: list[Progress] = []
+
+
+def clear() -> None:
+    """Take the bar off the terminal: something else is to be said there."""
+    while _bars:
         with suppress(OSError, ValueError):  # a terminal that is gone takes the place of no other error
-            bar.stop()
+            _bars.pop().stop()
+
+
+class _Screen:
+    """A terminal on which only that appears what it takes at once: one that is stopped (Ctrl-S) holds up no run."""
+
+    def __init__(self, stream: IO[str]) -> None:
+        self._stream = stream
+        self.encoding = getattr(stream, "encoding", "utf-8")
+
+    def write(self, text: str) -> int:
+        write(text, 0.0, self._stream)
+        return len(text)
+
+    def flush(self) -> None:
+        """Nothing is kept back."""
+
+    def fileno(self) -> int:
+        return self._stream.fileno()
+
+    def isatty(self) -> bool:
+        return True
 
 
 def _is_terminal() -> bool:
@@ -103,7 +141,7 @@ def _plain() -> Callable[[float, str], None]:
             last = -1.0
         now_s = time.monotonic()
         if done >= last + _STEP or (done >= 1.0 > last) or now_s - last_s >= every_s:
-            print(f"{done:4.0%}  {text}", file=sys.stderr, flush=True)
+            write(f"{done:4.0%}  {text}\n", 0.0)
             last, last_s = done, now_s
 
     return show

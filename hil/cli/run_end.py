@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
@@ -33,8 +34,9 @@ def safely(
     from hil.archive.begun import mark_begun
     from hil.archive.place import archive_place
     from hil.bench.ending import last_word
-    from hil.cli.said import say
+    from hil.cli.said import WAITS_S, say
     from hil.safety.outputs import Outputs
+    from hil.stderr import write
 
     known = known or Outputs()
 
@@ -43,8 +45,8 @@ def safely(
         stopped = isinstance(error, KeyboardInterrupt)
         status = say(error, *([known.text, _kept(folder)] if stopped else []))
         if as_json:
-            with suppress(OSError):
-                typer.echo(json.dumps(failure_document(error, known, folder), indent=1, ensure_ascii=False))
+            document = json.dumps(failure_document(error, known, folder), indent=1, ensure_ascii=False)
+            write(f"{document}\n", WAITS_S, sys.stdout)
         return status
 
     mark_begun(archive_place(archive), folder)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import sys
 import traceback
-from contextlib import suppress
 from typing import Any
 
+from hil.cli.progress import clear
 from hil.errors import HilError, exit_status_of
 from hil.extras import EXTRAS, lacking
 from hil.safety.interrupt import Halted
+from hil.stderr import write
 
 debug = False
 """Whether the traceback is shown too."""
@@ -17,16 +17,21 @@ debug = False
 ended = False
 """Whether it has been said why the program ends: it is said once."""
 
+WAITS_S = 5.0
+"""So long a terminal that is stopped, or a pipe that is full, is waited for; then the program ends without its word."""
+
 
 def say(error: BaseException, *more: str) -> int:
-    """Print why the program ends, as far as anybody reads it; returns the exit status."""
+    """Print why the program ends, as far as anybody reads it; returns the exit status.
+
+    May be called from the handler of a signal, whatever was just being printed.
+    """
     global ended
     ended = True
     status = exit_status_of(error)
-    with suppress(OSError, ValueError):  # stderr may be closed, full, or a terminal that is gone
-        if debug:
-            traceback.print_exception(error)
-        print(f"hil: {text_of(error, *more)}", file=sys.stderr, flush=True)
+    clear()
+    trace = "".join(traceback.format_exception(error)) if debug else ""
+    write(f"{trace}hil: {text_of(error, *more)}\n", WAITS_S)
     return status
 
 

@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from hil.bench.heartbeat import GIVE_UP_S, REPORT_FILE, watched
+from hil.bench.heartbeat import GIVE_UP_S, REPORT_FILE, SIGNALS, Heart, watched
 from hil.bench.read import BenchFile
 from hil.daq.channel import OutputChannel
 from hil.errors import LinkError, told
 from hil.safety.outputs import Outputs
 from tests.links import PATIENT, served
+
+linux = pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks into /proc")
 
 
 def lose(file: BenchFile, run: Path, known: Outputs) -> None:
@@ -36,3 +41,71 @@ def test_a_run_that_lost_its_device_tells_who_goes_on_and_where_that_is_told(tmp
             assert time.monotonic() < deadline_s
             time.sleep(0.02)
     assert "safe_after_s" in (run / REPORT_FILE).read_text()
+
+
+def watchdog_of(run: Path) -> int:
+    """The process that watches over a run."""
+    for place in Path("/proc").glob("[0-9]*/cmdline"):
+        try:
+            words = place.read_bytes().split(b"\0")
+        except OSError:
+            continue
+        if b"hil.bench.watchdog" in words and str(run).encode() in words:
+            return int(place.parent.name)
+    raise AssertionError("no watchdog")
+
+
+def lost(file: BenchFile, run: Path, act: Callable[[int], None]) -> str:
+    """What a run says that loses its device after something was done to its watchdog."""
+
+    def lose_after() -> None:
+        with watched(file, run, known) as watch:
+            watch.beat(True)
+            known.opened({"command": OutputChannel("command", "ao0", "voltage", "V", -10.0, 10.0)})
+            act(watchdog_of(run))
+            raise LinkError("gone")
+
+    known = Outputs()
+    with pytest.raises(LinkError) as raised:
+        lose_after()
+    return told(raised.value)
+
+
+def wait_for_report(run: Path) -> None:
+    deadline_s = time.monotonic() + GIVE_UP_S
+    while not (run / REPORT_FILE).exists():
+        assert time.monotonic() < deadline_s
+        time.sleep(0.02)
+
+
+@linux
+def test_watchdog_that_is_told_to_end_goes_on_trying(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
+        heart = Heart(file, run)  # each is sent before it can ignore any, too
+        for number in SIGNALS:
+            os.kill(watchdog_of(run), number)
+        heart.wait_until_ready()
+        for number in SIGNALS:
+            os.kill(watchdog_of(run), number)
+        assert f"goes on trying for {GIVE_UP_S:g} s" in heart.hand_over()
+        wait_for_report(run)
+
+
+@linux
+def test_watchdog_that_was_paused_is_woken(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
+        assert "goes on trying" in lost(file, run, lambda watchdog: os.kill(watchdog, signal.SIGSTOP))
+        wait_for_report(run)
+
+
+@linux
+def test_nothing_is_promised_of_a_watchdog_that_is_dead(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir()
+    with served("hpv41-modbus-tcp", tmp_path) as (file, _):
+        said = lost(file, run, lambda watchdog: os.kill(watchdog, signal.SIGKILL))
+    assert said == "gone; the watchdog process ended: killed by SIGKILL: nobody goes on trying"

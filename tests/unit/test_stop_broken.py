@@ -8,7 +8,6 @@ from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -117,7 +116,7 @@ def _one_is_enough(patch: Patch) -> None:
 
 
 def _killing_nobody(patch: Patch) -> None:
-    patch.setattr(watchdog, "os", SimpleNamespace(**{**vars(os), "kill": lambda _pid, _number: None}))
+    patch.setattr(watchdog._Ears, "kill", lambda _self, _pid: None)
 
 
 def _no_desk_memory(patch: Patch) -> None:

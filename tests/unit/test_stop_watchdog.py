@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -35,6 +37,7 @@ class Watched:
     desk: Desk
     said: list[bytes] = field(default_factory=list)
     ended: list[tuple[watchdog._End | None, float]] = field(default_factory=list)
+    threads: list[threading.Thread] = field(default_factory=list)
 
     def says(self, what: bytes) -> None:
         os.write(self.pipe, what)
@@ -51,6 +54,7 @@ class Watched:
 
         thread = threading.Thread(target=watch, daemon=True)
         thread.start()
+        self.threads.append(thread)
         return thread
 
     @property
@@ -74,15 +78,17 @@ def watched(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
 @contextmanager
 def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
     reading, writing = os.pipe()
-    ears = watchdog._Ears(reading)
-    with subprocess.Popen(["sleep", "infinity"]) as program:
+    with subprocess.Popen(["sleep", "infinity"]) as program, closing(watchdog._Ears(reading, program.pid)) as ears:
         made = Watched(program, ears, writing, Desk({"valve": "V"}, "watchdog", ears.wish))
         monkeypatch.setattr(watchdog, "_say", made.said.append)
         try:
             yield made
         finally:
             program.kill()
+            for thread in made.threads:
+                thread.join(30.0)
             os.close(writing)
+            os.close(reading)
 
 
 def wait_until_told(watched: Watched) -> None:
@@ -143,6 +149,54 @@ def test_wishes_do_not_keep_a_silent_program_alive(watched: Watched) -> None:
         time.sleep(0.05)
     end, _ = watched.ended[0]
     assert end is not None and "gave no sign of life" in end.why and watched.was_killed
+
+
+def test_dead_program_is_noticed_whoever_holds_its_pipe(watched: Watched) -> None:
+    thread = watched.begin()  # the pipe stays open here, as in a child that the program has forked
+    watched.says(b"d")
+    watched.program.kill()
+    thread.join(30.0)
+    end, _ = watched.ended[0]
+    assert end is not None and not end.killed and end.why == "ended without making its outputs safe"
+
+
+def test_program_that_hands_over_is_told_that_it_is_done(watched: Watched) -> None:
+    thread = watched.begin()
+    watched.says(b"dh")
+    thread.join(30.0)
+    end, _ = watched.ended[0]
+    assert end is not None and not end.killed and watched.said[-1] == b"+"
+
+
+LISTENS = """
+import sys
+from hil.bench import watchdog
+from hil.bench.stop.desk import Desk
+ears = watchdog._Ears(pid=int(sys.argv[1]))
+print("ready", file=sys.stderr, flush=True)
+end = watchdog._watched(ears, 2.0, int(sys.argv[1]), Desk({}, "watchdog", ears.wish))
+print(end, file=sys.stderr)
+"""
+
+
+def test_watchdog_that_was_paused_believes_what_lies_in_the_pipe() -> None:
+    with (
+        subprocess.Popen(["sleep", "60"]) as program,
+        subprocess.Popen(
+            [sys.executable, "-P", "-c", LISTENS, str(program.pid)], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE, bufsize=0,
+        ) as listens,
+    ):  # fmt: skip
+        assert listens.stdin and listens.stdout and listens.stderr
+        assert listens.stderr.readline() == b"ready\n"
+        listens.stdin.write(b"d")
+        assert listens.stdout.read(1) == b"."
+        listens.send_signal(signal.SIGSTOP)
+        listens.stdin.write(b"q")  # the program ends well
+        time.sleep(2.5)
+        listens.send_signal(signal.SIGCONT)
+        assert listens.stderr.read() == b"None\n" and program.poll() is None
+        program.kill()
 
 
 def test_after_eight_hours_of_signs_of_life_a_stop_is_heard_at_once(
