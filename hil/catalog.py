@@ -10,7 +10,6 @@ from __future__ import annotations
 import ast
 import importlib
 import importlib.util
-import json
 import pkgutil
 import sys
 import tokenize
@@ -24,6 +23,7 @@ from typing import Literal, cast
 
 from hil.errors import FileError, UnknownNameError
 from hil.extras import lacking
+from hil.untrusted import read_json
 
 Kind = Literal["drivers", "devices", "procedures", "plants", "effects"]
 KINDS: tuple[Kind, ...] = ("drivers", "devices", "procedures", "plants", "effects")
@@ -125,8 +125,8 @@ def base_plant(name: str) -> str:
     if path is None:
         return _entry_name("plants", name)
     try:
-        content = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        content = read_json(path)
+    except (OSError, FileError):
         return ""
     return _entry_name("plants", str(content.get("plant") or "")) if isinstance(content, dict) else ""
 

@@ -13,13 +13,17 @@ import re
 import stat
 import tomllib
 from functools import cache
+from io import BufferedReader
 from pathlib import Path, PurePosixPath
-from typing import Any, BinaryIO
+from typing import Any
 
 from hil.errors import FileError
 
 MOST_BYTES = 1 << 25
 """The largest file of words and figures that is read whole (JSON, TOML, events): 32 MiB."""
+
+ANY_SIZE = 1 << 62
+"""Of samples, which are read in pieces."""
 
 MOST_TOML_BYTES = 1 << 22
 MOST_LEVELS = 64
@@ -49,7 +53,7 @@ def size_allowed() -> str:
     return f"at most {most_bytes() / 1e9:.3g} GB are read on this computer"
 
 
-def open_untrusted(root: str | Path, name: str | Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
+def open_untrusted(root: str | Path, name: str | Path, most_bytes: int = MOST_BYTES) -> BufferedReader:
     """A regular file below a folder, open for reading; the caller closes it.
 
     No link is followed below `root`, and nothing but a regular file is opened, so that no pipe, socket or device
@@ -78,10 +82,7 @@ def open_untrusted(root: str | Path, name: str | Path, most_bytes: int = MOST_BY
 def read_untrusted(root: str | Path, name: str | Path, most_bytes: int = MOST_BYTES) -> bytes:
     """All of a regular file below a folder; raises as `open_untrusted`."""
     with open_untrusted(root, name, most_bytes) as file:
-        content = file.read(most_bytes + 1)
-    if len(content) > most_bytes:
-        raise FileError(f"{Path(root, name)}: grows while it is read; at most {_size(most_bytes)} are read")
-    return content
+        return _all_of(file)
 
 
 def read_untrusted_json(root: str | Path, name: str | Path, most_bytes: int = MOST_BYTES) -> Any:
@@ -101,7 +102,7 @@ def is_regular(root: str | Path, name: str | Path) -> bool:
         os.close(handle)
 
 
-def open_small(path: Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
+def open_small(path: Path, most_bytes: int = MOST_BYTES) -> BufferedReader:
     """A file that its user names, open for reading: a link leads where it leads, but the file has to be regular.
 
     Raises:
@@ -125,7 +126,19 @@ def open_small(path: Path, most_bytes: int = MOST_BYTES) -> BinaryIO:
 def read_small(path: Path, most_bytes: int = MOST_BYTES) -> bytes:
     """All of a file that its user names; raises as `open_small`."""
     with open_small(path, most_bytes) as file:
-        return file.read(most_bytes)
+        return _all_of(file)
+
+
+def _all_of(file: BufferedReader) -> bytes:
+    return file.read(os.fstat(file.fileno()).st_size)  # what is written to it now is left for the next time
+
+
+def read_text(path: Path) -> str:
+    """The text of a file that its user names, in UTF-8; raises as `open_small`, and `FileError` for other bytes."""
+    try:
+        return read_small(path).decode("utf-8").replace("\r\n", "\n")
+    except UnicodeDecodeError as error:
+        raise FileError(f"{path}: no text in UTF-8: {error.reason} at byte {error.start}") from None
 
 
 def parse_json(text: str | bytes, where: str) -> Any:

@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.archive.place import Place
+from hil.errors import FileError
 from hil.record.alive import lives
 from hil.record.header import END_FILE, HEADER_FILE
 from hil.safety.latch import state_path
+from hil.untrusted import read_json
 
 _KIND = "begun"
 
@@ -57,8 +59,8 @@ def begun_in(place: Place) -> Iterator[Begun]:
     """Runs of an archive that began on this computer and were not entered since."""
     with suppress(OSError):
         for path in sorted(_mark(Path()).parent.glob("*.json")):
-            with suppress(OSError, ValueError, KeyError, TypeError):
-                told = json.loads(path.read_text(encoding="utf-8"))
+            with suppress(OSError, FileError, ValueError, KeyError, TypeError):
+                told = read_json(path)
                 folder = Path(told["run"])
                 if told["archive"] == place.url:
                     yield Begun(folder, path, (folder / END_FILE).exists() or not lives(int(told["pid"])))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
@@ -13,6 +12,7 @@ from hil.findings.results import RESULTS_FILE, Value, read_results
 from hil.record.header import HEADER_FILE, read_end, read_header
 from hil.record.instruments import StatedCalibration, calibrations_of, instruments_mark
 from hil.record.measurement import FINDINGS_FILE, Verdict
+from hil.untrusted import MOST_LEVELS, is_regular, read_untrusted_json
 
 UNFINISHED = "not closed"
 """The outcome of a run that is under way, or was killed."""
@@ -66,27 +66,27 @@ def entry_of(folder: Path) -> Entry:
 
 def _found(folder: Path) -> tuple[Verdict | None, tuple[Value, ...]]:
     """(verdict, measured values) as they were kept at the end of the run; runs of 0.1.0 kept `findings.json` alone."""
-    kept, older = folder / RESULTS_FILE, folder / FINDINGS_FILE
-    if kept.is_file():
-        results = read_results(kept)
+    older = folder / FINDINGS_FILE
+    if (folder / RESULTS_FILE).exists():
+        results = read_results(folder / RESULTS_FILE)
         return results.verdict, results.values
-    if not older.is_file():
+    if not (folder / FINDINGS_FILE).exists():
         return None, ()
     try:
-        content = json.loads(older.read_bytes())
+        content = read_untrusted_json(folder, FINDINGS_FILE)
         return content["verdict"], tuple(Value.model_validate(value) for value in content["measured"])
     except (OSError, ValueError, KeyError, TypeError) as error:
         raise FileError(f"{older}: not what this program writes: {' '.join(str(error).split()):.120}") from None
 
 
-def run_folders(below: Path) -> Iterator[Path]:
-    """Every run folder in a folder, at any depth; a run folder holds no others."""
-    if (below / HEADER_FILE).is_file():
+def run_folders(below: Path, levels: int = MOST_LEVELS) -> Iterator[Path]:
+    """Every run folder in a folder, at so many levels; a run folder holds no others."""
+    if is_regular(below, HEADER_FILE):
         yield below
         return
     try:
         inner = sorted(path for path in below.iterdir() if path.is_dir() and not path.is_symlink())
     except OSError as error:
         raise FileError(f"{below}: cannot be read: {error.strerror}") from None
-    for path in inner:
-        yield from run_folders(path)
+    for path in inner if levels else ():
+        yield from run_folders(path, levels - 1)

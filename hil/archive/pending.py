@@ -14,8 +14,10 @@ from pathlib import Path
 from hil.archive.archive import enter, enter_readable, rebuild
 from hil.archive.begun import begun_in
 from hil.archive.place import Place
+from hil.errors import FileError
 from hil.record.header import HEADER_FILE
 from hil.safety.latch import state_path
+from hil.untrusted import read_json
 
 
 def enter_or_keep(place: Place, folder: Path) -> str:
@@ -60,8 +62,8 @@ def catch_up(place: Place) -> list[str]:
 
 def waiting_for(place: Place) -> list[Path]:
     """Folders of the runs that wait to be entered."""
-    with suppress(OSError, ValueError):
-        return [Path(folder) for folder in json.loads(_path(place).read_text(encoding="utf-8"))]
+    with suppress(OSError, FileError, TypeError):
+        return [Path(folder) for folder in read_json(_path(place))]
     return []
 
 

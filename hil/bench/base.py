@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from hil.bench.files import at_home
 from hil.bench.find import find_bench
 from hil.errors import FileError, HilError
+from hil.untrusted import parse_toml, read_text
 
 BASED_ON = "based_on"
 _DEEPEST = 5  # files on files; more is a circle
@@ -76,13 +76,10 @@ def _at_home(content: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 def _text(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        return read_text(path)
+    except OSError as error:
         raise FileError(f"{path}: not a bench file: {error}") from None
 
 
 def _content(path: Path, text: str) -> dict[str, Any]:
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise FileError(f"{path}: not a bench file: {error}") from None
+    return parse_toml(text, f"{path}: not a bench file")

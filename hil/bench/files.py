@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import tomllib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
+
+from hil.errors import FileError
+from hil.untrusted import parse_toml, read_small, read_text
 
 _KEYS = ("model", "eds", "dbc")
 _SUFFIXES = (".toml", ".eds", ".dcf", ".dbc")
@@ -42,13 +44,13 @@ def _named(told: Mapping[str, Any]) -> Iterator[Path]:
 
 def _content(path: Path) -> Mapping[str, Any]:
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8")) if path.suffix == ".toml" else {}
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError):
+        return parse_toml(read_text(path), str(path)) if path.suffix == ".toml" else {}
+    except (OSError, FileError):
         return {}  # its driver says what is wrong with it
 
 
 def _as_comment(path: Path) -> str:
-    data = path.read_bytes()
+    data = read_small(path)
     if len(data) > _LONGEST:
         return f"\n# {path.name}: SHA-256 {hashlib.sha256(data).hexdigest()}\n"
     lines = "".join(f"#   {line}".rstrip() + "\n" for line in data.decode("utf-8", "replace").splitlines())

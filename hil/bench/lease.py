@@ -15,8 +15,9 @@ from filelock import FileLock, Timeout
 from hil.bench.device import DeviceInUse
 from hil.bench.read import BenchFile
 from hil.daq.address import places_of
-from hil.errors import InUseError, StorageError
+from hil.errors import FileError, InUseError, StorageError
 from hil.safety.latch import state_path
+from hil.untrusted import read_json
 
 
 @contextmanager
@@ -84,9 +85,9 @@ def _write(holder: Path) -> None:
 
 def _in_use(name: str, holder: Path) -> InUseError:
     try:
-        told = json.loads(holder.read_text(encoding="utf-8"))
+        told = read_json(holder)
         pid, since, program = int(told["pid"]), str(told["since"]), str(told["program"])
-    except (OSError, ValueError, KeyError, TypeError):  # it has just been taken
+    except (OSError, FileError, ValueError, KeyError, TypeError):  # it has just been taken
         return InUseError(f"{name}: in use by another program; one at a time may drive it", None)
     return InUseError(
         f"{name}: in use by process {pid} ({program:.80}) since {since}; one program at a time may drive it", pid

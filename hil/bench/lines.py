@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator
 from typing import Any
 
+from hil.errors import FileError
+from hil.untrusted import parse_toml
+
 Place = tuple[str | int, ...]
+
+_MOST_WORK = 20_000_000  # lines × letters: some seconds; a file with more is told its faults without lines
 
 
 def lines_of(text: str) -> dict[Place, int]:
@@ -17,11 +21,13 @@ def lines_of(text: str) -> dict[Place, int]:
     """
     found: dict[Place, int] = {}
     lines = text.splitlines()
+    if len(lines) * len(text) > _MOST_WORK:
+        return found
     begins = 1
     for number in range(1, len(lines) + 1):
         try:
-            content = tomllib.loads("\n".join(lines[:number]))
-        except tomllib.TOMLDecodeError:
+            content = parse_toml("\n".join(lines[:number]), "")
+        except FileError:
             continue  # in the middle of a statement
         for place in _places(content):
             found.setdefault(place, begins)

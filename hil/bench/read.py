@@ -16,6 +16,7 @@ from hil.bench.files import kept
 from hil.bench.lines import line_at, lines_of
 from hil.daq.contract import Daq
 from hil.errors import FileError
+from hil.untrusted import read_text
 from hil.version import is_newer, made_by
 
 MADE_WITH = "made_with"
@@ -61,8 +62,8 @@ def read_bench(path: Path) -> BenchFile:
         BenchError: it has faults, each with its line and what to do about it.
     """
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
+        text = read_text(path)
+    except OSError as error:
         raise FileError(f"{path}: not a bench file: {error}") from None
     content, whole = whole_bench(path, text)
     maker = str(content.get(MADE_WITH, ""))

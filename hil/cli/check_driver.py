@@ -90,14 +90,13 @@ def _pairs(told: list[str]) -> dict[str, str]:
 
 def _bench_with(driver: str) -> Path:
     """An installed bench that uses a driver."""
-    import tomllib
-
     from hil.bench.find import benches
     from hil.errors import SettingError
+    from hil.untrusted import parse_toml, read_text
 
     found: list[tuple[int, Path]] = []
     for path in benches().values():
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
+        content = parse_toml(read_text(path), str(path))
         using = [name for name, device in content.get("devices", {}).items() if device.get("driver") == driver]
         connected = [channel for channel in content.get("channels", {}).values() if channel.get("device") in using]
         if using:  # the more of its outputs and inputs are in use, the more can be checked

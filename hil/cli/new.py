@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import typer
 
 from hil.errors import FileError, SettingError
+from hil.untrusted import parse_toml, read_text
 
 _TEMPLATES = Path(__file__).parent / "templates"
 _GROUPS = {
@@ -203,8 +203,8 @@ def _package_in(folder: Path) -> Home | None:
     if not path.is_file():
         return None
     try:
-        points = tomllib.loads(path.read_text(encoding="utf-8")).get("project", {}).get("entry-points", {})
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        points = parse_toml(read_text(path), f"{path}: not a pyproject file").get("project", {}).get("entry-points", {})
+    except OSError as error:
         raise FileError(f"{path}: not a pyproject file: {error}") from None
     modules = {group: next(iter(named.values())) for group, named in points.items() if group in _FOLDERS and named}
     return Home(folder, modules) if modules else None

@@ -15,6 +15,7 @@ from hil.description.dbc import dbc_text
 from hil.description.terminal import DescribedTerminal, Strict, each, name_faults
 from hil.errors import FileError
 from hil.extras import is_installed
+from hil.untrusted import read_small
 
 Sum = Literal["xor", "sum", "crc8"]
 """Over all other bytes: exclusive or, sum, CRC-8 of SAE J1850."""
@@ -157,10 +158,12 @@ def _database(path: str, _changed: int) -> Any:
     import cantools
 
     try:
-        told = dbc_text(Path(path).read_bytes())
+        told = dbc_text(read_small(Path(path)))
         found: Any = cantools.database.load_string(
             told.text if told.text.strip() else 'VERSION ""\n', database_format="dbc", strict=False
         )
+    except FileError:
+        raise
     except Exception as error:  # the library raises what its parsers do
         raise FileError(f"{path}: not a DBC file: {' '.join(str(error).split())}") from None
     found.left_out = tuple(told.left_out)

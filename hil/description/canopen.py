@@ -18,6 +18,7 @@ from hil.description.eds import eds_text
 from hil.description.terminal import DescribedTerminal, Invalid, Strict, each, name_faults
 from hil.errors import FileError
 from hil.extras import is_installed
+from hil.untrusted import read_small
 
 FORMS = {0x02: "b", 0x03: "h", 0x04: "i", 0x05: "B", 0x06: "H", 0x07: "I", 0x08: "f"}
 """Data types of four bytes at most, as `struct` writes them."""
@@ -204,9 +205,11 @@ def _dictionary(path: str, _changed: int) -> Any:
     from canopen.objectdictionary.eds import import_eds
 
     try:
-        told = eds_text(Path(path).read_bytes())
+        told = eds_text(read_small(Path(path)))
         read: Any = import_eds
         found = read(StringIO(told.text), 0)  # identifiers without the node, which is added where they are used
+    except FileError:
+        raise
     except Exception as error:  # the library raises what its parser does
         raise FileError(f"{path}: not an EDS or DCF: {' '.join(str(error).split())}") from None
     if not len(found):

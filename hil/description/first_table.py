@@ -14,6 +14,7 @@ from hil.description.makers_text import makers_text
 from hil.description.modbus import WORDS
 from hil.description.modbus_place import on_the_wire
 from hil.errors import FileError
+from hil.untrusted import read_small
 
 _COLUMNS: Mapping[str, tuple[str, ...]] = {
     "name": ("name", "parameter", "description", "signal", "variable", "function", "meaning", "quantity",
@@ -108,7 +109,7 @@ def _row(
 
 def _table(path: Path) -> tuple[list[list[str]], dict[str, int]]:
     """Rows of a table, and which column is which."""
-    text = makers_text(path.read_bytes())
+    text = makers_text(read_small(path))
     try:
         dialect: Any = csv.Sniffer().sniff(text[:4096], ",;\t|")
     except csv.Error:

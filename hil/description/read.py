@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
@@ -21,6 +20,7 @@ from hil.description.modbus import ModbusDescription
 from hil.description.modbus_check import modbus_faults
 from hil.description.text import TextDescription, text_faults
 from hil.errors import FileError, SettingError
+from hil.untrusted import parse_toml, read_text
 
 Description = CanDescription | CanopenDescription | ModbusDescription | ModuleDescription | TextDescription
 """A device in words, by protocol."""
@@ -50,10 +50,10 @@ def read_description(path: Path) -> Description:
 @lru_cache(maxsize=64)
 def _read(path: Path, _changed: int) -> Description:
     try:
-        text = path.read_text(encoding="utf-8")
-        content = tomllib.loads(text)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        text = read_text(path)
+    except OSError as error:
         raise FileError(f"{path}: not a description: {error}") from None
+    content = parse_toml(text, f"{path}: not a description")
     description, faults = checked(at_home(content, path.parent))
     if description is None or faults:
         lines = lines_of(text)

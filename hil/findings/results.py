@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Literal
@@ -11,6 +10,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 
 from hil.errors import FileError, StorageError
 from hil.record.measurement import Relation, Verdict
+from hil.untrusted import read_untrusted_json
 
 RESULTS_FILE = "results.json"
 SCHEMA: Literal["hil.results/1"] = "hil.results/1"
@@ -269,9 +269,9 @@ def read_results(path: Path) -> Results:
         FileError: it cannot be read, or is not what this program writes; names the field.
     """
     try:
-        content = json.loads(path.read_bytes())
-    except (OSError, ValueError) as error:
-        raise FileError(f"{path}: cannot be read as JSON: {error}") from None
+        content = read_untrusted_json(path.parent, path.name)
+    except OSError as error:
+        raise FileError(f"{path}: cannot be read: {error.strerror}") from None
     version = content.get("schema") if isinstance(content, Mapping) else None
     if version != SCHEMA:
         raise FileError(f"{path}: field 'schema' is {version!r:.40}; this program reads '{SCHEMA}'")

@@ -19,6 +19,7 @@ from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect
 from hil.record.plain import plain
+from hil.untrusted import parse_json, read_small
 from hil.version import PROGRAM, made_by
 
 FORMAT = "hil-model"
@@ -185,13 +186,11 @@ def load_model(path: Path) -> Model:
 
     path = path if path.exists() or len(path.parts) > 1 else models().get(path.name, path)
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(read_small(path), f"{path}: not a model file")
     except OSError as error:
         is_plant = any(entry.name == str(path) for entry in entries("plants"))
         plant_of = "; a plant: `hil identify --plant` makes a model of one, `hil list models` shows the installed ones"
         raise FileError(f"{path}: not a model file: {error.strerror}{plant_of if is_plant else ''}") from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise FileError(f"{path}: not a model file: {error}") from error
     if not isinstance(content, dict) or content.pop("format", None) != FORMAT:
         raise FileError(f"{path}: not a model file: field 'format' must be '{FORMAT}'")
     version, program = content.pop("version", None), content.pop("program", None)

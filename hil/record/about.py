@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from typing import Any
 
+from hil.errors import FileError
 from hil.record.plain import to_json
 from hil.record.recording import Recording
+from hil.untrusted import parse_json
 
 KEY = "valve-hil"
 
@@ -25,9 +26,17 @@ def about(recording: Recording) -> str:
 def parse_about(text: str | bytes | None) -> tuple[dict[str, Any], Mapping[str, Mapping[str, Any]]]:
     """`meta` and channels from such a line; nothing from a file of another program."""
     try:
-        found = json.loads(text or "{}")
-    except ValueError:
+        found = parse_json(text or "{}", KEY)
+    except FileError:
         return {}, {}
-    if not isinstance(found, dict):
-        return {}, {}
-    return found.get("meta", {}), found.get("channels", {})
+    meta, channels = (found.get("meta"), found.get("channels")) if isinstance(found, dict) else ({}, {})
+    return meta if isinstance(meta, dict) else {}, _known(channels) if isinstance(channels, dict) else {}
+
+
+def _known(channels: Mapping[Any, Any]) -> dict[str, dict[str, Any]]:
+    kinds = {"source": str, "calibration": dict}
+    return {
+        str(name): {key: told[key] for key, kind in kinds.items() if isinstance(told.get(key), kind)}
+        for name, told in channels.items()
+        if isinstance(told, dict)
+    }

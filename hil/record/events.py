@@ -7,7 +7,6 @@ last of them), `utc`. Lines with a number in `part` delimit a part of the proced
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping
 from io import FileIO
 from pathlib import Path
@@ -16,8 +15,10 @@ from typing import Any
 from hil.errors import FileError
 from hil.record.durable import copy_open, write_at
 from hil.record.plain import to_json
+from hil.untrusted import parse_json, read_untrusted
 
 EVENTS_FILE = "events.jsonl"
+_MOST_BYTES = 1 << 28
 
 
 class EventsWriter:
@@ -73,7 +74,7 @@ def read_events(folder: Path) -> tuple[list[dict[str, Any]], int | None]:
     """
     path = folder / EVENTS_FILE
     try:
-        return parse_events(path.read_bytes())
+        return parse_events(read_untrusted(folder, EVENTS_FILE, _MOST_BYTES))
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
 
@@ -91,8 +92,8 @@ def parse_events(text: bytes) -> tuple[list[dict[str, Any]], int | None]:
 
 def _event(line: bytes) -> dict[str, Any] | None:
     try:
-        event = json.loads(line)
-    except ValueError:
+        event = parse_json(line, EVENTS_FILE)
+    except FileError:
         return None
     wanted = {"event": str, "row": int, "details": dict}
     good = isinstance(event, dict) and all(isinstance(event.get(key), kind) for key, kind in wanted.items())

@@ -22,6 +22,7 @@ from hil.record.recording import Array, Channel, Recording, check
 from hil.record.run_writer import RunWriter
 from hil.record.samples import ROWS_FILE, VALUE_BYTES, Mark, last_mark
 from hil.record.verify import last_good, scan
+from hil.untrusted import ANY_SIZE, open_untrusted
 
 __all__ = ["RunWriter", "read", "write"]
 
@@ -112,9 +113,10 @@ def _good_rows(path: Path, columns: int, end: End | None) -> _Good:
 
 
 def _table(path: Path, rows: int, columns: int) -> Array:
-    if rows * columns * VALUE_BYTES <= COPIED_BYTES:
-        return np.fromfile(path, "<f8", rows * columns).reshape(rows, columns).T.copy()
-    return np.asarray(np.memmap(path, "<f8", "r", shape=(rows, columns))).T
+    with open_untrusted(path.parent, path.name, ANY_SIZE) as file:
+        if rows * columns * VALUE_BYTES <= COPIED_BYTES:
+            return np.fromfile(file, "<f8", rows * columns).reshape(rows, columns).T.copy()
+        return np.asarray(np.memmap(file, "<f8", "r", shape=(rows, columns))).T
 
 
 def _channels(header: Header, table: Array) -> dict[str, Channel]:

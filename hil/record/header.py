@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from io import FileIO
@@ -15,6 +14,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationErro
 from hil.errors import FileError
 from hil.record.durable import sync_file, sync_folder, write_at
 from hil.record.plain import plain
+from hil.untrusted import ANY_SIZE, open_untrusted, read_untrusted_json
 from hil.version import PROGRAM, is_newer, made_by
 
 HEADER_FILE, END_FILE = "run.json", "end.json"
@@ -132,6 +132,8 @@ def read_end(folder: Path) -> End | None:
 def check_sealed(folder: Path, end: End) -> None:
     """Raise `FileError` when a file is no longer the one that was sealed at the end of the run."""
     for name, expected in end.sha256.items():
+        if Path(name).name != name:
+            raise FileError(f"{folder / END_FILE}: seals '{name}', which is no file of the run folder")
         found = sha256_of(folder / name)
         if found != expected:
             raise FileError(
@@ -146,7 +148,7 @@ def sha256_of(path: Path) -> str:
         FileError: it cannot be read.
     """
     try:
-        with path.open("rb") as file:
+        with open_untrusted(path.parent, path.name, ANY_SIZE) as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
@@ -159,11 +161,9 @@ def _read(path: Path, model: type[_Model], name: str) -> _Model:
     if path.parent.is_file():
         raise FileError(f"{path.parent}: a file, where a run folder is needed; `hil run` makes one")
     try:
-        content = json.loads(path.read_bytes())
+        content = read_untrusted_json(path.parent, path.name)
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
-    except ValueError as error:
-        raise FileError(f"{path}: JSON was expected: {error}") from None
     if not isinstance(content, dict) or content.get("format") != name:
         raise FileError(f"{path}: field 'format' must be '{name}'; this is not a run folder of this program")
     if content.get("version") != _VERSION:

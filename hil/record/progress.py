@@ -10,6 +10,9 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil.errors import FileError
+from hil.untrusted import read_untrusted_json
+
 PROGRESS_FILE = "progress.json"
 _SCHEMA = "hil.progress/1"
 _EVERY_S = 0.5
@@ -35,9 +38,9 @@ class ToldProgress:
 def progress_of(folder: Path) -> ToldProgress | None:
     """How far the run in a folder says that it is; None where it says nothing that can be read."""
     try:
-        told = json.loads((folder / PROGRESS_FILE).read_bytes())
+        told = read_untrusted_json(folder, PROGRESS_FILE, 2 * _BYTES)
         return ToldProgress(float(told["share"]), str(told["text"]), int(told["pid"]))
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, FileError, ValueError, KeyError, TypeError):
         return None
 
 

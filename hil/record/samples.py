@@ -16,10 +16,12 @@ from pathlib import Path
 
 from hil.record.durable import copy_open, is_at, is_deleted, place_of, write_at
 from hil.record.recording import Array
+from hil.untrusted import open_untrusted
 
 ROWS_FILE, JOURNAL_FILE = "samples.f8", "samples.log"
 LINE_BYTES = 25
 VALUE_BYTES = 8
+_MOST_JOURNAL_BYTES = 1 << 28
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,14 +118,14 @@ class RowsWriter:
 
 def marks(folder: Path) -> Iterator[Mark]:
     """The lines of the journal, up to the first that is not whole."""
-    with (folder / JOURNAL_FILE).open("rb") as file:
+    with open_untrusted(folder, JOURNAL_FILE, _MOST_JOURNAL_BYTES) as file:
         while (mark := _parsed(file.read(LINE_BYTES))) is not None:
             yield mark
 
 
 def last_mark(folder: Path) -> Mark:
     """What the last whole line of the journal says; no rows when there is none."""
-    with (folder / JOURNAL_FILE).open("rb") as file:
+    with open_untrusted(folder, JOURNAL_FILE, _MOST_JOURNAL_BYTES) as file:
         for line in reversed(range(file.seek(0, SEEK_END) // LINE_BYTES)):
             file.seek(line * LINE_BYTES)
             if (mark := _parsed(file.read(LINE_BYTES))) is not None:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Mapping
 from typing import Any
+
+from hil.errors import FileError
+from hil.untrusted import parse_toml
 
 SIMULATED = "simulated"
 
@@ -18,8 +20,8 @@ def is_simulated(meta: Mapping[str, Any]) -> bool:
     if isinstance(stated := meta.get(SIMULATED), bool):
         return stated
     try:
-        devices = tomllib.loads(str(meta.get("bench_file") or "")).get("devices")
-    except tomllib.TOMLDecodeError:
+        devices = parse_toml(str(meta.get("bench_file") or ""), "bench_file").get("devices")
+    except FileError:
         return False
     named = devices.values() if isinstance(devices, Mapping) else ()
     return any(isinstance(device, Mapping) and bool(device.get(SIMULATED)) for device in named)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from hil.errors import FileError
 from hil.language.words import _
 from hil.record.conditions import Condition, measured_conditions
 from hil.record.header import read_end
@@ -16,6 +16,7 @@ from hil.report.facts import fact_of, facts_of, text_of
 from hil.report.name import within
 from hil.report.number import fixed, number, rounded, unit_text
 from hil.report.section import Table
+from hil.untrusted import parse_toml
 
 _MOST_EVENTS = 40
 
@@ -122,8 +123,8 @@ def _seals(name: str) -> list[tuple[str, str]]:
 def _asked(meta: Mapping[str, Any]) -> list[tuple[str, str]]:
     """Sample rate and seed as the bench file states them."""
     try:
-        bench = tomllib.loads(meta.get("bench_file") or "")
-    except tomllib.TOMLDecodeError:
+        bench = parse_toml(str(meta.get("bench_file") or ""), "bench_file")
+    except FileError:
         return []
     rate_hz, seed = bench.get("sample_rate_hz"), (bench.get("simulation") or {}).get("seed")
     rows = [(_("Sample rate asked"), "" if rate_hz is None else f"{number(rate_hz, 6)} Hz"),

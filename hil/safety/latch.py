@@ -8,7 +8,8 @@ from pathlib import Path
 
 import platformdirs
 
-from hil.errors import StorageError, TrippedError, UnknownNameError
+from hil.errors import FileError, StorageError, TrippedError, UnknownNameError
+from hil.untrusted import read_json
 
 _ENDS = "find the cause; this trip ends with its run, as on every simulated bench, and needs no reset"
 
@@ -81,9 +82,9 @@ def state_path(kind: str, name: str, suffix: str) -> Path:
 
 def _read(path: Path) -> dict[str, str]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         return {str(name): str(why) for name, why in content.items()}
     except FileNotFoundError:
         return {}
-    except (OSError, ValueError, AttributeError) as error:
+    except (OSError, FileError, AttributeError) as error:
         return {"unreadable": f"{path}: the kept trips cannot be read: {error}"}

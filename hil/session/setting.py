@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import typing
 from collections.abc import Iterable, Mapping
@@ -10,9 +9,10 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, get_args, get_origin
 
-from hil.errors import SettingError
+from hil.errors import FileError, SettingError
 from hil.session.allowed import allowed_of, numbers_in
 from hil.session.quantity import number_in
+from hil.untrusted import parse_json
 
 _ENDINGS = {"_rad_s": "rad/s", "_s": "s", "_hz": "Hz", "_mm": "mm", "_a": "A", "_v": "V", "_lpm": "l/min"}
 _IN_UNIT = re.compile(r"\bin (s|ms|Hz|%|A|mA|V|psi|bar|mm|ml/min|l/min|degC|°C|kg|N)(?=[\s,;:.]|$)")
@@ -171,8 +171,8 @@ def _from_text(text: str, kind: Any) -> Any:
         return _from_text(text, get_args(kind)[0])
     if text.startswith(("[", "{")):
         try:
-            return json.loads(text)
-        except json.JSONDecodeError:
+            return parse_json(text, "")
+        except FileError:
             return text
     options = get_args(kind) if get_origin(kind) not in (tuple, list) else (kind,)
     if type(None) in options and text.lower() in ("none", ""):

@@ -140,7 +140,8 @@ def test_folder_that_hides_a_package_of_ours_is_one_sentence(tmp_path: Path) -> 
     for name in ("drivers", "procedures"):
         (tmp_path / name).mkdir()
         command = [sys.executable, "-m", "hil", "list", name]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+        environment = os.environ | {"PYTHONPATH": str(tmp_path)}  # the working folder alone is not looked into
+        done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
         assert done.returncode == 2
         assert done.stderr.startswith(f"hil: {tmp_path / name}: this folder hides the package '{name}' of valve-hil")
         assert len(done.stderr.splitlines()) == 1

@@ -1,0 +1,132 @@
+"""Files of others that a command takes: too deep, no files, links in run folders. One line, exit 2, and no waiting."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import socket
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.cli.app import main
+from hil.record.read import write_recording
+from hil.record.recording import recording
+
+DEEP = "[" * 100_000
+DOTTED = "a." * 50_000 + "a = 1"
+TOLD = {"JSON": (DEEP, "JSON nested more than 64 deep"), "TOML": (DOTTED, "a key of more than 64 parts")}
+SMALL = ("run.json", "end.json", "events.jsonl", "samples.f8", "samples.log")
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    time_s = np.arange(200) * 0.05
+    made = recording("r", time_s, {"command [%]": np.sin(time_s), "flow [l/min]": np.sin(time_s)})
+    write_recording(made, tmp_path / "good.csv")
+    write_recording(made, tmp_path / "run")
+    (tmp_path / "deep.json").write_text(DEEP)
+    (tmp_path / "dotted.toml").write_text(DOTTED)
+    return tmp_path
+
+
+def told(capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, command: str) -> tuple[int, str, str]:
+    monkeypatch.setattr(sys, "argv", ["hil", *command.split()])
+    capsys.readouterr()
+    status = main()
+    out, err = capsys.readouterr()
+    return status, out, err
+
+
+@pytest.mark.parametrize(
+    ("command", "kind"),
+    [
+        ("simulate --model deep.json --input good.csv --out x.csv", "JSON"),
+        ("compare --model deep.json good.csv", "JSON"),
+        ("diagnose --model deep.json good.csv --out d", "JSON"),
+        ("identify good.csv --plant deep.json --out m.json", "JSON"),
+        ("export deep.json --to json --out x.json", "JSON"),
+        ("check dotted.toml", "TOML"),
+        ("run step_response --bench dotted.toml", "TOML"),
+        ("describe dotted.toml", "TOML"),
+        ("devices dotted.toml", "TOML"),
+    ],
+)
+def test_what_is_nested_too_deep_is_one_line(
+    command: str, kind: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert folder.exists()
+    status, _, err = told(capsys, monkeypatch, command)
+    assert status == 2 and len(err.splitlines()) == 1, err
+    assert TOLD[kind][1] in err, err
+
+
+@pytest.mark.parametrize("name", SMALL)
+@pytest.mark.parametrize("kind", ["link", "pipe", "socket", "sparse", "folder"])
+def test_a_run_folder_holds_regular_files_alone(
+    kind: str, name: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = folder / "run" / name
+    shutil.move(path, folder / name)
+    if kind == "link":
+        path.symlink_to(folder / name)
+    elif kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "sparse":
+        with path.open("wb") as file:
+            file.truncate(1 << 40)
+    else:
+        with socket.socket(socket.AF_UNIX) as listening:
+            listening.bind(os.path.relpath(path))
+    for command in ("convert run x.csv", "report run", "results run --json -"):
+        status, _, err = told(capsys, monkeypatch, command)
+        if name == "samples.log":  # of a closed run nobody needs its journal
+            assert status in (0, 2) and "a fault of this program" not in err
+        else:
+            assert status == 2 and len(err.splitlines()) == 1 and name in err, err
+
+
+@pytest.mark.parametrize("text", [DEEP, "[]", "null", "1", '{"format": "hil-run"}', '{"a": NaN}', "\0"])
+def test_a_run_folder_whose_files_say_anything_is_one_line(
+    text: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("run.json", "end.json", "results.json"):
+        shutil.copytree(folder / "run", folder / "made")
+        (folder / "made" / name).write_text(text)
+        status, _, err = told(capsys, monkeypatch, "results made --json -")
+        assert status in (0, 2) and len(err.splitlines()) <= 1 and "a fault of this program" not in err, err
+        shutil.rmtree(folder / "made")
+
+
+def test_end_json_seals_no_file_outside(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = (folder / "run/end.json").read_text()
+    assert '"run.json"' in text
+    (folder / "run/end.json").write_text(text.replace('"run.json"', '"../../../../../../etc/passwd"'))
+    status, _, err = told(capsys, monkeypatch, "convert run x.csv")
+    assert status == 2 and "seals '../../../../../../etc/passwd', which is no file of the run folder" in err
+
+
+def test_archive_rebuild_leaves_bad_folders_out(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    runs = folder / "runs"
+    runs.mkdir()
+    shutil.copytree(folder / "run", runs / "good")
+    shutil.copytree(folder / "run", runs / "deep")
+    (runs / "deep/run.json").write_text(DEEP)
+    (runs / "piped").mkdir()
+    os.mkfifo(runs / "piped/run.json")
+    shutil.copytree(folder / "run", runs / "linked")
+    (runs / "linked/results.json").symlink_to("/etc/passwd")
+    (runs / "elsewhere").symlink_to(folder)
+    status, _, err = told(capsys, monkeypatch, f"archive rebuild --archive {runs}")
+    assert "a fault of this program" not in err
+    _, out, _ = told(capsys, monkeypatch, f"runs --archive {runs} --json")
+    assert '/good"' in out and "deep" not in out and status in (0, 2)
