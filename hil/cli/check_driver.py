@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from contextlib import nullcontext
+from contextlib import contextmanager, nullcontext
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import typer
@@ -11,7 +12,11 @@ import typer
 from hil.cli.printed import Json, printed
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
+
+    from hil.bench.read import BenchFile
+    from hil.daq.conformance import Subject
 
 _REACH_ON_HARDWARE = 0.2
 
@@ -46,7 +51,7 @@ def command(
     from hil.bench.read import read_bench
     from hil.bench.twin import subject
     from hil.catalog import find
-    from hil.daq.conformance import examine, left_safe
+    from hil.daq.conformance import examine
 
     name = find("drivers", driver).name
     real = os.environ.get("HIL_BENCH", "")
@@ -57,25 +62,57 @@ def command(
     check_packages(file)
     counts = {"passed": 0, "broken": 0, "left out": 0}
     checks: list[dict[str, str]] = []
-    left = ""
+    left: list[str] = []
     with (
         leased(file) if hardware else nullcontext(),
         subject(file, path.parent, name, hardware, reach, _pairs(measured_by), device) as examined,
     ):
         typer.echo(f"{name} on {path.name}, {'REAL HARDWARE' if hardware else 'simulated'}", err=as_json)
-        try:
-            for result in examine(examined):
+        with _rescued(file, examined, as_json, left) if hardware else nullcontext(examined) as watched:
+            for result in examine(watched):
                 counts[result.verdict] += 1
                 checks.append({"check": result.check, "verdict": result.verdict, "text": result.text})
                 said = f": {result.text}" if result.text else ""
                 typer.echo(f"  {result.verdict:8}  {result.check.replace('_', ' ')}{said}", err=as_json)
-        finally:
-            if hardware and (left := left_safe(examined)):
-                typer.echo(left, err=as_json)
-    told = {"driver": name, "bench": path, "hardware": hardware, "checks": checks, "counts": counts, "left": left}
+    told = {
+        "driver": name,
+        "bench": path,
+        "hardware": hardware,
+        "checks": checks,
+        "counts": counts,
+        "left": "".join(left),
+    }
     words = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
     printed({"schema": "hil.driver-check/1", **told}, words, as_json)
     raise typer.Exit(1 if counts["broken"] else 0)
+
+
+@contextmanager
+def _rescued(file: BenchFile, examined: Subject, as_json: bool, left: list[str]) -> Iterator[Subject]:
+    """A device under examination with a watchdog process, as every run has one; its outputs are left safe.
+
+    Args:
+        file: the bench.
+        examined: the device.
+        as_json: what is said goes to stderr.
+        left: takes what is said of the outputs at the end.
+    """
+    from hil.bench.heartbeat import watched
+    from hil.daq.conformance import left_safe
+    from hil.safety.latch import state_path
+    from hil.safety.outputs import Outputs
+
+    known, folder = Outputs(), state_path("check-driver", file.bench.name, "")
+    folder.mkdir(parents=True, exist_ok=True)
+    with watched(file, folder, known) as watch:
+        known.opened(examined.wiring.outputs)
+        try:
+            yield replace(examined, alive=watch.beat)
+        finally:
+            if said := left_safe(examined):
+                left.append(said)
+                typer.echo(said, err=as_json)
+            known.opened({})  # they are safe, and no longer ours
 
 
 def _pairs(told: list[str]) -> dict[str, str]:

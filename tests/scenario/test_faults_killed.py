@@ -6,6 +6,7 @@ import json
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -151,3 +152,22 @@ def test_a_device_that_comes_back_after_its_run_has_ended_is_made_safe(tmp_path:
         after_s = observer.safe_after(at_s, PATIENCE_S)
         assert told(tmp_path / "run")["why"] == "ended without making its outputs safe"
     assert after_s is not None and after_s < 2.0
+
+
+def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path: Path) -> None:
+    bench, own, _ = TCP
+    command = [sys.executable, "-P", "-m", "hil", "check-driver", "modbus", "--hardware", "--bench"]
+    environment = {**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")}
+    with ExitStack() as stack:
+        file, devices = stack.enter_context(served(bench, tmp_path, own))
+        observer = stack.enter_context(observed(devices))
+        process = stack.enter_context(
+            subprocess.Popen(
+                [*command, str(file.path)], env=environment, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            )
+        )
+        observer.wait_until_driven(process)
+        process.kill()
+        after_s = observer.safe_after(time.monotonic(), PATIENCE_S)
+        stood = observer.level
+    assert after_s is not None and stood == 0.0

@@ -87,6 +87,7 @@ class Subject:
         witnesses: by output, the input that measures it.
         responses: inputs that answer to the outputs in a way that is not known beforehand.
         settling_s: so long after a step they have answered.
+        alive: told with every command whether it drives an output away from its safe value: a sign of life.
     """
 
     module: ModuleType
@@ -101,6 +102,7 @@ class Subject:
     witnesses: Mapping[str, Witness] = field(default_factory=dict)
     responses: tuple[str, ...] = ()
     settling_s: float = 1.0
+    alive: Callable[[bool], None] = lambda _driven: None
     _pin: Pin = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -186,6 +188,7 @@ class Subject:
 
     def drive(self, link: Any, told: Mapping[str, float]) -> None:
         """Drive a link there, no faster than the outputs may go."""
+        self.alive(dict(told) != self.safe())
         outputs = self.wiring.outputs
         slow = {c.terminal: self.slew_per_s[name] for name, c in outputs.items() if name in self.slew_per_s}
         if slow:
