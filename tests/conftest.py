@@ -31,7 +31,10 @@ STRANGER = Path(__file__).parent / "stranger"
 
 def pytest_configure() -> None:
     """Hear the keyboard even where a shell that runs things in the background has it ignored: programs inherit that."""
-    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGQUIT, signal.SIG_DFL)):
+    usual_of = dict.fromkeys(
+        (signal.SIGQUIT, signal.SIGHUP, signal.SIGTERM), signal.SIG_DFL
+    )  # nohup ignores the second
+    for number, usual in {signal.SIGINT: signal.default_int_handler, **usual_of}.items():
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
     gc.disable()  # the tests that are collected stay to the end: to look through them for garbage is a quarter of it
