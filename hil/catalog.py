@@ -23,7 +23,6 @@ from typing import Literal, cast
 
 from hil.errors import FileError, UnknownNameError
 from hil.extras import lacking
-from hil.untrusted import read_json
 
 Kind = Literal["drivers", "devices", "procedures", "plants", "effects"]
 KINDS: tuple[Kind, ...] = ("drivers", "devices", "procedures", "plants", "effects")
@@ -124,6 +123,8 @@ def base_plant(name: str) -> str:
     path = Path(name) if name.endswith(".json") else models().get(name)
     if path is None:
         return _entry_name("plants", name)
+    from hil.untrusted import read_json
+
     try:
         content = read_json(path)
     except (OSError, FileError):

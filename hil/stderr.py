@@ -9,15 +9,17 @@ import time
 from contextlib import suppress
 from typing import IO
 
+from hil.printable import printable
+
 _AT_ONCE = 512  # bytes: what can be written there takes so many without waiting
 
 
 def write(text: str, within_s: float, stream: IO[str] | None = None) -> bool:
-    """Write a text to stderr, or to another stream, as far as it is taken in time; whether all of it was.
+    """Write a text to stderr as it can be shown, or to another stream as it is; whether all of it was taken in time.
 
     Safe in the handler of a signal: it goes past the buffers of Python, which may be in use just then.
     """
-    stream = stream or sys.stderr
+    text, stream = (printable(text), sys.stderr) if stream is None else (text, stream)
     try:
         place, encoding = stream.fileno(), getattr(stream, "encoding", None) or "utf-8"
     except (AttributeError, OSError, ValueError):  # closed, or no stream of the system

@@ -22,6 +22,7 @@ from hil.bench.stop.listener import Listener
 from hil.child import child
 from hil.daq.connection import close_in_children
 from hil.errors import HardwareError, StoppedError
+from hil.printable import printable
 from hil.safety.operator import Asked, Operator
 from hil.safety.outputs import Outputs
 
@@ -270,7 +271,7 @@ class Heart:
         with said:
             for line in iter(said.readline, b""):
                 with suppress(OSError, ValueError):
-                    print(line.decode(errors="replace").rstrip(), file=sys.stderr, flush=True)
+                    print(printable(line.decode(errors="replace").rstrip()), file=sys.stderr, flush=True)
 
     def _death(self) -> str:
         """How it ended without a word."""

@@ -13,6 +13,7 @@ from hil.api.python_words import at_the_prompt
 from hil.cli import said
 from hil.cli.said import say
 from hil.errors import InputError, marked
+from hil.printable import printable_streams
 from hil.safety.interrupt import raised, status_of
 from hil.version import __version__
 
@@ -53,6 +54,12 @@ def _assembled() -> typer.Typer:
 
 def main() -> int:
     """Run the command line; returns the exit status of the contract (0, 1, 2, 3)."""
+    with printable_streams():
+        return _run()
+
+
+def _run() -> int:
+    """The command line, on the streams as they are."""
     silent, said.ended = len(sys.argv) == 1, False  # without a word the help is shown, and nothing was done
     try:
         app = _assembled()

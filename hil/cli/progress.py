@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from typing import IO, TYPE_CHECKING
 
+from hil.printable import printable, raw
 from hil.stderr import write
 
 if TYPE_CHECKING:
@@ -37,15 +38,15 @@ def shown(after_s: float = 0.0) -> Iterator[Callable[[float, str], None]]:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
     from rich.table import Column
 
-    said = TextColumn("{task.description}", table_column=Column(no_wrap=False, overflow="fold", ratio=1))
+    said = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=False, overflow="fold", ratio=1))
     columns = (BarColumn(bar_width=20), TaskProgressColumn(), TimeElapsedColumn(), said)
-    screen: IO[str] = _Screen(sys.stderr)  # type: ignore[assignment] # what a console needs of one
+    screen: IO[str] = _Screen(raw(sys.stderr))  # type: ignore[assignment] # what a console needs of one
     bar = Progress(*columns, console=Console(file=screen, force_terminal=True), transient=True, expand=True)
     bar.start()
     _bars.append(bar)
     try:
         task = bar.add_task("", total=1.0)
-        yield _while_it_lasts(lambda done, text: bar.update(task, completed=done, description=text))
+        yield _while_it_lasts(lambda done, text: bar.update(task, completed=done, description=printable(text)))
     finally:
         clear()
 

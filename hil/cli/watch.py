@@ -11,6 +11,8 @@ from typing import IO, TYPE_CHECKING, Any
 
 import typer
 
+from hil.printable import printable, raw
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
@@ -83,7 +85,7 @@ def _shown() -> Iterator[Callable[[float, Sequence[Reading]], None]]:
     from rich.console import Console
     from rich.live import Live
 
-    with Live(console=Console(), auto_refresh=False) as live:
+    with Live(console=Console(file=raw(sys.stdout)), auto_refresh=False) as live:
         yield lambda _at_s, readings: live.update(_table(readings), refresh=True)
 
 
@@ -101,7 +103,8 @@ def _table(readings: Sequence[Reading]) -> Any:
     table = Table(*_HEADINGS)
     for reading in readings:
         *cells, state = _row(reading)
-        table.add_row(*map(Text, cells), Text(state, style="" if state == "ok" else "bold red"))
+        style = "" if state == "ok" else "bold red"
+        table.add_row(*(Text(printable(cell)) for cell in cells), Text(printable(state), style=style))
     return table
 
 

@@ -1,0 +1,91 @@
+"""Names that others wrote reach no terminal as commands."""
+
+from __future__ import annotations
+
+import io
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from hil.cli.app import main
+from hil.printable import Printable, printable, raw
+from hil.stderr import write
+
+TITLE = "\x1b]0;pwned\x07"
+
+
+@pytest.mark.parametrize(
+    ("text", "seen"),
+    [
+        (TITLE, r"\x1b]0;pwned\x07"), ("\x9b31m", r"\x9b31m"), ("a\rb", r"a\rb"), ("\u202egnp.exe", r"\u202egnp.exe"),
+        ("a\r\nb\n\tc", "a\r\nb\n\tc"), ("Öl ±5 % µm ω", "Öl ±5 % µm ω"), ("\x00\x08\x7f", r"\x00\x08\x7f"),
+    ],
+)  # fmt: skip
+def test_printable_shows_what_commands_a_terminal(text: str, seen: str) -> None:
+    assert printable(text) == seen
+
+
+def test_printable_stream_is_the_stream_otherwise() -> None:
+    inner = io.StringIO()
+    stream = Printable(inner)
+    print("a", TITLE, file=stream)  # type: ignore[call-overload]
+    stream.writelines([TITLE])
+    assert inner.getvalue() == "a \\x1b]0;pwned\\x07\n\\x1b]0;pwned\\x07"
+    assert raw(stream) is inner and not stream.isatty()  # type: ignore[arg-type]
+
+
+def test_write_shows_it_on_stderr(capfd: pytest.CaptureFixture[str]) -> None:
+    write(f"{TITLE}\n", 1.0)
+    assert capfd.readouterr().err == "\\x1b]0;pwned\\x07\n"
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / f"na{TITLE}me.csv").write_text(f"time [s],fl{TITLE}ow [l/min]\n0,1\n0.1,2\n0.2,3\n")
+    (tmp_path / f"bad{TITLE}.csv").write_text(f"time [s],fl{TITLE}ow [l/min]\n0,1\n0.1,2\n0.2,x{TITLE}\n")
+    (tmp_path / "line\nbreak.csv").write_text("time [s],flow [l/min]\n0,1\n0.1,x\n")
+    return tmp_path
+
+
+def test_names_of_columns_and_files_command_no_terminal(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert folder.exists()
+    for words in (["convert", f"na{TITLE}me.csv", f"out{TITLE}.csv"], ["convert", f"bad{TITLE}.csv", "x.csv"],
+                  ["convert", f"no{TITLE}.csv", "x.csv"], [f"no{TITLE}"], ["list", TITLE], ["check", TITLE],
+                  ["runs", "--archive", ".", "--serial", TITLE]):  # fmt: skip
+        monkeypatch.setattr(sys, "argv", ["hil", *words])
+        before = sys.stdout, sys.stderr
+        main()
+        assert (sys.stdout, sys.stderr) == before
+        out, err = capsys.readouterr()
+        assert "\x1b" not in out + err and "\x07" not in out + err
+
+
+def test_a_name_with_a_new_line_is_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert folder.exists()
+    monkeypatch.setattr(sys, "argv", ["hil", "convert", "line\nbreak.csv", "x.csv"])
+    assert main() == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_terminal_sees_no_command(folder: Path) -> None:
+    ours, theirs = pty.openpty()
+    words = [sys.executable, "-m", "hil", "convert", f"na{TITLE}me.csv", "x.csv"]
+    done = subprocess.run(words, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, check=False)
+    os.close(theirs)
+    seen = b""
+    try:
+        while piece := os.read(ours, 4096):
+            seen += piece
+    except OSError:  # nobody writes there any more
+        pass
+    os.close(ours)
+    assert done.returncode == 0 and b"pwned" in seen and b"\x1b]0" not in seen
