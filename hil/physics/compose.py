@@ -16,7 +16,7 @@ import math
 import sys
 import textwrap
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from itertools import accumulate
 from pathlib import Path
@@ -103,8 +103,13 @@ class Kernel:
 
 @cache
 def plant(name: str) -> Plant:
-    """An installed plant by name."""
+    """An installed plant by name.
+
+    Raises:
+        FileError: its page calls a hook in another way than it declares; names file and line.
+    """
     found: Plant = find("plants", name).load().PLANT
+    _Page(_kernel_of(found, (), {})).check_hooks()
     return found
 
 
@@ -127,7 +132,9 @@ def kernel(name: str) -> Kernel:
     chosen = plant(name)
     sites = tuple(Site(effect, hook) for hook in chosen.hooks for effect in effects() if hook.name in effect.hooks)
     widths = {n: getattr(value, "size", 0) for n, value in chosen.coefficients(chosen.typical, math.inf).items()}
-    return _kernel_of(chosen, sites, widths)
+    made = _kernel_of(chosen, sites, widths)
+    _Page(made).check_effects()
+    return made
 
 
 def _kernel_of(chosen: Plant, sites: tuple[Site, ...], coefficients: Mapping[str, int]) -> Kernel:
@@ -168,10 +175,48 @@ class _Page(ast.NodeTransformer):
         if node.attr not in known:
             self._refuse(node, str(UnknownNameError(kind, node.attr, known)))
 
-    def _refuse(self, node: ast.expr, text: str) -> NoReturn:
-        """Say what is wrong with a line of the page."""
-        first = inspect.getsourcelines(self.plant.equations)[1]
-        raise FileError(f"{inspect.getsourcefile(self.plant.equations)}:{first + node.lineno - 1}: {text}")
+    def _refuse(self, node: ast.expr | None, text: str) -> NoReturn:
+        """Say what is wrong with a line of the page; without one, with the page."""
+        line = inspect.getsourcelines(self.plant.equations)[1] + (0 if node is None else node.lineno - 1)
+        raise FileError(f"{inspect.getsourcefile(self.plant.equations)}:{line}: {text}")
+
+    # -- what is looked at before --------------------------------------------------------------------------
+
+    def check_hooks(self) -> None:
+        """Refuse a page that does not call every hook once, as it is declared."""
+        calls = self._calls()
+        for node in calls:
+            self._must_be_one_of(_callee(node), "hook", [hook.name for hook in self.plant.hooks])
+        for hook in self.plant.hooks:
+            own = [node for node in calls if _callee(node).attr == hook.name]
+            if not own:
+                self._refuse(None, f"hook '{hook.name}' is declared in PLANT and never called; write {_form(hook)}")
+            if len(own) > 1:
+                self._refuse(own[1], f"hook.{hook.name}(…) is called twice; an effect acts at one place")
+            given = len(own[0].args) + len(own[0].keywords)
+            if own[0].keywords or given != len(_handed(hook)):
+                declared = f'extra="{hook.extra}"' if hook.extra else "no extra"
+                self._refuse(
+                    own[0], f"hook.{hook.name}(…) is called with {given} argument{'' if given == 1 else 's'}; PLANT "
+                    f"declares the hook with {declared}, so write {_form(hook)}",
+                )  # fmt: skip
+
+    def check_effects(self) -> None:
+        """Refuse a hook that does not hand over what the effects that belong there take."""
+        extras = {"mobility", *(hook.extra for hook in self.plant.hooks)} - {""}
+        calls = {_callee(node).attr: node for node in self._calls()}
+        for site in self.sites:
+            for lacking in sorted(extras & set(site.arguments) - {p.name for p in site.effect.parameters}):
+                hook = replace(site.hook, extra=lacking)
+                self._refuse(
+                    calls[hook.name], f"hook.{hook.name}(…): effect {site.effect.name}, which acts at a hook of this "
+                    f"name, takes '{lacking}' as well; say extra=\"{lacking}\" of the hook in PLANT and write "
+                    f"{_form(hook)}",
+                )  # fmt: skip
+
+    def _calls(self) -> list[ast.Call]:
+        found = [node for node in ast.walk(self.tree) if isinstance(node, ast.Call) and _is_hook(node.func)]
+        return sorted(found, key=lambda node: node.lineno)
 
     def visit_Assign(self, node: ast.Assign) -> ast.AST | list[ast.stmt]:
         call = node.value
@@ -330,6 +375,20 @@ class _Page(ast.NodeTransformer):
             at += width
         for k in range(outputs):
             yield f"states[{at + k}] = y{k}"
+
+
+def _callee(node: ast.Call) -> ast.Attribute:
+    assert isinstance(node.func, ast.Attribute)
+    return node.func
+
+
+def _handed(hook: Hook) -> tuple[str, ...]:
+    """What a page hands over at a hook."""
+    return ("value", hook.extra) if hook.extra else ("value",)
+
+
+def _form(hook: Hook) -> str:
+    return f"`{'force' if hook.is_force else 'value'} = hook.{hook.name}({', '.join(_handed(hook))})`"
 
 
 def _is_hook(node: ast.expr) -> bool:

@@ -92,6 +92,63 @@ def test_a_fault_of_a_page_is_said_with_its_line(page: Callable[..., Any], line:
         _ = replace(axis, plant=replace(axis.plant, equations=page)).run
 
 
+STRANGER = """
+from dataclasses import replace
+from hil.physics.plants import linear_axis
+from hil.physics.plants.linear_axis import coefficients
+
+def equations(force, x, c, hook):
+    {first}
+    x.place += x.speed
+    {second}
+    {third}
+    return reading, x.speed
+
+HOOKS = {{hook.name: hook for hook in linear_axis.PLANT.hooks}}
+PLANT = replace(linear_axis.PLANT, name="{name}", equations=equations, hooks=(
+    HOOKS["command"], replace(HOOKS["force"], extra={extra!r}), HOOKS["sensor"]))
+"""
+FINE = ("force = hook.command(force)", "x.speed = hook.force(x.speed, c.mobility)", "reading = hook.sensor(x.place)")
+WRONG = {
+    "few": (FINE[0], "x.speed = hook.force(x.speed)", FINE[2], "mobility", 9,
+            ('hook.force(…) is called with 1 argument; PLANT declares the hook with extra="mobility", so write '
+            "`force = hook.force(value, mobility)`")),
+    "many": (FINE[0], FINE[1], "reading = hook.sensor(x.place, 1.0)", "mobility", 10,
+             ("hook.sensor(…) is called with 2 arguments; PLANT declares the hook with no extra, so write "
+             "`value = hook.sensor(value)`")),
+    "lacking": (FINE[0], "x.speed = hook.force(x.speed)", FINE[2], "", 9,
+                ('hook.force(…): effect friction, which acts at a hook of this name, takes \'mobility\' as well; say '
+                'extra="mobility" of the hook in PLANT and write `force = hook.force(value, mobility)`')),
+    "never": ("pass", FINE[1], FINE[2], "mobility", 6,
+              "hook 'command' is declared in PLANT and never called; write `value = hook.command(value)`"),
+    "twice": (FINE[0], FINE[1], "reading = hook.sensor(hook.sensor(x.place))", "mobility", 10,
+              "hook.sensor(…) is called twice; an effect acts at one place"),
+}  # fmt: skip
+
+
+def test_a_strangers_plant_that_calls_a_hook_wrongly_is_told_when_it_is_loaded(tmp_path: Path) -> None:
+    package = tmp_path / "bent_plants"
+    package.mkdir()
+    (package / "__init__.py").write_text('"""Plants of a stranger."""\n')
+    for name, (first, second, third, extra, _line, _said) in WRONG.items():
+        text = STRANGER.format(first=first, second=second, third=third, extra=extra, name=name)
+        (package / f"{name}.py").write_text(f'"""Bent."""{text}')
+    info = tmp_path / "bent-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: bent\nVersion: 1.0\n")
+    (info / "entry_points.txt").write_text("[hil.plants]\nbent = bent_plants\n")
+    load = "import hil\nfrom hil.physics.compose import kernel\n" + "".join(
+        f"try: hil.typical_model('{name}'); kernel('{name}'); print('loaded')\n"
+        "except hil.errors.FileError as error: print(error)\n"
+        for name in WRONG
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+    done = subprocess.run([sys.executable, "-c", load], capture_output=True, encoding="utf-8", env=environment)
+    assert done.stdout.splitlines() == [
+        f"{package / name}.py:{line}: {said}" for name, (*_, line, said) in WRONG.items()
+    ], done.stderr
+
+
 def test_a_twin_refuses_a_block_of_another_shape() -> None:
     twin = Twin(VALVE, VALVE.typical, 1e-3)
     twin.advance(np.zeros((1, COUNT)))
