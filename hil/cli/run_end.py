@@ -31,10 +31,11 @@ def safely(
         known: what is known of the outputs, for who asks for it afterwards.
         as_json: whether the failure is printed as JSON too (see `failure_document`).
     """
-    from hil.archive.begun import mark_begun
+    from hil.archive.begun import forget_begun, mark_begun
     from hil.archive.place import archive_place
     from hil.bench.ending import last_word
     from hil.cli.said import WAITS_S, say
+    from hil.errors import RehearsalError
     from hil.safety.outputs import Outputs
     from hil.stderr import write
 
@@ -55,7 +56,10 @@ def safely(
             return run(known)
         except BaseException as error:  # said here: on its way up typer would make something else of some
             status = word.say(error)
-            entered(archive, folder)
+            if isinstance(error, RehearsalError):  # nothing was driven: there is no run
+                forget_begun(folder)
+            else:
+                entered(archive, folder)
             raise typer.Exit(status) from error
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -47,7 +48,8 @@ def rehearse(
         settings: by name, as values.
         progress: told how far the rehearsal is.
         earlier: a run that is to be resumed.
-        keep: the run folder to make of it, for somebody who looks at what would be driven; else it is forgotten.
+        keep: the run folder to make of it, for somebody who looks at what would be driven; else it is forgotten, as
+            one that is refused is in any case.
 
     Raises:
         RehearsalError: a sample would leave the envelope, or an interlock would stop or trip the run.
@@ -63,9 +65,11 @@ def rehearse(
         except StorageError:
             raise
         except (RangeError, HardwareError) as error:
+            reason = _reason(run, error)
+            if keep is not None:
+                shutil.rmtree(keep, ignore_errors=True)  # a folder with samples would be taken for a run
             raise RehearsalError(
-                f"refused: in the rehearsal on the simulated {twin.bench.valve.name}, {_reason(run, error)}; "
-                "nothing was driven"
+                f"refused: in the rehearsal on the simulated {twin.bench.valve.name}, {reason}; nothing was driven"
             ) from error
         return _shown(run, earlier)
 
