@@ -15,30 +15,30 @@ from tests.outside.judge import Seen, judged
 from tests.outside.running import Program
 from tests.outside.situations import ENDINGS, OUTAGES_S, drawn, named, outages
 from tests.outside.watch import watched
+from tests.waits import side_by_side
 
 pytestmark = pytest.mark.xdist_group("watches from outside")  # for clocks: on one worker, beside others that compute
-NOT_YET = pytest.mark.xfail(reason="issue 44 A is being mended", strict=False)
 QUICK_S = 3.0  # of a direct link: what it may have sent is there after one second
 OUTAGES = {one.name: one for one in outages()}
 NAMED = {one.name: one for one in named()}
-AT_THE_DESK = ("watchdog stopped, run ends well", "procedure forks, SIGKILL", "terminal stopped, Ctrl-C")
+AT_THE_DESK = (
+    *(f"outage of 0.5 s, {ending}" for ending in ENDINGS),
+    "watchdog stopped, run ends well", "procedure forks, SIGKILL",
+)  # fmt: skip
 
 
-@NOT_YET
-@pytest.mark.parametrize("ending", ENDINGS)
-def test_an_outage_of_half_a_second(ending: str) -> None:
-    seen = watched(OUTAGES[f"outage of 0.5 s, {ending}"], QUICK_S)
-    assert (seen.not_run, seen.wrong) == ("", []), seen
+@pytest.fixture(scope="module")
+def seen() -> dict[str, Seen]:
+    """What was seen of a few, all at the same time: they wait most of it."""
+    every = {**OUTAGES, **NAMED}
+    return dict(zip(AT_THE_DESK, side_by_side(lambda name: watched(every[name], QUICK_S), AT_THE_DESK), strict=True))
 
 
-@NOT_YET
 @pytest.mark.parametrize("name", AT_THE_DESK)
-def test_a_named_case(name: str) -> None:
-    seen = watched(NAMED[name], QUICK_S)
-    assert (seen.not_run, seen.wrong) == ("", []), seen
+def test_what_is_said_is_so(name: str, seen: dict[str, Seen]) -> None:
+    assert (seen[name].not_run, seen[name].wrong) == ("", []), seen[name]
 
 
-@NOT_YET
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*OUTAGES, *NAMED])
 def test_every_situation(name: str) -> None:
