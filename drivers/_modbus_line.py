@@ -9,6 +9,7 @@ from typing import NoReturn
 
 from drivers._edge import wire_log
 from drivers._modbus_client import LineSettings, belongs, client_of, request
+from hil.daq.connection import is_hung_up
 from hil.errors import DeviceLostError, LinkError
 
 
@@ -41,6 +42,11 @@ class ModbusLine:
     def close(self) -> None:
         """Let go of it."""
         self.client.let_go()
+
+    @property
+    def is_hung_up(self) -> bool:
+        """Whether the device has closed the connection meanwhile."""
+        return self._settings.transport == "tcp" and is_hung_up(self.client.socket)
 
     @property
     def is_clean(self) -> bool:

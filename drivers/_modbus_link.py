@@ -108,6 +108,22 @@ class ModbusLink:
             self._outputs_stand()
         return readings
 
+    def renew(self) -> None:
+        """Connect again where the device has closed an idle connection, if it is the same one; outputs go safe.
+
+        Raises:
+            DeviceLostError: it is not reached.
+            LinkError: another device answers there.
+        """
+        if not self._line.is_hung_up:
+            return
+        self._line.close()
+        self._line.connect()
+        if (found := self._line.identity()) != self.identity:
+            raise LinkError(f"another device answers since the connection was closed: {found or 'it says nothing'}")
+        if self._safe:
+            self._ready.made(self._go_safe, self._look_around)
+
     def close(self) -> None:
         """Close the connection; outputs that were enabled are so no longer where the device has that."""
         try:

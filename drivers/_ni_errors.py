@@ -16,6 +16,9 @@ _KINDS: Mapping[int, type[HardwareError]] = {
     -201003: DeviceLostError, -88705: DeviceLostError, -88302: DeviceLostError,  # not to be accessed, not there, gone
     -50405: DeviceLostError, -50808: DeviceLostError,  # no transfer, or a failed one, on PCI or USB
 }  # fmt: skip
+_MEANS: Mapping[int, str] = {
+    -50103: "another task or program holds it, such as a test panel of NI MAX or LabVIEW; close that"
+}
 _SAID_ELSEWHERE = ("Task Name:", "Status Code:")
 
 
@@ -35,7 +38,8 @@ def told(device: str) -> Iterator[None]:
         raise DeviceLostError("NI-DAQmx is not installed on this computer") from error
     except DaqError as error:
         kind = _KINDS.get(error.error_code, LinkError)
-        raise kind(f"{device}: {_cause(str(error))} ({error.error_code})") from error
+        means = f": {text}" if (text := _MEANS.get(error.error_code)) else ""
+        raise kind(f"{device}: {_cause(str(error))} ({error.error_code}){means}") from error
 
 
 def _cause(text: str) -> str:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import select
 import socket
 import struct
 import time
@@ -48,6 +49,17 @@ def connect(host: str, port: int, timeout_s: float) -> socket.socket:
         else:
             return made
     raise error
+
+
+def is_hung_up(held: socket.socket | None) -> bool:
+    """Whether the other side has closed a connection on which nothing is awaited, as some do that idle for a while."""
+    if held is None:
+        return True
+    try:
+        ready, _, _ = select.select([held], [], [], 0.0)
+        return bool(ready) and not held.recv(1, socket.MSG_PEEK)
+    except OSError:
+        return True
 
 
 def guard(made: socket.socket, timeout_s: float) -> socket.socket:

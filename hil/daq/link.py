@@ -29,7 +29,8 @@ class Link(Protocol):
     A device that tells its readings without being asked may say `reading_age_s`: how old one is on average. One that
     says what it is (a serial number) may keep that as `identity`, empty when it has not: who answers to its address
     with another one later is another device. It asks before it writes, and calls `Wiring.refuse_another`. One that
-    says why an input has no measurement may keep that after each `read` as `unmeasured`, in words by terminal.
+    says why an input has no measurement may keep that after each `read` as `unmeasured`, in words by terminal. One on
+    a connection that the device may close while it idles may have a `renew`, called before a task with outputs safe.
     """
 
     watchdog_s: float | None
@@ -88,6 +89,12 @@ class Member:
     def reading_age_s(self) -> float:
         """How old a reading is on average when the device is asked for it."""
         return float(getattr(self.link, "reading_age_s", 0.0))
+
+    def renew(self) -> None:
+        """Have the link connect again where the device has hung up while nothing was asked; outputs are safe."""
+        renew = getattr(self.link, "renew", None)
+        if renew is not None:
+            self._named(renew)
 
     def drive(self, levels: Mapping[str, float]) -> None:
         """Put its own of these outputs, by channel, at their values."""

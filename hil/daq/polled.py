@@ -240,6 +240,9 @@ class PolledDaq:
         """Hand waveforms to the polling thread, always `ahead` of the blocks that come back."""
         self._refuse_if_failed()
         self._stop_task()
+        if all(self.levels.get(name) == channel.safe for name, channel in self.outputs.items()):
+            for member in self._members:
+                member.renew()
         self._told_safe = False
         task = self._task = Task()
         thread = threading.Thread(target=self._poll, args=(task,), name="hil-poll", daemon=True)

@@ -224,7 +224,7 @@ class Outputs:
         known = replace(before, can=answer.can, why=answer.why or failure, rescue=answer.rescue, at_utc=_now_utc())
         if answer.at is not None:
             safe = abs(answer.at - channel.safe) <= _AGREES * (channel.high - channel.low)
-            return replace(known, state=State.SAFE if safe else State.DRIVEN, at=answer.at, why="")
+            return replace(known, state=State.SAFE if safe else State.DRIVEN, at=answer.at, why="" if safe else failure)
         if not was_told:  # a way to the safe values that was planned is no place where it was driven to
             return replace(known, state=State.UNKNOWN, at=known.at if level is None else level)
         if failure and not answer.can:  # told, and silent: an answer would have been all that there is

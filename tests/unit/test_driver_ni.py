@@ -132,6 +132,12 @@ def test_codes_become_errors_of_one_line_with_the_whole_cause(
     assert str(raised.value) == f"Dev1: the reason. Device: Dev1 ({code})" and board.open == 0
 
 
+def test_lines_that_another_task_holds_are_told_with_what_may_hold_them(daq: ni.NiDaq, board: Board) -> None:
+    board.codes["read"] = -50103
+    with pytest.raises(LinkError, match=r"\(-50103\): another task or program holds it, such as"):
+        list(daq.play(ramp()))
+
+
 @pytest.mark.parametrize("code", [-200324, -200045, -50808, -201003, -88705, -50405, -88302, -200284, -999999])
 def test_outputs_that_cannot_be_made_safe_are_told_with_the_remedy(daq: ni.NiDaq, board: Board, code: int) -> None:
     board.gone = code

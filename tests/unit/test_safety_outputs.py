@@ -169,3 +169,9 @@ def check_sentence(outputs: tuple[Output, ...], language: str) -> None:
     known.opened({})
     known._known = outputs_in(record)
     assert (known.status(KeyboardInterrupt(), 2) == 3) == bool(bad)
+
+
+def test_output_that_stands_elsewhere_says_why_it_could_not_be_told() -> None:
+    known = after(ELSEWHERE, LinkError("Dev1: the specified resource is reserved (-50103)"))
+    assert known.known["a"].state is State.DRIVEN
+    assert "(Dev1: the specified resource is reserved (-50103))" in known.text

@@ -1,0 +1,104 @@
+"""A coupler that closes a connection on which nothing was said for a while is connected again, at rest alone."""
+
+from __future__ import annotations
+
+import socket
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.bench.open import open_rig
+from hil.bench.read import read_bench
+from hil.errors import HardwareError
+from hil.rig import Rig
+from tests.links import served
+
+
+class Relay:
+    """A way to a device that can be hung up on the side of the program, as the device does it."""
+
+    def __init__(self, to: tuple[str, int]) -> None:
+        self._to, self._held = to, list[socket.socket]()
+        self._listening = socket.create_server(("127.0.0.1", 0))
+        self.port = self._listening.getsockname()[1]
+        self.taken = 0
+        threading.Thread(target=self._accept, daemon=True).start()
+
+    def hang_up(self) -> None:
+        """Close every connection that there is, in order."""
+        held, self._held = self._held, []
+        for one in held:
+            with suppress(OSError):
+                one.shutdown(socket.SHUT_RDWR)
+
+    def close(self) -> None:
+        """End it."""
+        self._listening.close()
+        self.hang_up()
+
+    def _accept(self) -> None:
+        with suppress(OSError):
+            while True:
+                near, _ = self._listening.accept()
+                far = socket.create_connection(self._to)
+                self._held += [near, far]
+                self.taken += 1
+                for one, other in ((near, far), (far, near)):
+                    threading.Thread(target=_copy, args=(one, other), daemon=True).start()
+
+
+def _copy(one: socket.socket, other: socket.socket) -> None:
+    with suppress(OSError), one:
+        while said := one.recv(4096):
+            other.sendall(said)
+        other.shutdown(socket.SHUT_RDWR)
+
+
+@contextmanager
+def behind_a_relay(tmp_path: Path) -> Iterator[tuple[Rig, Relay]]:
+    with served("hpv41-modbus-tcp", tmp_path, ("watchdog_s = 1.0\n", "")) as (file, _):
+        address = str(file.bench.devices["io"].settings["address"])
+        host, _, port = address.rpartition(":")
+        relay = Relay((host, int(port)))
+        path = tmp_path / "relayed.toml"
+        path.write_text(
+            file.text.replace(address, f"127.0.0.1:{relay.port}").replace(
+                "block_s = 0.1", "block_s = 0.1\nwatchdog_s = 0"
+            ),
+            encoding="utf-8",
+        )
+        try:
+            with open_rig(read_bench(path), tmp_path / "run", {}, lambda _done, _text: None) as rig:
+                yield rig, relay
+        finally:
+            relay.close()
+
+
+def play(rig: Rig, level: float) -> None:
+    rig.play(np.full(round(0.2 * rig.rate_hz), level))
+
+
+def test_hung_up_at_rest_is_connected_again(tmp_path: Path) -> None:
+    with behind_a_relay(tmp_path) as (rig, relay):
+        play(rig, 20.0)
+        play(rig, 0.0)
+        before = relay.taken
+        relay.hang_up()
+        play(rig, 20.0)
+        assert relay.taken == before + 1
+
+
+def hang_up_away_from_rest(tmp_path: Path) -> None:
+    with behind_a_relay(tmp_path) as (rig, relay):
+        play(rig, 20.0)
+        relay.hang_up()
+        play(rig, 20.0)
+
+
+def test_hung_up_while_driven_ends_the_run(tmp_path: Path) -> None:
+    with pytest.raises(HardwareError):
+        hang_up_away_from_rest(tmp_path)
