@@ -165,8 +165,9 @@ def test_every_command_shown_exists_with_its_options(page: Path, line: str, caps
 
 
 def test_alike() -> None:
-    assert alike("  fit   99.1 %  run", "  fit   99.3 %  run")
-    assert not alike("  fit   99.1 %  run", "  fit   80.0 %  run")
+    assert alike("  fit   99.1 %  run", "fit 99.1 %  run")
+    assert not alike("  fit   99.1 %  run", "  fit   99.2 %  run")
+    assert not alike("rise 319.6 ± 3.0 …", "rise 319.7 ± 3.0 ms")
     assert not alike("  fit   99.1 %  run", "  fit   99.1 %  other")
     assert alike("note: …", "note: anything at all")
 
