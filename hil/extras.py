@@ -9,7 +9,9 @@ EXTRAS: Mapping[str, str] = {
     **dict.fromkeys(("pymodbus", "serial", "can", "canopen", "cantools"), "links"),
     **dict.fromkeys(("h5py", "asammdf", "nptdms", "pyarrow", "openpyxl"), "formats"),
     **dict.fromkeys(("dask", "distributed"), "cluster"),
-    **dict.fromkeys(("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf"), "passport"),
+    **dict.fromkeys(
+        ("typst", "pyhanko", "pyhanko_certvalidator", "asn1crypto", "cryptography", "pikepdf", "pypdf"), "passport"
+    ),
     **dict.fromkeys(("starlette", "uvicorn", "python_multipart", "argon2", "itsdangerous"), "console"),
     "nidaqmx": "ni",
     "control": "control",

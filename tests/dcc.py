@@ -17,7 +17,7 @@ from hil.passport.certificate import Signer
 from hil.passport.contents import files_inside
 from hil.passport.dcc import certificate_xml
 from hil.passport.unit import read_unit_runs
-from tests.passports import run_of
+from tests.passports import installed, run_of
 
 
 def faults(xml: Path, schemas: Path) -> list[str]:
@@ -42,6 +42,7 @@ def main() -> int:
     asked.add_argument("--schemas", type=Path, required=True)
     asked.add_argument("--passport", type=Path)
     given = asked.parse_args()
+    installed()
     with TemporaryDirectory() as folder:
         xml = Path(folder) / "certificate.xml"
         xml.write_bytes(_certificate(given.passport, Path(folder)))

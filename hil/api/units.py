@@ -121,6 +121,7 @@ def issue_passport(
     identify: bool = True,
     model: Model | str | Path | None = None,
     key: str | Path | None = None,
+    evaluated_anew: bool = False,
     progress: Progress = quiet,
 ) -> Issued:
     """Put runs of one unit into one signed PDF (`hil passport`).
@@ -132,18 +133,20 @@ def issue_passport(
         identify: whether the unit is identified; page one says so where it is not.
         model: of the type, or the path of its file; states what these data excluded.
         key: file of the lab's key with its certificate, PEM or PKCS #12; else this machine's.
+        evaluated_anew: where another version of the program found something else, take what is found now.
         progress: told how far it is.
 
     Returns:
         The `path`, the `unit` with its verdict, the `signer`, and what was `understood` of the unit.
 
     Raises:
-        InputError: runs of different units or of none, a changed run, a key that cannot sign.
+        InputError: runs of different units or of none, a changed run, results that its samples do not give, a key that
+            cannot sign.
     """
     from hil.passport.issue import Wanted, issue
     from hil.passport.key import signing_key
 
-    wanted = Wanted(names, identify, None if model is None else model_of(model))
+    wanted = Wanted(names, identify, None if model is None else model_of(model), evaluated_anew)
     given: list[str | Path] = several(runs)
     folders, signer = [Path(one) for one in given], signing_key(None if key is None else Path(key))
     return issue(folders, Path(out), signer, wanted, progress)

@@ -10,7 +10,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,6 +19,8 @@ from filelock import FileLock
 
 from hil.bench.read import BenchFile
 from hil.errors import FileError, StorageError, marked
+from hil.record.header import END_FILE, HEADER_FILE
+from hil.record.seal import SEAL_FILE, marks_of, read_seal
 from hil.safety.interrupt import Terminated
 from hil.safety.latch import state_path
 
@@ -26,6 +28,7 @@ ACCOUNT = "HIL_ACCOUNT"
 """The environment variable that says to a run who started it at a console."""
 _TAIL_BYTES = 1 << 16
 _BEGINNING = "0" * 64
+_CLOSES, _EVALUATES = "closes", "evaluates"
 
 
 class Audit:
@@ -204,6 +207,69 @@ def on_the_trail(
             with suppress(StorageError):  # the outputs are settled; what is known of them stands in the run folder
                 audit.write(_who_stopped(stopped), "stop", {**run, **how}, operator)
         raise
+    finally:
+        if drives and (out / END_FILE).is_file():
+            with suppress(StorageError, FileError):
+                audit.write(acting_account(), _CLOSES, {"run": run["run"], "sha256": marks_of(out)}, operator)
+
+
+def evaluated_on_the_trail(folder: Path) -> None:
+    """The seal of a run that was evaluated, as it stands now; a trail that cannot be written keeps nobody from it."""
+    seal = read_seal(folder)
+    limits = {} if seal is None else {name: asdict(limit) for name, limit in seal.limits.items()}
+    with suppress(StorageError):
+        told = {"run": str(folder.absolute()), "sha256": marks_of(folder), "limits": limits}
+        Audit().write(acting_account(), _EVALUATES, told)
+
+
+def issued_on_the_trail(file: Path, sha256: str, serial: str) -> None:
+    """A passport was issued: a head that is kept after this line shows that it was there by then."""
+    with suppress(StorageError):
+        Audit().write(acting_account(), "issues", {"file": str(file.absolute()), "sha256": sha256, "serial": serial})
+
+
+def is_on_the_trail(folder: Path, path: Path | None = None) -> bool:
+    """Whether the trail of this computer holds a run as it lies there; False: it does not know it.
+
+    Args:
+        folder: of the run.
+        path: of another trail.
+
+    Raises:
+        FileError: the trail holds it otherwise, or is broken.
+    """
+    path = path or Audit().path
+    here, place = marks_of(folder), str(folder.absolute())
+    closes, evaluates = [], []
+    for link in chain(path) if path.exists() else ():
+        run, sealed = _sealed(link)
+        same = sealed.get(HEADER_FILE) == here.get(HEADER_FILE)
+        if link.line.get("act") == _CLOSES and (same or run == place):
+            closes.append((link, sealed))
+        elif link.line.get("act") == _EVALUATES and same:
+            evaluates.append((link, sealed))
+    if not closes:
+        return False
+    link, recorded = max(closes, key=lambda one: (_agree(one[1], here, HEADER_FILE, END_FILE), one[0].number))
+    judged_in, judged = evaluates[-1] if evaluates else (link, {})
+    for name, known, at in ((HEADER_FILE, recorded, link), (END_FILE, recorded, link), (SEAL_FILE, judged, judged_in)):
+        if not _agree(known, here, name):
+            raise FileError(
+                f"{folder / name}: not the one that stands in the audit trail ({path}, line {at.number} of "
+                f"{at.line.get('utc')})"
+            )
+    return True
+
+
+def _sealed(link: Link) -> tuple[str, Mapping[str, str]]:
+    """(run folder, hashes of the files that stand for it) of a line; nothing where it is none of a seal."""
+    about = link.line.get("details")
+    sealed = about.get("sha256") if isinstance(about, dict) else None
+    return (str(about.get("run")), sealed) if isinstance(about, dict) and isinstance(sealed, dict) else ("", {})
+
+
+def _agree(known: Mapping[str, str], here: Mapping[str, str], *names: str) -> bool:
+    return all(known.get(name) == here.get(name) for name in names)
 
 
 def acting_account() -> str:

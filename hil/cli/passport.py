@@ -18,6 +18,11 @@ def command(
     model: Path | None = typer.Option(
         None, "--model", metavar="MODEL.json", help="Model of the type; states what these data excluded."
     ),
+    evaluated_anew: bool = typer.Option(
+        False,
+        "--evaluated-anew",
+        help="Where another version found something else: take what is found now, and say so.",
+    ),
     key: Path | None = typer.Option(
         None, "--key", metavar="FILE", help="The lab's key with its certificate, PEM or PKCS #12; else this machine's."
     ),
@@ -33,8 +38,9 @@ def command(
     check_file(out)
     with shown() as progress:
         found = api.issue_passport(
-            runs, out, names=not no_names, identify=not no_model, model=model, key=key, progress=progress
-        )
+            runs, out, names=not no_names, identify=not no_model, model=model, key=key, evaluated_anew=evaluated_anew,
+            progress=progress,
+        )  # fmt: skip
     unit, signer, says = found.unit, found.signer, found.understood.says
     unfinished = "" if unit.finished else "; a test did not end as planned"
     simulated = " (SIMULATED)" if unit.simulated else ""
@@ -44,7 +50,9 @@ def command(
         f"signed by: {signer.name}, {signer.fingerprint}\n"
         f"model: {says}"
     )
+    moved = [f"{run.folder}: {text}" for run in unit.runs for text in run.moved]
+    words = "\n".join((words, *(f"evaluated anew: {text}" for text in moved)))
     told = {"file": found.path, "valve": unit.valve, "serial": unit.serial, "verdict": unit.verdict,
             "simulated": unit.simulated}  # fmt: skip
-    told |= {"signer": signer.name, "fingerprint": signer.fingerprint, "model": says}
+    told |= {"signer": signer.name, "fingerprint": signer.fingerprint, "model": says, "moved": moved}
     printed({"schema": "hil.issued/1", **told}, words, as_json)

@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from hil.passport.evaluate import Evaluated
+    from hil.passport.verify import Verified
 
 
 def command(
@@ -13,24 +22,82 @@ def command(
     trust: list[Path] = typer.Option(
         [], "--trust", metavar="CERT", help="Certificate of a signer who is known, or of who vouches for him."
     ),
+    revoked: Path | None = typer.Option(
+        None,
+        "--revoked",
+        metavar="FILE",
+        help="Revoked certificates: SHA-256, date and reason on each line; else revoked.txt of this machine.",
+    ),
+    received: str = typer.Option(
+        "", "--received", metavar="DATE", help="You had the file by then: trusted where a key was revoked later."
+    ),
+    evaluate: bool = typer.Option(
+        False, "--evaluate", help="Evaluate the runs inside anew, and hold page one, certificate and data together."
+    ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.verified/1."),
 ) -> None:
-    """Exit 0: unchanged, by a known signer; 1: changed, or by an unknown signer; 2: no passport."""
+    """Exit 0: unchanged, by a known signer; 1: changed, or by an unknown signer; 2: no passport.
+
+    With --evaluate also 1 where the samples inside do not give what the passport says, or nobody can tell here.
+    """
     from hil.passport.key import own_certificates, read_certificates
-    from hil.passport.verify import verify_file
+    from hil.passport.revoked import read_revocations
+    from hil.passport.verify import Trust, verify_file
 
     known = [*own_certificates(), *(one for path in trust for one in read_certificates(path))]
-    found = verify_file(file, known)
+    found = verify_file(file, Trust(known, read_revocations(revoked), _received(received)))
+    evaluated = _evaluated(file) if evaluate and found.is_as_signed else None
+    status = max(found.exit_status, 1 if evaluated is not None and evaluated.faults else 0)
     if as_json:
-        told = {"file": str(file), "sentence": found.sentence, "signer": found.signer or None}
-        status = {"status": found.exit_status, "fingerprint": found.fingerprint or None,
-                  "simulated": found.simulated}  # fmt: skip
-        typer.echo(json.dumps({"schema": "hil.verified/1", **told, **status}, indent=1, ensure_ascii=False))
-        raise typer.Exit(found.exit_status)
+        told: dict[str, Any] = {"file": str(file), "sentence": found.sentence, "signer": found.signer or None}
+        told["signed_utc"] = None if found.signed_utc is None else found.signed_utc.isoformat()
+        told |= {"status": status, "fingerprint": found.fingerprint or None, "simulated": found.simulated}
+        told |= {"evaluated": None if evaluated is None else asdict(evaluated)}
+        typer.echo(json.dumps({"schema": "hil.verified/1", **told}, indent=1, ensure_ascii=False))
+        raise typer.Exit(status)
     typer.echo(f"{file}: {found.sentence}")
     if found.simulated:
         typer.echo("SIMULATED: the runs inside were recorded on a simulated device; this says nothing of a real valve")
     if found.signer:
         typer.echo(f"signer: {found.signer}")
         typer.echo(f"SHA-256 of the certificate: {found.fingerprint}")
-    raise typer.Exit(found.exit_status)
+        typer.echo(f"signed: {_when(found)}")
+    if evaluated is not None:
+        typer.echo("\n".join(_said(evaluated)))
+    raise typer.Exit(status)
+
+
+def _received(text: str) -> datetime | None:
+    from hil.errors import SettingError
+    from hil.passport.revoked import moment_of
+
+    try:
+        return moment_of(text) if text else None
+    except ValueError:
+        raise SettingError(f"--received {text}: a date was expected, as 2026-11-25 or 2026-11-25T14:30") from None
+
+
+def _when(found: Verified) -> str:
+    from hil.report.local_time import local_text
+
+    if found.signed_utc is None:
+        return "the signer's computer does not say when"
+    return f"{local_text(found.signed_utc)}, as the signer's computer said; no third party vouches for it"
+
+
+def _evaluated(file: Path) -> Evaluated:
+    from hil.passport.evaluate import evaluate_passport
+
+    return evaluate_passport(file.read_bytes())
+
+
+def _said(found: Evaluated) -> Iterator[str]:
+    yield from found.notes
+    if found.faults:
+        yield from (f"does not follow from the samples: {fault}" for fault in found.faults)
+        return
+    runs = "1 run" if found.runs == 1 else f"{found.runs} runs"
+    yield (
+        f"evaluated anew: {found.values} values of {runs}, each within 1 % of its ±; page one, certificate and data "
+        "say the same (the model inside was not identified again)"
+    )

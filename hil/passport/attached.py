@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from hil.errors import FileError
-from hil.findings.results import read_results, write_results
+from hil.errors import FileError, StorageError
+from hil.findings.results import RESULTS_FILE, read_results, write_results
 from hil.passport.unit import Unit, UnitRun
 from hil.record.folder import write
 from hil.record.header import sha256_of
 from hil.record.recording import Recording
+from hil.record.seal import seal_folder
 from hil.session.outcome import REPORT_FILE
+from hil.session.results import judged_by, write_evaluation
 
 Relation = Literal["source", "data", "supplement"]
 RUNS = "runs"
@@ -56,6 +59,23 @@ def without_names(unit: Unit, place: Path) -> Unit:
     return replace(unit, runs=tuple(_without_name(run, place / name) for name, run in _named(unit)))
 
 
+def evaluated_copies(unit: Unit, place: Path) -> Unit:
+    """The same runs; of those of which an evaluation now finds something else a copy, with that in it and sealed."""
+    return replace(unit, runs=tuple(_evaluated_copy(run, place / name) for name, run in _named(unit)))
+
+
+def _evaluated_copy(run: UnitRun, folder: Path) -> UnitRun:
+    if not run.moved:
+        return run
+    try:
+        shutil.copytree(run.folder, folder, symlinks=True)
+    except OSError as error:
+        raise StorageError(f"{run.folder}: cannot be copied, to be evaluated anew: {error}") from error
+    kept = run.findings  # looked up in the archive, or found with time: as true as it was
+    write_evaluation(run.recording, replace(run.findings_anew, since=kept.since, cause=kept.cause), folder)
+    return replace(run, folder=folder, results=read_results(folder / RESULTS_FILE))
+
+
 def _without_name(run: UnitRun, folder: Path) -> UnitRun:
     meta: Mapping[str, Any] = {key: value for key, value in run.recording.meta.items() if key != "operator"}
     recording = Recording(str(folder), run.recording.time_s, run.recording.channels, meta)
@@ -63,7 +83,8 @@ def _without_name(run: UnitRun, folder: Path) -> UnitRun:
     folder.parent.mkdir(parents=True, exist_ok=True)
     write(recording, folder)
     write_results(results, folder)
-    return UnitRun(folder, recording, read_results(folder / "results.json"))
+    seal_folder(folder, judged_by(run.recording, run.folder))
+    return replace(run, folder=folder, recording=recording, results=results)
 
 
 def _named(unit: Unit) -> Iterator[tuple[str, UnitRun]]:

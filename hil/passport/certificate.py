@@ -16,6 +16,7 @@ from hil.report.number import label_text, limits_text, number, rounded, unit_tex
 from hil.report.provenance import stated_or_measured
 from hil.report.results import value_text, verdict_box, verdict_words
 from hil.report.sentences import sentence
+from hil.version import PROGRAM
 
 _ON_PAGE_ONE, _DEVIATIONS_ON_PAGE_ONE, _LONGEST = 16, 5, 160
 
@@ -28,7 +29,18 @@ class Signer:
     fingerprint: str
 
 
-def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) -> dict[str, Any]:
+@dataclass(frozen=True, slots=True)
+class Trail:
+    """The audit trail when a passport is issued: its last line, its hash, and how many of the runs it holds."""
+
+    line: int = 0
+    sha256: str = ""
+    holds: int = 0
+
+
+def certificate_of(
+    unit: Unit, signer: Signer, model_says: str, *, names: bool, trail: Trail = Trail()
+) -> dict[str, Any]:
     """Everything that page one says, and the tables of the annex."""
     found = unit.findings
     boxes = [verdict_box(run.findings, run.recording.meta) for run in unit.runs]
@@ -42,7 +54,7 @@ def certificate_of(unit: Unit, signer: Signer, model_says: str, *, names: bool) 
         "date": [unit.dates[1].year, unit.dates[1].month, unit.dates[1].day],
         **whole,
         "details": [with_minus(text) for text in details[:4]], "beside": _beside(boxes),
-        "facts": _facts(unit, names), "conditions": _conditions(unit),
+        "facts": [*_facts(unit, names), *_origin(unit, trail)], "conditions": _conditions(unit),
         "limits": [_limit_row(m) for m in judged[:_ON_PAGE_ONE]],
         "more_limits": [_limit_row(m) for m in judged[_ON_PAGE_ONE:]],
         "values": [_value_row(m) for m in others],
@@ -77,6 +89,34 @@ def _facts(unit: Unit, names: bool) -> list[tuple[str, str]]:
         ),
         *((capital(_(name)), text) for name, text in notes.items()),
     ]
+
+
+def _origin(unit: Unit, trail: Trail) -> list[tuple[str, str]]:
+    """Which program found the values, and whether the audit trail holds the runs as they are here."""
+    rows = [(_("Program"), _programs(unit)), (_("Audit trail"), _trail(unit, trail))]
+    late = dict.fromkeys(name for run in unit.runs for name in run.late_limits)
+    if late:
+        rows.append((_("Limits given after the run"), ", ".join(capital(_(quantity_words(name))) for name in late)))
+    return rows
+
+
+def _programs(unit: Unit) -> str:
+    recorded = ", ".join(dict.fromkeys(str(run.recording.meta.get("program") or _("not stated")) for run in unit.runs))
+    evaluated = ", ".join(dict.fromkeys(run.evaluated_by or _("an earlier version, unsealed") for run in unit.runs))
+    text = recorded if recorded == evaluated else _("recorded: {one}; evaluated: {other}").format(
+        one=recorded, other=evaluated
+    )  # fmt: skip
+    anew = any(run.moved for run in unit.runs)
+    return _("{programs}; values evaluated anew: {program}").format(programs=text, program=PROGRAM) if anew else text
+
+
+def _trail(unit: Unit, trail: Trail) -> str:
+    if not trail.holds:
+        return _("does not hold these runs")
+    head = _("line {number}, {sha256} …").format(number=trail.line, sha256=trail.sha256[:16])
+    if trail.holds == len(unit.runs):
+        return _("holds these runs; its head: {head}").format(head=head)
+    return _("holds {n} of {all} runs; its head: {head}").format(n=trail.holds, all=len(unit.runs), head=head)
 
 
 def _conditions(unit: Unit) -> list[tuple[str, str]]:

@@ -2,29 +2,41 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 import uuid
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
+from hil.bench.audit import Audit, head, is_on_the_trail, issued_on_the_trail
 from hil.errors import InputError, SettingError, StorageError
 from hil.language.choice import in_page_language
-from hil.passport.attached import DCC_FILE, DIAGNOSIS_FILE, MODEL_FILE, TYPE_MODEL_FILE, Attached, attached_runs
+from hil.passport.attached import (
+    DCC_FILE,
+    DIAGNOSIS_FILE,
+    MODEL_FILE,
+    TYPE_MODEL_FILE,
+    Attached,
+    attached_runs,
+    evaluated_copies,
+)
 from hil.passport.attached import without_names as nameless
-from hil.passport.certificate import Signer, certificate_of
+from hil.passport.certificate import Signer, Trail, certificate_of
 from hil.passport.dcc import certificate_xml
 from hil.passport.figures import pictures
 from hil.passport.identified import Progress, Understood, understood
 from hil.passport.key import SigningKey, fingerprint, name_of
 from hil.passport.pdf import compiled
+from hil.passport.revoked import read_revocations
 from hil.passport.sign import signed
 from hil.passport.unit import Unit, read_unit_runs
-from hil.passport.verify import Soundness, verify
+from hil.passport.verify import Soundness, Trust, verify
 from hil.physics.other_plant import other_plants
 from hil.record.plain import plain
+from hil.version import PROGRAM
 
 if TYPE_CHECKING:
     from hil.physics.model import Model
@@ -34,11 +46,19 @@ SCHEMA = "hil.passport/1"
 
 @dataclass(frozen=True, slots=True)
 class Wanted:
-    """How a passport is asked for. `model`: of the type, for what the data excluded."""
+    """How a passport is asked for.
+
+    Attributes:
+        names: whether it says who ran the tests.
+        identify: whether the unit is identified.
+        model: of the type, for what the data excluded.
+        anew: take what an evaluation now finds, where that is not what the run was said to have found.
+    """
 
     names: bool = True
     identify: bool = True
     model: Model | None = None
+    anew: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,18 +81,20 @@ def issue(
         InputError: runs of different units or of none, a changed run, a key that cannot sign, a model of another plant.
         StorageError: something cannot be written.
     """
-    progress(0.0, "reading the runs")
-    unit = read_unit_runs(folders)
+    progress(0.0, "evaluating the runs anew")
+    unit, trail = read_unit_runs(folders, also_moved=wanted.anew), trail_of(folders)
     _check_kind(unit, wanted.model)
     signer = Signer(name_of(key.certificate), fingerprint(key.certificate))
     known = understood(unit, wanted.identify, wanted.model, progress)
     with TemporaryDirectory(prefix="hil-passport-") as folder:
         place = Path(folder)
+        unit = evaluated_copies(unit, place / "anew")
         if not wanted.names:
             unit = nameless(unit, place / "nameless")
         progress(0.9, "setting the pages")
-        content = _sealed(unit, known, signer, wanted, key, place)
+        content = _sealed(unit, known, signer, wanted, key, place, trail)
     _written(content, out)
+    issued_on_the_trail(out, hashlib.sha256(content).hexdigest(), unit.serial)
     progress(1.0, "done")
     return Issued(out, unit, known, signer)
 
@@ -83,29 +105,46 @@ def _check_kind(unit: Unit, kind: Model | None) -> None:
         raise SettingError(f"--model: {said[0]} Give the model of this valve's type")
 
 
-def _sealed(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: SigningKey, place: Path) -> bytes:
-    page, drawn = _said(unit, known, signer, wanted)
+def trail_of(folders: Sequence[Path]) -> Trail:
+    """The audit trail of this computer, and how many of these runs it holds.
+
+    Raises:
+        FileError: it holds one otherwise, or is broken.
+    """
+    held, last = [is_on_the_trail(folder) for folder in folders], head(Audit().path)
+    return Trail() if last is None else Trail(last.number, last.sha256, sum(held))
+
+
+def _sealed(
+    unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: SigningKey, place: Path, trail: Trail
+) -> bytes:
+    page, drawn = _said(unit, known, signer, wanted, trail)
     inside = [*_made(unit, known, signer, wanted, place / "made"), *attached_runs(unit)]
     content = {
         "schema": SCHEMA, "serial": unit.serial, "valve": unit.valve, "verdict": unit.verdict,
         "simulated": unit.simulated,
         "dates": [date.isoformat() for date in unit.dates], "seconds_identification_and_diagnosis": known.seconds,
-        "model": known.says,
+        "model": known.says, "program": PROGRAM, "language": page["language"], "audit_trail": asdict(trail),
+        "runs": [
+            {"run": run.results.run, "recorded_by": run.recording.meta.get("program"),
+             "evaluated_by": PROGRAM if run.moved else run.evaluated_by or None, "moved": run.moved}
+            for run in unit.runs
+        ],
     }  # fmt: skip
     work = place / "pages"
     work.mkdir()
     sealed = signed(compiled(page, drawn, inside, content, work), key)
-    if (checked := verify(sealed, [key.certificate])).outcome is not Soundness.SOUND:
+    if (checked := verify(sealed, Trust([key.certificate], read_revocations(None)))).outcome is not Soundness.SOUND:
         raise InputError(f"the passport was not written: its own check says: {checked.sentence}")
     return sealed
 
 
 @in_page_language
 def _said(
-    unit: Unit, known: Understood, signer: Signer, wanted: Wanted
+    unit: Unit, known: Understood, signer: Signer, wanted: Wanted, trail: Trail
 ) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
     """What the pages say and show; the files beside them are in English whatever the pages are in."""
-    page = certificate_of(unit, signer, known.says, names=wanted.names)
+    page = certificate_of(unit, signer, known.says, names=wanted.names, trail=trail)
     page |= {"valve": unit.valve, "serial": unit.serial, "model_about": known.about,
              "parameters": known.parameters, "excluded": known.excluded}  # fmt: skip
     return page, pictures(run.results for run in unit.runs)

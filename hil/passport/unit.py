@@ -3,27 +3,45 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import date, datetime
 from pathlib import Path
 
 from hil.errors import FileError, SettingError
-from hil.findings.collect import findings_of
-from hil.findings.results import Results
+from hil.findings.agreement import disagreements
+from hil.findings.collect import findings_of, results_of
+from hil.findings.results import RESULTS_FILE, Results
 from hil.record.folder import read
-from hil.record.measurement import Findings, Verdict, ended_as_planned, judge, unproven
+from hil.record.measurement import Findings, Verdict, ended_as_planned
 from hil.record.recording import Recording
+from hil.record.seal import Seal, check_seal
 from hil.record.simulated import is_simulated
-from hil.session.results import results_of_run
+from hil.session.limit import limits_of
+from hil.session.results import evaluated_anew, results_of_run
+from hil.version import PROGRAM
+
+_SHOWN = 5  # of what was found otherwise: a message, not a report
 
 
 @dataclass(frozen=True, slots=True)
 class UnitRun:
-    """A run of the unit: its folder, its samples, and what was found."""
+    """A run of the unit: its folder, its samples, and what was found.
+
+    Attributes:
+        folder, recording, results: of the run.
+        evaluated_by: the program that sealed the results; empty where an earlier version did not seal them.
+        late_limits: names of limits that were given or changed after the run.
+        moved: what an evaluation now finds otherwise than the results, a sentence each.
+        findings_anew: everything that it finds.
+    """
 
     folder: Path
     recording: Recording
     results: Results
+    evaluated_by: str = ""
+    late_limits: tuple[str, ...] = ()
+    moved: tuple[str, ...] = ()
+    findings_anew: Findings = field(default_factory=Findings)
 
     @property
     def findings(self) -> Findings:
@@ -86,26 +104,60 @@ class Unit:
         return self.runs[0].started.date(), self.runs[-1].started.date()
 
 
-def read_unit_runs(folders: Sequence[Path]) -> Unit:
-    """The runs of one unit.
+def read_unit_runs(folders: Sequence[Path], *, also_moved: bool = False) -> Unit:
+    """The runs of one unit, each held together with its seal and evaluated anew.
+
+    Args:
+        folders: of the runs.
+        also_moved: take runs too of which an evaluation now finds something else; they say what.
 
     Raises:
-        FileError: not a run folder, one that was changed, or one whose results are not of it.
+        FileError: not a run folder, one that was changed, or one whose results are not what its samples say.
+        UnknownNameError: a procedure that is not installed here, so that nobody can tell.
         SettingError: a run without a serial number, or runs of different units.
     """
-    runs = sorted((_run(folder) for folder in folders), key=lambda run: run.started)
+    runs = sorted((_run(folder, also_moved) for folder in folders), key=lambda run: run.started)
     serials = {_serial(run) for run in runs}
     if len(serials) > 1:
         raise SettingError(f"a passport is of one unit; these runs are of {', '.join(sorted(serials))}")
     return Unit(serials.pop(), tuple(runs))
 
 
-def _run(folder: Path) -> UnitRun:
+def _run(folder: Path, also_moved: bool) -> UnitRun:
     recording = read(folder)
-    results = results_of_run(folder)
-    _check_own(folder, recording, results)
-    _check_judged(folder, results, ended_as_planned(recording.meta))
-    return UnitRun(folder, recording, results)
+    seal = check_seal(folder)
+    found = evaluated_anew(recording, folder)
+    results = results_of(recording, found)
+    kept = results_of_run(folder) if (folder / RESULTS_FILE).is_file() else results
+    same_program = kept is results or (seal is not None and seal.program == PROGRAM)
+    moved = tuple(disagreements(kept, results, words=same_program))
+    late = () if seal is None else _late(recording, seal)
+    run = UnitRun(folder, recording, kept, _evaluator(seal, kept is results), late, moved, found)
+    if moved and not also_moved:
+        raise FileError(_refusal(run, same_program))
+    return run
+
+
+def _evaluator(seal: Seal | None, now: bool) -> str:
+    return PROGRAM if now else "" if seal is None else seal.program
+
+
+def _late(recording: Recording, seal: Seal) -> tuple[str, ...]:
+    first = limits_of(recording.meta)
+    return tuple(name for name, limit in seal.limits.items() if first.get(name) != limit)
+
+
+def _refusal(run: UnitRun, same_program: bool) -> str:
+    folder, moved = run.folder, run.moved
+    shown = "; ".join(moved[:_SHOWN]) + (f"; and {len(moved) - _SHOWN} more" if len(moved) > _SHOWN else "")
+    if same_program:
+        remedy = f"`hil report {folder}` evaluates it again"
+        return f"{folder}: results.json is not what the samples of the run say: {shown}; {remedy}"
+    maker = run.evaluated_by or "an earlier version, which did not seal its results"
+    return (
+        f"{folder}: evaluated by {maker}, and now by {PROGRAM}, with another result: {shown}; "
+        "--evaluated-anew takes what is found now, and page one names both versions"
+    )
 
 
 def _serial(run: UnitRun) -> str:
@@ -113,28 +165,3 @@ def _serial(run: UnitRun) -> str:
     if not serial:
         raise SettingError(f"{run.folder}: says not which unit it is of; a passport needs a run made with --serial SN")
     return serial
-
-
-def _check_own(folder: Path, recording: Recording, results: Results) -> None:
-    """The header of a run is sealed, its results are not: both must speak of the same run."""
-    meta = recording.meta
-    of_header = (str((meta.get("valve") or {}).get("serial") or ""), str(meta.get("procedure") or ""))
-    of_results = (results.serial or "", results.procedure)
-    if of_header != of_results:
-        raise FileError(
-            f"{folder}: results.json is of {' '.join(of_results)}, the run of {' '.join(of_header)}; "
-            f"`hil report {folder}` evaluates it again"
-        )
-
-
-def _check_judged(folder: Path, results: Results, planned: bool) -> None:
-    """Verdicts that were kept must be those that the values, limits and the end of the run give."""
-    for value in results.values:
-        given = judge(value.value, value.std, value.low, value.high, value.relation)
-        if (given if planned else unproven(given)) != value.verdict:
-            raise FileError(
-                f"{folder}: results.json calls {value.name} '{value.verdict}', which its value and limits do not say; "
-                f"`hil report {folder}` evaluates it again"
-            )
-    if findings_of(results).verdict != results.verdict:
-        raise FileError(f"{folder}: results.json calls the run '{results.verdict}', which its values do not say")

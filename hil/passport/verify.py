@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from datetime import datetime
 from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,6 +14,7 @@ from typing import TYPE_CHECKING
 from hil.errors import FileError, marked
 from hil.passport.contents import files_inside
 from hil.passport.key import fingerprint, name_of, own_certificates
+from hil.passport.revoked import Revocations, fault_in_time, is_authority, read_revocations
 from hil.passport.seal import ChangedError, is_passport, seal_of
 from hil.record.header import HEADER_FILE
 from hil.record.simulated import is_simulated
@@ -26,7 +28,8 @@ class Soundness(IntEnum):
 
     SOUND = 0
     CHANGED = 1
-    UNKNOWN_SIGNER = 1 << 8  # told apart here; its exit status is that of a changed file
+    UNKNOWN_SIGNER = 1 << 8  # kept apart here; the exit status of these is that of a changed file
+    NOT_VALID_THEN = 2 << 8
     NO_PASSPORT = 2
 
 
@@ -34,7 +37,7 @@ class Soundness(IntEnum):
 class Verified:
     """The outcome in one sentence, with the signer where the signature is his.
 
-    `simulated`: whether a run inside was made on a simulated valve; said of files that are as they were signed.
+    `signed_utc`: when, as the signer's computer said. `simulated`: whether a run inside was made on a simulated valve.
     """
 
     outcome: Soundness
@@ -42,19 +45,40 @@ class Verified:
     signer: str = ""
     fingerprint: str = ""
     simulated: bool = False
+    signed_utc: datetime | None = None
 
     @property
     def exit_status(self) -> int:
         """0 sound and signer known, 1 changed or signer unknown, 2 no passport."""
-        return 1 if self.outcome is Soundness.UNKNOWN_SIGNER else int(self.outcome)
+        return min(int(self.outcome), 1) if self.outcome is not Soundness.NO_PASSPORT else 2
 
     @property
     def is_as_signed(self) -> bool:
-        """Whether nothing was changed, whoever signed."""
-        return self.outcome in (Soundness.SOUND, Soundness.UNKNOWN_SIGNER)
+        """Whether nothing was changed, whoever signed, and whenever."""
+        return self.outcome not in (Soundness.CHANGED, Soundness.NO_PASSPORT)
 
 
-def verify_file(path: Path, trusted: Sequence[Certificate]) -> Verified:
+@dataclass(frozen=True, slots=True)
+class Trust:
+    """What its reader knows of signers.
+
+    Attributes:
+        certificates: of known signers, and of authorities that vouch for them.
+        revocations: of certificates that hold no longer.
+        received: when the reader had the file at the latest, by his own records; None where he does not say.
+    """
+
+    certificates: Sequence[Certificate] = ()
+    revocations: Revocations = field(default_factory=dict)
+    received: datetime | None = None
+
+
+def own_trust() -> Trust:
+    """What this computer trusts by itself."""
+    return Trust(own_certificates(), read_revocations(None))
+
+
+def verify_file(path: Path, trust: Trust) -> Verified:
     """Check a file.
 
     Raises:
@@ -64,16 +88,11 @@ def verify_file(path: Path, trusted: Sequence[Certificate]) -> Verified:
         content = path.read_bytes()
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}") from None
-    return verify(content, trusted)
+    return verify(content, trust)
 
 
-def verify(content: bytes, trusted: Sequence[Certificate]) -> Verified:
-    """Check the bytes of a file.
-
-    Args:
-        content: of the file.
-        trusted: certificates of known signers, or of those who vouch for them.
-    """
+def verify(content: bytes, trust: Trust) -> Verified:
+    """Check the bytes of a file."""
     from cryptography import x509
 
     if not is_passport(content):
@@ -81,15 +100,18 @@ def verify(content: bytes, trusted: Sequence[Certificate]) -> Verified:
     try:
         seal = seal_of(content)
         certificate = x509.load_der_x509_certificate(seal.certificate)
-        known = _validated(content, seal.field, certificate, trusted)
+        issuers, signed_utc = _validated(content, seal.field, certificate, trust.certificates)
+        who = name_of(certificate), fingerprint(certificate), _of_simulated_runs(content), signed_utc
     except ChangedError as error:
         return Verified(Soundness.CHANGED, f"changed since it was signed: {error}")
     except Exception as error:  # a broken PDF makes its reader raise anything; whatever it is, the file is not sound
         return Verified(Soundness.CHANGED, f"cannot be read as it was signed: {type(error).__name__}")
-    who = name_of(certificate), fingerprint(certificate), _of_simulated_runs(content)
-    if not known:
+    if issuers is None:
         said = "unchanged since it was signed, by a signer who is not known here"
         return Verified(Soundness.UNKNOWN_SIGNER, said, *who)
+    if fault := fault_in_time([certificate, *issuers], signed_utc, trust.revocations, trust.received):
+        said = f"unchanged since it was signed, by a known signer, but {fault}"
+        return Verified(Soundness.NOT_VALID_THEN, said, *who)
     return Verified(Soundness.SOUND, "unchanged since it was signed, by a known signer", *who)
 
 
@@ -101,12 +123,13 @@ def _of_simulated_runs(content: bytes) -> bool:
 
 def _validated(
     content: bytes, field: tuple[int, int], certificate: Certificate, trusted: Sequence[Certificate]
-) -> bool:
-    """Whether the signer is known, by pyHanko's own validator.
+) -> tuple[Sequence[Certificate] | None, datetime | None]:
+    """(who vouches for the signer, None where nobody does; when he says that he signed), by pyHanko's own validator.
 
     Raises:
         ChangedError: the validator does not find the signature sound.
     """
+    from cryptography import x509
     from pyhanko.pdf_utils.reader import PdfFileReader
     from pyhanko.sign.validation import validate_pdf_signature
     from pyhanko.sign.validation.status import SignatureCoverageLevel
@@ -114,14 +137,20 @@ def _validated(
     signatures = PdfFileReader(io.BytesIO(content), strict=True).embedded_signatures
     if len(signatures) != 1 or list(signatures[0].byte_range) != [0, *field, len(content) - field[1]]:
         raise ChangedError("it holds another signature than the one that covers it")
-    status = validate_pdf_signature(signatures[0], _trust(certificate, trusted, signatures[0].self_reported_timestamp))
+    moment = signatures[0].self_reported_timestamp
+    status = validate_pdf_signature(signatures[0], _context(certificate, trusted, moment))
     if not (status.intact and status.valid and status.coverage is SignatureCoverageLevel.ENTIRE_FILE):
         raise ChangedError("its signature does not fit")
-    return bool(status.trusted)
+    if certificate in trusted:
+        return (), moment
+    if not status.trusted or status.validation_path is None:
+        return None, moment
+    path = status.validation_path.iter_certs(include_root=True)
+    return [x509.load_der_x509_certificate(one.dump()) for one in path], moment
 
 
-def _trust(certificate: Certificate, trusted: Sequence[Certificate], moment):  # type: ignore[no-untyped-def]
-    """What the validator may trust: a known certificate itself, or those who vouch for it.
+def _context(certificate: Certificate, trusted: Sequence[Certificate], moment):  # type: ignore[no-untyped-def]
+    """What the validator may trust: a known certificate itself, or authorities; another signer vouches for nobody.
 
     At the time that the signer states: a passport outlives the certificate that signed it.
     """
@@ -129,7 +158,7 @@ def _trust(certificate: Certificate, trusted: Sequence[Certificate], moment):  #
     from cryptography.hazmat.primitives.serialization import Encoding
     from pyhanko_certvalidator import ValidationContext
 
-    roots = [certificate] if certificate in trusted else trusted
+    roots = [certificate] if certificate in trusted else filter(is_authority, trusted)
     parsed = [Parsed.load(one.public_bytes(Encoding.DER)) for one in roots]
     return ValidationContext(trust_roots=parsed, allow_fetching=False, moment=moment, best_signature_time=moment)
 
@@ -140,7 +169,7 @@ def opened(path: Path) -> tuple[bytes, Verified]:
     Raises:
         FileError: no passport, or one that was changed (exit status 1).
     """
-    found = verify_file(path, own_certificates())
+    found = verify_file(path, own_trust())
     if not found.is_as_signed:
         error = FileError(f"{path}: {found.sentence}; nothing was taken from it")
         marked(error, found.exit_status, "")

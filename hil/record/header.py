@@ -20,6 +20,7 @@ from hil.version import PROGRAM, is_newer, made_by
 HEADER_FILE, END_FILE = "run.json", "end.json"
 _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
 _KEPT_BYTES = 16384
+_SAMPLES = ("samples.f8", "samples.log")
 _NO_BRACKET = r"^[^\[\]\r\n]+$"
 
 
@@ -65,8 +66,9 @@ class Header(_Strict):
 class End(_Strict):
     """What is known when a run stops. Its presence means that the run was closed in order.
 
-    `rows` and `crc32` (over all rows) seal the samples, `sha256` the other files, by name. `outputs` is what was known
-    of each output then, by name; it stands in `meta` too, where earlier versions had it alone.
+    `rows` and `crc32` (over all rows) say how far the samples go; `sha256` seals every file that was recorded, by name.
+    `outputs` is what was known of each output then, by name; it stands in `meta` too, where earlier versions had it
+    alone.
     """
 
     format: Literal["hil-run-end"] = "hil-run-end"
@@ -120,20 +122,25 @@ def read_header(folder: Path) -> Header:
     Raises:
         FileError: there is none, or it is not what this program writes; names the field.
     """
-    return _read(folder / HEADER_FILE, Header, _FORMAT)
+    return read_stated(folder / HEADER_FILE, Header, _FORMAT)
 
 
 def read_end(folder: Path) -> End | None:
     """How the run ended; None while it is being written, and when its program was killed."""
     path = folder / END_FILE
-    return _read(path, End, _END_FORMAT) if path.exists() else None
+    return read_stated(path, End, _END_FORMAT) if path.exists() else None
 
 
 def check_sealed(folder: Path, end: End) -> None:
-    """Raise `FileError` when a file is no longer the one that was sealed at the end of the run."""
+    """Raise `FileError` when a file is no longer the one that was sealed at the end of the run.
+
+    Samples have a checksum of their own, which also tells how far they go when they are cut off.
+    """
     for name, expected in end.sha256.items():
         if Path(name).name != name:
             raise FileError(f"{folder / END_FILE}: seals '{name}', which is no file of the run folder")
+        if name in _SAMPLES:
+            continue
         found = sha256_of(folder / name)
         if found != expected:
             raise FileError(
@@ -154,10 +161,15 @@ def sha256_of(path: Path) -> str:
         raise FileError(f"{path}: cannot be read: {error.strerror}; a run folder needs it") from None
 
 
-_Model = TypeVar("_Model", bound=_Strict)
+_Model = TypeVar("_Model", bound=BaseModel)
 
 
-def _read(path: Path, model: type[_Model], name: str) -> _Model:
+def read_stated(path: Path, model: type[_Model], name: str) -> _Model:
+    """A file in which a run folder says something about itself.
+
+    Raises:
+        FileError: there is none, or it is not what this program writes; names the field.
+    """
     if path.parent.is_file():
         raise FileError(f"{path.parent}: a file, where a run folder is needed; `hil run` makes one")
     try:

@@ -238,7 +238,7 @@ class RunWriter:
         mark = self._rows.mark
         return End(
             outcome=outcome, stopped_utc=stopped_utc or datetime.now(UTC), rows=mark.rows, crc32=f"{mark.crc32:08x}",
-            sha256={HEADER_FILE: self._header_sum, EVENTS_FILE: self._events.sha256},
+            sha256={HEADER_FILE: self._header_sum, EVENTS_FILE: self._events.sha256, **self._rows.sha256},
             outputs=plain(meta).get("outputs", {}), meta=plain(meta),
         )  # fmt: skip
 

@@ -8,6 +8,7 @@ tells how far it really goes.
 
 from __future__ import annotations
 
+import hashlib
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -57,6 +58,7 @@ class RowsWriter:
         self._journal = FileIO(folder / JOURNAL_FILE, "r+")
         self._named = not is_deleted(self._file) and is_at(self._file, self._path)  # some file systems say so of none
         self._lines = 0
+        self._sums = {ROWS_FILE: hashlib.sha256(), JOURNAL_FILE: hashlib.sha256()}
         self.mark = Mark()
         self.last_s: float | None = None
 
@@ -83,6 +85,11 @@ class RowsWriter:
         copy_open(self._journal, folder / JOURNAL_FILE)
 
     @property
+    def sha256(self) -> dict[str, str]:
+        """Of what is whole in each file."""
+        return {name: found.hexdigest() for name, found in self._sums.items()}
+
+    @property
     def descriptors(self) -> tuple[int, int]:
         """Of the rows and of the journal."""
         return self._file.fileno(), self._journal.fileno()
@@ -100,6 +107,8 @@ class RowsWriter:
             self.mark, self.last_s = self.mark.after(block, len(table)), float(table[-1, 0])
             write_at(self._journal, self._lines * LINE_BYTES, self.mark.line())
             self._lines += 1
+            self._sums[ROWS_FILE].update(block)
+            self._sums[JOURNAL_FILE].update(self.mark.line())
         except OSError:
             self.mark, self.last_s = before
             self.trim()

@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
 
+from hil.bench.audit import evaluated_on_the_trail
 from hil.errors import FileError, HilError, InputError
 from hil.findings.collect import findings_of, results_of
 from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
@@ -17,6 +18,7 @@ from hil.record.folder import read
 from hil.record.header import HEADER_FILE, read_header
 from hil.record.measurement import Findings, Limit, ended_as_planned
 from hil.record.recording import Recording
+from hil.record.seal import check_seal, read_seal, seal_folder
 from hil.record.simulated import is_simulated
 from hil.report.run_page import write_run_report
 from hil.session.limit import TypedLimit, checked_limits, limits_of
@@ -32,16 +34,33 @@ def results_of_run(folder: Path) -> Results:
     """What was found when the run was evaluated; an evaluation now, where nothing was kept.
 
     Raises:
-        FileError: not a run folder, or its results cannot be read.
+        FileError: not a run folder, or its results cannot be read or were changed since.
         InputError: it was never evaluated, and cannot be now.
     """
     kept = folder / RESULTS_FILE
     if kept.is_file():
+        check_seal(folder, RESULTS_FILE)
         found = read_results(kept)
         return found if found.simulated is not None else _with_origin(found, folder)
     recording = read(folder)
-    procedure = procedure_of(recording)
-    return results_of(recording, evaluated(procedure, recording, limits_of(recording.meta)))
+    return results_of(recording, evaluated_anew(recording, folder))
+
+
+def evaluated_anew(recording: Recording, folder: Path) -> Findings:
+    """What the samples of a run say now, judged by its sealed limits; what was looked up elsewhere is left out.
+
+    Raises:
+        FileError: it names no procedure.
+        UnknownNameError: its procedure is not installed.
+        InputError: it does not hold what its evaluation needs.
+    """
+    return evaluated(procedure_of(recording), recording, judged_by(recording, folder))
+
+
+def judged_by(recording: Recording, folder: Path) -> dict[str, Limit]:
+    """The limits of a run: those with which it was run, then those by which it was last judged."""
+    seal = read_seal(folder)
+    return {**limits_of(recording.meta), **({} if seal is None else seal.limits)}
 
 
 def _with_origin(found: Results, folder: Path) -> Results:
@@ -60,7 +79,8 @@ def report_again(
 
     Args:
         folder: the run.
-        limits: of measured quantities, by name; they go before those with which it was run.
+        limits: of measured quantities, by name; they go before those with which it was judged before, and are sealed
+            with the run.
         archive: where an earlier run of a unit that did not pass is looked for.
 
     Raises:
@@ -70,9 +90,10 @@ def report_again(
     """
     recording = read(folder)
     procedure = procedure_of(recording)
-    judged_by = {**limits_of(recording.meta), **checked_limits(procedure.measurements, limits)}
-    found = with_earlier(procedure, recording, evaluated(procedure, recording, judged_by), folder, archive)
-    return write_outcome(recording, replace(found, cause=cause_found_before(folder)), folder)
+    given = checked_limits(procedure.measurements, limits)
+    every = {**judged_by(recording, folder), **given}
+    found = with_earlier(procedure, recording, evaluated(procedure, recording, every), folder, archive)
+    return write_outcome(recording, replace(found, cause=cause_found_before(folder)), folder, every)
 
 
 def cause_found_before(folder: Path) -> Cause | None:
@@ -130,16 +151,34 @@ def _typed(setting: Setting) -> str:
     return f"{value_text(setting.default)} {'' if setting.default is None else setting.unit}".rstrip()
 
 
-def write_outcome(recording: Recording, findings: Findings, folder: Path) -> Outcome:
-    """Write findings, results and report into the run folder.
+def write_outcome(
+    recording: Recording, findings: Findings, folder: Path, limits: Mapping[str, Limit] | None = None
+) -> Outcome:
+    """Write what was found into the run folder, and its seal into the audit trail.
+
+    Args:
+        recording: of the run.
+        findings: of it.
+        folder: of it.
+        limits: by which it was judged, if others than before.
 
     Raises:
         StorageError: a file cannot be written.
     """
+    outcome = write_evaluation(recording, findings, folder, limits)
+    evaluated_on_the_trail(folder)
+    return outcome
+
+
+def write_evaluation(
+    recording: Recording, findings: Findings, folder: Path, limits: Mapping[str, Limit] | None = None
+) -> Outcome:
+    """Write findings, results and report into a run folder and seal it; no word of it in the audit trail."""
     write_findings(findings, folder)
     write_results(results_of(recording, findings), folder)
     write_responses(findings, folder)
     write_run_report(recording, findings, folder / REPORT_FILE, _units_of_settings(recording))
+    seal_folder(folder, judged_by(recording, folder) if limits is None else limits)
     return Outcome(folder, findings, folder / REPORT_FILE, is_simulated(recording.meta))
 
 

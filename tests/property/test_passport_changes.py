@@ -16,15 +16,15 @@ import pytest
 from hil.passport.issue import Wanted, issue
 from hil.passport.key import own_certificates, signing_key
 from hil.passport.seal import seal_of
-from hil.passport.verify import verify
-from tests.passports import run_of
+from hil.passport.verify import Trust, verify
+from tests.passports import installed, run_of
 
 
 def not_found(folder: Path, count: int, seed: int) -> list[tuple[int, int]]:
     """(place, new value) of every change that was not found; half of them in the field of the signature."""
     out, dice = folder / "unit.pdf", random.Random(seed)
     issue([run_of(folder)], out, signing_key(None), Wanted(identify=False))
-    content, trusted = out.read_bytes(), own_certificates()
+    content, trusted = out.read_bytes(), Trust(own_certificates())
     assert verify(content, trusted).exit_status == 0
     begin, end = seal_of(content).field
     missed = []
@@ -36,12 +36,14 @@ def not_found(folder: Path, count: int, seed: int) -> list[tuple[int, int]]:
     return missed
 
 
+@pytest.mark.usefixtures("stranger")
 def test_one_byte_that_was_changed_is_always_found(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     assert not_found(tmp_path, 300, 1) == []
 
 
 if __name__ == "__main__":
+    installed()
     with TemporaryDirectory() as place:
         os.environ["HIL_STATE_DIR"] = f"{place}/state"
         asked = int(sys.argv[1])

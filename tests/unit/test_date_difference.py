@@ -60,6 +60,7 @@ def test_colder_oil_is_the_benchs() -> None:
     assert condition_changes([_at(40.0)], [_at(40.05)]) == []
 
 
+@pytest.mark.usefixtures("stranger")
 def test_a_date_is_a_run_folder_or_a_folder_of_runs_and_says_what_it_is_not(tmp_path: Path) -> None:
     run = run_of(tmp_path / "runs")
     assert read_dated(run, tmp_path / "a").serials == {"SN-7"}

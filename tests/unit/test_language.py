@@ -107,6 +107,7 @@ def test_the_page_of_a_run_is_german_and_what_is_printed_is_not(
     assert "bandwidth_3db, −50 %  0.99 ± 0.16    Hz" in findings_text(found)
 
 
+@pytest.mark.usefixtures("stranger")
 def test_a_page_in_german_by_option(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     runs = [str(run_of(tmp_path, name=name, gain=gain)) for name, gain in (("a", 50.0), ("b", 53.0))]
     page = tmp_path / "page.html"
@@ -116,6 +117,7 @@ def test_a_page_in_german_by_option(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert page_language({}) == "en", "the option outlasts its command"
 
 
+@pytest.mark.usefixtures("stranger")
 def test_the_certificate_in_german_and_its_files_in_english(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = run_of(tmp_path)
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))

@@ -101,6 +101,7 @@ def test_hil_diagnose_warns_first_of_another_plant(tmp_path: Path) -> None:
     assert found.diagnosis.warnings[0] == notes[0]
 
 
+@pytest.mark.usefixtures("stranger")
 def test_a_passport_refuses_the_model_of_another_plant(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

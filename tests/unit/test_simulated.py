@@ -80,6 +80,7 @@ def test_results_of_a_version_without_it_go_by_the_header(run: Path, tmp_path: P
     assert results_of_run(tmp_path).simulated is True
 
 
+@pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
 def test_a_passport_and_its_check_say_it(
     simulated: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
@@ -96,6 +97,7 @@ def test_a_passport_and_its_check_say_it(
     assert json.loads(said(capsys, monkeypatch, "verify", passport, "--json"))["simulated"] is simulated
 
 
+@pytest.mark.usefixtures("stranger")
 @pytest.mark.parametrize("simulated", [True, False])
 def test_every_page_of_a_passport_has_it_across(
     simulated: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

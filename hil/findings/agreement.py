@@ -1,0 +1,127 @@
+"""Whether results say what their samples say: two evaluations of one run, held together."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from hil.findings.results import Curve, FittedFunction, Results, Value
+from hil.record.measurement import COVERAGE_FACTOR
+
+SHARE = 0.01
+"""How far a figure may be moved, as a share of its own expanded uncertainty: less than a page prints of it."""
+_ROUNDING = 1e-9  # of a figure without uncertainty: other processors add in another order
+_DRAWN = 1e-3  # of the height of a curve: the width of its line
+
+
+def disagreements(kept: Results, anew: Results, *, words: bool = True) -> list[str]:
+    """What kept results say otherwise than an evaluation now, a sentence each.
+
+    Args:
+        kept: results as they lie in the run folder.
+        anew: of the same samples and limits, evaluated now.
+        words: whether notes and deviations are compared too; another version of the program may word them otherwise.
+    """
+    return [
+        *_about(kept, anew), *_values(kept.values, anew.values, words),
+        *_values(_condition(kept), _condition(anew), words),
+        *_curves(kept.curves, anew.curves), *_functions(kept.transfer_functions, anew.transfer_functions),
+        *(_sentences(kept, anew) if words else ()),
+    ]  # fmt: skip
+
+
+def _about(kept: Results, anew: Results) -> Iterator[str]:
+    for name in ("procedure", "serial", "operator", "started_utc", "verdict"):
+        told, found = getattr(kept, name), getattr(anew, name)
+        if told != found and not (name == "started_utc" and told is None):  # version 0.1.0 did not state it
+            yield f"{name}: {told or 'none'} in {kept.run}, {found or 'none'} by its samples"
+
+
+def _condition(results: Results) -> tuple[Value, ...]:
+    return results.likeness.figures if results.likeness else ()
+
+
+def _values(kept: Sequence[Value], anew: Sequence[Value], words: bool) -> Iterator[str]:
+    own, found = ({value.name: value for value in values} for values in (kept, anew))
+    for name in dict.fromkeys((*own, *found)):
+        one, other = own.get(name), found.get(name)
+        if one is None or other is None or not _same(one, other, words):
+            yield f"{name}: {_text(one)} in the results, {_text(other)} by the samples"
+
+
+def _same(one: Value, other: Value, words: bool) -> bool:
+    exact = ("unit", "low", "high", "verdict", "relation", *(("meaning",) if words else ()))
+    figures = (
+        (one.value, other.value, _freedom(other)),
+        *((a, b, SHARE * (b or 0.0)) for a, b in ((one.std, other.std), (one.calibration_std, other.calibration_std))),
+    )
+    return all(getattr(one, name) == getattr(other, name) for name in exact) and all(_near(*one) for one in figures)
+
+
+def _freedom(value: Value) -> float:
+    """How far a figure may lie from where it lies now. A bound has its uncertainty in it."""
+    if value.relation != "=":
+        return SHARE * abs(value.value or 0.0)
+    return SHARE * COVERAGE_FACTOR * value.std if value.std is not None and math.isfinite(value.std) else 0.0
+
+
+def _near(one: float | None, other: float | None, allowed: float) -> bool:
+    if one is None or other is None:
+        return one is other
+    return abs(one - other) <= max(allowed, _ROUNDING * abs(other))
+
+
+def _text(value: Value | None) -> str:
+    if value is None:
+        return "none"
+    width = "" if value.std is None else f" ± {COVERAGE_FACTOR * value.std:.3g}"
+    limits = "" if value.low is None and value.high is None else f", limits {_edge(value.low)} … {_edge(value.high)}"
+    number = "not determined" if value.value is None else f"{value.relation.strip('=')}{value.value:.6g}{width}"
+    return f"{number} {value.unit}{limits}{', ' + value.verdict if value.verdict else ''}"
+
+
+def _edge(edge: float | None) -> str:
+    return "" if edge is None else f"{edge:g}"
+
+
+def _curves(kept: Sequence[Curve], anew: Sequence[Curve]) -> Iterator[str]:
+    own, found = ({curve.name: curve for curve in curves} for curves in (kept, anew))
+    for name in dict.fromkeys((*own, *found)):
+        one, other = own.get(name), found.get(name)
+        if one is None or other is None or one.columns != other.columns or not _drawn_alike(one, other):
+            yield f"curve {name}: not the one that the samples give"
+
+
+def _drawn_alike(one: Curve, other: Curve) -> bool:
+    mine, given = (np.array(curve.rows, dtype=float).reshape(-1, len(curve.columns)) for curve in (one, other))
+    if mine.shape != given.shape or not np.array_equal(np.isnan(mine), np.isnan(given)):
+        return False
+    allowed = _DRAWN * np.nanmax(np.abs(given), axis=0, initial=0.0)
+    return bool(np.all(np.isnan(given) | (np.abs(mine - given) <= allowed)))
+
+
+def _functions(kept: Sequence[FittedFunction], anew: Sequence[FittedFunction]) -> Iterator[str]:
+    own, found = ({one.name: one for one in functions} for functions in (kept, anew))
+    for name in dict.fromkeys((*own, *found)):
+        one, other = own.get(name), found.get(name)
+        if one is None or other is None or not _fits_alike(one, other):
+            yield f"transfer function {name}: not the one that the samples give"
+
+
+def _fits_alike(one: FittedFunction, other: FittedFunction) -> bool:
+    if (one.unit, one.coefficients) != (other.unit, other.coefficients):
+        return False
+    variances = [row[i] for i, row in enumerate(other.covariance)]
+    return all(
+        _near(a, b, SHARE * COVERAGE_FACTOR * math.sqrt(max(variance or 0.0, 0.0)))
+        for a, b, variance in zip(one.coefficient_values, other.coefficient_values, variances, strict=True)
+    )
+
+
+def _sentences(kept: Results, anew: Results) -> Iterator[str]:
+    for kind in ("notes", "deviations"):
+        told, found = getattr(kept, kind), getattr(anew, kind)
+        yield from (f"{kind}: {text!r} is missing in the results" for text in found if text not in told)
+        yield from (f"{kind}: {text!r} stands in the results alone" for text in told if text not in found)

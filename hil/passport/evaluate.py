@@ -1,0 +1,134 @@
+"""Whether what a passport says follows from the samples inside: for who has nothing but the file.
+
+Samples give results, within a share of their uncertainty. Results give page one, the tables of the annex and the
+Digital Calibration Certificate, to the last digit. The model of the unit is not identified again.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import unicodedata
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from xml.etree.ElementTree import Element, ParseError, fromstring, tostring
+
+from hil.errors import InputError
+from hil.language.words import languages, speaking
+from hil.passport.attached import CONTENT_FILE, DCC_FILE, RUNS
+from hil.passport.certificate import Signer, certificate_of
+from hil.passport.contents import lay_out
+from hil.passport.dcc import DCC, certificate_xml
+from hil.passport.unit import Unit, read_unit_runs
+from hil.version import PROGRAM
+
+_HELD = ("administrativeData/dcc:statements", "measurementResults")
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluated:
+    """What came of it: `faults` where the file does not say what its samples say, `notes` for its reader."""
+
+    faults: tuple[str, ...]
+    notes: tuple[str, ...] = ()
+    values: int = 0
+    runs: int = 0
+
+
+def evaluate_passport(content: bytes) -> Evaluated:
+    """Evaluate the runs inside a passport anew, and hold page one, certificate and data together.
+
+    Raises:
+        StorageError: it cannot be laid out.
+    """
+    with TemporaryDirectory(prefix="hil-verify-") as folder:
+        place = Path(folder) / "laid-out"
+        try:
+            unit = read_unit_runs(lay_out(content, place), also_moved=True)
+            faults = (
+                *_run_faults(unit),
+                *_page_faults(unit, content),
+                *_certificate_faults(unit, place),
+                *_content_faults(unit, place),
+            )
+        except InputError as error:
+            fault, _, _ = str(error).partition("; `hil report")  # a remedy of who has the run
+            return Evaluated((fault.replace(f"{place / RUNS}/", "run "),))
+    notes = tuple(
+        f"{run.results.run}: an earlier version did not seal its results; they were evaluated like the others"
+        for run in unit.runs if not run.evaluated_by
+    )  # fmt: skip
+    return Evaluated(faults, notes, len(unit.findings.measured), len(unit.runs))
+
+
+def _run_faults(unit: Unit) -> Iterator[str]:
+    for run in unit.runs:
+        maker = run.evaluated_by or "an earlier version"
+        by = f" (evaluated by {maker}, now by {PROGRAM})" if maker != PROGRAM else ""
+        yield from (f"run {run.results.run}: {text}{by}" for text in run.moved)
+
+
+def _page_faults(unit: Unit, content: bytes) -> Iterator[str]:
+    """What page one and the tables of the annex should say and do not, in the language in which they are."""
+    pages = [_squeezed(page) for page in _texts(content)]
+    missing = min((list(_missing(unit, pages, language)) for language in languages()), key=len)
+    yield from missing[:5]
+
+
+def _missing(unit: Unit, pages: list[str], language: str) -> Iterator[str]:
+    with speaking(language):
+        page = certificate_of(unit, Signer("", ""), "", names=True)
+    first, whole = pages[0], "".join(pages)
+    head = [unit.valve, f"{page['said']['serial']} {unit.serial} {str(page['word']).upper()}"]
+    for text in (*head, *map("".join, page["limits"])):
+        if _squeezed(text) not in first:
+            yield f"page one does not say what the results say: {text}"
+    for row in (*page["more_limits"], *page["values"]):
+        if _squeezed("".join(row)) not in whole:
+            yield f"the annex does not say what the results say: {' '.join(row)}"
+
+
+def _texts(content: bytes) -> list[str]:
+    from pypdf import PdfReader
+
+    return [page.extract_text() for page in PdfReader(io.BytesIO(content)).pages]
+
+
+def _squeezed(text: str) -> str:
+    """Without spaces, which a page sets as it likes, and with ligatures taken apart."""
+    return "".join(unicodedata.normalize("NFKC", text).split())
+
+
+def _certificate_faults(unit: Unit, place: Path) -> Iterator[str]:
+    """Parts of the Digital Calibration Certificate that the results do not give."""
+    try:
+        found = fromstring((place / DCC_FILE).read_bytes())
+    except (OSError, ParseError) as error:
+        yield f"{DCC_FILE} cannot be read: {error}"
+        return
+    given = fromstring(certificate_xml(unit, Signer("", ""), "", names=False))
+    for path in _HELD:
+        if _canonical(found, path) != _canonical(given, path):
+            yield f"{DCC_FILE} does not say what the results say: {path.rpartition(':')[2]}"
+    serials = {one.text for one in found.iterfind("dcc:administrativeData/dcc:items//dcc:value", {"dcc": DCC})}
+    if serials != {unit.serial}:
+        yield f"{DCC_FILE} is of {', '.join(map(str, serials)) or 'no unit'}, the runs are of {unit.serial}"
+
+
+def _canonical(root: Element, path: str) -> str:
+    part = root.find(f"dcc:{path}", {"dcc": DCC})
+    return "" if part is None else "".join(tostring(part, encoding="unicode").split())
+
+
+def _content_faults(unit: Unit, place: Path) -> Iterator[str]:
+    try:
+        said = json.loads((place / CONTENT_FILE).read_bytes())
+        found = {"serial": said["serial"], "valve": said["valve"], "verdict": said["verdict"]}
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
+        yield f"{CONTENT_FILE} is not what this program writes"
+        return
+    for name, value in found.items():
+        if value != getattr(unit, name):
+            yield f"{CONTENT_FILE}: {name} is {value!r}, by the results {getattr(unit, name)!r}"

@@ -1,0 +1,128 @@
+"""The seal of a run folder: the SHA-256 of every file in it, and the limits by which it was judged.
+
+`end.json` seals what the run recorded, `seal.json` everything else, `end.json` among it. It is written last, when a run
+was evaluated, and again whenever it is evaluated once more. Who can write the folder can also seal it anew: what the
+seal was stands in the audit trail (`hil.bench.audit`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path, PurePosixPath
+from typing import Literal
+
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
+
+from hil.errors import FileError, StorageError
+from hil.record.durable import sync_file, sync_folder
+from hil.record.header import END_FILE, HEADER_FILE, read_end, read_stated, sha256_of
+from hil.record.measurement import FINDINGS_FILE, Limit
+from hil.record.samples import ROWS_FILE
+from hil.version import PROGRAM
+
+SEAL_FILE = "seal.json"
+_FORMAT = "hil-run-seal"
+# What other programs are told while a run goes on, and the seal itself.
+_NEVER = (SEAL_FILE, "control.json", "progress.json", "watchdog-so-far.json")
+
+
+class Seal(BaseModel):
+    """How a folder was sealed: `limits` by which the run was judged, the `program` that judged it, `sha256` by name."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    format: Literal["hil-run-seal"] = "hil-run-seal"
+    version: Literal[1] = 1
+    program: str = PROGRAM
+    sealed_utc: AwareDatetime = Field(default_factory=lambda: datetime.now(UTC))
+    limits: dict[str, Limit]
+    sha256: dict[str, str]
+
+
+def files_of(folder: Path) -> Iterator[tuple[str, Path]]:
+    """Every file of a run folder that stays, by its name in the folder; no links."""
+    for path in sorted(folder.rglob("*")):
+        name = path.relative_to(folder).as_posix()
+        if name not in _NEVER and path.suffix != ".part" and not path.is_symlink() and path.is_file():
+            yield name, path
+
+
+def seal_folder(folder: Path, limits: Mapping[str, Limit]) -> None:
+    """Seal a folder as it stands.
+
+    Raises:
+        StorageError: the seal cannot be written.
+    """
+    end = read_end(folder)
+    recorded = {} if end is None else end.sha256
+    seal = Seal(
+        limits=dict(limits), sha256={name: sha256_of(path) for name, path in files_of(folder) if name not in recorded}
+    )
+    part = folder / f"{SEAL_FILE}.part"
+    try:
+        with part.open("wb") as file:
+            file.write(seal.model_dump_json(indent=1).encode() + b"\n")
+            file.flush()
+            sync_file(file.fileno())
+        part.replace(folder / SEAL_FILE)
+        sync_folder(folder)
+    except OSError as error:
+        raise StorageError(
+            f"{folder / SEAL_FILE}: cannot be written: {error.strerror}; the samples are kept"
+        ) from error
+
+
+def read_seal(folder: Path) -> Seal | None:
+    """The seal of a folder; None where it was never evaluated, or by a version that did not seal.
+
+    Raises:
+        FileError: it is not what this program writes, or seals what lies outside the folder.
+    """
+    path = folder / SEAL_FILE
+    seal = read_stated(path, Seal, _FORMAT) if path.exists() else None
+    for name in () if seal is None else seal.sha256:
+        if PurePosixPath(name).is_absolute() or not name or ".." in name.split("/"):
+            raise FileError(f"{path}: seals '{name}', which is no file of the run folder")
+    return seal
+
+
+def check_seal(folder: Path, only: str = "") -> Seal | None:
+    """The seal of a folder in which every file is the one that was sealed; None where nothing but `end.json` seals it.
+
+    Args:
+        folder: of the run.
+        only: one file is looked at, and no other.
+
+    Raises:
+        FileError: a file is another, or is gone; names it.
+    """
+    seal, end = read_seal(folder), read_end(folder)
+    recorded = {} if end is None else end.sha256
+    if seal is None and not only and ROWS_FILE in recorded and (folder / FINDINGS_FILE).is_file():
+        raise FileError(
+            f"{folder / SEAL_FILE}: is gone, or was never written; `hil report {folder}` evaluates and seals"
+        )
+    for name, expected in {**recorded, **({} if seal is None else seal.sha256)}.items():
+        if only not in ("", name):
+            continue
+        found = sha256_of(folder / name)
+        if found != expected:
+            remedy = "" if name in recorded or name == END_FILE else f"; `hil report {folder}` evaluates the run again"
+            raise FileError(
+                f"{folder / name}: changed after the run was sealed: SHA-256 {found[:12]}…, "
+                f"expected {expected[:12]}…{remedy}"
+            )
+    return seal
+
+
+def unsealed(folder: Path) -> list[str]:
+    """Names of files that came into the folder after it was sealed."""
+    seal, end = read_seal(folder), read_end(folder)
+    known = {**({} if end is None else end.sha256), **({} if seal is None else seal.sha256)}
+    return [name for name, _ in files_of(folder) if name not in known]
+
+
+def marks_of(folder: Path) -> dict[str, str]:
+    """The SHA-256 of the three files that stand for all of them, as the audit trail keeps them."""
+    return {name: sha256_of(folder / name) for name in (HEADER_FILE, END_FILE, SEAL_FILE) if (folder / name).is_file()}

@@ -1,0 +1,283 @@
+"""Whose signature counts, and when: authorities, leaves, clocks, expired and revoked certificates, changed files."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pikepdf
+import pytest
+from cryptography import x509
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.hashes import SHA256
+from cryptography.hazmat.primitives.serialization import Encoding
+from cryptography.x509.oid import NameOID
+
+from hil.cli import app
+from hil.errors import FileError, InputError
+from hil.passport.issue import Wanted, issue
+from hil.passport.key import SigningKey, fingerprint, signing_key
+from hil.passport.revoked import Revoked, read_revocations
+from hil.passport.sign import signed
+from hil.passport.verify import Soundness, Trust, verify
+from tests.passports import run_of
+
+NOW = datetime.now(UTC)
+DAY = timedelta(days=1)
+LONG = (NOW - 900 * DAY, NOW + 900 * DAY)
+
+
+@dataclass(frozen=True)
+class Holder:
+    key: ec.EllipticCurvePrivateKey
+    certificate: x509.Certificate
+
+    @property
+    def signs(self) -> SigningKey:
+        return SigningKey(self.key, self.certificate)
+
+
+def holder(name: str, by: Holder | None = None, *, authority: bool = False, valid=LONG, bare: bool = False) -> Holder:
+    """A key whose certificate somebody issued, or it itself; `bare`: without the extensions that say what it may."""
+    key, subject = ec.generate_private_key(ec.SECP256R1()), x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    made = x509.CertificateBuilder().subject_name(subject).public_key(key.public_key())
+    made = made.issuer_name(by.certificate.subject if by else subject).serial_number(x509.random_serial_number())
+    made = made.not_valid_before(valid[0]).not_valid_after(valid[1])
+    if not bare:
+        usage = x509.KeyUsage(not authority, not authority, False, False, False, authority, authority, False, False)
+        made = made.add_extension(x509.BasicConstraints(authority, None), True).add_extension(usage, True)
+    return Holder(key, made.sign(by.key if by else key, SHA256()))
+
+
+@pytest.fixture(scope="module")
+def unsigned(tmp_path_factory: pytest.TempPathFactory) -> bytes:
+    """The pages of a passport before they are signed."""
+    from tests.conftest import STRANGER
+
+    folder, kept = tmp_path_factory.mktemp("unit"), []
+    with pytest.MonkeyPatch.context() as patch:
+        from hil.catalog import entries
+
+        patch.syspath_prepend(str(STRANGER))
+        patch.setenv("HIL_STATE_DIR", str(folder / "state"))
+        entries.cache_clear()
+        patch.setattr("hil.passport.issue.signed", lambda pdf, key: kept.append(pdf) or signed(pdf, key))
+        issue([run_of(folder)], folder / "unit.pdf", signing_key(None), Wanted(identify=False))
+    entries.cache_clear()
+    return kept[0]
+
+
+@pytest.fixture
+def at(monkeypatch: pytest.MonkeyPatch):
+    """Sign at another time, as a computer with another clock does."""
+
+    def sign(pdf: bytes, who: Holder, moment: datetime) -> bytes:
+        with monkeypatch.context() as clock:
+            clock.setattr("pyhanko.sign.signers.pdf_signer.datetime", _clock(moment))
+            return signed(pdf, who.signs)
+
+    return sign
+
+
+def _clock(moment: datetime):
+    class Clock(datetime):
+        @classmethod
+        def now(cls, tz=None):
+            return moment.astimezone(tz)
+
+    return Clock
+
+
+def said(found, *words: str) -> bool:
+    return all(word in found.sentence for word in words)
+
+
+# -- who vouches for whom ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("bare", [False, True])
+def test_a_leaf_that_is_trusted_vouches_for_itself_alone(unsigned: bytes, bare: bool) -> None:
+    leaf = holder("Lab 12", bare=bare)
+    under = holder("Somebody", leaf)
+    if not bare:
+        assert verify(signed(unsigned, leaf.signs), Trust([leaf.certificate])).outcome is Soundness.SOUND
+    found = verify(signed(unsigned, under.signs), Trust([leaf.certificate]))
+    assert found.outcome is Soundness.UNKNOWN_SIGNER and found.exit_status == 1
+
+
+def test_an_authority_vouches_through_those_between_and_a_leaf_between_does_not(unsigned: bytes) -> None:
+    root = holder("Root", authority=True)
+    between, leaf = holder("Between", root, authority=True), holder("Leaf", root)
+    lab, under = holder("Lab 12", between), holder("Somebody", leaf)
+    assert verify(signed(unsigned, lab.signs), Trust([root.certificate])).outcome is Soundness.UNKNOWN_SIGNER
+    for trusted in ([root, between], [between], [lab]):
+        trust = Trust([one.certificate for one in trusted])
+        assert verify(signed(unsigned, lab.signs), trust).outcome is Soundness.SOUND
+    trust = Trust([root.certificate, leaf.certificate])
+    assert verify(signed(unsigned, under.signs), trust).outcome is Soundness.UNKNOWN_SIGNER
+
+
+def test_another_key_under_the_name_of_a_known_one_is_unknown(unsigned: bytes) -> None:
+    known, other = holder("Lab 12"), holder("Lab 12")
+    assert verify(signed(unsigned, other.signs), Trust([known.certificate])).outcome is Soundness.UNKNOWN_SIGNER
+
+
+# -- when --------------------------------------------------------------------------------------------------
+
+
+def test_the_time_of_a_signature_is_told(unsigned: bytes) -> None:
+    lab = holder("Lab 12")
+    found = verify(signed(unsigned, lab.signs), Trust([lab.certificate]))
+    assert found.signed_utc is not None and abs(found.signed_utc - datetime.now(UTC)) < timedelta(minutes=5)
+
+
+def test_a_signature_from_2099_is_not_sound_and_says_its_time(unsigned: bytes, at) -> None:
+    lab = holder("Lab 12", valid=(NOW - DAY, datetime(2120, 1, 1, tzinfo=UTC)))
+    found = verify(at(unsigned, lab, datetime(2099, 1, 1, tzinfo=UTC)), Trust([lab.certificate]))
+    assert found.outcome is Soundness.NOT_VALID_THEN and found.exit_status == 1 and found.is_as_signed
+    assert said(found, "2099-01-01", "has not come")
+
+
+@pytest.mark.parametrize(
+    ("valid", "outcome"),
+    [
+        ((NOW - 900 * DAY, NOW - 10 * DAY), Soundness.SOUND),  # signed while it held, read when it does no longer
+        ((NOW - 900 * DAY, NOW - 50 * DAY), Soundness.NOT_VALID_THEN),
+        ((NOW - 20 * DAY, NOW + 900 * DAY), Soundness.NOT_VALID_THEN),
+    ],
+)
+@pytest.mark.parametrize("by_authority", [False, True])
+def test_an_expired_certificate_counts_for_the_time_in_which_it_held(
+    unsigned: bytes, at, valid, outcome: Soundness, by_authority: bool
+) -> None:
+    root = holder("Root", authority=True)
+    lab = holder("Lab 12", root if by_authority else None, valid=valid)
+    trust = Trust([(root if by_authority else lab).certificate])
+    found = verify(at(unsigned, lab, NOW - 30 * DAY), trust)
+    assert found.exit_status == (0 if outcome is Soundness.SOUND else 1)
+    assert by_authority or (found.outcome is outcome and (outcome is Soundness.SOUND or said(found, "did not hold")))
+
+
+def test_nobody_signs_with_a_certificate_that_has_expired(tmp_path: Path, stranger: Path) -> None:
+    lab = holder("Lab 12", valid=(NOW - 20 * DAY, NOW - DAY))
+    with pytest.raises(InputError, match=r"own check says: .* did not hold"):
+        issue([run_of(tmp_path)], tmp_path / "unit.pdf", lab.signs, Wanted(identify=False))
+    assert not (tmp_path / "unit.pdf").exists()
+
+
+@pytest.mark.parametrize(
+    ("received", "outcome"),
+    [(None, 1), (NOW - 25 * DAY, 0), (NOW - 5 * DAY, 1), (NOW - 40 * DAY, 1)],
+    ids=["nobody says", "before it was revoked", "after it was revoked", "before it was signed"],
+)
+@pytest.mark.parametrize("whose", ["the signer's", "the authority's"])
+def test_a_key_is_revoked_from_a_date_on(unsigned: bytes, at, received, outcome: int, whose: str) -> None:
+    root = holder("Root", authority=True)
+    lab = holder("Lab 12", root)
+    revoked = {fingerprint((lab if whose == "the signer's" else root).certificate): Revoked(NOW - 10 * DAY, "stolen")}
+    found = verify(at(unsigned, lab, NOW - 30 * DAY), Trust([root.certificate], revoked, received))
+    assert found.exit_status == outcome, found.sentence
+    if received is None:
+        assert said(found, "revoked from", "(stolen)", "is the word of whoever has the key", "--received")
+    late = verify(at(unsigned, lab, NOW - 2 * DAY), Trust([root.certificate], revoked, NOW))
+    assert late.exit_status == 1 and said(late, "revoked from", "signed on")
+
+
+def test_revoked_certificates_are_read_from_a_file_that_says_where_it_is_wrong(tmp_path: Path, monkeypatch) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path))
+    assert read_revocations(None) == {}
+    digits = fingerprint(holder("Lab 12").certificate)
+    colons = ":".join(digits.replace(" ", "")[i : i + 2].upper() for i in range(0, 64, 2))
+    for written in (digits, digits.replace(" ", ""), colons):
+        (tmp_path / "revoked.txt").write_text(f"# lost keys\n\n{written} 2026-12-01 laptop stolen\n")
+        assert read_revocations(None) == {digits: Revoked(datetime(2026, 12, 1, tzinfo=UTC), "laptop stolen")}
+    for wrong in ("ab12 2026-12-01", digits, f"{digits} yesterday", f"{digits} 2026-13-01"):
+        (tmp_path / "revoked.txt").write_text(f"# lost keys\n{wrong}\n")
+        with pytest.raises(FileError, match=r"revoked\.txt: line 2: "):
+            read_revocations(None)
+
+
+def test_at_the_prompt_a_revoked_key_needs_a_date_of_ones_own(tmp_path, unsigned, at, monkeypatch, capsys) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    lab = holder("Lab 12")
+    (tmp_path / "lab.pem").write_bytes(lab.certificate.public_bytes(Encoding.PEM))
+    (tmp_path / "unit.pdf").write_bytes(at(unsigned, lab, NOW - 30 * DAY))
+    (tmp_path / "revoked").write_text(f"{fingerprint(lab.certificate)} {NOW - 10 * DAY:%Y-%m-%d} stolen\n")
+
+    def status(*more: str) -> tuple[int, str]:
+        asked = ["hil", "verify", tmp_path / "unit.pdf", "--trust", tmp_path / "lab.pem", *more]
+        monkeypatch.setattr("sys.argv", list(map(str, asked)))
+        return app.main(), "".join(capsys.readouterr())
+
+    assert status()[0] == 0
+    found, words = status("--revoked", str(tmp_path / "revoked"))
+    assert found == 1 and "stolen" in words and "as the signer's computer said" in words
+    assert status("--revoked", str(tmp_path / "revoked"), "--received", f"{NOW - 20 * DAY:%Y-%m-%d}")[0] == 0
+    assert status("--received", "yesterday")[0] == 2
+    (tmp_path / "state").mkdir(exist_ok=True)
+    (tmp_path / "revoked").rename(tmp_path / "state" / "revoked.txt")
+    assert status()[0] == 1
+
+
+# -- a file that was changed after it was signed ----------------------------------------------------------
+
+
+def swapped(content: bytes) -> bytes:
+    """Attachments exchanged by an update at the end of the file, which leaves the signed bytes as they are."""
+    from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
+
+    writer = IncrementalPdfFileWriter(io.BytesIO(content))
+    names = writer.root["/Names"]["/EmbeddedFiles"]
+    table = names["/Names"] if "/Names" in names else names["/Kids"][0]["/Names"]
+    first, second = table.raw_get(1), table.raw_get(3)
+    table[1], table[3] = second, first
+    writer.update_container(table)
+    out = io.BytesIO()
+    writer.write(out)
+    return out.getvalue()
+
+
+def rewritten(content: bytes) -> bytes:
+    """Opened and saved by another program, with an attachment taken out."""
+    with pikepdf.open(io.BytesIO(content)) as pdf:
+        del pdf.attachments["certificate.xml"]
+        out = io.BytesIO()
+        pdf.save(out)
+        return out.getvalue()
+
+
+def signed_again(content: bytes) -> bytes:
+    """A second signature by somebody else, in a field of its own."""
+    from pyhanko.pdf_utils.incremental_writer import IncrementalPdfFileWriter
+    from pyhanko.sign.signers import PdfSignatureMetadata, sign_pdf
+
+    from hil.passport.sign import _signer
+
+    about = PdfSignatureMetadata(field_name="Second", md_algorithm="sha256")
+    writer = IncrementalPdfFileWriter(io.BytesIO(content))
+    try:
+        return sign_pdf(writer, about, _signer(holder("Somebody").signs)).getvalue()
+    except Exception:  # the first one allows no change, and pyHanko keeps to that: add the bytes of an update instead
+        return content + b"\n1 0 obj\n<< >>\nendobj\n%%EOF\n"
+
+
+@pytest.mark.parametrize("change", [swapped, rewritten, signed_again, lambda content: content + content])
+def test_a_file_that_was_changed_is_not_sound(unsigned: bytes, change) -> None:
+    lab = holder("Lab 12")
+    content = signed(unsigned, lab.signs)
+    other = change(content)
+    assert other != content
+    assert verify(other, Trust([lab.certificate])).outcome is Soundness.CHANGED
+
+
+def test_the_signature_of_another_passport_does_not_fit(unsigned: bytes) -> None:
+    lab = holder("Lab 12")
+    content, other = signed(unsigned, lab.signs), signed(unsigned.replace(b"%PDF-1.7", b"%PDF-1.7 "), lab.signs)
+    from hil.passport.seal import seal_of
+
+    (begin, end), (first, last) = seal_of(content).field, seal_of(other).field
+    mixed: Sequence[bytes] = (content[:begin], other[first:last], content[end:])
+    assert verify(b"".join(mixed), Trust([lab.certificate])).outcome is Soundness.CHANGED
