@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from sqlalchemy import Select, delete, select
+from sqlalchemy import Select, delete, false, select
 from sqlalchemy.orm import Session
 
-from hil.archive.database import opened
-from hil.archive.entry import Entry, entry_of, run_folders
+from hil.archive.database import REFUSED, DamagedIndexError, opened, refused_by
+from hil.archive.entry import Entry, entry_of, run_folders, this_host
 from hil.archive.place import INDEX_FILE, Place
 from hil.archive.tables import OF_CALIBRATION, CalibrationRow, RunRow, ValueRow
 from hil.errors import ArchiveError, FileError
@@ -31,37 +32,60 @@ class Search:
     verdict: str = ""
 
 
-def enter(place: Place, folders: Iterable[Path]) -> None:
+def enter(place: Place, folders: Iterable[Path]) -> list[str]:
     """Enter run folders into the index; one that is in it already is entered anew.
 
-    Raises:
-        ArchiveError: the index cannot be written.
-        FileError: not a run folder.
-    """
-    _put(place, [entry_of(folder) for folder in folders])
-
-
-def enter_readable(place: Place, folders: Iterable[Path]) -> list[str]:
-    """Enter those run folders that can be read; why the others were left out.
+    Returns:
+        Why runs were left out: their folders cannot be read, or the database refuses what they say.
 
     Raises:
         ArchiveError: the index cannot be written.
     """
     left_out: list[str] = []
-    entries = []
-    for folder in folders:
-        try:
-            entries.append(entry_of(folder))
-        except FileError as error:  # a header that a power cut tore keeps no other run out
-            left_out.append(str(error))
+    entries = list(_readable(folders, left_out))
     if entries:
-        _put(place, entries)
+        with _writing(place) as session:
+            _add(session, place, entries, left_out)
     return left_out
 
 
-def _put(place: Place, entries: list[Entry]) -> None:
+@contextmanager
+def _writing(place: Place) -> Iterator[Session]:
+    """A transaction that writes, from its first statement on: one that began by reading could not wait for another."""
     with opened(place) as engine, Session(engine) as session, session.begin():
-        _enter(session, entries)
+        session.execute(delete(RunRow).where(false()))
+        yield session
+
+
+def _at_their_places(session: Session, entries: Sequence[Entry]) -> list[int]:
+    """What stands in the index for the folders of entries; a shared folder under another computer's name too."""
+    by_folder = {str(entry.folder): entry for entry in entries}
+    asked = select(RunRow.id, RunRow.host, RunRow.folder, RunRow.started_utc).where(RunRow.folder.in_(by_folder))
+    every, here = _is_of_one_bench(session), this_host()
+    return [
+        key for key, host, folder, started in session.execute(asked)
+        if every or host in (None, here) or started == by_folder[folder].started_utc
+    ]  # fmt: skip
+
+
+def _is_of_one_bench(session: Session) -> bool:
+    """Whether all runs are this bench's, whatever its computer was called when it entered them."""
+    return session.get_bind().dialect.name == "sqlite"
+
+
+def _add(session: Session, place: Place, entries: Sequence[Entry], left_out: list[str]) -> int:
+    """Add entries, together or else one by one; one that the database refuses keeps no other out."""
+    try:
+        with session.begin_nested():
+            _forget(session, _at_their_places(session, entries))
+            session.add_all([_row(entry) for entry in entries])
+        session.expunge_all()
+        return len(entries)
+    except REFUSED as error:
+        if len(entries) > 1:
+            return sum(_add(session, place, [entry], left_out) for entry in entries)
+        left_out.append(f"{entries[0].folder}: {refused_by(place, error)}")
+        return 0
 
 
 def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Entry]:
@@ -95,10 +119,11 @@ def _values_of(session: Session, wanted: Select[Any]) -> dict[int, list[Value]]:
 def rebuild(place: Place, folders: Sequence[Path]) -> tuple[int, list[str]]:
     """Make the index anew from run folders: (runs entered, why others were left out).
 
+    What stands in it for folders outside those that are searched, or on other computers, stays.
+
     Args:
         place: the archive.
-        folders: where runs lie, at any depth. For an archive without a folder of its own, those in which its runs lay
-            are searched too.
+        folders: where runs lie, at any depth. Those in which runs of this computer lay are searched too.
 
     Raises:
         ArchiveError: the index cannot be written.
@@ -108,52 +133,66 @@ def rebuild(place: Place, folders: Sequence[Path]) -> tuple[int, list[str]]:
         raise ArchiveError(f"archive {place}: there is no such folder")
     left_out: list[str] = []
     _clear_unreadable(place)
-    with opened(place) as engine, Session(engine) as session, session.begin():
-        known = {Path(folder).parent for folder in session.scalars(select(RunRow.folder))}
-        roots = {folder.resolve() for folder in folders} | {folder for folder in known if folder.is_dir()}
-        session.execute(delete(CalibrationRow))
-        session.execute(delete(ValueRow))
-        session.execute(delete(RunRow))
+    with _writing(place) as session:
+        known = _of_this_computer(session)
+        roots = {folder.resolve() for folder in folders}
+        roots |= {path.parent for path in known.values() if path.parent.is_dir()}
+        _forget(session, [key for key, path in known.items() if roots & {path, *path.parents}])
+        entered: set[tuple[object, ...]] = set()
         count = 0
-        for batch in _batches(_entries(sorted(roots), left_out)):
-            session.add_all([_row(entry) for entry in batch])
-            session.flush()
-            session.expunge_all()
-            count += len(batch)
+        for batch in _batches(_readable(_below(sorted(roots)), left_out)):
+            count += _add(session, place, batch, left_out)
+            entered |= {entry.identity for entry in batch}
+        _forget(session, _moved(session, entered))
     return count, left_out
 
 
+def _of_this_computer(session: Session) -> dict[int, Path]:
+    """Folders of runs that this computer entered, by the number of the run; of who did not say, those that are here."""
+    found = session.execute(select(RunRow.id, RunRow.host, RunRow.folder)).all()
+    every, here = _is_of_one_bench(session), this_host()
+    return {
+        key: Path(folder) for key, host, folder in found
+        if every or host == here or (host is None and Path(folder).is_dir())
+    }  # fmt: skip
+
+
+def _moved(session: Session, entered: set[tuple[object, ...]]) -> list[int]:
+    """Numbers of runs of this computer that were entered from another folder now, and are not in theirs any more."""
+    left = [key for key, path in _of_this_computer(session).items() if not path.is_dir()]
+    rows = (session.get_one(RunRow, key) for key in left)
+    return [row.id for row in rows if (row.name, row.started_utc, row.serial, row.procedure, row.bench) in entered]
+
+
+def _forget(session: Session, keys: Sequence[int]) -> None:
+    for start in range(0, len(keys), _AT_ONCE):
+        session.execute(delete(RunRow).where(RunRow.id.in_(keys[start : start + _AT_ONCE])))
+    session.expunge_all()
+
+
 def _clear_unreadable(place: Place) -> None:
-    """Remove an index in the archive's own folder that cannot be opened: everything in it stands in the folders."""
+    """Remove a damaged index from the archive's own folder: everything in it stands in the folders."""
     if place.folder is None:
         return
     try:
         with opened(place):
             pass
-    except ArchiveError:
+    except DamagedIndexError:
         for path in place.folder.glob(f"{INDEX_FILE}*"):
             path.unlink(missing_ok=True)
 
 
-def _enter(session: Session, entries: Sequence[Entry]) -> None:
-    folders = [str(entry.folder) for entry in entries]
-    for row in session.scalars(select(RunRow).where(RunRow.folder.in_(folders))):
-        session.delete(row)
-    session.flush()
-    session.add_all([_row(entry) for entry in entries])
+def _below(roots: Iterable[Path]) -> Iterator[Path]:
+    """Run folders, each once."""
+    return iter(dict.fromkeys(folder for root in roots for folder in run_folders(root)))
 
 
-def _entries(roots: Iterable[Path], left_out: list[str]) -> Iterator[Entry]:
-    seen: set[Path] = set()
-    for root in roots:
-        for folder in run_folders(root):
-            if folder in seen:
-                continue
-            seen.add(folder)
-            try:
-                yield entry_of(folder)
-            except FileError as error:
-                left_out.append(str(error))
+def _readable(folders: Iterable[Path], left_out: list[str]) -> Iterator[Entry]:
+    for folder in folders:
+        try:
+            yield entry_of(folder)
+        except FileError as error:  # a header that a power cut tore keeps no other run out
+            left_out.append(str(error))
 
 
 def _batches(entries: Iterator[Entry]) -> Iterator[list[Entry]]:
@@ -184,5 +223,5 @@ def _row(entry: Entry) -> RunRow:
     return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, calibrations=stated, **told)
 
 
-_TOLD = ("serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict", "instruments")
+_TOLD = ("host", "serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict", "instruments")
 _OF_VALUE = ("name", "value", "std", "calibration_std", "unit", "low", "high", "relation", "verdict")

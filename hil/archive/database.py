@@ -14,7 +14,7 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from alembic.util import CommandError
 from sqlalchemy import Engine, create_engine, event
-from sqlalchemy.exc import DatabaseError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import DatabaseError, DataError, OperationalError, SQLAlchemyError
 
 from hil.archive.place import Place
 from hil.errors import ArchiveError
@@ -26,6 +26,14 @@ _POSTGRESQL = {
     "tcp_user_timeout": 1000 * _PATIENCE_S,  # ms: a network that is gone in the middle
     "options": f"-c lock_timeout={_PATIENCE_S}s",  # a table that somebody else has locked
 }
+
+
+REFUSED = (DataError, ValueError, OverflowError, TypeError)
+"""What a database raises of a run that it cannot hold: a name too long, a character that it does not know."""
+
+
+class DamagedIndexError(ArchiveError):
+    """A file in the place of an index cannot be read as one."""
 
 
 @contextmanager
@@ -54,10 +62,12 @@ def opened(place: Place, *, make: bool = True) -> Iterator[Engine]:
 
 def _engine(place: Place) -> Engine:
     if place.folder is None:
-        return create_engine(place.url, connect_args=_POSTGRESQL if place.url.startswith("postgresql") else {})
-    place.folder.mkdir(parents=True, exist_ok=True)
-    engine = create_engine(place.url, connect_args={"timeout": _PATIENCE_S})
-    event.listen(engine, "connect", _prepare_sqlite)
+        engine = create_engine(place.url, connect_args=_POSTGRESQL if place.url.startswith("postgresql") else {})
+    else:
+        place.folder.mkdir(parents=True, exist_ok=True)
+        engine = create_engine(place.url, connect_args={"timeout": _PATIENCE_S})
+    if engine.dialect.name == "sqlite":
+        event.listen(engine, "connect", _prepare_sqlite)
     return engine
 
 
@@ -77,8 +87,8 @@ def _migrate(engine: Engine, place: Place) -> None:
             command.upgrade(config, "head")
         except CommandError as error:
             raise ArchiveError(
-                f"archive {place}: its index was made by a newer version of this program; use that one, or "
-                "`hil archive rebuild` after moving the index away"
+                f"archive {place}: its index was made by a newer version of this program and stays as it is; use that "
+                "one, or `hil archive rebuild` after moving the index away"
             ) from error
 
 
@@ -90,10 +100,15 @@ def _versions() -> tuple[Config, str | None]:
     return config, ScriptDirectory.from_config(config).get_current_head()
 
 
+def refused_by(place: Place, error: Exception) -> str:
+    """Why a database does not take a run, in one sentence."""
+    return f"archive {place} refuses it: {place.without_password(getattr(error, 'orig', None) or error)}"
+
+
 def _refused(place: Place, error: Exception) -> ArchiveError:
     if isinstance(error, ModuleNotFoundError):
         return ArchiveError(f"archive {place}: its database needs {lacking(error.name or '?')}")
-    cause = getattr(error, "orig", None) or error
-    damaged = isinstance(error, DatabaseError) and not isinstance(error, OperationalError) and place.folder is not None
-    remedy = "; `hil archive rebuild` makes it anew from the folders" if damaged else ""
-    return ArchiveError(f"archive {place}: {' '.join(str(cause).split())}{remedy}")
+    cause = place.without_password(getattr(error, "orig", None) or error)
+    if isinstance(error, DatabaseError) and not isinstance(error, OperationalError) and place.folder is not None:
+        return DamagedIndexError(f"archive {place}: {cause}; `hil archive rebuild` makes it anew from the folders")
+    return ArchiveError(f"archive {place}: {cause}")

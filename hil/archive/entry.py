@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime
@@ -22,6 +23,7 @@ UNFINISHED = "not closed"
 class Entry:
     """A run as the index knows it. `serial` and `operator` are empty where nobody stated them.
 
+    `host` is the computer on which the folder lies, None where an earlier version entered the run.
     `instruments` is a mark that runs share when one bench measured them with the same calibrations; None where an
     earlier version entered the run.
     """
@@ -37,6 +39,22 @@ class Entry:
     values: tuple[Value, ...]
     instruments: str | None = None
     calibrations: tuple[StatedCalibration, ...] = ()
+    host: str | None = None
+
+    @property
+    def is_elsewhere(self) -> bool:
+        """Whether the folder lies on another computer."""
+        return self.host not in (None, this_host())
+
+    @property
+    def identity(self) -> tuple[object, ...]:
+        """What tells a run from all others, wherever its folder lies."""
+        return self.folder.name, self.started_utc, self.serial, self.procedure, self.bench
+
+
+def this_host() -> str:
+    """The name of this computer."""
+    return socket.gethostname()[:255]
 
 
 def entry_of(folder: Path) -> Entry:
@@ -61,6 +79,7 @@ def entry_of(folder: Path) -> Entry:
         values=values,
         instruments=instruments_mark(header),
         calibrations=calibrations_of(header),
+        host=this_host(),
     )
 
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from hil.archive.archive import enter, enter_readable, rebuild
+from hil.archive.archive import enter, rebuild
 from hil.archive.begun import begun_in
 from hil.archive.place import Place
 from hil.errors import FileError
@@ -21,27 +21,25 @@ from hil.untrusted import read_json
 
 
 def enter_or_keep(place: Place, folder: Path) -> str:
-    """Enter a run, and those that wait; what kept it from that, in one sentence, or nothing.
+    """Enter a run, and those that wait; what kept a run from that, in one sentence, or nothing.
 
-    Never raises: a run is not lost or late because of its index.
+    Never raises: a run is not lost or late because of its index. One that is refused does not wait: it would be again.
     """
     waiting = [*waiting_for(place), *([place.folder] if place.is_unmade and place.folder else []), folder.resolve()]
     try:
-        enter_readable(place, [path for path in waiting[:-1] if (path / HEADER_FILE).is_file()])
-        if (folder / HEADER_FILE).is_file():
-            enter(place, [folder])
+        left_out = enter(place, [path for path in waiting if (path / HEADER_FILE).is_file()])
     except Exception as error:
         _keep(place, waiting)
         return f"{' '.join(str(error).split())}; the run is safe in {folder} and will be entered later"
     _keep(place, [path for path in waiting if path == place.folder])
-    return ""
+    return "; ".join(f"not in the archive: {text}" for text in left_out)
 
 
 def catch_up(place: Place) -> list[str]:
     """Enter the runs that wait, and those that have begun; an index that is missing is made anew from the folders.
 
     Returns:
-        Why runs among them were left out: their folders cannot be read.
+        Why runs among them were left out: their folders cannot be read, or the database refuses them.
 
     Raises:
         ArchiveError: the index cannot be written.
@@ -52,7 +50,7 @@ def catch_up(place: Place) -> list[str]:
     begun = list(begun_in(place))
     waiting = [path for path in known if (path / HEADER_FILE).is_file()]
     waiting += [one.folder for one in begun if one.is_there and one.folder not in waiting]
-    left_out = enter_readable(place, waiting)
+    left_out = enter(place, waiting)
     _keep(place, [])
     for one in begun:
         if one.is_over:

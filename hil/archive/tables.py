@@ -29,12 +29,13 @@ class Base(DeclarativeBase):
 
 
 class RunRow(Base):
-    """A run folder."""
+    """A run folder. `host` is the computer on which it lies; None where a version entered it that did not say."""
 
     __tablename__ = "run"
 
     id: Mapped[int] = mapped_column(primary_key=True)
-    folder: Mapped[str] = mapped_column(Text, unique=True)
+    host: Mapped[str | None] = mapped_column(String(255))
+    folder: Mapped[str] = mapped_column(Text)
     name: Mapped[str] = mapped_column(String(255))
     serial: Mapped[str] = mapped_column(String(255))
     operator: Mapped[str] = mapped_column(String(255))

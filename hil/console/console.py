@@ -80,7 +80,7 @@ class Console:
 
     def start(self, arguments: list[str], name: str, account: str = "") -> Started:
         """Start `hil ARGUMENTS…` under a name, for an account."""
-        made = self.started[name] = start(name, arguments, self.log(name), account)
+        made = self.started[name] = start(name, arguments, self.log(name), account, self.site.place)
         ended = [key for key, one in self.started.items() if one.exit_status is not None]
         for key in ended[: max(0, len(self.started) - _MOST_STARTED)]:
             del self.started[key]

@@ -7,6 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from hil.archive.place import VARIABLE as ARCHIVE
+from hil.archive.place import Place
 from hil.bench.audit import ACCOUNT
 from hil.child import Process, child
 from hil.errors import StorageError
@@ -50,18 +52,21 @@ class Started:
         self.process.terminate()
 
 
-def start(name: str, arguments: Sequence[str], log: Path, account: str = "") -> Started:
-    """Start `hil ARGUMENTS…`, for an account of the console.
+def start(name: str, arguments: Sequence[str], log: Path, account: str = "", place: Place | None = None) -> Started:
+    """Start `hil ARGUMENTS…` for an account of the console, with its archive.
+
+    Both go by the environment: everybody can read a command line, and the address of an archive may hold a password.
 
     Raises:
         StorageError: its log cannot be written.
     """
     try:
         log.parent.mkdir(parents=True, exist_ok=True)
+        archive = {} if place is None else {ARCHIVE: place.address}
         with log.open("wb") as written:
             process = child(
                 "hil", arguments,
-                {"PYTHONUNBUFFERED": "1", "HIL_PROGRESS_S": "1", VARIABLE: spoken(), ACCOUNT: account},
+                {"PYTHONUNBUFFERED": "1", "HIL_PROGRESS_S": "1", VARIABLE: spoken(), ACCOUNT: account, **archive},
                 stdin=subprocess.DEVNULL, stdout=written, stderr=subprocess.STDOUT, start_new_session=True,
             )  # fmt: skip
     except OSError as error:

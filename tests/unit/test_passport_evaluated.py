@@ -55,7 +55,8 @@ def better(run: Path) -> None:
 
 def on_a_trail(folder: Path, **given: float) -> Path:
     """A run that stands in the audit trail of this computer."""
-    with on_the_trail(read_bench(benches()["brevini-hpv41"]), folder / "run", {"operator": "Eva"}):
+    with on_the_trail(read_bench(benches()["brevini-hpv41"]), folder / "run", {"operator": "Eva"}) as begins:
+        begins()
         run = run_of(folder, **given)
     evaluated_on_the_trail(run)
     return run
@@ -218,7 +219,8 @@ def test_a_run_that_the_trail_does_not_hold_is_said_on_page_one(tmp_path: Path) 
 
 def test_a_run_that_was_stopped_is_closed_on_the_trail(tmp_path: Path) -> None:
     def stopped() -> None:
-        with on_the_trail(read_bench(benches()["brevini-hpv41"]), tmp_path / "run", {}):
+        with on_the_trail(read_bench(benches()["brevini-hpv41"]), tmp_path / "run", {}) as begins:
+            begins()
             run_of(tmp_path, outcome="KeyboardInterrupt: Ctrl-C")
             raise KeyboardInterrupt
 

@@ -119,9 +119,8 @@ def _prepared(console: Console, form: Mapping[str, str]) -> tuple[Path, dict[str
     console.watching.end(form["bench"])
     console.site.runs.mkdir(parents=True, exist_ok=True)
     folder = _free(console, console.site.runs / folder_name(procedure.name, form.get("serial", "").strip()))
-    archive = str(console.site.place.folder or console.site.place.url)
     about = {"run": folder.name, "bench": file.bench.name, "arguments": arguments}
-    return folder, about, [*arguments, "--out", str(folder), "--archive", archive]
+    return folder, about, [*arguments, "--out", str(folder)]
 
 
 def _free(console: Console, folder: Path) -> Path:
