@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Iterator
 from pathlib import Path, PurePosixPath
 
 from hil.errors import FileError, StorageError
+from hil.passport.unpacked import unpacked
 
 PAGE_FILE = "passport.pdf"
 
 
-def files_inside(content: bytes) -> Iterator[tuple[PurePosixPath, bytes]]:
+def files_inside(
+    content: bytes, most_bytes: float = math.inf, wanted: str = "**"
+) -> Iterator[tuple[PurePosixPath, bytes]]:
     """(name, content) of every attachment.
 
+    Args:
+        content: of the passport.
+        most_bytes: what they may unpack to, all together.
+        wanted: a pattern of the names of those that are unpacked; the others are left out.
+
     Raises:
+        LargeError: they unpack to more.
         FileError: not a PDF, or a name that is no path inside a folder.
     """
     import pikepdf
@@ -25,19 +35,23 @@ def files_inside(content: bytes) -> Iterator[tuple[PurePosixPath, bytes]]:
         raise FileError(f"the passport cannot be read as PDF: {error}") from None
     with pdf:
         for name, attached in pdf.attachments.items():
-            yield _inside(name), attached.get_file().read_bytes()
+            if (place := _inside(name)).match(wanted):
+                inside = unpacked(attached.get_file(), most_bytes)
+                most_bytes -= len(inside)
+                yield place, inside
 
 
-def lay_out(content: bytes, folder: Path) -> list[Path]:
+def lay_out(content: bytes, folder: Path, most_bytes: float = math.inf) -> list[Path]:
     """Write every attachment and the pages into a folder; returns the run folders.
 
     Raises:
+        LargeError: the attachments unpack to more than `most_bytes` all together; nothing was written.
         FileError: the folder holds something already, or a name leads out of it.
         StorageError: it cannot be written.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FileError(f"{folder}: is there already; name a new or empty folder")
-    found = list(files_inside(content))  # every name is looked at before the first file is written
+    found = list(files_inside(content, most_bytes))  # every name is looked at before the first file is written
     try:
         for name, inside in [*found, (PurePosixPath(PAGE_FILE), content)]:
             path = folder / name

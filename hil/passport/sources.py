@@ -45,8 +45,8 @@ def read_dated(path: Path, place: Path, reading: Reading = AS_IT_IS) -> Dated:
         FileError: none of these, or a passport that was changed.
     """
     if path.is_file() and path.suffix.lower() == ".pdf":
-        content, _ = opened(path)
-        lay_out(content, place)
+        content, verified = opened(path)
+        lay_out(content, place, verified.most_bytes)
         kind, unit = (_model(place / name) for name in (TYPE_MODEL_FILE, MODEL_FILE))
         return Dated(path.name, _read(list(run_folders(place / RUNS)), AS_IT_IS), kind, unit)
     if path.is_file() or (path / HEADER_FILE).is_file():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-import json
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -16,11 +16,16 @@ from hil.passport.contents import files_inside
 from hil.passport.key import fingerprint, name_of, own_certificates
 from hil.passport.revoked import Revocations, fault_in_time, is_authority, read_revocations
 from hil.passport.seal import ChangedError, is_passport, seal_of
+from hil.passport.unpacked import STRANGERS_BYTES
 from hil.record.header import HEADER_FILE
 from hil.record.simulated import is_simulated
+from hil.untrusted import MOST_BYTES, parse_json
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
+
+
+_HEADERS = f"runs/*/{HEADER_FILE}"
 
 
 class Soundness(IntEnum):
@@ -51,6 +56,16 @@ class Verified:
     def exit_status(self) -> int:
         """0 sound and signer known, 1 changed or signer unknown, 2 no passport."""
         return min(int(self.outcome), 1) if self.outcome is not Soundness.NO_PASSPORT else 2
+
+    @property
+    def most_bytes(self) -> float:
+        """What its files may unpack to, all together, unless somebody says otherwise."""
+        return math.inf if self.is_sound else STRANGERS_BYTES
+
+    @property
+    def is_sound(self) -> bool:
+        """Whether nothing was changed, and the signer is known."""
+        return self.outcome is Soundness.SOUND
 
     @property
     def is_as_signed(self) -> bool:
@@ -117,8 +132,11 @@ def verify(content: bytes, trust: Trust) -> Verified:
 
 def _of_simulated_runs(content: bytes) -> bool:
     """Whether the header of a run inside says that it is simulated."""
-    headers = (json.loads(inside) for name, inside in files_inside(content) if name.match(f"runs/*/{HEADER_FILE}"))
-    return any(is_simulated(header.get("meta") or {}) for header in headers)
+    try:
+        found = [parse_json(inside, str(name)) for name, inside in files_inside(content, MOST_BYTES, _HEADERS)]
+    except FileError:
+        return False
+    return any(is_simulated(header.get("meta") or {}) for header in found if isinstance(header, dict))
 
 
 def _validated(
