@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import BaseModel
 
@@ -17,13 +17,12 @@ from hil.bench.file import Bench, ChannelEntry, Device
 from hil.bench.files import at_home
 from hil.bench.lines import Place
 from hil.catalog import Kind, find
+from hil.daq.address import is_relayed
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.contract import Daq
+from hil.daq.link import DIRECT_S, RELAYED_S, Late, Link
 from hil.daq.pin import Pin
 from hil.errors import HardwareError, HilError, LinkError
-
-if TYPE_CHECKING:
-    from hil.daq.link import Link
 
 _WHATEVER = (Exception, SystemExit)  # that a driver may throw; Ctrl-C is not its own
 
@@ -36,6 +35,7 @@ class DeviceInUse:
     module: ModuleType
     settings: BaseModel
     terminals: Mapping[str, Terminal]
+    late_s: float = DIRECT_S
     pin: Pin = field(init=False, compare=False)
 
     def __post_init__(self) -> None:
@@ -100,7 +100,7 @@ def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[Device
         {"simulation": simulation_of([name], draft, folder)} if device.simulated else {}
     )
     try:
-        found, faults = _made_of(name, module, given, place)
+        found, faults = _made_of(name, module, given, place, device.late_s)
     except HilError:
         raise
     except _WHATEVER as error:
@@ -109,13 +109,17 @@ def device_in_use(name: str, draft: Draft | Bench, folder: Path) -> tuple[Device
 
 
 def _made_of(
-    name: str, module: ModuleType, given: Mapping[str, Any], place: Place
+    name: str, module: ModuleType, given: Mapping[str, Any], place: Place, late_s: float | None
 ) -> tuple[DeviceInUse | None, list[Fault]]:
     settings, faults = sound_part(module.Settings, given, place)
     if settings is None:
         return None, faults
     faults += [Fault((*place, *below), text) for below, text in module.faults(settings)]
-    return DeviceInUse(name, module, settings, module.terminals(settings)), faults
+    return DeviceInUse(name, module, settings, module.terminals(settings), late_s or _late_s(settings)), faults
+
+
+def _late_s(settings: BaseModel) -> float:
+    return RELAYED_S if is_relayed(settings) else DIRECT_S
 
 
 @contextmanager
@@ -167,7 +171,8 @@ def polled_of(links: Mapping[str, Link], wirings: Mapping[str, Wiring], devices:
 
     doubts = {name: devices[name].pin.doubt for name in links}
     measured = not any(wiring.only_safe for wiring in wirings.values())
-    return PolledDaq(links, wirings, measured=measured, doubts=doubts)
+    late = {name: Late(devices[name].late_s) for name in links}
+    return PolledDaq(links, wirings, measured=measured, doubts=doubts, late=late)
 
 
 def simulation_of(names: Collection[str], draft: Draft | Bench, folder: Path) -> dict[str, Any]:

@@ -64,12 +64,17 @@ class Valve(_Strict):
 
 
 class Device(BaseModel):
-    """A device: a real one by its `driver`, or a `simulated` one. What else is said are its own settings."""
+    """A device: a real one by its `driver`, or a `simulated` one. What else is said are its own settings.
+
+    `late_s`: what was sent to it and not answered arrives so late at most; after a lost answer an output is called safe
+    when it is read back later than that. 1 s, and 5 s behind a serial server, gateway or CAN hub, if not given.
+    """
 
     model_config = ConfigDict(extra="allow", frozen=True)
 
     driver: str = ""
     simulated: str = ""
+    late_s: float | None = Field(default=None, gt=0.0, le=60.0)
 
     @model_validator(mode="after")
     def _one(self) -> Self:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 
@@ -14,10 +15,9 @@ from hil.bench.stop.desk import Desk
 from hil.daq.calibration import Calibration
 from hil.daq.contract import Daq
 from hil.errors import reason
-from hil.safety.outputs import Output, Outputs, State
+from hil.safety.outputs import Output, Outputs, State, announcement
 
-_LATE_S = 1.0  # what the dead program had sent may still be on its way, and come after what is sent now
-_AGAIN_S = 0.05
+_AGAIN_S, _AGAIN_LATE_S = 0.05, 0.2
 _HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
 _MOMENT_S = 1.0
 _TELLS_S = 1.0  # what is not safe after so long is told at once, not when nothing is tried any more
@@ -27,16 +27,19 @@ _TELLS_S = 1.0  # what is not safe after so long is told at once, not when nothi
 class _Device:
     """A device on the way to its safe values: why it is not there, or that it is and what could not be asked.
 
-    `moved`: it was found away from them when it was opened. `safe_s`: when it came to them, on the monotonic clock.
-    `outputs`: what it said of each, in the units of the bench.
+    `wait_s`: it was read back there, and for so long an earlier command may still arrive. `moved`: it was found away
+    from them when it was opened. `safe_s`: when it came to them, `away_s`: when somebody else last moved it, by the
+    monotonic clock. `outputs`: what it said of each, in the units of the bench.
     """
 
     name: str
     failure: str = ""
     unasked: str = ""
     done: bool = False
+    wait_s: float = 0.0
     moved: bool = False
     safe_s: float = 0.0
+    away_s: float = -math.inf
     outputs: dict[str, Output] = field(default_factory=dict)
 
 
@@ -51,7 +54,8 @@ def tried_once(file: BenchFile) -> list[str]:
 class Rescue:
     """Makes every device of a bench safe, each as soon as it can be reached, and so until nothing late can come.
 
-    Devices at different addresses are tried side by side, so that none waits for the time-outs of another.
+    What the program that is dead had sent may still be on its way to each of them (see `hil.daq.link.Late`). Devices at
+    different addresses are tried side by side, so that none waits for the time-outs of another.
 
     Args:
         file: the bench.
@@ -64,7 +68,7 @@ class Rescue:
         self._lines: dict[str, list[_Device]] = {}
         for name, device in file.devices.items():
             address = str(getattr(device.settings, "address", name))
-            self._lines.setdefault(address, []).append(_Device(name, f"{name}: no answer yet"))
+            self._lines.setdefault(address, []).append(_Device(name, f"{name}: no answer yet", away_s=self._begun_s))
 
     def at_once(self) -> None:
         """One try, for as long as a moment: while the bench is still that of a program that was killed."""
@@ -74,13 +78,21 @@ class Rescue:
         """Try until all are safe, then look until none has moved for a while; gives up after `GIVE_UP_S`.
 
         Args:
-            not_yet: called once when some are not safe after a moment.
+            not_yet: called once: when only time is missing, or when some are not safe after a moment.
         """
         work = self._begun(self._with_patience)
-        _wait(work, time.monotonic() + _TELLS_S)
+        until_s = time.monotonic() + _TELLS_S
+        while self.left and not self.announcement and time.monotonic() < until_s:
+            _wait(work, min(until_s, time.monotonic() + _AGAIN_S))
         if self.left:
             not_yet()
         _wait(work, self._begun_s + GIVE_UP_S + _HANGS_S)
+
+    @property
+    def announcement(self) -> str:
+        """What may be said when only time is missing to call them safe; else empty."""
+        known = {name: output for device in self._devices for name, output in device.outputs.items()}
+        return announcement(known) if all(device.done or device.wait_s for device in self._devices) else ""
 
     @property
     def left(self) -> list[str]:
@@ -124,15 +136,9 @@ class Rescue:
     def _with_patience(self, line: list[_Device]) -> None:
         self._tried_all(line)
         while not all(device.done for device in line) and time.monotonic() - self._begun_s <= GIVE_UP_S:
-            time.sleep(_AGAIN_S)
+            only_time = all(device.done or device.wait_s for device in line)
+            time.sleep(_AGAIN_LATE_S if only_time else _AGAIN_S)
             self._tried_all(line)
-        last_s = time.monotonic()
-        while time.monotonic() - last_s < _LATE_S and time.monotonic() - self._begun_s <= GIVE_UP_S:
-            time.sleep(_AGAIN_S)
-            for device in line:
-                if _looked_again(self._file, device):  # a late command of the dead program came after all
-                    last_s = time.monotonic()
-                    self._desk.tell(device.outputs, "watchdog")
 
 
 def _wait(threads: list[threading.Thread], until_s: float) -> None:
@@ -140,30 +146,27 @@ def _wait(threads: list[threading.Thread], until_s: float) -> None:
         thread.join(max(0.0, until_s - time.monotonic()))
 
 
-def _looked_again(file: BenchFile, device: _Device) -> bool:
-    """Whether a device that was safe had moved; one that is gone since has been safe, and stays told so."""
-    again = _Device(device.name)
-    _tried(file, again)
-    if again.moved:
-        device.failure, device.unasked, device.done = again.failure, again.unasked, again.done
-        device.safe_s, device.outputs = again.safe_s, again.outputs
-    return again.moved
-
-
 def _tried(file: BenchFile, device: _Device) -> None:
     """One try, as long as a driver may take that returns."""
-    attempt = _Device(device.name)
+    attempt = _Device(device.name, away_s=device.away_s)
     thread = threading.Thread(target=_make_safe, args=(file, attempt), daemon=True)
     thread.start()
     thread.join(_HANGS_S)
     if thread.is_alive():
         device.failure = f"{device.name}: its driver does not return"
     else:
-        device.failure, device.unasked, device.moved = attempt.failure, attempt.unasked, attempt.moved
-        device.outputs = attempt.outputs
-        if attempt.done and (attempt.moved or not device.done):
+        was_there, is_there = device.done or device.wait_s, attempt.done or attempt.wait_s
+        if is_there and (attempt.moved or not was_there):
             device.safe_s = time.monotonic()
-        device.done = attempt.done
+        device.away_s = attempt.away_s
+        device.failure, device.unasked, device.moved = attempt.failure, attempt.unasked, attempt.moved
+        device.outputs = attempt.outputs or _no_more_heard_of(device.outputs, attempt.failure)
+        device.wait_s, device.done = attempt.wait_s, attempt.done
+
+
+def _no_more_heard_of(outputs: Mapping[str, Output], why: str) -> dict[str, Output]:
+    """What is known of outputs whose device was read back safe too early, and is gone."""
+    return {name: replace(output, confirmed_in_s=0.0, why=why) for name, output in outputs.items()}
 
 
 def _make_safe(file: BenchFile, device: _Device) -> None:
@@ -177,24 +180,27 @@ def _make_safe(file: BenchFile, device: _Device) -> None:
         if any(entry.device == device.name for entry in outputs.values()):
             daq = file.devices[device.name].open(outputs, only_safe=True)
             device.moved = any(daq.levels.get(name) != channel.safe for name, channel in daq.outputs.items())
-            _ask_to_be_safe(daq, known)
+            if device.moved and device.away_s > -math.inf:
+                device.away_s = time.monotonic()
+            until_s = device.away_s + file.devices[device.name].late_s
+            _ask_to_be_safe(daq, known, max(0.0, until_s - time.monotonic()))
     except BaseException as error:
         device.failure = f"{device.name}: {reason(error).removeprefix(f'{device.name}: ')}"
         return
     finally:
         device.outputs = _in_bench_units(file, known)
     if not known.settled:
-        device.failure = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}"
+        device.failure, device.wait_s = f"{device.name}: {known.text.removeprefix('NOT SAFE: ')}", known.wait_s
         return
     unasked = [name for name, output in known.known.items() if not output.can]
     device.failure, device.done = "", True
     device.unasked = f"{device.name}: {', '.join(unasked)} cannot be read back" if unasked else ""
 
 
-def _ask_to_be_safe(daq: Daq, known: Outputs) -> None:
+def _ask_to_be_safe(daq: Daq, known: Outputs, late_s: float) -> None:
     known.opened(daq.outputs)
     try:
-        known.make_safe(daq)
+        known.make_safe(daq, late_s=late_s)
     finally:
         with suppress(Exception):  # what is known of the outputs stands, however it lets go
             daq.close()

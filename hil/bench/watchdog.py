@@ -299,7 +299,8 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
 
 def _report_not_yet(file: BenchFile, run: Path, why: str, pid: int, rescue: Rescue) -> None:
     left, outputs = rescue.left, record_of(rescue.outputs)
-    text = f"process {pid} {why}; NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
+    so_far = f"NOT SAFE so far: {_with_remedy(left)}; goes on trying for {GIVE_UP_S:g} s"
+    text = f"process {pid} {why}; {rescue.announcement or so_far}"
     _write(_places(file, run, _SO_FAR), {"why": why, "not_safe": left, "goes_on_for_s": GIVE_UP_S, "outputs": outputs})
     _tell(text)
 

@@ -80,7 +80,7 @@ def _as_json(found: BenchFile, warnings: list[str]) -> str:
     ]  # fmt: skip
     interlocks = [{"name": name, "action": entry.action} for name, entry in bench.interlocks.items()]
     told = {"file": found.path, "bench": bench.name, "valve": bench.valve.name, "sample_rate_hz": bench.sample_rate_hz}
-    lists = {"channels": channels, "interlocks": interlocks, "warnings": warnings}
+    lists = {"channels": channels, "interlocks": interlocks, "late_s": _late_s(found), "warnings": warnings}
     return to_json({"schema": "hil.check/1", **told, **lists})
 
 
@@ -90,6 +90,15 @@ def _range(found: BenchFile, name: str) -> tuple[float, float]:
     terminal = found.devices[entry.device].terminals[entry.terminal]
     low, high = entry.line.range_of(*(entry.range or (terminal.low, terminal.high)))
     return low, high
+
+
+def _late_s(found: BenchFile) -> dict[str, float]:
+    """For each device that drives outputs over a link, how late what was sent to it may arrive."""
+    from hil.bench.device import mixes
+
+    driving = {entry.device for entry in found.bench.channels.values() if entry.is_output}
+    return {name: device.late_s for name, device in found.devices.items()
+            if name in driving and mixes(device.module) and not found.bench.devices[name].simulated}  # fmt: skip
 
 
 def _described(found: BenchFile) -> list[str]:
@@ -103,5 +112,7 @@ def _described(found: BenchFile) -> list[str]:
         allowed = f", limits {limits.low:g} … {limits.high:g}, safe at {entry.safe:g}" if limits else ""
         role = "" if entry.role == "other" else f" ({entry.role})"
         lines.append(f"  {entry.terminal:5} {name}{role}: {low:g} … {high:g}{behind_a_number(entry.unit)}{allowed}")
+    lines += [f"  {name}: late_s = {late_s:g}, the longest that a lost command may be on its way"
+              for name, late_s in _late_s(found).items()]  # fmt: skip
     lines += [f"  {entry.action:8} {name}" for name, entry in bench.interlocks.items()]
     return lines

@@ -40,6 +40,7 @@ def safely(
     from hil.stderr import write
 
     known = known or Outputs()
+    known.announce = lambda text: typer.echo(f"hil: {text}", err=True)
 
     def said(error: BaseException) -> int:
         known.mark(error)

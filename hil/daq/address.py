@@ -28,6 +28,17 @@ def address_fault(address: str) -> str:
     return ""
 
 
+def is_relayed(settings: Any) -> bool:
+    """Whether something between this computer and a device may hold back what was sent: a server, gateway or hub.
+
+    Of a gateway on Modbus TCP only the unit number tells: behind one there are several.
+    """
+    address = str(getattr(settings, "address", "")).lower()
+    if address.partition(":")[0] in (*_LINES, "socketcand"):
+        return True
+    return getattr(settings, "transport", "") == "tcp" and getattr(settings, "unit_id", 1) not in (0, 1, 255)
+
+
 def places_of(address: str) -> list[str]:
     """What an address leads to: the same for every name of one device, as far as this computer can know."""
     scheme, is_url, rest = address.partition("://")

@@ -183,12 +183,14 @@ class ReadBack:
         can: whether this device can be asked at all.
         why: why it did not say, where it can be asked.
         rescue: what makes the output safe when nobody reaches the device, such as its own watchdog; empty: nothing.
+        late_s: so long an earlier command that was not answered may still arrive and move it.
     """
 
     at: float | None = None
     can: bool = True
     why: str = ""
     rescue: str = ""
+    late_s: float = 0.0
 
 
 CANNOT_BE_ASKED = ReadBack(can=False)

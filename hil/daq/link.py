@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from hil.clock import Clock
@@ -13,6 +13,8 @@ from hil.daq.channel import Wiring
 from hil.daq.contract import CANNOT_BE_ASKED, ReadBack
 from hil.errors import HardwareError, HilError, LinkError
 
+DIRECT_S = 1.0  # what has left this computer arrives so soon, or never
+RELAYED_S = 5.0  # so long a serial server, a gateway or a CAN hub may hold it back
 WHATEVER = (Exception, SystemExit)  # that a library may throw; Ctrl-C is not its own
 
 
@@ -62,6 +64,31 @@ class Link(Protocol):
 
 
 @dataclass(slots=True)
+class Late:
+    """For how long a command that was sent and not answered may still arrive: on its way, or held by a hub.
+
+    Attributes:
+        late_s: nothing that has left this computer arrives later than that.
+    """
+
+    late_s: float = DIRECT_S
+    _driven_s: float = -math.inf
+    _lost: bool = False
+
+    def drove(self, now_s: float) -> None:
+        """A command that is not a safe one goes out, or may have until now."""
+        self._driven_s = now_s
+
+    def lost(self) -> None:
+        """An answer did not come: which command it was nobody knows."""
+        self._lost = True
+
+    def left_s(self, now_s: float) -> float:
+        """So long the last of them may still arrive."""
+        return max(0.0, self._driven_s + self.late_s - now_s) if self._lost else 0.0
+
+
+@dataclass(slots=True)
 class Member:
     """A link of a DAQ, the channels on it, and how long it took of late; `doubt`: why what it says is not believed,
     given what it says that it is.
@@ -72,6 +99,7 @@ class Member:
     wiring: Wiring
     clock: Clock
     doubt: Callable[[str], str] = lambda _identity: ""
+    late: Late = field(default_factory=Late)
     read_after_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
     read_for_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
 
@@ -99,8 +127,14 @@ class Member:
     def drive(self, levels: Mapping[str, float]) -> None:
         """Put its own of these outputs, by channel, at their values."""
         values = {channel.terminal: levels[name] for name, channel in self.wiring.outputs.items() if name in levels}
-        if values:
+        if not values:
+            return
+        away = any(levels[name] != channel.safe for name, channel in self.wiring.outputs.items() if name in levels)
+        try:
             self._named(self.link.drive, values)
+        finally:
+            if away:
+                self.late.drove(self.clock.now_s)
 
     def read(self) -> dict[str, float]:
         """Its inputs, by channel; how long that took is kept."""
@@ -126,26 +160,29 @@ class Member:
         """What the device says of each of its outputs, or why it says nothing. Never raises."""
         watchdog_s = self.link.watchdog_s
         rescue = f"its own watchdog acts after {watchdog_s:g} s" if watchdog_s else ""
+        late_s, doubt = self.late.left_s(self.clock.now_s), ""
         try:
             values = self._named(self.link.standing) if self.wiring.outputs else {}
-            told = {
-                terminal: _answer(float(value), rescue, self.doubt(self.identity)) for terminal, value in values.items()
-            }
+            doubt = self.doubt(self.identity)
+            told = {terminal: _answer(float(value), rescue, doubt, late_s) for terminal, value in values.items()}
         except Exception as error:
             return dict.fromkeys(self.wiring.outputs, ReadBack(why=str(error), rescue=rescue))
-        return {name: told.get(channel.terminal, CANNOT_BE_ASKED) for name, channel in self.wiring.outputs.items()}
+        unasked = replace(CANNOT_BE_ASKED, late_s=late_s)
+        return {name: told.get(channel.terminal, unasked) for name, channel in self.wiring.outputs.items()}
 
     def _named(self, call: Callable[..., Any], *values: Any) -> Any:
         try:
             return call(*values)
         except HardwareError as error:
+            self.late.lost()
             raise type(error)(f"{self.name}: {error}") from error
         except HilError:
             raise
         except WHATEVER as error:  # of a library, or a fault of the driver: it concerns this link alone
+            self.late.lost()
             raise LinkError(f"{self.name}: {type(error).__name__}: {error}") from error
 
 
-def _answer(at: float, rescue: str, doubt: str) -> ReadBack:
+def _answer(at: float, rescue: str, doubt: str, late_s: float) -> ReadBack:
     why = "the device says only that it is not at its safe value" if math.isnan(at) else doubt
-    return ReadBack(None if why else at, why=why, rescue=rescue)
+    return ReadBack(None if why else at, why=why, rescue=rescue, late_s=late_s)

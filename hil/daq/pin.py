@@ -5,17 +5,15 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import BaseModel
 
 from hil.daq.address import Port
 from hil.daq.channel import Wiring
 from hil.daq.contract import Daq
+from hil.daq.link import Link
 from hil.errors import HardwareError
-
-if TYPE_CHECKING:
-    from hil.daq.link import Link
 
 
 @dataclass(slots=True)

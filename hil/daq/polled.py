@@ -20,7 +20,7 @@ from hil.clock import Clock, Flag, RealClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import Block, Promises, ReadBack, Waveform
-from hil.daq.link import WHATEVER, Link, Member
+from hil.daq.link import WHATEVER, Late, Link, Member
 from hil.daq.polling import BEHIND_S, Taken, Task
 from hil.errors import DeviceLostError, HardwareError, LinkError, UnansweredError
 
@@ -58,6 +58,7 @@ class PolledDaq:
         measured: whether it is measured first how long a sample takes. Who only makes outputs safe has no time for it,
             and tells also a device that does not answer.
         doubts: by device, why nothing that it says is believed, given what it says that it is.
+        late: by device, how long a command that was not answered may still arrive; as on a direct link if not given.
 
     Raises:
         HardwareError: a device does not answer, or too slowly for its own watchdog. All links are closed then.
@@ -71,11 +72,13 @@ class PolledDaq:
         *,
         measured: bool = True,
         doubts: Mapping[str, Callable[[str], str]] = MappingProxyType({}),
+        late: Mapping[str, Late] = MappingProxyType({}),
     ) -> None:
         self._clock = RealClock() if clock is None else clock
         self._members = [Member(name, link, wirings[name], self._clock) for name, link in links.items()]
         for member in self._members:
             member.doubt = doubts.get(member.name, member.doubt)
+            member.late = late.get(member.name, member.late)
         self.outputs: Mapping[str, OutputChannel] = _merged(member.wiring.outputs for member in self._members)
         self.inputs: Mapping[str, InputChannel] = _merged(member.wiring.inputs for member in self._members)
         self._lock = threading.Lock()

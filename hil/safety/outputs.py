@@ -8,6 +8,7 @@ all follow from this value, and from nothing else: not from the kind of error, n
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -24,7 +25,8 @@ from hil.safety.interrupt import status_of
 
 _AGREES = 0.0025  # of the range: what a converter or a protocol may round
 _PATIENCE_S = 0.5  # for a device that obeys, and says so a little later
-_AGAIN_S = 0.02
+_AGAIN_S, _AGAIN_LATE_S = 0.02, 0.1
+_MOST = 3.0  # answers that are lost again and again make it wait so many times as long, no longer
 
 
 class State(StrEnum):
@@ -52,6 +54,8 @@ class Output:
         can: whether the device can be asked.
         why: why it did not say.
         rescue: what makes it safe when nobody reaches it.
+        confirmed_in_s: it was read back at its safe value, or told to be there where nobody can ask, and an earlier
+            command that was not answered may arrive for so long: until then it is unconfirmed.
         at_utc: since when this is known, ISO 8601.
     """
 
@@ -61,18 +65,26 @@ class Output:
     can: bool = True
     why: str = ""
     rescue: str = ""
+    confirmed_in_s: float = 0.0
     at_utc: str = field(default_factory=_now_utc, compare=False)
 
     @property
     def settled(self) -> bool:
         """Whether nothing is left to do: read back safe, or told to be safe where nobody can ask."""
-        return self.state is State.SAFE or (self.state is State.UNCONFIRMED and not self.can)
+        return self.state is State.SAFE or (self.state is State.UNCONFIRMED and not self.can and not self.waits)
+
+    @property
+    def waits(self) -> bool:
+        """Whether only time is missing: it was read back safe, or told to be where nobody can ask, too early."""
+        return self.confirmed_in_s > 0.0
 
     def as_dict(self) -> dict[str, Any]:
         """As it is kept with a run, handed to other processes and printed for programs."""
         return {
             "state": str(self.state), "read_back": self.can, "at_utc": self.at_utc, "at": self.at, "unit": self.unit,
-        } | {name: text for name, text in (("why", self.why), ("rescue", self.rescue)) if text}  # fmt: skip
+        } | {name: said for name, said in (
+            ("why", self.why), ("rescue", self.rescue), ("confirmed_in_s", round(self.confirmed_in_s, 3))) if said
+        }  # fmt: skip
 
     @classmethod
     def of(cls, record: Mapping[str, Any]) -> Output:
@@ -83,7 +95,7 @@ class Output:
         """
         return cls(
             State(record["state"]), record["unit"], record["at"], record["read_back"], record.get("why", ""),
-            record.get("rescue", ""), record.get("at_utc", ""),
+            record.get("rescue", ""), record.get("confirmed_in_s", 0.0), record.get("at_utc", ""),
         )  # fmt: skip
 
     def described(self, name: str) -> str:
@@ -91,11 +103,27 @@ class Output:
         at = "" if self.at is None else f"{self.at:.4g}{'' if self.unit == '1' else f' {self.unit}'}"
         texts = {
             State.DRIVEN: _("'{name}' stands at {at}") if at else _("'{name}' is driven"),
-            State.UNCONFIRMED: _("'{name}' was told to be safe, and could not be read back"),
+            State.UNCONFIRMED: _("'{name}' was made safe, and an earlier command may still arrive") if self.waits
+            else _("'{name}' was told to be safe, and could not be read back"),
             State.UNKNOWN: _("nobody knows where '{name}' stands, driven to {at} last") if at
             else _("nobody knows where '{name}' stands"),
         }  # fmt: skip
         return texts[self.state].format(name=name, at=at) + (f" ({self.why})" if self.why else "")
+
+
+def announcement(outputs: Mapping[str, Output]) -> str:
+    """What may be said of outputs of which only time is missing, in the language that is spoken; empty where more is.
+
+    Args:
+        outputs: what is known of each, by name.
+    """
+    left = [output for output in outputs.values() if not output.settled]
+    if not left or not all(output.waits for output in left):
+        return ""
+    time_s = max(output.confirmed_in_s for output in left)
+    if all(output.can for output in left):
+        return _("outputs: safe, read back; confirmed in {time} s").format(time=f"{time_s:.2g}")
+    return _("outputs: told to be safe; told again for {time} s").format(time=f"{time_s:.2g}")
 
 
 def sentence(outputs: Mapping[str, Output], *, moved: bool = True) -> str:
@@ -123,9 +151,11 @@ class Outputs:
     Attributes:
         moved: whether any was ever sent away from its safe value.
         asked: whether they were told to be safe and asked about it since they were driven last.
+        announce: told once when they were read back safe and only time is missing (see `announcement`).
     """
 
     def __init__(self) -> None:
+        self.announce: Callable[[str], None] = lambda _text: None
         self.moved = self.asked = False
         self._channels: Mapping[str, OutputChannel] = {}
         self._known: dict[str, Output] = {}
@@ -166,23 +196,55 @@ class Outputs:
             away = bool(np.any(values != self._channels[name].safe))
             self.moved = self.moved or away
             state = State.DRIVEN if away else State.UNCONFIRMED
-            self._known[name] = replace(self._known[name], state=state, at=float(values[-1]), why="", at_utc=_now_utc())
+            self._known[name] = replace(
+                self._known[name], state=state, at=float(values[-1]), why="", confirmed_in_s=0.0, at_utc=_now_utc()
+            )
 
-    def make_safe(self, daq: Daq, alive: Callable[[], None] = lambda: None, clock: Clock | None = None) -> None:
+    @property
+    def wait_s(self) -> float:
+        """How long only time is missing to call them safe; 0 where more is missing, or nothing."""
+        left = [output for output in self._known.values() if not output.settled]
+        return max((output.confirmed_in_s for output in left), default=0.0) if all(o.waits for o in left) else 0.0
+
+    def make_safe(
+        self,
+        daq: Daq,
+        alive: Callable[[], None] = lambda: None,
+        clock: Clock | None = None,
+        *,
+        late_s: float | None = None,
+    ) -> None:
         """Have a backend make them safe, and ask it whether they are. Never raises: what came of it is the value.
+
+        After a lost answer they are asked until nothing late can come any more.
 
         Args:
             daq: the backend.
             alive: called between the steps: each may take its time-outs.
             clock: by which a device that is slow to obey is waited for.
+            late_s: so long what somebody else sent may still arrive; whoever says it asks again, it is not waited here.
         """
         self.asked = True
         waiting = clock or RealClock()
-        until_s = waiting.now_s + _PATIENCE_S
-        self._asked(daq, alive)
-        while not self.settled and waiting.now_s < until_s:
-            waiting.sleep_until(waiting.now_s + _AGAIN_S)
-            self._asked(daq, alive)
+        until_s, longest_s = waiting.now_s + _PATIENCE_S, 0.0
+        self._asked(daq, alive, late_s or 0.0)
+        while not self.settled:
+            now_s = waiting.now_s
+            if wait_s := self.wait_s:
+                if late_s is not None:
+                    break
+                if not longest_s:
+                    longest_s = now_s + _MOST * wait_s
+                    self._announce()
+                until_s = min(now_s + wait_s + _PATIENCE_S, longest_s)
+            if now_s >= until_s:
+                break
+            waiting.sleep_until(now_s + (_AGAIN_LATE_S if wait_s else _AGAIN_S))
+            self._asked(daq, alive, late_s or 0.0)
+
+    def _announce(self) -> None:
+        with suppress(Exception):  # nobody reads it: that keeps nothing from becoming safe
+            self.announce(announcement(self._known))
 
     def status(self, error: BaseException | None, status: int) -> int:
         """The exit status of an end, given what it would be by itself (see `exit_status`)."""
@@ -202,7 +264,7 @@ class Outputs:
         if not self.settled:
             raise NotSafeError("outputs could not be made safe, or did not say so")
 
-    def _asked(self, daq: Daq, alive: Callable[[], None]) -> None:
+    def _asked(self, daq: Daq, alive: Callable[[], None], late_s: float) -> None:
         """Tell them once, and ask once."""
         failure, was_told = "", True
         try:
@@ -217,18 +279,27 @@ class Outputs:
         alive()
         for name in self._known:
             level = None if was_told else daq.levels.get(name)
-            self._known[name] = self._after(name, answers.get(name, CANNOT_BE_ASKED), failure, was_told, level)
+            answer = answers.get(name, CANNOT_BE_ASKED)
+            answer = replace(answer, late_s=max(answer.late_s, late_s))
+            self._known[name] = self._after(name, answer, failure, was_told, level)
 
     def _after(self, name: str, answer: ReadBack, failure: str, was_told: bool, level: float | None) -> Output:
         before, channel = self._known[name], self._channels[name]
-        known = replace(before, can=answer.can, why=answer.why or failure, rescue=answer.rescue, at_utc=_now_utc())
+        known = replace(
+            before, can=answer.can, why=answer.why or failure, rescue=answer.rescue, confirmed_in_s=0.0,
+            at_utc=_now_utc(),
+        )  # fmt: skip
         if answer.at is not None:
             safe = abs(answer.at - channel.safe) <= _AGREES * (channel.high - channel.low)
-            return replace(known, state=State.SAFE if safe else State.DRIVEN, at=answer.at, why="" if safe else failure)
+            state = State.DRIVEN if not safe else State.UNCONFIRMED if answer.late_s else State.SAFE
+            late_s, why = (answer.late_s, "") if safe else (0.0, failure)
+            return replace(known, state=state, at=answer.at, why=why, confirmed_in_s=late_s)
         if not was_told:  # a way to the safe values that was planned is no place where it was driven to
             return replace(known, state=State.UNKNOWN, at=known.at if level is None else level)
         if failure and not answer.can:  # told, and silent: an answer would have been all that there is
             return replace(known, state=State.UNKNOWN)
+        if not answer.can:
+            return replace(known, state=State.UNCONFIRMED, at=None, confirmed_in_s=answer.late_s)
         return replace(known, state=State.UNCONFIRMED, at=None)
 
 

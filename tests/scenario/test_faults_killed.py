@@ -57,9 +57,10 @@ def test_killed(tmp_path: Path) -> None:
         process.kill()
         after_s = observer.safe_after(at_s, PATIENCE_S)
         _, err = process.communicate(timeout=PATIENCE_S)
+        word = told(folder)  # when nothing late can come any more
     assert after_s is not None and after_s < 1.0
     assert "watchdog" not in err  # a reader of the pipe does not wait for it
-    assert told(folder)["why"] == "ended without making its outputs safe" and "safe_after_s" in told(folder)
+    assert word["why"] == "ended without making its outputs safe" and "safe_after_s" in word
     recording = read_recording(folder)
     assert "not closed" in recording.meta["incomplete"]
     assert recording.values("command")[-1] == 40.0
@@ -71,9 +72,10 @@ def test_hangs(tmp_path: Path) -> None:
         process.send_signal(signal.SIGSTOP)
         after_s = observer.safe_after(at_s, PATIENCE_S)
         process.wait(PATIENCE_S)
+        why = told(folder)["why"]
     assert process.returncode == -signal.SIGKILL  # it cannot wake up and drive on
     assert after_s is not None and 0.8 < after_s < 1.0 + 1.0
-    assert "gave no sign of life for 1 s while outputs were driven, and was killed" in told(folder)["why"]
+    assert "gave no sign of life for 1 s while outputs were driven, and was killed" in why
 
 
 def test_the_watchdog_is_killed(tmp_path: Path) -> None:

@@ -46,7 +46,7 @@ class Valve(Wire):
         self.closed += 1
 
 
-def bench_of(folder: Path, devices: Mapping[str, Valve]) -> BenchFile:
+def bench_of(folder: Path, devices: Mapping[str, Valve], late_s: float = 0.05) -> BenchFile:
     """A bench file whose devices are these, each with one output."""
     path = folder / "bench.toml"
     path.write_text(moved(bench_text("hpv41-modbus-tcp"), folder), encoding="utf-8")
@@ -62,6 +62,7 @@ def bench_of(folder: Path, devices: Mapping[str, Valve]) -> BenchFile:
 
         return SimpleNamespace(open_daq=open_daq)
 
+    real = replace(real, late_s=late_s)
     return replace(
         file, bench=bench,
         devices={name: replace(real, name=name, module=opening(valve)) for name, valve in devices.items()},
@@ -79,7 +80,6 @@ def rescued(file: BenchFile) -> tuple[list[str], list[str], float]:
 def soon(monkeypatch: pytest.MonkeyPatch) -> None:
     """It gives up after a moment."""
     monkeypatch.setattr(rescue, "GIVE_UP_S", 0.2)
-    monkeypatch.setattr(rescue, "_LATE_S", 0.05)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
 
 
@@ -96,7 +96,7 @@ def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkey
     monkeypatch.setattr(rescue, "GIVE_UP_S", 2.0)
     monkeypatch.setattr(rescue, "_TELLS_S", 0.1)
     made = rescue.Rescue(
-        bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}), DESK
+        bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}, late_s=0.0), DESK
     )
     begun_s, told = time.monotonic(), list[tuple[float, list[str]]]()
     made.with_patience(lambda: told.append((time.monotonic() - begun_s, made.left)))
@@ -107,8 +107,20 @@ def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkey
 
 def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path: Path) -> None:
     told: list[None] = []
-    rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}), DESK).with_patience(lambda: told.append(None))
+    rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), DESK).with_patience(
+        lambda: told.append(None)
+    )
     assert not told
+
+
+def test_what_only_time_is_missing_for_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 20.0)
+    made = rescue.Rescue(bench_of(tmp_path, {"healthy": Valve(None)}, late_s=3.0), DESK)
+    told: list[tuple[str, str]] = []
+    made.with_patience(lambda: told.append((made.announcement, str(made.outputs["a"].state))))
+    ((said, state),) = told
+    assert said.startswith("outputs: safe, read back; confirmed in ") and state == "unconfirmed"
+    assert not made.left and made.outputs["a"].state == "safe" and made.took_s < 3.0
 
 
 def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -144,9 +156,8 @@ def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
                 self.levels = {**self.levels, "a": 5.0}
 
     monkeypatch.setattr(rescue, "GIVE_UP_S", 10.0)
-    monkeypatch.setattr(rescue, "_LATE_S", 0.3)
     valve = Late(None)
-    left, _, took_s = rescued(bench_of(tmp_path, {"late": valve}))
+    left, _, took_s = rescued(bench_of(tmp_path, {"late": valve}, late_s=0.3))
     assert not left and valve.levels["a"] == 0.0
     assert took_s > 0.05, "the time at which it came to stay there is told, not the first one"
 

@@ -240,10 +240,9 @@ def test_program_that_talks_nonsense_is_watched_on(line: bytes) -> None:
 @pytest.mark.parametrize("answers", [True, False])
 def test_takeover_confirms_what_it_read_back(answers: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rescue, "GIVE_UP_S", 0.1)
-    monkeypatch.setattr(rescue, "_LATE_S", 0.0)
     monkeypatch.setattr("hil.safety.outputs._PATIENCE_S", 0.02)
     desk = Desk({"a": "V", "b": "V"}, "watchdog", lambda _wish: None)
-    made = rescue.Rescue(bench_of(tmp_path, {"valve": Valve(None, answers=answers)}), desk)
+    made = rescue.Rescue(bench_of(tmp_path, {"valve": Valve(None, answers=answers)}, late_s=0.0), desk)
     made.at_once()
     assert desk.told.is_confirmed == answers and desk.told.by == "watchdog"
 
