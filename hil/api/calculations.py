@@ -159,6 +159,8 @@ def diagnose(
     bench: str | Path = "",
     bench_budget_s: float = 60.0,
     budget_s: float = math.inf,
+    question: str = "",
+    before: Source | Iterable[Source] = (),
     reading: Reading | None = None,
     notes: Notes = unsaid,
     progress: Progress = quiet,
@@ -173,7 +175,9 @@ def diagnose(
         out: folder for diagnosis.json, corrected.json and report.html; nothing is written when not given.
         bench: run the tests that are still needed on this bench, into `out`, and conclude.
         bench_budget_s: bench time that those tests may take.
-        budget_s: computing time after which no further search is begun; what was left out is a warning.
+        budget_s: after so many times 10 million simulated samples no further search is begun; a warning says so.
+        question: "changed" since identification or "left_out" of the model, where not the one that the recordings ask.
+        before: recordings of the same unit at the date of identification, or their paths.
         reading: how paths are read.
         notes: told what was assumed of the recordings.
         progress: told how far it is.
@@ -194,7 +198,12 @@ def diagnose(
         notes(note)
     origins = [*([origin_at(model)] if isinstance(model, str | Path) else []), *map(origin_of, read)]
     folder = None if out is None else Path(out)
-    return diagnosed(nominal, experiments, folder, str(bench), bench_budget_s, progress, budget_s, origins)
+    earlier_sources: list[Source] = several(before)
+    earlier = [samples_of(one, reading or AS_IT_IS) for one in earlier_sources]
+    then = bound_to(nominal, earlier, several(inputs), output, budget_s)[0] if earlier else []
+    return diagnosed(
+        nominal, experiments, folder, str(bench), bench_budget_s, progress, budget_s, origins, question, then
+    )
 
 
 @in_python_words

@@ -43,7 +43,7 @@ def diagnose_fleet(
         output: name of the output channel, likewise.
         out: folder in which each unit gets one of its own; nothing is written when not given.
         scheduler: address of a Dask scheduler, `tcp://host:port`.
-        budget_s: computing time of each unit after which no further search is begun.
+        budget_s: of each unit: after so many times 10 million simulated samples no further search is begun.
         reading: how files are read.
         notes: told what was assumed of the recordings.
         progress: told how many are done.
@@ -86,8 +86,8 @@ def diff(
         model: of the type, or the path of its file, where no passport holds one.
         inputs: names of the input channels, where they are not the model's own.
         output: name of the output channel, likewise.
-        budget_s: computing time after which no further search is begun; of long recordings as much is taken as it
-            allows.
+        budget_s: after so many times 10 million simulated samples no search is begun; of long recordings as much is
+            taken as it allows.
         reading: how files are read.
         notes: told what was assumed of the recordings.
         progress: told how far it is.

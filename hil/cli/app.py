@@ -46,7 +46,8 @@ def _assembled() -> typer.Typer:
         module = importlib.import_module(f"{cli.__name__}.{found.name}")
         name = found.name.rstrip("_").replace("_", "-")
         if hasattr(module, "command"):
-            app.command(name=name, context_settings=getattr(module, "CONTEXT", None))(module.command)
+            own, settings = getattr(module, "Command", None), getattr(module, "CONTEXT", None)
+            app.command(name=name, cls=own, context_settings=settings)(module.command)
         elif hasattr(module, "group"):
             app.add_typer(module.group, name=name)
     return app

@@ -3,13 +3,38 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import typer
+from typer.core import TyperCommand
 
 from hil.cli.language import Language
 from hil.cli.reading import Inputs, Output, takes_reading, teller
 from hil.record.reading import Reading
+
+
+class Command(TyperCommand):
+    """Takes several recordings behind one `--before`."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Each word up to the next option is one of before, unless no recording would be left to diagnose."""
+        each = _each_before(args)
+        kept = super().make_parser(ctx).parse_args(list(each))[0].get("recordings")
+        return super().parse_args(ctx, each if kept else args)
+
+
+def _each_before(args: Sequence[str]) -> list[str]:
+    made: list[str] = []
+    is_before = False
+    for word in args:
+        is_option = word.startswith("-")
+        if is_before and not is_option and made[-1] != "--before":
+            made.append("--before")
+        is_before = word == "--before" if is_option else is_before
+        made.append(word)
+    return made
 
 
 @takes_reading
@@ -31,7 +56,19 @@ def command(
         metavar="S",
         min=0.0,
         show_default="none",
-        help="Computing time after which no further search is begun, in s; of each valve of a fleet.",
+        help="Work after which no further search is begun: S times 10 million simulated samples; of each of a fleet.",
+    ),
+    question: str = typer.Option(
+        "",
+        "--question",
+        metavar="changed|left_out",
+        help="What has changed since identification, or what the model leaves out; by the recordings where not given.",
+    ),
+    before: list[Path] = typer.Option(
+        [],
+        "--before",
+        metavar="RECORDING",
+        help="Recordings of the same unit at the date of identification, up to the next option.",
     ),
     fleet: list[Path] = typer.Option(
         [],
@@ -69,8 +106,8 @@ def command(
     with shown() as progress:
         found = api.diagnose(
             model, recordings, inputs=input_name, output=output_name, out=out, bench=bench,
-            bench_budget_s=bench_budget_s, budget_s=budget_s, reading=reading, notes=teller(aside=as_json),
-            progress=progress,
+            bench_budget_s=bench_budget_s, budget_s=budget_s, question=question, before=before, reading=reading,
+            notes=teller(aside=as_json), progress=progress,
         )  # fmt: skip
     if as_json:
         typer.echo((out / DIAGNOSIS_FILE).read_text(encoding="utf-8"), nl=False)

@@ -28,8 +28,8 @@ def command(
         "--budget",
         metavar="S",
         min=0.0,
-        help="Computing time after which no further search is begun, in s; of long recordings as much is taken as it "
-        "allows. inf: no end.",
+        help="Work after which no further search is begun: S times 10 million simulated samples; of long recordings "
+        "as much is taken as it allows. inf: no end.",
     ),
     as_json: bool = typer.Option(False, "--json", help="Print JSON, schema hil.diff/1."),
     input_name: Inputs = [],  # noqa: B006 — typer makes a new one

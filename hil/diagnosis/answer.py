@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 
+from hil.diagnosis.changed import Changed
 from hil.diagnosis.corrected import beyond_noise, corrected, standard_uncertainties
 from hil.diagnosis.coverage import Limit, limits
 from hil.diagnosis.decide import OPEN, has_drifted
@@ -35,11 +37,13 @@ from hil.diagnosis.evidence import (
 )
 from hil.diagnosis.false_alarms import FalseAlarms, false_alarms
 from hil.diagnosis.happened import Happened
-from hil.diagnosis.kept_back import NOTHING, fit_kept_back, kept_back, predicted
+from hil.diagnosis.kept_back import fit_kept_back, kept_back, predicted
 from hil.diagnosis.locate import StageShare, Where, locate, stages
 from hil.diagnosis.measures import LAW_TOLERANCE, excess, share_left
+from hil.diagnosis.never_worse import why_not_better
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
+from hil.diagnosis.question import Question
 from hil.diagnosis.search.around import around
 from hil.diagnosis.search.fitted import Fitted, change_without
 from hil.diagnosis.search.polish import roughly
@@ -64,32 +68,32 @@ from hil.record.recording import Array
 
 # Judgement, not measurement; how often such probabilities were right is in docs/explanation/proof.md.
 _MOST_SURE, _NOTHING_KNOWN, _ONE_IN_FIVE = 0.99, 0.95, 0.2
-# Where nothing can be named, the best description must close this share of the gap on data kept back, though the
-# nominal model may have been identified on them.
-_DESCRIBES = 0.05
 
 
 class Answer:
     """Puts together what a diagnosis says; computes what several parts need once.
 
-    `standing`: in words that the unit is as it was, where its model has a misfit of its own.
+    `asked`: the question. `changed`: the recordings beside those of before, where a gate answers it.
     """
 
-    def __init__(self, found: Happened, warnings: tuple[str, ...], span: Span | None, standing: str = "") -> None:
-        self.standing = standing
+    def __init__(
+        self, found: Happened, warnings: tuple[str, ...], span: Span | None, asked: Question,
+        changed: Changed | None = None,
+    ) -> None:  # fmt: skip
+        self.asked, self.changed = asked, changed
         self.found, self.warnings, self.span = found, warnings, span
         self.problem, self.choice, self.events = found.problem, found.choice, found.events
         self.judged = self._judged()
         self.verdict = _verdict(found)
-        self.alike: tuple[str, ...] = ()
-        if not found.events and self._is_doubted():
+        self.alike = found.choice.alike if self.verdict == "unexplained" else ()
+        if not found.events and changed is None and self._is_doubted():
             self.alike = self._as_good() if self.verdict == "explained" else ()
             self.verdict = "unexplained"
         beside = not found.replaces_laws and found.choice.verdict != "unexplained"
         self.by_law = not found.events or beside
         self.named = found.choice.chosen if self.verdict != "unexplained" and self.by_law else found.choice.baseline
         self.kept = kept_back(self.problem, self.choice.chosen)
-        self.used, self.held_out = self._used()
+        self.used, self.held_out, self.why_nominal = self._used()
 
     @property
     def has_drifted(self) -> bool:
@@ -108,35 +112,26 @@ class Answer:
         alike = [name for pair in self.choice.rivals for name in pair]
         return tuple(dict.fromkeys(alike))
 
-    def _used(self) -> tuple[Fitted, Fit]:
-        """What the corrected model holds, with the fits on data kept back: never what predicts worse than the nominal
-        model. A name that leads to nothing better is not told.
+    def _used(self) -> tuple[Fitted, Fit, str]:
+        """What the corrected model holds, with the fits on data kept back, and why it is the nominal model, if it is.
+
+        Only what is named stands in it, and only where that predicts better what no fit has seen. A name that leads to
+        nothing better is not told.
         """
         nominal = self.choice.nominal
         before = fit_kept_back(self.problem, nominal.residuals, self.kept)
         most = fit_kept_back(self.problem, np.ones(len(nominal.residuals)), self.kept)
-        proposed, after = self._description()
-        if self.verdict != "unexplained" or after - before < _DESCRIBES * (most - before):
-            proposed = self.named if self.named.terms or self.has_drifted else nominal
-            after = before if proposed is nominal else self._predicts(proposed)
-        if after >= before:
-            return proposed, _rounded(before, after, most)
-        if self.verdict not in ("consistent", "unexplained") and not self.events:
+        proposed = self.named if self.named.terms or self.has_drifted else nominal
+        if self.verdict == "unexplained" or proposed is nominal:
+            return nominal, _rounded(before, before, most), "nothing is named that it would have to hold"
+        residuals = predicted(self.problem, proposed, self.kept)
+        after = fit_kept_back(self.problem, residuals, self.kept)
+        if after < before and self.verdict != "consistent" and not self.events and self.changed is None:
             self.verdict, self.named = "unexplained", self.choice.baseline
-        return nominal, _rounded(before, before, most)
-
-    def _description(self) -> tuple[Fitted, float]:
-        """Of the closest descriptions the one that predicts best what was kept back, and how well; the nominal model
-        where nothing was: a description would only mislead where nobody has looked yet.
-        """
-        asked = self.verdict == "unexplained" and self.kept.said != NOTHING
-        closest = (self.choice.chosen, *self.choice.descriptions)[:FEW] if asked else ()
-        told = [(f, self._predicts(f)) for f in closest if f.terms]
-        return max(told, key=lambda each: each[1], default=(self.choice.nominal, -np.inf))
-
-    def _predicts(self, f: Fitted) -> float:
-        """Fit % of an explanation on what was kept back."""
-        return fit_kept_back(self.problem, predicted(self.problem, f, self.kept), self.kept)
+        why = why_not_better(self.problem, nominal.residuals, residuals, self.kept)
+        if why or after < before:
+            return nominal, _rounded(before, before, most), why or "it predicts worse what no fit has seen"
+        return proposed, _rounded(before, after, most), ""
 
     def _judged(self) -> list[Judged]:
         """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
@@ -160,16 +155,17 @@ class Answer:
         nominal = self.choice.nominal
         found = self._findings()
         changed = self._changed()
-        left = self._left()
+        drawn = strips(problem, self.used)
+        fits = self._fits(drawn)
+        left = self._left(drawn)
         shares = self._stage_shares(nominal) if mismatch else ()
         named = {f.name for f in found}
         everywhere = limits(around(problem, self.named), self.choice.terms, self._twins())
         unseen = tuple(limit for limit in everywhere if limit.effect not in named)
         rivals = self._not_separable()
-        drawn = strips(problem, self.used)
         return Diagnosis(
             verdict=self.verdict,
-            headline=headline(self.verdict, found, changed, left, self._hidden(unseen), self.alike),
+            headline=headline(self.verdict, found, changed, left, self._hidden(unseen, fits), self.alike),
             plant=plant.name,
             plant_title=plant.title,
             input=problem.experiments[0].input,
@@ -182,7 +178,7 @@ class Answer:
             candidates=self._candidates(),
             held_out=self.held_out,
             kept_back=self.kept.said,
-            recordings=self._fits(drawn),
+            recordings=fits,
             mismatch=locate(problem, problem.outputs_of(nominal.residuals)) if mismatch else None,
             stage_shares=shares,
             left=left,
@@ -193,6 +189,13 @@ class Answer:
             shadow=shadow(self.found),
             strips=drawn,
             spectra=spectra(problem, nominal, self.used),
+            question=self.asked.asked,
+            why_asked=self.asked.why,
+            gate=self._gate(),
+            left_out=self._left_out(fits),
+            corrected_is="nominal" if self.used is nominal else "named",
+            work=problem.work.as_dict(),
+            why_corrected=self.why_nominal or "it is better than the nominal model on parts that no fit has seen",
         )
 
     def _twins(self) -> list[Fitted]:
@@ -237,7 +240,7 @@ class Answer:
         quantities = self._quantities(f, term, values)
         where = locate(self.problem, self.problem.outputs_of(change))
         return Finding(
-            name, effect.title, calibrated(self._probability(name)), term.stage, term.hook,
+            name, effect.title, self._told_probability(name), term.stage, term.hook,
             quantities, where, sentence(effect, term, quantities), effect.equation, effect.source,
         )  # fmt: skip
 
@@ -312,9 +315,16 @@ class Answer:
         """That an effect is there, whatever else is: over all explanations that have it, and not something unknown in
         its place.
         """
+        if self.choice.chances:
+            return round(min(self.choice.chances.get(name, 0.0), _MOST_SURE), 3)
         total = sum(p for p, j in zip(self._chances(), self.judged, strict=True) if name in j.fitted.names)
         total /= 1.0 - self._none_of_these()
         return round(min(total * (1.0 - self._something_instead(name)), _MOST_SURE), 3)
+
+    def _told_probability(self, name: str) -> float:
+        """As it is told: that of one score as it is, any other as often as such were right."""
+        said = self._probability(name)
+        return said if self.choice.chances else calibrated(said)
 
     def _something_instead(self, name: str) -> float:
         """The probability that what one member of the chosen explanation takes is something unknown's: the more of its
@@ -355,12 +365,35 @@ class Answer:
         told = {name for e in self._told_events() for name in e.told}
         return tuple(names for names in self.choice.rivals if names[0] not in told)
 
-    def _hidden(self, unseen: Sequence[Limit]) -> str:
+    def _gate(self) -> Mapping[str, Any] | None:
+        """The statistic that says whether the unit has changed; None where the search itself says so."""
+        if self.changed is None:
+            return None
+        later, before = self.changed.later, self.changed.table.before
+        column = self.changed.table.columns[later.column]
+        return {
+            "z": round(later.z, 2), "needed": round(self.changed.needed, 2), "is_alarm": self.changed.is_alarm,
+            "is_unsure": self.changed.is_unsure, "shows_as": f"{column.name} {column.hook}".strip(),
+            "pseudo_tests": [round(z, 2) for z in before.reach], "count_as_one": round(self.changed.as_one, 1),
+            "explained_by_skeleton": round(1.0 - before.left, 3),
+        }  # fmt: skip
+
+    def _left_out(self, fits: Mapping[str, Fit]) -> Mapping[str, Any] | None:
+        """What the model leaves out of recordings that ask what has changed: how far it reaches, and no search."""
+        if self.asked.table is None:
+            return None
+        verdict: Verdict = "consistent" if self.changed is None else "unexplained"
+        return {
+            "verdict": verdict, "headline": _reaches(fits), "effects": [], "changed_parameters": [],
+            "searched": self.changed is None,
+        }  # fmt: skip
+
+    def _hidden(self, unseen: Sequence[Limit], fits: Mapping[str, Fit]) -> str:
         """What is said in the place of an agreement: that the model had that misfit before, or that noise hides all."""
-        if self.standing:
-            return self.standing
+        if self.changed is not None:
+            return f"The unit is unchanged since identification; {_reaches(fits)}."
         # of the recording that tells most: the half that is kept back may hold no more than a rest
-        told = zip(self.problem.experiments, self.problem.noises, strict=True)
+        told = zip(self.problem.as_recorded, self.problem.noises, strict=True)
         ceiling = max(fit_ceiling(e.output[e.told], noise.std) for e, noise in told)
         share = (1.0 - ceiling / 100.0) ** 2  # of noise in the variance of what the output does
         if share <= MOST and any(limit.visible for limit in unseen):
@@ -378,27 +411,29 @@ class Answer:
     def _fits(self, drawn: Sequence[Strip]) -> dict[str, Fit]:
         """Of every recording, from the simulations that the report draws."""
         found = {}
-        for e, strip in zip(self.problem.experiments, drawn, strict=True):
+        for e, strip in zip(self.problem.as_recorded, drawn, strict=True):
             keep = e.told
-            found[e.name] = _rounded(
-                fit_percent(e.output[keep], strip.nominal[keep]),
-                fit_percent(e.output[keep], strip.corrected[keep]),
-                fit_ceiling(e.output[keep], strip.noise_std),
-            )
+            nominal = fit_percent(e.output[keep], strip.nominal[keep])
+            after = fit_percent(e.output[keep], strip.corrected[keep])
+            most = fit_ceiling(e.output[keep], strip.noise_std)
+            found[e.name] = _rounded(nominal, after, float(np.fmax(most, np.fmax(nominal, after))))
         return found
 
     # -- places ------------------------------------------------------------------------------------------
 
-    def _left(self) -> Left:
+    def _left(self, drawn: Sequence[Strip]) -> Left:
         problem, noise = self.problem, self.problem.noises[0]
         r = self.found.residuals if self.events else self.used.residuals
         share = self._left_by(self.events[-1]) if self.events else self.choice.left
-        outputs: Array = np.concatenate(self.problem.outputs_of(r))
-        rms = float(np.sqrt(max(float(np.mean(outputs**2)) - 1.0, 0.0))) * noise.std
+        parts = enumerate(problem.output_slices())
+        after = np.concatenate([problem.errors(i, r[part])[e.told] for (i, part), e in
+                                zip(parts, problem.as_recorded, strict=True)])  # fmt: skip
+        before = np.concatenate([strip.off(strip.nominal) for strip in drawn])
+        rms, nominal = (float(np.sqrt(max(float(np.mean(x**2)) - noise.std**2, 0.0))) for x in (after, before))
         open_question = self.verdict in OPEN
         where: Where | None = locate(problem, self.problem.outputs_of(r)) if open_question else None
         curves = self._stage_shares(self.used) if open_question else ()
-        return Left(round(share, 4), rms, noise.std, problem.model.output_unit, where, curves)
+        return Left(round(share, 4), rms, noise.std, problem.model.output_unit, where, curves, nominal)
 
     def _stage_shares(self, f: Fitted) -> tuple[StageShare, ...]:
         effects: list[ActiveEffect] = [*self.problem.model.active_effects, *f.effects]
@@ -415,12 +450,8 @@ class Answer:
         said = [f"{name} ended on a bound of its range: a warning, not physics" for name in bounds]
         if self.verdict == "unexplained" and f.terms:
             left = quantity_text(100 * self.choice.left, None, "%")
-            holds = "holds it as a description" if self.used is f else "is the nominal one"
-            if self.used is not f and self.used.terms:
-                holds = f"holds {_labels(self.used)}, which does better on data kept back"
             said.append(
-                f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause. "
-                f"The corrected model {holds}"
+                f"the closest description ({_labels(f)}) leaves {left} of the misfit and is not named as the cause"
             )
         if self.has_drifted and not self.events and self.used is self.choice.baseline:
             said.append(self._drifted())
@@ -446,6 +477,12 @@ def _verdict(found: Happened) -> Verdict:
     if not found.events:
         return found.choice.verdict
     return "partly_explained" if found.choice.verdict in OPEN and not found.replaces_laws else "explained"
+
+
+def _reaches(fits: Mapping[str, Fit]) -> str:
+    """How far the nominal model comes, on the recording that it fits worst."""
+    worst = min(fits.values(), key=lambda fit: np.nan_to_num(fit.nominal, nan=np.inf))
+    return f"the model itself reaches {worst.nominal:.3g} of {worst.ceiling:.4g} %"
 
 
 def _rounded(nominal: float, corrected: float, most: float) -> Fit:

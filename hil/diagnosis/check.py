@@ -10,10 +10,11 @@ import numpy as np
 from hil.diagnosis.yardsticks import NEXT_TO_NOTHING, SELDOM_BY_CHANCE
 from hil.errors import FileError
 from hil.identification.clipped import without_clipped
+from hil.identification.content import is_of_its_origin
 from hil.identification.experiment import DEAD, Experiment, require_excitation
 from hil.identification.gaps import bridged
 from hil.identification.mistaken.look import mistaken
-from hil.identification.mistaken.suspicion import Suspicion, expected, is_of_its_origin
+from hil.identification.mistaken.suspicion import Suspicion, expected
 from hil.identification.mistaken.time_unit import wrong_time
 from hil.identification.noise import resolution, white_floor
 from hil.identification.repeated import without_held

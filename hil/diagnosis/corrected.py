@@ -43,14 +43,13 @@ def corrected(problem: Problem, f: Fitted, verdict: Verdict) -> Model:
         "diagnosed": [e.name for e in problem.experiments],
         "verdict": verdict,
     }
-    if verdict == "unexplained" and f.terms:
-        origin["note"] = "effects here describe the recordings best; they are not named as causes"
     return replace(
         model,
         parameters=values,
         effects=_with(model, found),
         covariance=_covariance(f, model),
         origin=origin,
+        skeleton=None if f.terms or values != dict(model.parameters) else model.skeleton,
     )
 
 
@@ -93,6 +92,9 @@ def _covariance(f: Fitted, nominal: Model) -> Covariance | None:
     if f.estimate is None or not np.all(np.isfinite(f.estimate.covariance)):
         return nominal.covariance
     keep = [k for k, u in enumerate(f.estimate.unknowns) if u.name in nominal.parameters]
+    known = () if nominal.covariance is None else nominal.covariance.names
+    if not set(known) <= {u.name for u in f.estimate.unknowns}:  # base parameters were held
+        return nominal.covariance
     names = tuple(f.estimate.unknowns[k].name for k in keep)
     if len(set(names)) < len(names):
         return nominal.covariance

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -51,6 +51,8 @@ class Choice:
         part: such events that take a good part of the misfit and leave the rest open.
         descriptions: what else comes near where nothing can be named, the closest first.
         pairs: two causes that were fitted together, as far as they were.
+        alike: names that would each explain as much, where nothing is named.
+        chances: how probable each name is, where one score has weighed all of them.
     """
 
     verdict: Verdict
@@ -65,6 +67,8 @@ class Choice:
     part: Events | None = None
     descriptions: tuple[Fitted, ...] = ()
     pairs: tuple[Fitted, ...] = ()
+    alike: tuple[str, ...] = ()
+    chances: Mapping[str, float] = field(default_factory=dict)
 
 
 def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -> Choice:

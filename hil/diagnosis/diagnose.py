@@ -9,17 +9,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from hil.diagnosis.answer import Answer
-from hil.diagnosis.as_before import WHAT_IT_LACKS, as_before, is_asked_what_changed, with_inner_noise
-from hil.diagnosis.check import check
-from hil.diagnosis.decide import OPEN, decide, healthy
+from hil.diagnosis.changed import Changed
+from hil.diagnosis.check import Checked, check
+from hil.diagnosis.decide import OPEN, decide
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.diagnosis.events.coarse import coarse_step
 from hil.diagnosis.events.event import Spell
 from hil.diagnosis.events.repeats import stale_outputs, without_stale
 from hil.diagnosis.happened import Happened, happened, posed_again
 from hil.diagnosis.levels import read_coarsely
+from hil.diagnosis.measures import CONSISTENT_EXCESS
+from hil.diagnosis.named import named, unchanged
 from hil.diagnosis.next_test import Span
-from hil.diagnosis.problem import pose
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.question import Question, question_of
 from hil.diagnosis.roughly_known import as_in_this_unit
 from hil.diagnosis.solver import settled
 from hil.diagnosis.wording import quantity_text
@@ -66,6 +69,8 @@ def diagnose(
     progress: Progress = lambda _done, _text: None,
     span: Span | None = None,
     budget_s: float = math.inf,
+    question: str = "",
+    before: Sequence[Experiment] = (),
 ) -> Diagnosed:
     """Compare a nominal model with recordings of its unit, name what it lacks, and correct it.
 
@@ -74,25 +79,70 @@ def diagnose(
         experiments: the recordings, bound to its plant.
         progress: told how far it is.
         span: how far a next test may drive the command; as far as the recordings went when not given.
-        budget_s: computing time after which no further search is begun; what was left out is said.
+        budget_s: after so many times 10 million simulated samples no search is begun; what was left out is said.
+        question: "changed" or "left_out", where not the one that the recordings themselves ask.
+        before: recordings of the same unit when the model was identified, where not what the model file keeps of them.
 
     Raises:
         FileError: a recording cannot be what its headings say (see `hil.diagnosis.check`).
     """
     with one_blas_thread():
-        return _diagnose(model, experiments, Work(progress, budget_s), span)
+        return _diagnose(model, experiments, Work(progress, budget_s), span, question, before)
 
 
-def _diagnose(model: Model, experiments: Sequence[Experiment], work: Work, span: Span | None) -> Diagnosed:
+def _diagnose(
+    model: Model, experiments: Sequence[Experiment], work: Work, span: Span | None, wanted: str,
+    before: Sequence[Experiment],
+) -> Diagnosed:  # fmt: skip
     started = time.perf_counter()
     work.at(0.0, "checking the recordings")
+    asked = question_of(model, experiments, wanted, before)
     checked = check(model, experiments)
     kept, stale = without_stale(checked.experiments)
     problem = replace(pose(model, kept), work=work)
-    what_changed = is_asked_what_changed(problem)
-    problem, solver_warnings = settled(with_inner_noise(problem) if what_changed else problem)
-    warnings = [*checked.warnings, *solver_warnings, *_known_hum(model)]
-    work.at(0.1, "searching for the cause")
+    problem, solver_warnings = settled(problem)
+    warnings = [*asked.warnings, *checked.warnings, *solver_warnings, *_known_hum(model)]
+    changed = _beyond_noise(problem, asked)
+    if changed is None:
+        found, said = _searched(problem, checked, kept)
+    else:
+        found, said = _judged(changed)
+    if stale:
+        found = _with_stale(found, stale)
+    work.at(0.6, "judging on data kept back")
+    answer = Answer(found, (*warnings, *said, *work.warnings), span, asked, changed)
+    work.at(0.8, "locating the mismatch")
+    diagnosis = answer.diagnosis(time.perf_counter() - started)
+    work.at(1.0, "done")
+    return Diagnosed(diagnosis, answer.corrected)
+
+
+def _beyond_noise(problem: Problem, asked: Question) -> Changed | None:
+    """The recordings beside those of before, where *changed* is asked of a model that left more than noise of them.
+
+    A model that left nothing but noise lacks nothing: there the search itself says what has changed.
+    """
+    table = asked.table
+    if table is None or table.before.beyond_noise < CONSISTENT_EXCESS:
+        return None
+    problem.work.at(0.05, "has the unit changed?")
+    count = 2 + len(table.columns)
+    samples = sum(e.drive.inputs.shape[1] for e in problem.experiments)
+    problem.work.simulated(count * len(problem.experiments), count * samples)
+    return Changed(problem, table, table.rows(problem.model, problem.experiments))
+
+
+def _judged(changed: Changed) -> tuple[Happened, list[str]]:
+    """One gate before any name."""
+    if not changed.is_alarm:
+        return Happened((), changed.judged, unchanged(changed)), []
+    return Happened((), changed.judged, named(changed)), [said for said in [changed.unsure()] if said]
+
+
+def _searched(problem: Problem, checked: Checked, kept: Sequence[Experiment]) -> tuple[Happened, list[str]]:
+    """What the model leaves out, by the search over the whole library and for events."""
+    warnings: list[str] = []
+    problem.work.at(0.1, "searching for the cause")
     choice = decide(problem)
     if checked.clocks_set and choice.verdict in OPEN:  # one clock is less to believe than many lost commands
         set_right = posed_again(problem, without_stale(checked.clocks_set)[0])
@@ -104,21 +154,10 @@ def _diagnose(model: Model, experiments: Sequence[Experiment], work: Work, span:
     if no_news:
         choice = decide(problem)
         warnings += no_news
-    standing = as_before(problem) if what_changed else ""
-    if standing:
-        choice = healthy(choice)
-        warnings.append(WHAT_IT_LACKS)
-    found = Happened((), problem, choice) if standing else happened(problem, choice)
-    work.at(0.6, "judging on data kept back")
+    found = happened(problem, choice)
     if (step := coarse_step(problem, kept)) is not None:
         found = read_coarsely(found, *step)
-    if stale:
-        found = _with_stale(found, stale)
-    answer = Answer(found, (*warnings, *work.warnings), span, standing)
-    work.at(0.8, "locating the mismatch")
-    diagnosis = answer.diagnosis(time.perf_counter() - started)
-    work.at(1.0, "done")
-    return Diagnosed(diagnosis, answer.corrected)
+    return found, warnings
 
 
 def _with_stale(found: Happened, stale: Sequence[Spell]) -> Happened:

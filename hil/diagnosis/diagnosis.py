@@ -16,6 +16,7 @@ from hil.record.recording import Array
 
 SCHEMA = "hil.diagnosis/1"
 
+Asked = Literal["changed", "left_out"]
 Verdict = Literal["consistent", "parameter_change", "explained", "partly_explained", "unexplained"]
 
 
@@ -161,6 +162,7 @@ class Spectrum:
 class Left:
     """What the corrected model still leaves: its size beside the noise, where it is, what it depends on.
 
+    `rms`, `nominal_rms`: beyond white noise, of the corrected model and of the nominal one as it is.
     `stages`: how much of it a free disturbance at each hook in turn would explain, best first, as curves over what
     passes there, by direction of motion.
     """
@@ -171,6 +173,7 @@ class Left:
     unit: str
     where: Where | None
     stages: tuple[StageShare, ...]
+    nominal_rms: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -181,6 +184,9 @@ class Diagnosis:
         chain: (hook, stage) in order of the signal. `stage_shares`: as in `Left.stages`, for the nominal model.
         kept_back: what `held_out` was judged on.
         shadow: the verdict by one score beside this one (see `hil.diagnosis.verdict`); it decides nothing.
+        question: what was asked, and `why_asked`. `gate`: the statistic that says whether the unit has changed, where
+            the model left more than noise. `left_out`: the other question's answer, where *changed* was asked.
+        corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations and their samples.
         false_alarms: how often a unit without any effect is called anything but consistent, and where that was counted.
     """
 
@@ -209,11 +215,20 @@ class Diagnosis:
     shadow: Mapping[str, Any] = field(default_factory=dict)
     strips: tuple[Strip, ...] = ()
     spectra: tuple[Spectrum, ...] = ()
+    question: Asked = "left_out"
+    why_asked: str = ""
+    gate: Mapping[str, Any] | None = None
+    left_out: Mapping[str, Any] | None = None
+    corrected_is: Literal["nominal", "named"] = "nominal"
+    why_corrected: str = ""
+    work: Mapping[str, int] = field(default_factory=dict)
 
     def as_dict(self) -> dict[str, Any]:
         """`diagnosis.json`: the contract's fields and more, without the pictures' arrays."""
         return {
             "schema": SCHEMA,
+            "question": self.question,
+            "why_asked": self.why_asked,
             "verdict": self.verdict,
             "headline": self.headline,
             "plant": self.plant,
@@ -230,10 +245,15 @@ class Diagnosis:
                 "kept_back": self.kept_back,
                 "recordings": {name: plain(fit) for name, fit in self.recordings.items()},
             },
+            "left_out": None if self.left_out is None else dict(self.left_out),
+            "gate": None if self.gate is None else dict(self.gate),
+            "corrected_is": self.corrected_is,
+            "why_corrected": self.why_corrected,
             "mismatch": _where(self.mismatch),
             "left": {
                 "share": self.left.share,
                 "rms": self.left.rms,
+                "nominal_rms": self.left.nominal_rms,
                 "noise_std": self.left.noise_std,
                 "unit": self.left.unit,
                 "where": _where(self.left.where),
@@ -244,6 +264,7 @@ class Diagnosis:
             "false_alarm_rate": self.false_alarms.rate,
             "false_alarm_scope": self.false_alarms.scope,
             "seconds": self.seconds,
+            "work": dict(self.work),
             "shadow": dict(self.shadow),
         }
 

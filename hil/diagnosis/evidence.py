@@ -66,12 +66,11 @@ def judge(problem: Problem, fitted: Fitted) -> Judged:
 def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
     """Fit % of the output over the samples kept back, every recording's mean taken off by itself."""
     errors, spreads = 0.0, 0.0
-    for e, noise, part in zip(problem.experiments, problem.noises, problem.output_slices(), strict=True):
+    for i, (e, part) in enumerate(zip(problem.as_recorded, problem.output_slices(), strict=True)):
         kept = held_out[part] & e.told
         if not kept.any():
             continue
-        # whitening keeps the size of white noise; for coloured noise the fit is in whitened terms on both sides
-        errors += float(np.sum((residuals[part][kept] * noise.std) ** 2))
+        errors += float(np.sum(problem.errors(i, residuals[part])[kept] ** 2))
         measured = e.output[kept]
         spreads += float(np.sum((measured - measured.mean()) ** 2))
     return 100.0 * (1.0 - float(np.sqrt(errors / spreads))) if spreads else float("nan")

@@ -103,9 +103,13 @@ def headline(
         return f"{_what(found)} With {them} {_how_far(left)}."
     if verdict == "partly_explained":
         return f"{_what(found)} Something more is missing: {100 * left.share:.3g} % of the misfit stays."
-    differ = f"The model and the recordings differ by {left.rms:.2g}{_unit_text(left.unit)} (rms) beyond the noise"
+    differ = (
+        f"The model and the recordings differ by {left.nominal_rms:.2g}{_unit_text(left.unit)} (rms) beyond the noise"
+    )
     if alike:
         names = _listed([name.replace("_", " ") for name in alike])
+        if len(alike) == 1:
+            return f"{differ}. {names.capitalize()} comes nearest, and something unknown explains it as well."
         return f"{differ}. Each of {names} would explain it; these data do not tell which."
     return f"{differ}, and nothing in the library explains it."
 

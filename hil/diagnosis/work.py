@@ -1,34 +1,53 @@
-"""How far a diagnosis is, and what it leaves out when the computing time that it was given is over."""
+"""How far a diagnosis is, what it has simulated, and what it leaves out when its budget is spent."""
 
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from threading import Lock
 
 Progress = Callable[[float, str], None]
 OUT_OF_TIME = "was over before these were looked at"
+SAMPLES_PER_S = 10e6
+"""Simulated samples that a second of a budget stands for, whatever the machine does."""
 
 
 class Work:
     """One diagnosis at work.
 
     Attributes:
-        left_out: what was not done for want of time, in the order in which it came up.
+        left_out: what was not done for want of a larger budget, in the order in which it came up.
+        simulations, samples: that it took so far: of one recording each, and simulated in all of them.
     """
 
     def __init__(self, progress: Progress = lambda _done, _text: None, budget_s: float = math.inf) -> None:
         self._progress, self._budget_s = progress, budget_s
-        self._until_s = time.monotonic() + budget_s
         self.left_out: list[str] = []
+        self.simulations = self.samples = 0
+        self._one_at_a_time = Lock()
 
     def at(self, share: float, text: str) -> None:
         """Say how far it is."""
         self._progress(share, text)
 
+    def simulated(self, simulations: int, samples: int) -> None:
+        """Count simulations, and their samples in all; from any thread."""
+        with self._one_at_a_time:
+            self.simulations += simulations
+            self.samples += samples
+
+    @property
+    def spent_s(self) -> float:
+        """What it took, as a budget counts it."""
+        return self.samples / SAMPLES_PER_S
+
+    def as_dict(self) -> Mapping[str, int]:
+        """As `diagnosis.json` has it."""
+        return {"simulations": self.simulations, "samples": self.samples}
+
     def leaves_out(self, what: str) -> bool:
-        """Whether there is no time left for something; it is remembered."""
-        over = time.monotonic() >= self._until_s
+        """Whether no budget is left for something; it is remembered."""
+        over = self.spent_s >= self._budget_s
         if over and what not in self.left_out:
             self.left_out.append(what)
         return over
@@ -39,5 +58,7 @@ class Work:
         if not self.left_out:
             return ()
         what = ", ".join(self.left_out)
-        over = f"the computing time of {self._budget_s:.3g} s {OUT_OF_TIME}: {what}"
+        over = (
+            f"the budget of {self._budget_s:.3g} s ({self._budget_s * SAMPLES_PER_S:.3g} samples) {OUT_OF_TIME}: {what}"
+        )
         return (f"{over}; a larger --budget may find more",)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hil.catalog import entries, models
 from hil.identification.at_once import dead_time_std_s, follows_at_once
+from hil.identification.content import content_of
 from hil.identification.elsewhere import elsewhere
 from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
@@ -157,7 +158,13 @@ def _fit_plant(
     found = replace(
         found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.estimate.on_bound)))
     )
+    found = replace(found, model=_with_content(found.model, experiments))
     return _none_told(found) if model.definition.structures and one_frequency(alive) else found
+
+
+def _with_content(model: Model, experiments: Sequence[Experiment]) -> Model:
+    """The model with what tells its recordings from any others."""
+    return replace(model, origin={**model.origin, "content": {e.name: content_of(e) for e in experiments}})
 
 
 def _none_told(found: GreyBoxFit) -> GreyBoxFit:

@@ -11,10 +11,11 @@ import numpy as np
 from hil.errors import FileError
 from hil.identification.at_once import told_of_what_follows_at_once
 from hil.identification.clipped import without_clipped
+from hil.identification.content import is_of_its_origin
 from hil.identification.experiment import Experiment
 from hil.identification.feedback import runs_in_a_loop
 from hil.identification.mistaken.look import mistaken
-from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against, is_of_its_origin
+from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against
 from hil.identification.mistaken.time_unit import wrong_time
 from hil.identification.repeated import stale_sentence, without_held, without_stale
 from hil.identification.time_constant import time_constant_s

@@ -12,7 +12,6 @@ the stretch begins at rest at the level that brings the model there.
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -34,7 +33,7 @@ _SEVERAL, _FEW = 8, 4  # stretches that are taken where nobody knows a time cons
 _SETTLED_AFTER, _AT_MOST = 10.0, 0.5  # time constants (e^-10 is less than any noise), and a share of the stretch
 _ANSWERS = 10_000  # of the model, that a diagnosis takes at most: 3000 to 10 000 where they were counted
 _FEWEST_SAMPLES = 12_000  # less time than these take is not asked for: a diagnosis of fewer tells little
-_TIMED = 4000
+_SAMPLES_PER_S = 10e6  # simulated samples that a second of a budget stands for
 _SETTLED_SHARE = 0.1  # of a stretch, where nobody knows a time constant
 _LAGS = (1, 10, 100, 1000)
 _BEYOND = 0.1  # of the commands' span, in which a level to begin at is looked for too
@@ -63,11 +62,11 @@ def experiments_of(
         recordings: all that are used together.
         command: the name of the channel that moves a recording.
         bind: makes a recording an experiment.
-        computing_s: of a diagnosis: too long is what would take longer.
+        computing_s: budget of a diagnosis: too long is what would take more.
     """
     total, most = sum(len(one) for one in recordings), MOST_SAMPLES
     if math.isfinite(computing_s) and total > _FEWEST_SAMPLES:
-        most = _affordable(model, bind(_telling(recordings[0], command)), computing_s)
+        most = _affordable(computing_s)
     if total <= most:
         return [bind(one) for one in recordings], ()
     made: list[Experiment] = []
@@ -80,18 +79,9 @@ def experiments_of(
     return made, tuple(said)
 
 
-def _telling(recording: Recording, command: Callable[[Recording], str]) -> Recording:
-    (one,) = telling_stretches(recording.values(command(recording)), _TIMED, _TIMED)
-    return recording.rows(one.first, one.count)
-
-
-def _affordable(model: Model, e: Experiment, computing_s: float) -> int:
-    """So many samples that a diagnosis of them takes about this computing time; timed, on this machine, on `e`."""
-    e.respond(model.definition, model.values, model.active_effects)  # a kernel that is loaded the first time
-    begun_s = time.perf_counter()
-    e.respond(model.definition, model.values, model.active_effects)
-    each_s = (time.perf_counter() - begun_s) / len(e.output)
-    return int(np.clip(computing_s / (_ANSWERS * each_s), _FEWEST_SAMPLES, MOST_SAMPLES))
+def _affordable(computing_s: float) -> int:
+    """So many samples that a diagnosis of them stays within a budget, by the simulations that diagnoses take."""
+    return int(np.clip(computing_s * _SAMPLES_PER_S / _ANSWERS, _FEWEST_SAMPLES, MOST_SAMPLES))
 
 
 def _bound(

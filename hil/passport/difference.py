@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -13,7 +12,7 @@ import numpy as np
 from hil.diagnosis.coverage import Limit
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import Diagnosis, Finding
-from hil.diagnosis.work import OUT_OF_TIME
+from hil.diagnosis.work import OUT_OF_TIME, SAMPLES_PER_S
 from hil.errors import SettingError
 from hil.identification.experiment import Experiment
 from hil.passport.conditions import condition_changes
@@ -125,7 +124,7 @@ def difference(
         progress: told how far it is.
         inputs: names of the input channels, where they are not the model's own.
         output: name of the output channel, likewise.
-        computing_s: after which no further search is begun; the dates share it, and what was left out is a note.
+        computing_s: budget after which no further search is begun; the dates share it, what was left out is a note.
 
     Raises:
         SettingError: there is no model.
@@ -138,10 +137,10 @@ def difference(
     names, first, left_s = (inputs, output), None, computing_s
     said: tuple[str, ...] = ()
     if known is not None:
-        begun_s, half_s = time.monotonic(), 0.5 * computing_s
+        half_s = 0.5 * computing_s
         experiments, said = bound_to(known, old.recordings, *names, half_s)
         first = diagnose(known, experiments, lambda d, t: progress(0.5 * d, f"{old.name}: {t}"), budget_s=half_s)
-        left_s = max(computing_s - (time.monotonic() - begun_s), 0.0)
+        left_s = max(computing_s - first.diagnosis.work["samples"] / SAMPLES_PER_S, 0.0)
     reference = start if first is None else _reference(start, first)
     experiments, more = bound_to(reference, new.recordings, *names, left_s)
     second = diagnose(reference, experiments, lambda d, t: progress(0.5 + 0.5 * d, f"{new.name}: {t}"), budget_s=left_s)

@@ -92,6 +92,8 @@ class Model:
         noise: of the output, as it was when the model was identified.
         covariance: of the parameters that were estimated, from one recording of the same bench to the next.
         origin: recordings, tool version, fit; for the reader.
+        skeleton: what the model left of the recordings of its identification (see `hil.diagnosis.skeleton.table`);
+            None where nobody kept it.
     """
 
     plant: str
@@ -103,6 +105,7 @@ class Model:
     noise: Noise | None = None
     covariance: Covariance | None = None
     origin: Mapping[str, Any] = field(default_factory=dict)
+    skeleton: Mapping[str, Any] | None = None
 
     def _repr_html_(self) -> str:
         from hil.record.show import table_html

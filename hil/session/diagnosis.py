@@ -15,6 +15,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.diagnosis.diagnose import Diagnosed, diagnose
 from hil.diagnosis.diagnosis import NextTest
 from hil.diagnosis.next_test import Span, span_within
+from hil.diagnosis.skeleton.table import library_of
 from hil.errors import SettingError, StorageError
 from hil.identification.experiment import Experiment, for_model
 from hil.identification.stretches import experiments_of
@@ -48,7 +49,7 @@ def bound_to(
 
     In words: first which of them is of another plant than the model.
 
-    Too long are those that nobody diagnoses in the computing time, where it has an end.
+    Too long are those that nobody diagnoses within the budget `computing_s`, where it has an end.
     """
     command = inputs[0] if inputs and inputs[0] else split_heading(model.input)[0]
 
@@ -67,6 +68,8 @@ def diagnosed(
     progress: Progress = lambda _done, _text: None,
     computing_s: float = math.inf,
     origins: Sequence[Origin] = (),
+    question: str = "",
+    before: Sequence[Experiment] = (),
 ) -> Diagnosed:
     """Diagnose, on a bench where one is named, and write down what came out where a folder is.
 
@@ -76,9 +79,12 @@ def diagnosed(
     if bench and out is None:
         raise SettingError("tests on a bench leave run folders: name a folder for them, `out`")
     if bench and out is not None:
-        found = conclude(model, experiments, read_bench(find_bench(bench)), budget_s, out, progress, computing_s)
+        found = conclude(
+            model, experiments, read_bench(find_bench(bench)), budget_s, out, progress, computing_s, question
+        )
     else:
-        found = diagnose(model, experiments, progress, budget_s=computing_s)
+        earlier = before or _kept_elsewhere(model, experiments)
+        found = diagnose(model, experiments, progress, budget_s=computing_s, question=question, before=earlier)
     found = _warned(found, origins)
     if out is not None:
         write_diagnosis(found, out, origins)
@@ -91,6 +97,15 @@ def _warned(found: Diagnosed, origins: Sequence[Origin]) -> Diagnosed:
     return replace(found, diagnosis=replace(found.diagnosis, warnings=(*said, *found.diagnosis.warnings)))
 
 
+def _kept_elsewhere(model: Model, experiments: Sequence[Experiment]) -> list[Experiment]:
+    """The recordings of identification, where the library has changed since and all of them are still there."""
+    kept, paths = model.skeleton, dict(model.origin.get("paths") or {})
+    if kept is None or kept.get("library") == library_of(model) or not all(Path(p).exists() for p in paths.values()):
+        return []
+    names = experiments[0].input.rpartition(" [")[0], experiments[0].output_heading.rpartition(" [")[0]
+    return bound_to(model, [read_recording(Path(p)) for p in paths.values()], names[:1], names[1])[0] if paths else []
+
+
 def conclude(
     model: Model,
     experiments: Sequence[Experiment],
@@ -99,6 +114,7 @@ def conclude(
     out: Path,
     progress: Progress = lambda _done, _text: None,
     computing_s: float = math.inf,
+    question: str = "",
 ) -> Diagnosed:
     """Diagnose, run the next test on the bench, diagnose again, until nothing is left to tell or the time is spent.
 
@@ -111,7 +127,8 @@ def conclude(
         budget_s: bench time that all tests together may take, the ways there and back included.
         out: run folders `test-1`, `test-2`, … are made in it.
         progress: told how far it is.
-        computing_s: computing time of each diagnosis after which no further search is begun.
+        computing_s: budget of each diagnosis, after which no further search is begun.
+        question: what is asked, where not what the recordings ask.
 
     Raises:
         HardwareError: the bench failed; outputs are safe, recordings made so far are kept.
@@ -121,7 +138,7 @@ def conclude(
     beside_s = _WAYS * bench.bench.valve.settling_s  # of a test: there, back, and settling
     done: list[tuple[str, Mapping[str, Any]]] = []
     while True:
-        found = diagnose(model, known, progress, span, computing_s)
+        found = diagnose(model, known, progress, span, computing_s, question)
         asked = found.diagnosis.next_test
         if asked is None or asked.bench_s + beside_s > left_s or (asked.procedure, asked.settings) in done:
             return found

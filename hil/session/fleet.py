@@ -140,7 +140,7 @@ def diagnose_units(
         units: what to diagnose.
         scheduler: address of a Dask scheduler, `tcp://host:port`; this machine's cores when empty.
         progress: told how many are done.
-        budget_s: computing time of each unit after which no further search is begun.
+        budget_s: of each unit: after so many times 10 million simulated samples no further search is begun.
 
     Raises:
         InputError: no scheduler answers there.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from html import escape
 from pathlib import Path
 from typing import Any
 
+from hil.diagnosis.skeleton.table import table_of
 from hil.errors import FileError, SettingError
 from hil.identification.experiment import Experiment, experiment
 from hil.identification.grey_box import fit_plant, starting_model
@@ -162,7 +163,10 @@ def identified(
         notes(note)
     is_long = sum(len(one.output) for one in experiments) >= _LONG
     found = fit_plant(start, experiments, free, progress if is_long else lambda _done, _text: None)
-    return Identified(found.model, found.summary(), tuple(experiments), (), dict(found.fits), found.notes)
+    paths = {one.name: str(Path(one.name).resolve()) for one in recordings if Path(one.name).exists()}
+    model = replace(found.model, origin={**found.model.origin, "paths": paths})
+    model = replace(model, skeleton=table_of(model, [e for e in experiments if not e.stands_still]).as_dict())
+    return Identified(model, found.summary(), tuple(experiments), (), dict(found.fits), found.notes)
 
 
 def bound(recording: Recording, plant: Plant, input_name: Sequence[str] = (), output_name: str = "") -> Experiment:

@@ -11,8 +11,8 @@ import pytest
 
 from hil.diagnosis.check import check
 from hil.errors import FileError
+from hil.identification.content import content_of
 from hil.identification.experiment import experiment, for_model
-from hil.identification.fit import fit_percent
 from hil.identification.grey_box import fit_plant
 from hil.identification.mistaken.unit import unit_factors
 from hil.physics.compose import plant
@@ -177,6 +177,5 @@ def test_what_a_model_was_made_of_is_never_refused() -> None:
     """However wrong it was: a model of a reversed, scaled channel fits it."""
     model = nominal()
     turned = scaled(records(seed=31), "flow", -1.0)
-    fits = {each.name: float(fit_percent(e.output, e.respond(model.definition, model.values)[0]))
-            for each, e in zip(turned, bound(model, turned), strict=True)}  # fmt: skip
-    check(replace(model, origin={**model.origin, "fit_percent": fits}), bound(model, turned))
+    content = {e.name: content_of(e) for e in bound(model, turned)}
+    check(replace(model, origin={**model.origin, "content": content}), bound(model, turned))

@@ -51,7 +51,7 @@ def test_a_stop_that_was_not_reached_is_not_told() -> None:
 
 
 def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing() -> None:
-    left = Left(0.145, 0.029, 0.3, "l/min", None, ())
+    left = Left(0.145, 0.029, 0.3, "l/min", None, (), 2.5)
     several = headline("unexplained", (), (), left, alike=("dead_time", "sensor_lag"))
     assert several.endswith("Each of dead time and sensor lag would explain it; these data do not tell which.")
     assert headline("unexplained", (), (), left).endswith("and nothing in the library explains it.")
@@ -61,14 +61,14 @@ def test_the_headline_says_what_stays_beside_the_noise() -> None:
     where = Where("", (), (0.0, 1.0), "", {})
     droop = Finding("supply_droop", "drooping supply", 0.9, "supply", "supply", {}, where, "", "", "")
     lag = Finding("sensor_lag", "lag of the sensor", 0.9, "sensor", "sensor", {}, where, "", "", "")
-    explained = headline("explained", (droop,), (), Left(0.001, 0.05, 0.3, "l/min", None, ()))
+    explained = headline("explained", (droop,), (), Left(0.001, 0.05, 0.3, "l/min", None, (), 2.5))
     assert explained.endswith(". With it the recordings are explained down to what noise allows.")
-    rough = headline("explained", (droop, lag), (), Left(0.022, 4.3, 0.3, "l/min", None, ()))
+    rough = headline("explained", (droop, lag), (), Left(0.022, 4.3, 0.3, "l/min", None, (), 2.5))
     assert rough == (
         "The model leaves out drooping supply (supply) and lag of the sensor (sensor). With them 97.8 % of the misfit "
         "is explained: 4.3 l/min (rms) stay beside noise of 0.3 l/min."
     )
-    three = headline("explained", (droop, lag, droop), (), Left(0.001, 0.05, 0.3, "l/min", None, ()))
+    three = headline("explained", (droop, lag, droop), (), Left(0.001, 0.05, 0.3, "l/min", None, (), 2.5))
     assert "drooping supply (supply), lag of the sensor (sensor) and drooping supply (supply)" in three
 
 
@@ -96,7 +96,7 @@ def test_a_verdict_is_told_in_sentences_that_can_be_read(verdict: Verdict, count
     where = Where("", (), (0.0, 1.0), "", {})
     found = [Finding("friction", "friction with sticking", 0.9, "spool", "force", {}, where, "", "", "")] * count
     changed = [ChangedParameter("mass", 3.0, 4.0, 0.1, "kg", "moved mass, motor and screw included")] * count
-    assert longest(headline(verdict, found, changed, Left(0.022, 4.3, 0.3, "l/min", None, ()))) <= 25
+    assert longest(headline(verdict, found, changed, Left(0.022, 4.3, 0.3, "l/min", None, (), 2.5))) <= 25
     assert longest(nothing_can_be_said(4.0)) <= 25
 
 

@@ -13,8 +13,8 @@ from hil import api
 from hil.diagnosis.check import check
 from hil.errors import FileError
 from hil.identification.compare import compare_all
+from hil.identification.content import content_of
 from hil.identification.experiment import experiment
-from hil.identification.fit import fit_percent
 from hil.identification.grey_box import fit_plant
 from hil.identification.looks import Looked, believed, doubts, look, runs_the_other_way
 from hil.identification.mistaken.suspicion import Suspicion
@@ -166,8 +166,7 @@ def test_what_identify_took_is_not_refused_afterwards(mistake: str) -> None:
     """Whatever a model was made of is what it says."""
     one, _ = MISTAKES[mistake]
     (e,) = bound(nominal(), [one])
-    fit = fit_percent(e.output, e.respond(nominal().definition, nominal().values)[0])
-    model = replace(nominal(), origin={**nominal().origin, "fit_percent": {one.name: fit}})
+    model = replace(nominal(), origin={**nominal().origin, "content": {one.name: content_of(e)}})
     check(model, [e])
 
 

@@ -73,7 +73,7 @@ def a_diagnosis(**changes: Any) -> Diagnosis:
                     Candidate("backlash", "spool", 96.1, 8000.0, 0.004)),
         held_out=Fit(71.234, 98.654, 98.911), recordings={"data/sweep.csv": Fit(70.0, 98.5, 99.0)}, mismatch=WHERE,
         stage_shares=(a_stage("force", "spool", 0.91), a_stage("command", "command", 0.33)),
-        left=Left(0.0043, 0.021, 0.3, "l/min", None, ()),
+        left=Left(0.0043, 0.021, 0.3, "l/min", None, (), 2.5),
         limits=(Limit("leakage", "load", "leak", "l/min", 0.0211, 1.4, True),
                 Limit("coil_heating", "pilot", "loss", "1", float("inf"), 0.1, False)),
         warnings=(), false_alarms=FalseAlarms(0.01, "0 alarms of 300 healthy simulated units"), seconds=12.3,
@@ -136,7 +136,7 @@ def test_consistent_speaks_of_no_correction(tmp_path: Path) -> None:
 
 
 def test_unexplained_hands_over_what_is_left_without_a_name(tmp_path: Path) -> None:
-    left = Left(1.0, 2.5, 0.3, "l/min", WHERE, (a_stage("force", "spool", 0.7), a_stage("sensor", "sensor", 0.0)))
+    left = Left(1.0, 2.5, 0.3, "l/min", WHERE, (a_stage("force", "spool", 0.7), a_stage("sensor", "sensor", 0.0)), 2.5)
     page = page_of(a_diagnosis(verdict="unexplained", effects=(), left=left), tmp_path)
     assert "leaves 2.5 l/min (rms) beyond the noise of 0.3 l/min: 100 % of the misfit" in page.text
     assert "force (spool): 70 %" in page.text
@@ -172,7 +172,7 @@ def test_rivals_next_test_and_warnings_are_shown(tmp_path: Path) -> None:
 def test_nothing_known_still_makes_a_page(tmp_path: Path) -> None:
     bare = a_diagnosis(
         effects=(), candidates=(), recordings={}, mismatch=None, stage_shares=(), limits=(), strips=(), spectra=(),
-        chain=(), verdict="unexplained", held_out=Fit(NAN, NAN, NAN), left=Left(NAN, NAN, NAN, "1", None, ()),
+        chain=(), verdict="unexplained", held_out=Fit(NAN, NAN, NAN), left=Left(NAN, NAN, NAN, "1", None, (), 2.5),
     )  # fmt: skip
     assert page_of(bare, tmp_path).drawings == 0
 

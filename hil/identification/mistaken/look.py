@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from hil.identification.content import is_of_its_origin
 from hil.identification.experiment import Experiment
 from hil.identification.mistaken.column import swapped_columns
 from hil.identification.mistaken.sign import reversed_sign
-from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against, expected, is_of_its_origin
+from hil.identification.mistaken.suspicion import Suspicion, can_be_held_against, expected
 from hil.identification.mistaken.time_unit import wrong_time
 from hil.identification.mistaken.unit import wrong_unit
 from hil.physics.model import Model

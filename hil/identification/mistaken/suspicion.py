@@ -13,7 +13,6 @@ from hil.record.recording import Array
 
 GOOD_FIT, POOR_FIT = 80.0, 50.0
 HALF = 0.5
-_AS_THEN = 2.0  # per cent, from the fit that a recording had when a model was made of it
 _LESS_THAN_OWN = 10.0
 _CHANGED_GAIN = 1.5
 
@@ -49,20 +48,6 @@ def can_be_held_against(model: Model) -> bool:
 def spoken_of(model: Model) -> str:
     """The model in a sentence to somebody who may have named a plant only."""
     return "the model" if model.origin else f"a typical {model.definition.title}"
-
-
-def is_of_its_origin(model: Model, e: Experiment) -> bool:
-    """Whether this is a recording that the model was identified from: it fits as it did then."""
-    fits = {str(name).rpartition("/")[2]: fit for name, fit in (model.origin.get("fit_percent") or {}).items()}
-    then = fits.get(e.name.rpartition("/")[2])
-    if then is None:
-        return False
-    free_run = e.respond(model.definition, model.values, model.active_effects)[0]
-    # as when it was identified, where nothing is said
-    return any(
-        abs(fit_percent(e.output[kept], free_run[kept]) - float(then)) < _AS_THEN
-        for kept in (e.told, np.ones(len(e.output), dtype=np.bool_))
-    )
 
 
 def expected(model: Model, e: Experiment) -> Array:

@@ -1,0 +1,70 @@
+"""Which question is asked: what has changed since identification, or what the model leaves out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from hil.diagnosis.diagnosis import Asked
+from hil.diagnosis.skeleton.table import Table, library_of, read_table, table_of
+from hil.errors import SettingError
+from hil.identification.content import is_of_its_origin
+from hil.identification.experiment import Experiment
+from hil.physics.model import Model
+
+QUESTIONS: tuple[Asked, ...] = ("changed", "left_out")
+_OTHER_LIBRARY = (
+    "the library has changed since the model was identified: what is kept of its recordings is compared as far as the "
+    "library still has it; --before RECORDING… compares all of it"
+)
+
+
+@dataclass(frozen=True)
+class Question:
+    """What is asked of the recordings.
+
+    Attributes:
+        asked: the question. `why`: it is this one, in words.
+        table: what is known of the recordings of identification, where *changed* is asked.
+        warnings: what limits it, in words.
+    """
+
+    asked: Asked
+    why: str
+    table: Table | None = None
+    warnings: tuple[str, ...] = ()
+
+
+def question_of(
+    model: Model, experiments: Sequence[Experiment], wanted: str = "", before: Sequence[Experiment] = ()
+) -> Question:
+    """The question of recordings, unless one is wanted.
+
+    Args:
+        model: the nominal model.
+        experiments: the recordings.
+        wanted: the question, or empty.
+        before: recordings of the same unit at the date of identification; what the model file keeps where there are
+            none.
+
+    Raises:
+        SettingError: an unknown question, or nothing is known of before where *changed* is wanted.
+    """
+    if wanted and wanted not in QUESTIONS:
+        raise SettingError(f"--question {wanted}: no such question; it is one of {', '.join(QUESTIONS)}")
+    own = [e.name for e in experiments if is_of_its_origin(model, e)]
+    if wanted == "left_out" or (own and not wanted):
+        why = "asked for" if wanted else f"the model was identified from {own[0]}"
+        return Question("left_out", why)
+    if before:
+        return Question("changed", "recordings of before were given", table_of(model, before))
+    if model.skeleton is None:
+        if wanted:
+            raise SettingError(
+                "--question changed: the model file keeps nothing of the recordings that it was identified from; give "
+                "them as --before RECORDING…, or identify it anew"
+            )
+        return Question("left_out", "the model file keeps nothing of the recordings that it was identified from")
+    table = read_table(model.skeleton, model)
+    warnings = () if table.library == library_of(model) else (_OTHER_LIBRARY,)
+    return Question("changed", "the model was identified from other recordings", table, warnings)

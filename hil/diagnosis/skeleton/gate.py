@@ -1,0 +1,177 @@
+"""Has the unit changed? One statistic, before any name, on the scale of the recordings of identification."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnosis.skeleton.misfit import Mask, Misfit, Products, Remainder, remainder, rms_of, scaled
+from hil.diagnosis.skeleton.rows import Rows
+from hil.record.recording import Array
+
+# An unchanged unit of another structure stays below it (docs/explanation/diagnosis.md).
+ALARM = 5.5
+# A column counts where its information is at least this share of the median column's.
+_ENOUGH = 1e-3
+# So few recordings of before are dealt into parts, that each can be judged by a fit of the others.
+_FEWEST, _PARTS = 3, 3
+
+
+@dataclass(frozen=True)
+class Before:
+    """What is known of the unit that the model was identified from.
+
+    Attributes:
+        misfit: fitted to all recordings of before. `remainder`: the scale of what it leaves of others.
+        count_as_one: of every column, so many rows of what is left tell as much as one, shape (columns,).
+        least: those at the least. `information`: of every column in the recordings of before, shape (columns,).
+        leverage: mean of the recordings of before, each without itself, the greatest.
+        reach: z that an unchanged unit reached in pseudo-tests, each recording of before taken as the later one.
+        left: variance that the skeleton misfit leaves of recordings that were not fitted, over that of the nominal one.
+        beyond_noise: variance of the rows that the nominal model leaves beyond white noise, over the noise's variance.
+    """
+
+    misfit: Misfit
+    remainder: Remainder
+    count_as_one: Array
+    least: float
+    information: Array
+    leverage: float
+    reach: tuple[float, ...]
+    left: float
+    beyond_noise: float
+
+    @property
+    def needed(self) -> float:
+        """The z from which several later recordings are an alarm."""
+        return ALARM
+
+    @property
+    def needed_alone(self) -> float:
+        """The z from which one recording alone is: no less than pseudo-tests of before have reached."""
+        return max((ALARM, *self.reach))
+
+
+@dataclass(frozen=True, slots=True)
+class Later:
+    """Later recordings on the scale of before.
+
+    Attributes:
+        z: by how many standard deviations the column that shows it best is there in every part of the recordings.
+        column: its place. `leverage`: mean of the recordings. `alone`: whether there is only one recording.
+        left: what the skeleton misfit leaves in every row. `std`: its scale. Shape (n,).
+        every: z of every column over all of the recordings, shape (columns,).
+    """
+
+    z: float
+    column: int
+    leverage: float
+    alone: bool
+    left: Array
+    std: Array
+    every: Array
+
+
+def before_of(rows: Rows) -> Before:
+    """Learn what an unchanged unit leaves, and what pseudo-tests of before reach."""
+    fold = _folds(rows)
+    learned = _learned(rows, fold)
+    reach = []
+    for k in np.unique(fold):
+        others = np.where(fold == k, -1, fold)
+        if len(np.unique(others[others >= 0])) > 1:
+            reach.append(later_of(_learned(rows, others), _some(rows, fold == k)).z)
+    return replace(learned, reach=tuple(reach))
+
+
+def _folds(rows: Rows) -> NDArray[np.int64]:
+    """The recording of each row; parts of them where there are few."""
+    count = int(rows.recording.max()) + 1
+    if count >= _FEWEST:
+        return rows.recording
+    fold = np.zeros(len(rows.recording), dtype=np.int64)
+    for k in range(count):
+        own = np.flatnonzero(rows.recording == k)
+        blocks = np.unique(rows.block[own], return_inverse=True)[1]
+        fold[own] = _PARTS * k + blocks * _PARTS // (int(blocks.max()) + 1)
+    return fold
+
+
+def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
+    known = rows.valid & (fold >= 0)
+    rms = rms_of(rows, known)
+    products = Products(rows, scaled(rows, rms), fold, rms)
+    left, leverage = np.zeros(len(fold)), np.zeros(len(fold))
+    for k in products.folds:
+        without = products.fitted([other for other in products.folds if other != k])
+        own = fold == k
+        part = _some(rows, own)
+        left[own], leverage[own] = without.leaves(part, products.d[own])
+    scale = remainder(rows, left, leverage, known)
+    std = scale.std_of(rows, leverage)
+    g, information = _blocks(rows, left, std, known)
+    total = information.sum(axis=1)
+    count = (g**2).sum(axis=1) / np.maximum(total, 1e-9)
+    live = total > _ENOUGH * np.median(total)
+    levers = [float(np.mean(leverage[(fold == k) & rows.valid])) for k in products.folds]
+    beyond = [float(np.mean(np.square(values[known]))) for values in (left, rows.misfit)]
+    return Before(
+        products.fitted(products.folds), scale, count, float(np.median(count[live])) if live.any() else 1.0, total,
+        max(levers), (), beyond[0] / max(beyond[1], 1e-12), beyond[1] - 1.0 / rows.samples,
+    )  # fmt: skip
+
+
+def later_of(before: Before, rows: Rows) -> Later:
+    """The statistic of later recordings: no single one of them makes it; halves where there is only one."""
+    left, leverage = before.misfit.leaves(rows)
+    std = before.remainder.std_of(rows, leverage)
+    g, information = _blocks(rows, left, std, rows.valid)
+    owner = _owners(rows)
+    parts = np.unique(owner)
+    alone = len(np.unique(rows.recording)) == 1
+    z = np.array([_z(before, g[:, owner != k], information[:, owner != k]) for k in parts])
+    same = (np.sign(z) == np.sign(z[0])).all(axis=0)
+    sure = np.where(same, np.abs(z).min(axis=0), 0.0)
+    column = int(sure.argmax())
+    return Later(
+        float(sure[column]), column, float(np.mean(leverage[rows.valid])), alone, left, std, _z(before, g, information)
+    )
+
+
+def _owners(rows: Rows) -> NDArray[np.int64]:
+    """Of each block the recording that it is of, or which half of the only one."""
+    first = _firsts(rows.block)
+    owner = rows.recording[first]
+    if len(np.unique(owner)) > 1:
+        return owner
+    return (np.arange(len(first)) * 2 // len(first)).astype(np.int64)
+
+
+def _z(before: Before, g: Array, information: Array) -> Array:
+    total = information.sum(axis=1)
+    enough = _ENOUGH * np.median(total)
+    live = (total > enough) & (before.information > enough)
+    spread = np.sqrt(np.maximum(before.count_as_one, before.least) * np.maximum(total, 1e-9))
+    return np.where(live, g.sum(axis=1) / spread, 0.0)
+
+
+def _blocks(rows: Rows, left: Array, std: Array, use: Mask) -> tuple[Array, Array]:
+    """Score and information of every column in every block, shape (columns, blocks) each."""
+    first = _firsts(rows.block)
+    weight = np.where(use, 1.0 / std, 0.0)
+    x = rows.changes * weight
+    return np.add.reduceat(-x * (left * weight), first, axis=1), np.add.reduceat(x * x, first, axis=1)
+
+
+def _firsts(block: NDArray[np.int64]) -> NDArray[np.int64]:
+    return np.flatnonzero(np.diff(block, prepend=-1)).astype(np.int64)
+
+
+def _some(rows: Rows, own: Mask) -> Rows:
+    return Rows(
+        rows.misfit[own], rows.changes[:, own], rows.state[own], rows.recording[own], rows.channel[own],
+        rows.block[own],
+        rows.valid[own], rows.samples,
+    )  # fmt: skip

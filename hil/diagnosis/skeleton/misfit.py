@@ -1,0 +1,163 @@
+"""The skeleton misfit: what a nominal model of a wrong structure leaves, in the span of what the library can change."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.diagnosis.skeleton.rows import Rows
+from hil.record.recording import Array
+
+Mask = NDArray[np.bool_]
+
+# Ridge over columns whose rms is one on the recordings of before.
+RIDGE = 55.0
+# Random cosines that describe how the left-out variance depends on the state, their width in standard deviations of
+# it, and the ridge over them.
+_WAVES, _WIDTH, _SMOOTH = 200, 2.5, 30.0
+# Bounds of a log variance, and how many variances of one row count.
+_LOG_VARIANCE, _OUTLIER = (-12.0, 14.0), 20.0
+# A column whose rms on the recordings of before is less does nothing there.
+_NOTHING = 1e-6
+# What a column does later counts up to so many times its rms of before.
+_FARTHEST = 30.0
+
+
+@dataclass(frozen=True)
+class Misfit:
+    """A linear model of the misfit of before.
+
+    Attributes:
+        rms: of every column on the recordings of before; 0 of those that do nothing there. Shape (columns,).
+        coefficients: of the columns over their rms, shape (columns,).
+        directions: in which columns the recordings of before tell something, shape (k, columns), scaled so that the
+            leverage of a row d is (d·d)/λ − Σ (direction·d)².
+    """
+
+    rms: Array
+    coefficients: Array
+    directions: Array
+
+    def scaled(self, rows: Rows) -> Array:
+        """The columns over their rms, shape (n, columns)."""
+        return scaled(rows, self.rms)
+
+    def leaves(self, rows: Rows, scaled: Array | None = None) -> tuple[Array, Array]:
+        """What is left of the misfit, 0 where invalid, and the leverage of each row; shape (n,) each."""
+        d = self.scaled(rows) if scaled is None else scaled
+        left = np.where(rows.valid, rows.misfit - d @ self.coefficients, 0.0)
+        seen = d @ self.directions.T
+        leverage = np.einsum("ij,ij->i", d, d) / RIDGE - np.einsum("ij,ij->i", seen, seen)
+        return left, np.maximum(leverage, 0.0)
+
+
+def scaled(rows: Rows, rms: Array) -> Array:
+    """Columns over their rms of before, shape (n, columns); 0 where they did nothing."""
+    d = np.where(rms[:, None] > 0.0, rows.changes / np.where(rms > 0.0, rms, 1.0)[:, None], 0.0)
+    return np.clip(d, -_FARTHEST, _FARTHEST).T
+
+
+def rms_of(rows: Rows, known: Mask) -> Array:
+    """The rms of every column over some rows; 0 of those that do nothing there."""
+    found: Array = np.sqrt(np.mean(np.square(rows.changes[:, known], dtype=np.float64), axis=1))
+    return np.where(found > _NOTHING, found, 0.0)
+
+
+@dataclass(frozen=True)
+class Products:
+    """Inner products of the columns and of the misfit, fold by fold: what every fit without some of them needs.
+
+    Attributes:
+        d: scaled columns, shape (n, columns). `fold`: of each row, −1 for those that are in none.
+    """
+
+    rows: Rows
+    d: Array
+    fold: NDArray[np.int64]
+    rms: Array
+
+    @cached_property
+    def folds(self) -> list[int]:
+        """The numbers of the folds."""
+        return [int(k) for k in np.unique(self.fold) if k >= 0]
+
+    @cached_property
+    def _gram(self) -> dict[int, Array]:
+        return {k: self._of(k).T @ self._of(k) for k in self.folds}
+
+    @cached_property
+    def _moment(self) -> dict[int, Array]:
+        return {k: self._of(k).T @ self.rows.misfit[self._is(k)] for k in self.folds}
+
+    def _is(self, k: int) -> Mask:
+        own: Mask = (self.fold == k) & self.rows.valid
+        return own
+
+    def _of(self, k: int) -> Array:
+        own: Array = self.d[self._is(k)]
+        return own
+
+    def fitted(self, folds: list[int]) -> Misfit:
+        """The misfit of these folds."""
+        count = self.d.shape[1]
+        gram = sum((self._gram[k] for k in folds), np.zeros((count, count)))
+        moment = sum((self._moment[k] for k in folds), np.zeros(count))
+        sizes, vectors = np.linalg.eigh(gram)
+        sizes = np.maximum(sizes, 0.0)
+        coefficients = vectors @ ((vectors.T @ moment) / (sizes + RIDGE))
+        gains = 1.0 / RIDGE - 1.0 / (sizes + RIDGE)
+        telling = sizes > 0.01 * RIDGE
+        return Misfit(self.rms, coefficients, (vectors[:, telling] * np.sqrt(gains[telling])).T)
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """How large what is left on a recording that was not fitted is: log-linear in its leverage and the state.
+
+    Attributes:
+        mean, std: of the state on the recordings of before. `coefficients`: of log variance.
+        factor: of that variance. `white`: the variance that white noise alone has in a row; none is smaller.
+        whole: of both.
+    """
+
+    mean: Array
+    std: Array
+    coefficients: Array
+    white: float
+    factor: float = 1.0
+    whole: float = 1.0
+
+    def std_of(self, rows: Rows, leverage: Array) -> Array:
+        """The standard deviation of what is left in each row, shape (n,)."""
+        log = _remainder_columns((rows.state - self.mean) / self.std, leverage) @ self.coefficients
+        variance = np.maximum(self.factor * np.exp(np.clip(log, *_LOG_VARIANCE)), self.white)
+        made: Array = np.sqrt(self.whole * variance)
+        return made
+
+
+def remainder(rows: Rows, left: Array, leverage: Array, known: Mask) -> Remainder:
+    """Fit the scale of what is left of recordings that were not fitted."""
+    white = 1.0 / rows.samples
+    mean, std = rows.state[known].mean(axis=0), rows.state[known].std(axis=0) + 1e-12
+    columns = _remainder_columns((rows.state - mean) / std, leverage)[known]
+    penalty = _SMOOTH * np.eye(columns.shape[1])
+    penalty[-2:, -2:] *= 1e-3
+    power = left[known] ** 2
+    coefficients = np.linalg.solve(columns.T @ columns + penalty, columns.T @ np.log(power + 0.5 * white))
+    made = Remainder(mean, np.asarray(std, dtype=np.float64), np.asarray(coefficients, dtype=np.float64), white)
+    over = power / made.std_of(rows, leverage)[known] ** 2
+    made = replace(made, factor=float(np.mean(np.minimum(over, _OUTLIER))))
+    over = power / made.std_of(rows, leverage)[known] ** 2
+    return replace(made, whole=float(np.mean(over)))
+
+
+def _remainder_columns(state: Array, leverage: Array) -> Array:
+    draw = np.random.default_rng(1)
+    x = np.clip(state, -6.0, 6.0)
+    x[:, 1:] = np.sign(x[:, 1:]) * np.sqrt(np.abs(x[:, 1:]))  # rates: finer about zero
+    wave = np.cos(x @ (draw.standard_normal((x.shape[1], _WAVES)) / _WIDTH) + draw.uniform(0.0, 2.0 * np.pi, _WAVES))
+    far, one = np.log(leverage + 1e-4), np.ones(len(x))
+    return np.column_stack([wave * np.sqrt(2.0 / _WAVES), 0.1 * x, one, far, one])

@@ -1,0 +1,163 @@
+"""Recordings beside the nominal simulation, as means over short stretches of time: the rows of a regression."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.cores import spread
+from hil.diagnosis.skeleton.columns import Column
+from hil.identification.experiment import Experiment
+from hil.identification.time_constant import time_constant_s
+from hil.physics.model import Model
+from hil.record.recording import Array
+
+# Rows in a time constant of the plant, and rows in a block: a stretch that its memory does not reach across.
+_IN_TIME_CONSTANT, IN_BLOCK = 15.0, 100
+# Rows of one recording where the plant does not settle, and of all recordings together at most.
+_IN_RECORDING, _MOST = 2000, 8000
+# Delays at which the state is looked at, in rows.
+_LAGS = (2, 8, 32)
+# A plant that adds up its errors is compared by what they grow in so many rows.
+_GROWTH = 10
+_COARSER = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Rows:
+    """Means over short stretches.
+
+    Attributes:
+        misfit: nominal simulation minus recording, in units of the channel's noise floor; 0 where invalid; shape (n,).
+        changes: what every column changes in the simulation, in the same unit, shape (columns, n).
+        state: command and simulated output, as they are and their differences over delays, shape (n, s).
+        recording: the number of the recording. `channel`: of its output, 0, or an inner signal. `block`: the number of
+            the block within all recordings. Shape (n,).
+        valid: where more than half of the samples were measured, shape (n,).
+        samples: of the recording in each row.
+    """
+
+    misfit: Array
+    changes: NDArray[np.float32]
+    state: Array
+    recording: NDArray[np.int64]
+    channel: NDArray[np.int64]
+    block: NDArray[np.int64]
+    valid: NDArray[np.bool_]
+    samples: int
+
+
+def row_s(model: Model, experiments: Sequence[Experiment]) -> float:
+    """The length of a row in s: a small part of the plant's time constant."""
+    longest = max(experiments, key=lambda e: e.duration_s)
+    settles_s = time_constant_s(model, longest)
+    own = settles_s / _IN_TIME_CONSTANT if settles_s > 0.0 else longest.duration_s / _IN_RECORDING
+    return max(own, sum(e.duration_s for e in experiments) / _MOST, max(e.interval_s for e in experiments))
+
+
+def rows_of(
+    model: Model, experiments: Sequence[Experiment], columns: Sequence[Column], floors: Mapping[str, float],
+    length_s: float,
+) -> Rows:  # fmt: skip
+    """The rows of all recordings, channel by channel.
+
+    Args:
+        model: the nominal model.
+        experiments: the recordings.
+        columns: what may be changed in the model.
+        floors: noise of each channel, by name; that of the output under "output".
+        length_s: of a row.
+    """
+    parts = spread(lambda e: _of_recording(model, e, columns, floors, length_s), experiments)
+    channels = [(k, channel) for k, found in enumerate(parts) for channel in found]
+    blocks, first = [], 0
+    for _, channel in channels:
+        blocks.append(first + np.arange(len(channel.misfit)) // IN_BLOCK)
+        first = int(blocks[-1][-1]) + 1
+    return Rows(
+        np.concatenate([c.misfit for _, c in channels]),
+        np.concatenate([c.changes for _, c in channels], axis=1),
+        np.concatenate([c.state for _, c in channels]),
+        np.concatenate([np.full(len(c.misfit), k) for k, c in channels]),
+        np.concatenate([np.full(len(c.misfit), c.place) for _, c in channels]),
+        np.concatenate(blocks),
+        np.concatenate([c.valid for _, c in channels]),
+        max(1, round(length_s / experiments[0].interval_s)),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Channel:
+    misfit: Array
+    changes: NDArray[np.float32]
+    state: Array
+    valid: NDArray[np.bool_]
+    place: int
+
+
+def _of_recording(
+    model: Model, e: Experiment, columns: Sequence[Column], floors: Mapping[str, float], length_s: float
+) -> list[_Channel]:
+    plant, count = model.definition, max(1, round(length_s / e.interval_s))
+    adds_up = not plant.forgets(model.values)
+
+    def simulated(column: Column | None, factor: float) -> Array:
+        parameters, effects = dict(model.values), list(model.active_effects)
+        if column is not None:
+            column.apply(parameters, effects)
+        rows: Array = e.respond(plant, parameters, effects, factor=factor)
+        return rows
+
+    nominal, coarse = simulated(None, 1.0), simulated(None, _COARSER)
+    names = ["output", *(s.name for s in plant.observed)]
+    used = [k for k, name in enumerate(names) if name in floors and (k == 0 or name in e.observed)]
+
+    def means(values: Array) -> Array:
+        made = _means(values, count)
+        return _grown(made) if adds_up else made
+
+    def change(column: Column) -> list[NDArray[np.float32]]:
+        with np.errstate(all="ignore"):
+            moved = simulated(column, _COARSER) - coarse
+        return [np.nan_to_num(means(moved[k]) / floors[names[k]]).astype(np.float32) for k in used]
+
+    changes = [change(column) for column in columns]
+    state = _state(_means(e.on_grid_input(), count), _means(nominal[0], count))
+    found = []
+    for at, k in enumerate(used):
+        measured = e.output if k == 0 else e.observed[names[k]]
+        tells = e.told if k == 0 else e.inner_tells(names[k])
+        valid = _means(tells.astype(float), count) > 0.5
+        misfit = np.where(valid, means(np.where(tells, nominal[k] - measured, 0.0)) / floors[names[k]], 0.0)
+        own = np.zeros((len(state), len(names)))
+        own[:, k] = 1.0
+        rows = np.array([c[at] for c in changes]) if changes else np.zeros((0, len(misfit)), np.float32)
+        found.append(_Channel(misfit, rows, np.hstack([state, own]), valid, k))
+    return found
+
+
+def _means(values: Array, count: int) -> Array:
+    """Means over so many samples, one after another; what is left over at the end is left out."""
+    whole = len(values) // count * count
+    made: Array = values[:whole].reshape(-1, count).mean(axis=1)
+    return made
+
+
+def _grown(values: Array) -> Array:
+    """By how much values have grown in the last rows."""
+    before = np.concatenate([np.full(min(_GROWTH, len(values)), values[0]), values[:-_GROWTH]])
+    grown: Array = values - before[: len(values)]
+    return grown
+
+
+def _state(command: Array, output: Array) -> Array:
+    columns = []
+    for values in (command, output):
+        columns.append(values)
+        for lag in _LAGS:
+            past = np.concatenate([np.full(min(lag, len(values)), values[0]), values[:-lag]])[: len(values)]
+            columns.append(values - past)
+    return np.column_stack(columns)

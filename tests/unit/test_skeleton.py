@@ -1,0 +1,130 @@
+"""A model that lacks something itself: what it left when it was identified is no news in later recordings."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from hil.diagnosis.diagnose import diagnose
+from hil.diagnosis.diagnosis import Diagnosis
+from hil.diagnosis.question import question_of
+from hil.diagnosis.skeleton.gate import ALARM, later_of
+from hil.diagnosis.skeleton.table import Table, read_table, table_of
+from hil.errors import SettingError
+from hil.identification.content import content_of, is_of_its_origin
+from hil.identification.experiment import Experiment, experiment
+from hil.identification.grey_box import fit_plant
+from hil.physics.compose import plant
+from hil.physics.model import Model, typical_model
+from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.recording import recording
+
+FLAP = plant("throttle-flap")
+TIME_S = np.arange(0.0, 20.0, 0.02)
+FIRST, WORN = 3.0, 8.0
+
+
+def recorded(name: str, coulomb: float, seed: int) -> Experiment:
+    rng = np.random.default_rng(seed)
+    command = np.repeat(rng.uniform(-15.0, 15.0, 40), len(TIME_S) // 40)
+    friction = ActiveEffect(
+        "friction", "force", {"coulomb": coulomb, "stiction": 1.2, "stribeck": 0.5, "presliding": 0.01}
+    )
+    angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, 0.02), [friction])[0]
+    angle = angle + 0.003 * rng.standard_normal(len(angle))
+    return experiment(recording(name, TIME_S, {"motor command [V]": command, "flap angle [V]": angle}), FLAP)
+
+
+FIRSTS = [recorded(f"first-{k}", FIRST, k) for k in (1, 2, 3)]
+
+
+@pytest.fixture(scope="module")
+def lacking() -> Model:
+    """Identified from a unit that sticks, by a plant that does not."""
+    model = fit_plant(typical_model(FLAP.name), FIRSTS).model
+    return replace(model, skeleton=table_of(model, FIRSTS).as_dict())
+
+
+@pytest.fixture(scope="module")
+def table(lacking: Model) -> Table:
+    assert lacking.skeleton is not None
+    return read_table(json.loads(json.dumps(lacking.skeleton)), lacking)
+
+
+def z_of(model: Model, table: Table, *later: Experiment) -> float:
+    return later_of(table.before, table.rows(model, [e.reading_at(model.read_at) for e in later])).z
+
+
+def test_an_unchanged_unit_stays_below_the_gate_and_a_worn_one_does_not(lacking: Model, table: Table) -> None:
+    assert z_of(lacking, table, recorded("a", FIRST, 7), recorded("b", FIRST, 8)) < ALARM
+    assert z_of(lacking, table, recorded("a", WORN, 7), recorded("b", WORN, 8)) > ALARM
+
+
+def test_a_model_file_holds_the_table(lacking: Model, table: Table) -> None:
+    made, later = table_of(lacking, FIRSTS), recorded("later", WORN, 9)
+    assert z_of(lacking, made, later) == pytest.approx(z_of(lacking, table, later), rel=1e-2)
+    assert len(json.dumps(lacking.skeleton)) < 1_000_000
+    assert table.before.beyond_noise > 1.0  # it left more than noise
+
+
+def asked(model: Model, *later: Experiment, question: str = "") -> Diagnosis:
+    return diagnose(model, [e.reading_at(model.read_at) for e in later], question=question).diagnosis
+
+
+def test_the_diagnosis_of_an_unchanged_unit_names_nothing(lacking: Model) -> None:
+    said = asked(lacking, recorded("later", FIRST, 7), recorded("again", FIRST, 8))
+    assert (said.question, said.verdict, said.effects, said.corrected_is) == ("changed", "consistent", (), "nominal")
+    assert said.headline.startswith("The unit is unchanged since identification; the model itself reaches ")
+    assert said.gate is not None
+    assert said.gate["z"] < said.gate["needed"]
+    assert said.left_out is not None
+    assert said.left_out["verdict"] == "unexplained"
+
+
+def test_the_diagnosis_of_a_worn_unit_is_an_alarm(lacking: Model) -> None:
+    said = asked(lacking, recorded("later", WORN, 7), recorded("again", WORN, 8))
+    assert said.verdict != "consistent"
+    assert said.gate is not None
+    assert said.gate["is_alarm"]
+    assert said.corrected_is == "nominal" or said.held_out.corrected > said.held_out.nominal
+
+
+def test_one_recording_near_the_threshold_is_unsure(lacking: Model, table: Table) -> None:
+    assert table.before.needed_alone >= table.before.needed
+    assert table.before.needed_alone >= max(table.before.reach)
+
+
+def test_the_question_follows_the_content_and_not_the_name(lacking: Model) -> None:
+    renamed = replace(FIRSTS[0], name="elsewhere.csv")
+    assert content_of(renamed) == content_of(FIRSTS[0])
+    assert question_of(lacking, [renamed]).asked == "left_out"
+    same_name = recorded("first-1", FIRST, 77)
+    assert not is_of_its_origin(lacking, same_name)
+    assert question_of(lacking, [same_name]).asked == "changed"
+    assert question_of(lacking, [same_name], "left_out").asked == "left_out"
+
+
+def test_without_a_table_only_what_is_left_out_can_be_asked(lacking: Model) -> None:
+    bare = replace(lacking, skeleton=None)
+    assert question_of(bare, [recorded("later", FIRST, 7)]).asked == "left_out"
+    with pytest.raises(SettingError, match="--before RECORDING"):
+        question_of(bare, [recorded("later", FIRST, 7)], "changed")
+    with pytest.raises(SettingError, match="changed, left_out"):
+        question_of(bare, [], "why")
+    given = question_of(bare, [recorded("later", WORN, 7)], before=FIRSTS)
+    assert given.asked == "changed"
+    assert given.table is not None
+
+
+def test_a_library_that_has_changed_is_said(lacking: Model) -> None:
+    assert lacking.skeleton is not None
+    kept = {**lacking.skeleton, "library": "another", "columns": [
+        ["gone", *column[1:]] if k == 0 else column for k, column in enumerate(lacking.skeleton["columns"])
+    ]}  # fmt: skip
+    asked_now = question_of(replace(lacking, skeleton=kept), [recorded("later", FIRST, 7)])
+    assert "library has changed" in asked_now.warnings[0]
+    assert asked_now.table is not None
+    assert len(asked_now.table.columns) == len(kept["columns"]) - 1
