@@ -24,7 +24,7 @@ from hil.record.confined import START_BYTES, framed, sent
 from hil.record.extra import library
 from hil.untrusted import most_bytes, size_allowed
 
-_CPU_S, _BYTES_PER_CPU_S = 60, 10_000_000
+_CPU_S, _BYTES_PER_CPU_S = 30, 10_000_000
 _SPARE_BYTES = 1 << 31  # for what libraries reserve and never touch
 
 _CREATE_RULESET, _RESTRICT_SELF, _VERSION = 444, 446, 1

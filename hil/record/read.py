@@ -5,13 +5,14 @@ from __future__ import annotations
 import importlib
 import os
 import pkgutil
+import zlib
 from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import BinaryIO
 
 from hil.catalog import tables
-from hil.errors import FileError, StorageError
+from hil.errors import FileError, StorageError, reason
 from hil.record import exchange
 from hil.record.assemble import assemble
 from hil.record.named import as_said
@@ -21,6 +22,7 @@ from hil.record.response_table import ResponseTable
 from hil.untrusted import most_bytes, open_small
 
 _LONGEST_BEGINNING = 32
+_DAMAGED = (ArithmeticError, EOFError, LookupError, MemoryError, RecursionError, TypeError, ValueError, zlib.error)
 
 
 @cache
@@ -81,7 +83,13 @@ def read_any(path: str | Path, reading: Reading = AS_IT_IS) -> Recording | Respo
         FileError: as `read_recording`.
     """
     path = Path(path)
-    path = path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path)
+    try:
+        return _read_any(path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path), reading)
+    except _DAMAGED as error:  # whatever a reader stumbles over in a file that was cut off or made by hand
+        raise FileError(f"{path}: cannot be read, it is damaged or no recording: {reason(error)}") from error
+
+
+def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
     if path.is_dir():
         from hil.record.folder import read
         from hil.record.unmeasured import with_blanks

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import gzip
+import zlib
+from collections.abc import Callable
 from io import TextIOWrapper
 from pathlib import Path
 from typing import IO, Literal
@@ -26,8 +28,8 @@ def open_text(path: Path, encoding: str, mode: Literal["rt", "wt"] = "rt") -> IO
     return path.open(mode, encoding=encoding, errors=errors)
 
 
-class TooLargeError(FileError):
-    """A compressed file that unpacks to more than is read: nothing more is looked for in it."""
+class PackedError(FileError):
+    """A compressed file that is damaged, or unpacks to more than is read: nothing more is looked for in it."""
 
 
 class Unpacked(gzip.GzipFile):
@@ -40,15 +42,19 @@ class Unpacked(gzip.GzipFile):
 
     def read(self, size: int | None = -1) -> bytes:
         """So many bytes. Raises `FileError` beyond what is read."""
-        return self._checked(super().read(self._most + 1 if size is None or size < 0 else size))
+        return self._checked(super().read, self._most + 1 if size is None or size < 0 else size)
 
     def read1(self, size: int = -1) -> bytes:
         """As many bytes as are there. Raises `FileError` beyond what is read."""
-        return self._checked(super().read1(size))
+        return self._checked(super().read1, size)
 
-    def _checked(self, found: bytes) -> bytes:
+    def _checked(self, read: Callable[[int], bytes], size: int) -> bytes:
+        try:
+            found = read(size)
+        except (EOFError, OSError, zlib.error) as error:
+            raise PackedError(f"{self._path}: cannot be unpacked: {error}") from None
         if self.tell() > self._most:
-            raise TooLargeError(
+            raise PackedError(
                 f"{self._path}: {self._path.stat().st_size} bytes unpack to more than "
                 f"{self._most / 1e6:.4g} MB; so much "
                 "is read of a compressed file"

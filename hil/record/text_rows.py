@@ -16,7 +16,7 @@ from hil.errors import FileError
 from hil.record import heading as headings
 from hil.record.columns import Column
 from hil.record.layout import Layout
-from hil.record.text_file import TooLargeError, Unpacked, is_packed, open_text
+from hil.record.text_file import PackedError, Unpacked, is_packed, open_text
 from hil.record.tokens import (
     BLANKS,
     decimal_and_thousands,
@@ -66,7 +66,7 @@ def _rows(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout, 
     """The fields, the layout with the lines among them that are none, and what stood where numbers should, in words."""
     try:
         return _table(pd, path, found), found, ""
-    except TooLargeError:
+    except PackedError:
         raise
     except FileError:
         remarks = frozenset(number for number, line in _texts(path, found) if gaps or line.startswith(_REMARKS))

@@ -13,6 +13,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -346,3 +347,21 @@ def test_what_is_shared_and_odd_comes_back(folder: Path) -> None:
     found = read_recording(folder / "made.h5")
     assert found.values("flow").tolist() == [1.0] * len(TIME_S)
     assert any("remark" in sentence for sentence in found.meta["assumed"])
+
+
+@pytest.mark.parametrize("suffix", [".csv.gz", ".csv", ".lvm", ".h5", ".mat", ".mf4", ".tdms", ".parquet"])
+def test_a_damaged_file_is_refused_or_read(suffix: str, folder: Path) -> None:
+    """Cut off, overwritten, and with large numbers where sizes stand: drawn, the same each time."""
+    path, drawn = folder / f"made{suffix}", np.random.default_rng(7)
+    if suffix == ".lvm":
+        head = "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\nChannels\t1\n***End_of_Header***\n"
+        path.write_text(f"{head}X_Value\tflow\n0.0\t1.0\n0.1\t2.0\n")
+    else:
+        write_recording(_rows(), path)
+    sound = path.read_bytes()
+    for _ in range(12):
+        first, last = sorted(drawn.integers(0, len(sound), 2))
+        for made in (sound[:first], sound[:first] + b"\xff" * 8 + sound[first + 8 :], sound[:first] + sound[last:]):
+            path.write_bytes(made)
+            with suppress(FileError):
+                read_recording(path)

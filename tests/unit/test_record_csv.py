@@ -108,7 +108,7 @@ def test_errors_name_the_place(tmp_path: Path, text: str | bytes, message: str) 
 
 
 def test_a_broken_archive_is_named(tmp_path: Path) -> None:
-    with pytest.raises(FileError, match=r"made.csv.gz: cannot be read as CSV"):
+    with pytest.raises(FileError, match=r"made.csv.gz: cannot be unpacked"):
         read_text(tmp_path, gzip.compress(PLAIN.encode())[:-9], "made.csv.gz")
 
 
