@@ -160,7 +160,7 @@ def measure(link: str, second: str, folder: Path) -> Row:
         at_the_end = watch.now
         time.sleep(_DEAD_S)
         line.dead, healed_s = False, time.monotonic()
-        safe = watch.wait(lambda: watch.is_safe and time.monotonic() - watch.unsafe_s > 0.5, 20.0)
+        safe = watch.wait(lambda: watch.is_safe and time.monotonic() - watch.unsafe_s > 0.5, PATIENCE_S)
         watchdog = _watchdog(run.folder, folder / "state")
         time.sleep(0.2)
         return Row(
@@ -208,7 +208,7 @@ def _recorded(folder: Path) -> str:
 
 def _watchdog(folder: Path, state: Path) -> Mapping[str, Any]:
     """What the watchdog wrote down, in the run folder or, where that is gone, in the state folder."""
-    deadline_s = time.monotonic() + 20.0
+    deadline_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline_s:
         for path in (folder / "watchdog.json", *state.glob("watchdog/*.json")):
             with suppress(OSError, ValueError):

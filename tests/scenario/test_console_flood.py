@@ -41,7 +41,7 @@ def flooded(lab: Lab, count: int, said: bytes) -> Iterator[None]:
 def answered_s(lab: Lab, path: str, body: bytes | None = None) -> float:
     """How long it takes until an answer is there whole."""
     begun_s = time.monotonic()
-    with urlopen(Request(f"{lab.address}{path}", body, {"Origin": lab.address}), timeout=60.0) as answer:
+    with urlopen(Request(f"{lab.address}{path}", body, {"Origin": lab.address}), timeout=600.0) as answer:
         answer.read()
     return time.monotonic() - begun_s
 

@@ -37,7 +37,7 @@ def asked(lab: Lab, path: str, fields: Mapping[str, str] | None = None) -> tuple
     body = None if fields is None else urlencode(fields).encode()
     headers = {"Origin": lab.address, "Accept": "application/json"}
     try:
-        with BROWSER.open(Request(f"{lab.address}{path}", body, headers), timeout=60.0) as answer:
+        with BROWSER.open(Request(f"{lab.address}{path}", body, headers), timeout=600.0) as answer:
             return answer.status, json.loads(answer.read())
     except HTTPError as error:
         return error.code, json.loads(error.read())
@@ -76,7 +76,7 @@ def test_press_where_nothing_is_under_way_keeps_runs_from_starting_until_it_is_r
     assert status == 400 and "stop is pressed since" in told["error"] and "release it" in told["error"]
     out = lab.runs / "by hand"
     words = [sys.executable, "-m", "hil", "run", "step_response", "--bench", lab.folder / "real.toml", "--out", out]
-    ended = subprocess.run(words, capture_output=True, text=True, timeout=120.0, check=False)
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=600.0, check=False)
     assert (
         ended.returncode == 138
         and "stopped: stop is pressed since" in ended.stderr

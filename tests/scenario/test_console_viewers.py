@@ -38,7 +38,7 @@ class Viewer:
     received: list[bytes] = field(default_factory=list)
 
     def look(self) -> None:
-        with urlopen(self.address, timeout=120.0) as stream:
+        with urlopen(self.address, timeout=600.0) as stream:
             while (line := stream.readline()) and not line.startswith(b"event: over"):
                 self.received.append(line)
 
@@ -92,9 +92,9 @@ def drive(folder: Path, name: str, viewers: Sequence[Viewer] = (), page: Any = N
     if page is not None:
         page.goto(f"/live/{name}")
     until(lambda: (run / "end.json").exists(), 3.0 * MEASURE_S, 0.2)
-    assert process.wait(120.0) in (0, 1)
+    assert process.wait(600.0) in (0, 1)
     for thread in threads:
-        thread.join(30.0)
+        thread.join(600.0)
     return run, observer
 
 

@@ -147,11 +147,11 @@ def test_run_in_a_thread_of_the_procedure_ends_there_too(tmp_path: Path) -> None
         at_work = threading.Event()
         thread = threading.Thread(target=drive)
         thread.start()
-        assert at_work.wait(60.0)
+        assert at_work.wait(600.0)
         try:
             signal.raise_signal(signal.SIGINT)
         finally:
-            thread.join(60.0)
+            thread.join(600.0)
             assert not thread.is_alive()
 
     error, _, _ = ended(tmp_path, act)
@@ -266,7 +266,7 @@ except typer.Exit as left:
 def test_command_leaves_with_the_status_of_the_end(stubborn: str, tmp_path: Path) -> None:
     left = subprocess.run(
         [sys.executable, "-P", "-c", COMMAND, stubborn, str(tmp_path / "run")], capture_output=True, text=True,
-        timeout=300.0, check=False, env={**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")},
+        timeout=1800.0, check=False, env={**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")},
     )  # fmt: skip
     assert left.returncode == 128 + signal.SIGTERM, left.stderr
     said = [line for line in left.stderr.splitlines() if line.startswith("hil: ")]

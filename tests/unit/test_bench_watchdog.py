@@ -93,7 +93,7 @@ def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, erro
 
 
 def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(rescue, "GIVE_UP_S", 2.0)
+    monkeypatch.setattr(rescue, "GIVE_UP_S", 6.0)
     monkeypatch.setattr(rescue, "_TELLS_S", 0.1)
     made = rescue.Rescue(
         bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}, late_s=0.0), DESK
@@ -101,8 +101,8 @@ def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkey
     begun_s, told = time.monotonic(), list[tuple[float, list[str]]]()
     made.with_patience(lambda: told.append((time.monotonic() - begun_s, made.left)))
     ((after_s, left),) = told
-    assert after_s < 1.0 and len(left) == 1 and left[0].startswith("gone: ")
-    assert time.monotonic() - begun_s >= 2.0, "it went on trying"
+    assert after_s < 5.0 and len(left) == 1 and left[0].startswith("gone: ")
+    assert time.monotonic() - begun_s >= 6.0, "it went on trying"
 
 
 def test_what_is_safe_at_once_is_told_at_the_end_alone(tmp_path: Path) -> None:

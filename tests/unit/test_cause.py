@@ -67,12 +67,12 @@ def test_what_a_diagnosis_finds_stands_on_page_one(
     tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     answers(monkeypatch, f"print({json.dumps(DIAGNOSED)!r})")
-    made = with_cause(certifies, missed(tmp_path), str(tmp_path), 20.0, lambda _d, _t: None)
+    made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
     assert made.exit_status == 1
     page = made.report.read_text(encoding="utf-8")
     assert "What differs from the model of the type: leakage 80 → 140.0 ± 1.0 ml/min." in page
     kept = findings_of(read_results(made.folder / "results.json")).cause
-    assert kept == found(made) and 0.0 < found(made).seconds < 20.0
+    assert kept == found(made) and 0.0 < found(made).seconds < 600.0
     assert found(made).command == f"hil diagnose --model efc-good {made.folder} --out DIR"
 
 
@@ -107,7 +107,7 @@ def test_ctrl_c_during_the_search_keeps_the_verdict(
 
 def test_a_search_that_fails_says_why(tmp_path: Path, certifies: Procedure, monkeypatch: pytest.MonkeyPatch) -> None:
     answers(monkeypatch, "import sys; sys.exit('hil: run: needs a channel pressure')")
-    made = with_cause(certifies, missed(tmp_path), str(tmp_path), 20.0, lambda _d, _t: None)
+    made = with_cause(certifies, missed(tmp_path), str(tmp_path), 600.0, lambda _d, _t: None)
     (said,) = cause_sentences(found(made))
     assert said.startswith("The cause cannot be told: run: needs a channel pressure.")
 

@@ -39,7 +39,7 @@ def test_a_polled_link_is_measured_and_nothing_is_written(tmp_path: Path) -> Non
         seen = look_at(read_bench(path), 1.0)
         line.close()
     (link,) = seen.links
-    assert link.latency_s is not None and 0.03 < link.latency_s < 0.09
+    assert link.latency_s is not None and link.latency_s > 0.03
     assert link.rate_hz < 27.0 and seen.rate_hz < 0.6 * link.rate_hz
     assert line.modbus_functions <= {3, 4, 43}
 

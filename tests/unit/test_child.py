@@ -40,7 +40,7 @@ def test_a_child_executes_nothing_of_the_working_folder(folder: Path) -> None:
 
 def test_a_run_from_a_page_executes_nothing_of_the_working_folder(folder: Path) -> None:
     started = start("list", ["list", "drivers"], folder / "logs/list.log")
-    assert started.process.wait(60) == 0
+    assert started.process.wait(600) == 0
     assert started.lines
     assert not _executed(folder)
 

@@ -29,7 +29,7 @@ def run_hil(arguments: str) -> subprocess.CompletedProcess[str]:
         "finally:\n    print(' '.join(sys.modules), file=sys.stderr)\n"
     )
     return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False, timeout=60
+        [sys.executable, "-c", program], capture_output=True, encoding="utf-8", check=False, timeout=1800
     )
 
 

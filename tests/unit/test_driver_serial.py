@@ -199,7 +199,7 @@ def test_scanner_behind_a_serial_server_after_rfc_2217() -> None:
         link.drive({"dac4": 2.5})
         assert link.standing() == {"dac4": 2.5} and side.standing("dac4") == 2.5
         link.close()
-        thread.join(2.0)
+        thread.join(600.0)
     assert not thread.is_alive()
 
 

@@ -144,8 +144,8 @@ def _pymodbus() -> Iterator[int]:
     try:
         yield port
     finally:
-        asyncio.run_coroutine_threadsafe(servers[0].shutdown(), loop).result(5.0)
-        thread.join(5.0)
+        asyncio.run_coroutine_threadsafe(servers[0].shutdown(), loop).result(600.0)
+        thread.join(600.0)
         loop.close()
 
 

@@ -86,7 +86,7 @@ def begun(monkeypatch: pytest.MonkeyPatch) -> Iterator[Watched]:
         finally:
             program.kill()
             for thread in made.threads:
-                thread.join(30.0)
+                thread.join(PATIENCE_S)
             os.close(writing)
             os.close(reading)
 
@@ -155,7 +155,7 @@ def test_dead_program_is_noticed_whoever_holds_its_pipe(watched: Watched) -> Non
     thread = watched.begin()  # the pipe stays open here, as in a child that the program has forked
     watched.says(b"d")
     watched.program.kill()
-    thread.join(30.0)
+    thread.join(PATIENCE_S)
     end, _ = watched.ended[0]
     assert end is not None and not end.killed and end.why == "ended without making its outputs safe"
 
@@ -163,7 +163,7 @@ def test_dead_program_is_noticed_whoever_holds_its_pipe(watched: Watched) -> Non
 def test_program_that_hands_over_is_told_that_it_is_done(watched: Watched) -> None:
     thread = watched.begin()
     watched.says(b"dh")
-    thread.join(30.0)
+    thread.join(PATIENCE_S)
     end, _ = watched.ended[0]
     assert end is not None and not end.killed and watched.said[-1] == b"+"
 

@@ -45,7 +45,7 @@ def line(coupler: modbus.Wago750, tmp_path: Path) -> Iterator[Any]:
         {"model": "wago-750", "transport": "rtu", "address": str(tmp_path / "line")}, coupler.side, Quirks()
     )
     client = minimalmodbus.Instrument(str(tmp_path / "line"), 1)
-    client.serial.timeout = 0.5
+    client.serial.timeout = 5.0
     yield client
     client.serial.close()
     served.close()
