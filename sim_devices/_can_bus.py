@@ -79,9 +79,12 @@ class Hub:
     def _accept(self) -> None:
         for member in self._listener.clients():
             member.settimeout(None)
-            with suppress(OSError):
+            try:
                 member.sendall(b"< hi >")
-                self._start(self._serve, member)
+            except OSError:  # it only looked whether somebody listens here
+                member.close()
+                continue
+            self._start(self._serve, member)
 
     def _serve(self, member: socket.socket) -> None:
         received = b""
