@@ -9,7 +9,7 @@ import os
 import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from typing import TypeVar
+from typing import NoReturn, TypeVar
 
 from hil.errors import StoppedError, StorageError, told
 from hil.record.folder import RunWriter
@@ -43,6 +43,11 @@ class LastWord:
             self._status = self._say(error)
         return self._status
 
+    @property
+    def status(self) -> int:
+        """With which the process leaves: as was said, else as a run that was broken off."""
+        return StoppedError.exit_status if self._status is None else self._status
+
     def leave_soon(self) -> None:
         """Leave if the procedure does not return."""
         self._leaving = threading.Timer(LEAVES_S, self.leave)
@@ -69,11 +74,17 @@ def last_word(say: Callable[[BaseException], int]) -> Iterator[LastWord]:
 
     Elsewhere, as in a notebook or in pytest, every call to the bench raises what ended its run, and that is all.
     """
-    word, pid = LastWord(say), os.getpid()
+    word, pid, leave = LastWord(say), os.getpid(), os._exit
+
+    def leave_with_our_status(status: int) -> NoReturn:  # a procedure that calls it has not come to its end
+        leave(word.status if os.getpid() == pid else status)
+
     _of_this_process.append(word)
+    os._exit = leave_with_our_status
     try:
         yield word
     finally:
+        os._exit = leave
         if os.getpid() != pid:  # a child that a procedure has forked is not the command
             os._exit(StoppedError.exit_status)
         _of_this_process.remove(word)

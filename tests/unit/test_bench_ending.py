@@ -237,6 +237,9 @@ stubborn = sys.argv[1]
 
 def run(rig):
     swallowed = 0
+    if stubborn == "leaves":
+        rig.play(np.full(100, 20.0))
+        os._exit(0)
     while True:
         try:
             rig.play(np.full(100, 20.0))
@@ -262,12 +265,20 @@ except typer.Exit as left:
 """
 
 
-@pytest.mark.parametrize("stubborn", ["sleeps", "again", "returns", "raises", "exits", "forks"])
-def test_command_leaves_with_the_status_of_the_end(stubborn: str, tmp_path: Path) -> None:
-    left = subprocess.run(
+def command(stubborn: str, tmp_path: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
         [sys.executable, "-P", "-c", COMMAND, stubborn, str(tmp_path / "run")], capture_output=True, text=True,
         timeout=1800.0, check=False, env={**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")},
     )  # fmt: skip
+
+
+def test_procedure_that_leaves_by_itself_has_not_done_its_work(tmp_path: Path) -> None:
+    assert command("leaves", tmp_path).returncode == 3
+
+
+@pytest.mark.parametrize("stubborn", ["sleeps", "again", "returns", "raises", "exits", "forks"])
+def test_command_leaves_with_the_status_of_the_end(stubborn: str, tmp_path: Path) -> None:
+    left = command(stubborn, tmp_path)
     assert left.returncode == 128 + signal.SIGTERM, left.stderr
     said = [line for line in left.stderr.splitlines() if line.startswith("hil: ")]
     kept = f"what was recorded is kept in {tmp_path / 'run'}"
