@@ -100,6 +100,7 @@ class InputStages:
         converters = [Converter.of(c.kind, c.low, c.high, settings.bits, c.over) for c in channels.values()]
         self._names = tuple(channels)
         self._sources = [line.signal if line else instrument.value or 0.0 for instrument, line in chosen]
+        self._pressed_s = [math.inf if i.pressed_s is None else i.pressed_s for i, _ in chosen]
         self._slopes = _column(s.slope for s in sensitivities)
         self._offsets = _column(s.offset for s in sensitivities)
         self._noise_raw = _column(math.hypot(settings.noise_v, i.noise / abs(i.slope)) for i, _ in chosen)
@@ -109,12 +110,19 @@ class InputStages:
             _column(c.low for c in converters), _column(c.lsb for c in converters), _column(c.codes for c in converters)
         )
 
-    def read(self, signals: Signals, delay: float, every: int, samples: int) -> dict[str, Array]:
-        """Readings by input, one every so many ticks, the first input `delay` ticks after its own."""
+    def read(self, signals: Signals, delay: float, every: int, time_s: Array) -> dict[str, Array]:
+        """Readings by input, one every so many ticks, the first input `delay` ticks after its own.
+
+        `time_s` are the device's own times of the samples, shape (n,).
+        """
+        samples = len(time_s)
         values = np.empty((len(self._names), samples))
         for i, source in enumerate(self._sources):
             at = delay + i * self._skew
-            values[i] = signals.read(source, at, every, samples) if isinstance(source, str) else source
+            if isinstance(source, str):
+                values[i] = signals.read(source, at, every, samples)
+            else:
+                values[i] = np.where(time_s < self._pressed_s[i], source, 0.0)
         values -= self._offsets
         values /= self._slopes
         if self._noise_raw.any():

@@ -83,7 +83,7 @@ class Field:
         """Every input now, by channel, in the terminal's unit."""
         with self._lock:
             self._catch_up()
-            readings = self._inputs.read(self._seen, float(self._samples), 1, 1)
+            readings = self._inputs.read(self._seen, float(self._samples), 1, np.array([self._world.ticks / self._hz]))
             return {name: float(values[0]) for name, values in readings.items()}
 
     def _catch_up(self) -> None:

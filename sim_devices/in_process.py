@@ -140,10 +140,11 @@ class SimulatedDaq:
         every = round(self._settings.clock_hz / waveform.rate_hz)
         first = self._world.ticks
         signals = self._world.advance(self._driven(outputs, samples, every, first))
-        inputs = self._input_stages.read(signals, self.promises.read_at * every, every, samples)
+        time_s = (first + every * np.arange(samples)) / self._settings.clock_hz
+        inputs = self._input_stages.read(signals, self.promises.read_at * every, every, time_s)
         self.levels = {name: float(outputs[name][-1]) for name in self.outputs}
         self._samples += samples
-        return Block((first + every * np.arange(samples)) / self._settings.clock_hz, inputs, outputs)
+        return Block(time_s, inputs, outputs)
 
     def _fault_in(self, missing: int) -> HardwareError | None:
         """The fault on demand, when it has cut off samples. It happens once; only a lost device stays lost."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from hil.bench.check_channels import channel_faults, terminals_used_once
+from hil.bench.check_channels import channel_faults, emergency_stop_faults, terminals_used_once
 from hil.bench.check_interlocks import interlock_faults, known_channel
 from hil.bench.device import DeviceInUse, mixes, model_path
 from hil.bench.draft import Draft
@@ -25,6 +25,7 @@ def faults_of(draft: Draft, devices: Mapping[str, DeviceInUse], folder: Path) ->
     yield from terminals_used_once(draft)
     for name, channel in draft.channels.items():
         yield from channel_faults(name, channel, draft, devices)
+        yield from emergency_stop_faults(name, channel, draft, devices)
     for name, interlock in draft.interlocks.items():
         yield from interlock_faults(name, interlock, draft, devices)
     for i, instrument in enumerate(draft.instruments):

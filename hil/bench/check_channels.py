@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from hil.bench.device import DeviceInUse
 from hil.bench.draft import Draft
 from hil.bench.fault import Fault
-from hil.bench.file import ChannelEntry
+from hil.bench.file import EMERGENCY_STOP, ChannelEntry
 from hil.daq.channel import Terminal
 from hil.errors import HilError
 from hil.units import check_unit
@@ -39,6 +39,36 @@ def _unit(name: str, channel: ChannelEntry) -> Iterator[Fault]:
         check_unit(channel.unit)
     except HilError as error:
         yield Fault(("channels", name, "unit"), str(error))
+
+
+def emergency_stop_faults(
+    name: str, channel: ChannelEntry, draft: Draft, devices: Mapping[str, DeviceInUse]
+) -> Iterator[Fault]:
+    """Whether the contact of an emergency stop can be told open from closed."""
+    place = ("channels", name)
+    if channel.role != EMERGENCY_STOP:
+        if channel.pressed_below is not None:
+            yield Fault((*place, "pressed_below"), f'only a channel with role = "{EMERGENCY_STOP}" has this')
+        return
+    if channel.is_output:
+        yield Fault((*place, "role"), "an emergency stop is an input, without a safe value: its feedback contact")
+    if name in draft.interlocks:
+        yield Fault(("interlocks", name), f"'{name}' is an emergency stop, which trips by itself; name this otherwise")
+    device = devices.get(channel.device)
+    if device is None or channel.terminal not in device.terminals:
+        return
+    terminal = device.terminals[channel.terminal]
+    low, high = channel.line.range_of(*(channel.range or (terminal.low, terminal.high)))
+    if channel.pressed_below is None and terminal.kind != "digital":
+        yield Fault(
+            place, f"{channel.terminal} is no digital line: say pressed_below = …, in {channel.unit}, halfway between "
+            "the contact open and closed",
+        )  # fmt: skip
+    elif not low < channel.open_below < high:
+        yield Fault(
+            (*place, "pressed_below"), f"{channel.open_below:g} {channel.unit} is not within what '{name}' reads, "
+            f"{low:g} … {high:g} {channel.unit}: the stop would never be seen, or always",
+        )  # fmt: skip
 
 
 def _dates(name: str, channel: ChannelEntry) -> Iterator[Fault]:

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from hil.bench.draft import Draft, sound_part
 from hil.bench.fault import Fault
-from hil.bench.file import Bench, ChannelEntry, Device
+from hil.bench.file import EMERGENCY_STOP, Bench, ChannelEntry, Device
 from hil.bench.files import at_home
 from hil.bench.lines import Place
 from hil.catalog import Kind, find
@@ -202,7 +202,8 @@ def model_path(plant: str, folder: Path) -> str:
 
 def _instrument(name: str, channel: ChannelEntry, own: Mapping[str, Any]) -> dict[str, Any]:
     line = channel.line
-    signal = {} if "value" in own else {"signal": name}
+    closed = {"value": 1.5 * channel.open_below} if channel.role == EMERGENCY_STOP else {"signal": name}
+    signal = {} if "value" in own or "signal" in own else closed
     return {"direction": "out" if channel.is_output else "in", **signal,
             "unit": line.unit, "slope": line.slope, "offset": line.offset, **own}  # fmt: skip
 

@@ -11,7 +11,8 @@ from hil.daq.calibration import Calibration
 from hil.daq.channel import Pwm
 from hil.safety.interlock import Action
 
-Role = Literal["command", "response", "other"]
+Role = Literal["command", "response", "emergency stop", "other"]
+EMERGENCY_STOP: Role = "emergency stop"
 
 
 class _Strict(BaseModel):
@@ -127,7 +128,9 @@ class ChannelEntry(_Strict):
 
     Attributes:
         device, terminal: where it is connected.
-        role: `command` is what procedures drive, `response` what they look at; one of each.
+        role: `command` is what procedures drive, `response` what they look at; one of each. `emergency stop` is the
+            feedback contact of the hardware's own stop, closed while nobody has pressed it.
+        pressed_below: of an emergency stop: below it the contact is open. A digital line needs none.
         unit: of everything said about it. Other than the terminal's own it needs a `calibration`.
         range: narrower than the terminal's, in the terminal's unit: a smaller input range resolves more.
         safe: where an output goes on every exit.
@@ -149,12 +152,18 @@ class ChannelEntry(_Strict):
     limits: OutputLimits | None = None
     ramp_to_safe_per_s: PositiveFloat | None = None
     pwm: PwmDrive | None = None
+    pressed_below: FiniteFloat | None = None
     calibration_history: tuple[CalibrationLine, ...] = ()
 
     @property
     def is_output(self) -> bool:
         """Whether it is driven."""
         return self.safe is not None
+
+    @property
+    def open_below(self) -> float:
+        """Of an emergency stop: below it the contact is open; half of what a closed digital line reads."""
+        return 0.5 if self.pressed_below is None else self.pressed_below
 
     @property
     def line(self) -> Calibration:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from hil.bench.file import Bench, InterlockEntry, OutputLimits
+from hil.bench.file import EMERGENCY_STOP, Bench, InterlockEntry, OutputLimits
 from hil.safety.envelope import Dwell, Envelope
 from hil.safety.interlock import Band, Interlock
 from hil.safety.protection import Protection
@@ -17,7 +17,10 @@ def protection_of(bench: Bench, rate_hz: float) -> Protection:
         rate_hz=rate_hz,
         envelopes=envelopes_of(bench),
         ramps_per_s={name: ramp for name, ramp in ramps.items() if ramp is not None},
-        interlocks=[interlock_of(name, entry, bench) for name, entry in bench.interlocks.items()],
+        interlocks=[
+            *(interlock_of(name, entry, bench) for name, entry in bench.interlocks.items()),
+            *emergency_stops(bench),
+        ],
         block_s=bench.protection.block_s,
         patience_s=bench.protection.patience_s,
     )
@@ -37,6 +40,15 @@ def envelope_of(limits: OutputLimits) -> Envelope:
     """Limits as the guard takes them."""
     dwells = tuple(Dwell(dwell.level, dwell.longest_s) for dwell in limits.dwell)
     return Envelope(limits.low, limits.high, limits.slew_per_s or math.inf, dwells)
+
+
+def emergency_stops(bench: Bench) -> list[Interlock]:
+    """The witnesses of the hardware's own stop. Each trips: after it, somebody resets by name before anything moves."""
+    return [
+        Interlock(name, "trip", Band(name, low=channel.open_below), is_emergency_stop=True)
+        for name, channel in bench.channels.items()
+        if channel.role == EMERGENCY_STOP
+    ]
 
 
 def interlock_of(name: str, entry: InterlockEntry, bench: Bench) -> Interlock:

@@ -69,6 +69,7 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
 
 
 def _as_json(found: BenchFile, warnings: list[str]) -> str:
+    from hil.bench.protection import emergency_stops
     from hil.record.plain import to_json
 
     bench = found.bench
@@ -79,6 +80,7 @@ def _as_json(found: BenchFile, warnings: list[str]) -> str:
         for name, entry in bench.channels.items()
     ]  # fmt: skip
     interlocks = [{"name": name, "action": entry.action} for name, entry in bench.interlocks.items()]
+    interlocks += [{"name": lock.name, "action": lock.action} for lock in emergency_stops(bench)]
     told = {"file": found.path, "bench": bench.name, "valve": bench.valve.name, "sample_rate_hz": bench.sample_rate_hz}
     lists = {"channels": channels, "interlocks": interlocks, "late_s": _late_s(found), "warnings": warnings}
     return to_json({"schema": "hil.check/1", **told, **lists})
@@ -102,6 +104,7 @@ def _late_s(found: BenchFile) -> dict[str, float]:
 
 
 def _described(found: BenchFile) -> list[str]:
+    from hil.bench.protection import emergency_stops
     from hil.units import behind_a_number
 
     bench = found.bench
@@ -115,4 +118,5 @@ def _described(found: BenchFile) -> list[str]:
     lines += [f"  {name}: late_s = {late_s:g}, the longest that a lost command may be on its way"
               for name, late_s in _late_s(found).items()]  # fmt: skip
     lines += [f"  {entry.action:8} {name}" for name, entry in bench.interlocks.items()]
+    lines += [f"  {lock.action:8} {lock.name}: pressed below {lock.allowed.low:g}" for lock in emergency_stops(bench)]
     return lines

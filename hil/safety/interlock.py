@@ -75,6 +75,8 @@ class Interlock:
             zero while the command is.)
         stale_s: the reading must also change at least once in so long; a wire that is off, a device that
             hangs and repeats itself, read as a constant.
+        is_emergency_stop: whether the channel is the feedback contact of the hardware's own stop: what is said of it
+            tells a person who pressed from a link that died.
     """
 
     name: str
@@ -83,6 +85,7 @@ class Interlock:
     for_s: float = 0.0
     only_while: Band | None = None
     stale_s: float | None = None
+    is_emergency_stop: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +127,8 @@ class Watch:
             return None
         at = int(np.argmax(bad))
         time_s = float(block.time_s[at])
+        if self.interlock.is_emergency_stop:
+            return Violation(self.interlock, time_s, self._pressed_text(block, at))
         is_stale = outside is None or not outside[at]
         reason = self._stale_text(block, at) if is_stale else self._outside_text(block, at)
         return Violation(self.interlock, time_s, f"interlock '{self.interlock.name}': {reason} at {time_s:.3f} s")
@@ -134,6 +139,8 @@ class Watch:
         if not lock.allowed.asks:  # only that the reading changes
             return None
         outside = lock.allowed.outside(block)
+        if lock.is_emergency_stop:  # a contact may read the ends of its range: the upper one is closed
+            outside = ~(lock.allowed.values(block) >= lock.allowed.low)
         if lock.only_while is not None and np.count_nonzero(outside):
             outside &= lock.only_while.may_hold(block)
         if not np.count_nonzero(outside):
@@ -159,6 +166,15 @@ class Watch:
             return None
         held_s, self._same_since_s = lasting_s(same, block.time_s, self._same_since_s)
         return np.logical_and(same, held_s >= lock.stale_s)
+
+    def _pressed_text(self, block: Block, at: int) -> str:
+        name = self.interlock.allowed.channel
+        value, time_s = float(block.values(name)[at]), float(block.time_s[at])
+        if np.isnan(value):
+            why = block.unmeasured.get(name, "") or "no measurement"
+            unread = f"its contact could not be read at {time_s:.3f} s ({why})"
+            return f"emergency stop '{name}': {unread}: the link died, nobody is known to have pressed"
+        return f"emergency stop '{name}': pressed at {time_s:.3f} s (its contact is open, {value:.6g})"
 
     def _outside_text(self, block: Block, at: int) -> str:
         lock = self.interlock
