@@ -15,6 +15,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import FileError, SettingError, StorageError, UnknownNameError
 from hil.safety.latch import state_path
+from hil.untrusted import read_json
 
 if TYPE_CHECKING:
     from argon2 import PasswordHasher
@@ -53,11 +54,11 @@ class Accounts:
         """
         try:
             readable = self._path.stat().st_mode & 0o077
-            content = json.loads(self._path.read_text(encoding="utf-8"))
+            content = read_json(self._path)
             found = {str(name): Account.model_validate(told) for name, told in content.items()}
         except FileNotFoundError:
             return {}
-        except (OSError, ValueError, AttributeError, ValidationError) as error:
+        except (OSError, FileError, AttributeError, ValidationError) as error:
             raise FileError(f"{self._path}: not a file of accounts: {str(error).splitlines()[0]}") from None
         if readable:
             raise FileError(f"{self._path}: others may read or write it; `chmod 600 {self._path}`")

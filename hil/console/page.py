@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from http import HTTPStatus
+from pathlib import Path
 from typing import Any
 
 from starlette.requests import Request
@@ -10,10 +12,11 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from hil.console.console import Console
 from hil.console.script_words import SAID_BY_SCRIPTS
-from hil.errors import HilError, UnknownNameError
+from hil.errors import FileError, HilError, UnknownNameError
 from hil.language.reworded import reworded
 from hil.language.words import ENGLISH, _, languages, marked, speaking, spoken
 from hil.report.page import templates
+from hil.untrusted import read_untrusted
 from hil.version import __version__
 
 COOKIE = "hil_language"
@@ -53,6 +56,18 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
     if request.query_params.get("lang") in languages():
         response.set_cookie(COOKIE, language, max_age=31_536_000, samesite="strict", httponly=True)
     return response
+
+
+def file_of(root: Path, name: str, kind: str, headers: Mapping[str, str] | None = None) -> Response:
+    """A file below a folder as it lies there: regular, no link on the way, of bounded size.
+
+    Raises:
+        FileError: it is none of that.
+    """
+    try:
+        return Response(read_untrusted(root, name), media_type=kind, headers=headers)
+    except OSError as error:
+        raise FileError(f"no run file {Path(root, name).name:.80}: {error.strerror}") from None
 
 
 def controls_of(request: Request) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from pathlib import Path
 from hil.console.process import start, tail_lines
 from hil.errors import FileError, SettingError
 from hil.record.alive import lives
+from hil.untrusted import read_untrusted_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +63,8 @@ def served(state: Path) -> list[Served]:
     """Every bench whose devices were started here, living or dead."""
     found = []
     for path in sorted((state / "devices").glob("*.json")):
-        with suppress(OSError, ValueError, KeyError, TypeError):
-            told = json.loads(path.read_text(encoding="utf-8"))
+        with suppress(OSError, FileError, ValueError, KeyError, TypeError):
+            told = read_untrusted_json(path.parent, path.name)
             found.append(Served(str(told["bench"]), int(told["pid"]), tuple(told["quirks"]), path.with_suffix(".log")))
     return found
 

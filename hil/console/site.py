@@ -14,6 +14,7 @@ from hil.bench.find import benches
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import FileError, UnknownNameError
 from hil.record.header import HEADER_FILE
+from hil.untrusted import MOST_TOML_BYTES, is_regular, read_small
 
 _ANEW_S = 5.0
 _NAME = re.compile(r"^[^\x00-\x1f/\\]{1,200}$")
@@ -69,7 +70,7 @@ class Site:
         """
         folder = self.runs / name
         plain = _NAME.match(name) is not None and not name.startswith(".")
-        if not plain or folder.is_symlink() or not (folder / HEADER_FILE).is_file():
+        if not plain or not is_regular(self.runs, f"{name}/{HEADER_FILE}"):
             raise FileError(f"no run '{name:.80}' in {self.runs}")
         return folder
 
@@ -89,9 +90,9 @@ def names_driver(path: Path) -> bool:
 @lru_cache(maxsize=256)
 def _says(path: Path, _changed_ns: int, what: str) -> bool:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_small(path, MOST_TOML_BYTES).decode("utf-8")
         return what in text or "based_on" in text
-    except (OSError, UnicodeDecodeError):
+    except (OSError, UnicodeDecodeError, FileError):
         return False
 
 

@@ -18,7 +18,7 @@ from hil.errors import FileError
 from hil.record.alive import lives
 from hil.record.header import END_FILE, HEADER_FILE, read_end, read_header
 from hil.record.samples import JOURNAL_FILE
-from hil.untrusted import read_untrusted_json
+from hil.untrusted import is_regular, read_untrusted_json
 
 State = Literal["running", "lost", "ended"]
 
@@ -148,8 +148,8 @@ class Underway:
         for name, folder in list(self._open.items()):
             try:
                 run = run_of(folder)
-            except FileError:  # deleted, or its header is being written
-                if not folder.exists():
+            except FileError:  # deleted, its header is being written, or it is none of ours
+                if not _wrote_lately(folder):
                     del self._open[name]
                 continue
             if self._is_over(name, run):
@@ -182,7 +182,7 @@ class Underway:
 
     def _take(self, name: str) -> None:
         folder = self.runs / name
-        if not (folder / HEADER_FILE).exists():
+        if not is_regular(self.runs, f"{name}/{HEADER_FILE}"):
             return  # not yet a run, or none
         self._known.add(name)
         if not (folder / END_FILE).exists() and (_wrote_lately(folder) or control_of(folder)):

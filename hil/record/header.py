@@ -131,6 +131,17 @@ def read_end(folder: Path) -> End | None:
     return read_stated(path, End, _END_FORMAT) if path.exists() else None
 
 
+def meta_of(folder: Path) -> dict[str, Any]:
+    """What a run says of itself, without its samples: its header's words and, where it was closed, those of its end.
+
+    Raises:
+        FileError: not a run folder.
+    """
+    header, end = read_header(folder), read_end(folder)
+    said = header.meta if end is None else {**header.meta, **end.meta, "outcome": end.outcome}
+    return {**said, "program": header.program, "started_utc": header.started_utc.isoformat()}
+
+
 def check_sealed(folder: Path, end: End) -> None:
     """Raise `FileError` when a file is no longer the one that was sealed at the end of the run.
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hil.errors import StorageError
+from hil.errors import FileError, StorageError
 from hil.record.alive import lives
 from hil.safety.latch import state_path
+from hil.untrusted import read_untrusted_json
 
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
@@ -66,8 +66,8 @@ def consoles() -> list[Console]:
     found = []
     with suppress(OSError):
         for path in sorted(state_path("consoles", "any", ".json").parent.glob("*.json")):
-            with suppress(OSError, ValueError, ValidationError):
-                console = Console.model_validate(json.loads(path.read_text(encoding="utf-8")))
+            with suppress(OSError, FileError, ValidationError):
+                console = Console.model_validate(read_untrusted_json(path.parent, path.name))
                 if lives(console.pid):
                     found.append(console)
     return found

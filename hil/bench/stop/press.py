@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -10,8 +9,9 @@ from pathlib import Path
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from hil.errors import StorageError
+from hil.errors import FileError, StorageError
 from hil.safety.interrupt import Halted
+from hil.untrusted import read_untrusted_json
 
 _FILE = "stop-pressed.json"
 _MOST_BYTES = 65_536
@@ -46,18 +46,12 @@ class StopSwitch:
     @property
     def pressed(self) -> Press | None:
         """What is known of the press; None while it is released. A file that cannot be read is a press."""
-        path = self.folder / _FILE
         try:
-            handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0), 0o600)
+            return Press.model_validate(read_untrusted_json(self.folder, _FILE, _MOST_BYTES))
         except FileNotFoundError:
             return None
-        except OSError:
+        except (OSError, FileError, ValidationError):
             return Press(at_utc=datetime.now(UTC))
-        with os.fdopen(handle, "rb") as file:
-            try:
-                return Press.model_validate(json.loads(file.read(_MOST_BYTES)))
-            except (OSError, ValueError, ValidationError, RecursionError):
-                return Press(at_utc=datetime.now(UTC))
 
     def press(self, account: str, runs: tuple[str, ...] = ()) -> Press:
         """Press it.

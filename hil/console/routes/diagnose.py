@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 import shutil
 from collections.abc import Mapping, Sequence
@@ -13,14 +12,14 @@ from urllib.parse import urlencode
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import UploadFile
 from starlette.requests import Request
-from starlette.responses import FileResponse, RedirectResponse, Response
+from starlette.responses import RedirectResponse, Response
 from starlette.routing import Route
 
 from hil.archive.archive import Search, find_runs
 from hil.catalog import base_plant, models
 from hil.console import uploads
 from hil.console.console import Console
-from hil.console.page import page
+from hil.console.page import file_of, page
 from hil.console.routes import jobs
 from hil.console.routes.results import REPORT_HEADERS
 from hil.console.uploads import form_of
@@ -29,6 +28,7 @@ from hil.language.reworded import reworded
 from hil.physics.model import load_model
 from hil.physics.other_plant import plant_of_run
 from hil.record.header import read_header
+from hil.untrusted import is_regular, read_untrusted_json
 
 _RUNS = 40
 _NAME = re.compile(r"^[A-Za-z0-9][A-Za-z0-9 ._+-]{0,60}$")
@@ -92,18 +92,18 @@ def one(request: Request) -> Response:
 
     console, name = Console.of(request), request.path_params["diagnosis"]
     folder = _folder(console, name)
-    told = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+    told = read_untrusted_json(folder, "diagnosis.json")
     return page(
         request, "diagnosis.html", name=name, told=told,
         above=[reworded(text, OTHER_PLANT) for text in told.get("other_plant", ())], next_run=_next_run(told),
-        corrected=(folder / "corrected.json").is_file(), accepted=request.query_params.get("accepted", ""),
+        corrected=is_regular(folder, "corrected.json"), accepted=request.query_params.get("accepted", ""),
     )  # fmt: skip
 
 
 def report(request: Request) -> Response:
     """Its report."""
-    path = _folder(Console.of(request), request.path_params["diagnosis"]) / "report.html"
-    return FileResponse(path, media_type="text/html", headers=REPORT_HEADERS)
+    folder = _folder(Console.of(request), request.path_params["diagnosis"])
+    return file_of(folder, "report.html", "text/html", REPORT_HEADERS)
 
 
 async def accept(request: Request) -> Response:
@@ -150,7 +150,7 @@ def _done(console: Console) -> list[str]:
 
 def _folder(console: Console, name: str) -> Path:
     folder = console.site.state / "diagnoses" / name
-    if not re.fullmatch(r"diagnosis-[0-9T-]+", name) or not (folder / "diagnosis.json").is_file():
+    if not re.fullmatch(r"diagnosis-[0-9T-]+", name) or not is_regular(folder, "diagnosis.json"):
         raise FileError(f"no run of a diagnosis '{name:.80}'")
     return folder
 

@@ -19,6 +19,7 @@ from hil.errors import FileError, HilError
 from hil.findings.results import RESULTS_FILE, read_results
 from hil.record.alive import lives
 from hil.record.progress import ToldProgress, progress_of
+from hil.untrusted import is_regular
 
 _SIGNALS = 128  # from here on an exit status says which signal ended a program
 _LEFT = (" left", "almost done", "longer than expected")
@@ -86,7 +87,7 @@ def _told(console: Console, name: str) -> dict[str, Any]:
     evaluating = run.state == "ended" and done is not None and lives(done.pid)
     return {
         **told, **_progress(done), **run.told, **({"state": "evaluating"} if evaluating else {}), **_verdict(folder),
-        "report": (folder / "report.html").is_file(),
+        "report": is_regular(folder, "report.html"),
     }  # fmt: skip
 
 
@@ -100,7 +101,7 @@ def _progress(done: ToldProgress | None) -> dict[str, Any]:
 
 def _verdict(folder: Path) -> dict[str, Any]:
     """The verdict, whether there are results at all, and what is not met for certain."""
-    if not (folder / RESULTS_FILE).is_file():
+    if not is_regular(folder, RESULTS_FILE):
         return {}
     try:
         results = read_results(folder / RESULTS_FILE)

@@ -8,14 +8,15 @@ from pathlib import Path
 
 from starlette.concurrency import run_in_threadpool
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route
 
 from hil.console.console import Console
+from hil.console.page import file_of
 from hil.console.routes import jobs
 from hil.console.uploads import form_of
 from hil.errors import FileError, SettingError
-from hil.record.folder import read
+from hil.record.header import read_header
 
 _PASSPORT = re.compile(r"^[A-Za-z0-9][A-Za-z0-9._+-]{0,120}\.pdf$")
 
@@ -39,10 +40,10 @@ async def passport(request: Request) -> Response:
 def passport_file(request: Request) -> Response:
     """A passport that was issued here."""
     name = request.path_params["name"]
-    path = Console.of(request).site.runs / "passports" / name
-    if not _PASSPORT.match(name) or path.is_symlink() or not path.is_file():
+    if not _PASSPORT.match(name):
         raise FileError(f"no run passport '{name:.80}'")
-    return FileResponse(path, media_type="application/pdf", filename=name)
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return file_of(Console.of(request).site.runs, f"passports/{name}", "application/pdf", headers)
 
 
 def passports(runs: Path) -> list[str]:
@@ -52,7 +53,7 @@ def passports(runs: Path) -> list[str]:
 
 def _serial(folder: Path) -> str:
     """The unit's serial number as far as the name of a file can hold it."""
-    valve = read(folder).meta.get("valve") or {}
+    valve = read_header(folder).meta.get("valve") or {}
     return re.sub(r"[^A-Za-z0-9._-]+", "-", str(valve.get("serial") or "")).strip("-.") or "unit"
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from starlette.requests import Request
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 from starlette.routing import Route
 
 from hil.archive.archive import Search, find_runs
@@ -18,18 +18,19 @@ from hil.archive.pending import catch_up
 from hil.archive.trend import drift_of, points_of
 from hil.catalog import entries
 from hil.console.console import Console
-from hil.console.page import page
+from hil.console.page import file_of, page
 from hil.console.routes import jobs
 from hil.console.routes.passports import passports
 from hil.errors import ArchiveError, FileError, HilError, SettingError
 from hil.findings.results import RESULTS_FILE, Results, read_results
 from hil.language.reworded import reworded
 from hil.language.words import marked
-from hil.record.folder import read
+from hil.record.header import meta_of
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.simulated import is_simulated
 from hil.report.name import value_words
 from hil.session.comparison import RunComparison, compare_runs
+from hil.untrusted import is_regular
 
 _MOST = 200
 _VERDICTS = ("pass", "fail", "cannot tell")
@@ -64,7 +65,7 @@ def one(request: Request) -> Response:
     """A run: verdict, values, and its report."""
     console, name = Console.of(request), request.path_params["run"]
     folder = console.site.run(name)
-    results, meta = _results(folder), read(folder).meta
+    results, meta = _results(folder), meta_of(folder)
     return page(
         request,
         "result.html",
@@ -73,17 +74,14 @@ def one(request: Request) -> Response:
         values=[_value(value) for value in results.values] if results else [],
         meta=_facts(meta),
         simulated=is_simulated(meta),
-        report=(folder / "report.html").is_file(),
+        report=is_regular(folder, "report.html"),
     )
 
 
 def report(request: Request) -> Response:
     """The report of a run, as it lies in its folder."""
     name = request.path_params["run"]
-    path = Console.of(request).site.run(name) / "report.html"
-    if not path.is_file():
-        raise FileError(f"no run '{name:.80}' with a report; make it again")
-    return FileResponse(path, media_type="text/html", headers=REPORT_HEADERS)
+    return file_of(Console.of(request).site.run(name), "report.html", "text/html", REPORT_HEADERS)
 
 
 async def report_again(request: Request) -> Response:
@@ -111,10 +109,9 @@ def compare(request: Request) -> Response:
 def compared(request: Request) -> Response:
     """The page of a comparison, as it was made."""
     name = request.path_params["name"]
-    path = Console.of(request).site.state / "compared" / name
-    if not re.fullmatch(r"[0-9a-f]{16}\.html", name) or not path.is_file():
+    if not re.fullmatch(r"[0-9a-f]{16}\.html", name):
         raise FileError("no run comparison of that name; compare again")
-    return FileResponse(path, media_type="text/html", headers=REPORT_HEADERS)
+    return file_of(Console.of(request).site.state, f"compared/{name}", "text/html", REPORT_HEADERS)
 
 
 def trend(request: Request) -> Response:

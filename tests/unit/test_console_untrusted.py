@@ -1,0 +1,155 @@
+"""What a stranger may lie into the folder of runs: no page hangs, breaks, or shows a file from elsewhere."""
+
+from __future__ import annotations
+
+import json
+import os
+import socket
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, HTTPServer
+from pathlib import Path
+from threading import Thread
+
+import pytest
+
+from hil.archive.place import archive_place
+from hil.bench.audit import Audit
+from hil.bench.stop.consoles import consoles
+from hil.bench.stop.press import StopSwitch
+from hil.console.access_accounts import Accounts
+from hil.console.access_where import Where
+from hil.console.app import application
+from hil.console.site import Site
+from hil.console.stops import ask_listener
+from hil.console.underway import control_of
+from hil.errors import FileError, LinkError
+from hil.record.folder import RunWriter
+from tests.unit.test_console_access import Browser
+
+DEEP = "[" * 100_000
+CONTROL = {"schema": "hil.control/1", "pid": os.getpid(), "listener": "run", "token": "t", "hold_token": "h"}
+PAGES = ("/bench", "/run", "/results", "/results/trend", "/diagnose", "/devices", "/controls", "/live/one",
+         "/live/one/state", "/results/one", "/results/one/report", "/passports/a.pdf")  # fmt: skip
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    (tmp_path / "secret").write_text("the secret", encoding="utf-8")
+    RunWriter.create(runs / "one", {"procedure": "jog", "bench": "b", "operator": "AM"}, [("command", "%")]).close("ok")
+    return tmp_path
+
+
+def browser(lab: Path) -> Browser:
+    site = Site(archive_place(str(lab / "runs")), lab / "runs", lab, lab / "state" / "console")
+    return Browser(application(site, Where("127.0.0.1", 8123), Accounts(lab / "none"), Audit()))
+
+
+def fifo(path: Path) -> None:
+    os.mkfifo(path)
+
+
+def listening(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as made:
+        here = Path.cwd()
+        os.chdir(path.parent)  # an address of a socket is short
+        try:
+            made.bind(path.name)
+        finally:
+            os.chdir(here)
+
+
+def endless(path: Path) -> None:
+    path.touch()
+    os.truncate(path, 1 << 40)
+
+
+def deep(path: Path) -> None:
+    path.write_text(DEEP, encoding="utf-8")
+
+
+def linked(path: Path) -> None:
+    path.symlink_to(path.parents[2] / "secret")
+
+
+@pytest.mark.parametrize("made", [fifo, listening, endless, deep, linked], ids=lambda made: made.__name__)
+@pytest.mark.parametrize("name", ["run.json", "control.json", "end.json", "results.json", "report.html"])
+def test_bad_file_in_a_run_folder_takes_no_page(name: str, made: Callable[[Path], None], lab: Path) -> None:
+    path = lab / "runs" / "one" / name
+    path.unlink(missing_ok=True)
+    made(path)
+    there = browser(lab)
+    for page in PAGES:
+        status, text, _ = there.ask(page)
+        assert status < 500 and "the secret" not in text, page
+
+
+def test_linked_folder_and_passport_are_not_followed(lab: Path) -> None:
+    (lab / "elsewhere").mkdir()
+    (lab / "elsewhere" / "a.pdf").write_text("the secret", encoding="utf-8")
+    (lab / "elsewhere" / "run.json").write_bytes((lab / "runs" / "one" / "run.json").read_bytes())
+    (lab / "elsewhere" / "report.html").write_text("the secret", encoding="utf-8")
+    (lab / "runs" / "two").symlink_to(lab / "elsewhere")
+    (lab / "runs" / "passports").symlink_to(lab / "elsewhere")
+    there = browser(lab)
+    for page in ("/results/two", "/results/two/report", "/live/two", "/passports/a.pdf"):
+        assert there.ask(page)[0] == 404
+
+
+def test_report_is_served_as_it_lies_there(lab: Path) -> None:
+    (lab / "runs" / "one" / "report.html").write_text("<p>the report", encoding="utf-8")
+    status, text, headers = browser(lab).ask("/results/one/report")
+    assert (status, text) == (200, "<p>the report") and "sandbox" in headers["content-security-policy"]
+
+
+@pytest.mark.parametrize(
+    "address",
+    ["http://192.0.2.1:80/hold", "http://localhost.evil.example:80/hold", "file:///etc/passwd", "http://[", 7],
+)
+def test_server_posts_to_this_computer_alone(address: object, lab: Path) -> None:
+    with pytest.raises(LinkError, match="an address of this computer was expected"):
+        ask_listener(lab / "runs" / "one", {**CONTROL, "hold_url": address}, "hold", hold="1")
+    run = lab / "runs" / "one"
+    (run / "control.json").write_text(
+        json.dumps({**CONTROL, "stop_url": address, "stop_urls": [address, 7, "http://["]})
+    )
+    assert control_of(run) == {}
+    (run / "control.json").write_text(
+        json.dumps({**CONTROL, "stop_url": "http://127.0.0.1:1/stop", "stop_urls": [address, 7, "http://["]})
+    )
+    assert control_of(run)["stop_urls"] == []
+
+
+def test_server_posts_to_a_listener_and_no_other_path(lab: Path) -> None:
+    paths: list[str] = []
+
+    class Other(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            paths.append(self.path)
+            self.send_response(200)
+            self.end_headers()
+            self.wfile.write(b"{}")
+
+        def log_message(self, *_: object) -> None:
+            """Nothing."""
+
+    with HTTPServer(("127.0.0.1", 0), Other) as server:
+        answering = Thread(target=server.handle_request)
+        answering.start()
+        ask_listener(lab, {**CONTROL, "stop_url": f"http://127.0.0.1:{server.server_port}/cups/delete"}, "stop")
+        answering.join()
+    assert paths == ["/stop"]
+
+
+@pytest.mark.parametrize("made", [fifo, endless, deep], ids=lambda made: made.__name__)
+def test_file_that_nobody_can_read_is_a_press_and_no_console(made: Callable[[Path], None], lab: Path) -> None:
+    made(lab / "runs" / "stop-pressed.json")
+    assert StopSwitch(lab / "runs").pressed is not None
+    (lab / "state" / "consoles").mkdir(parents=True)
+    made(lab / "state" / "consoles" / "1.json")
+    assert consoles() == []
+    made(lab / "accounts.json")
+    with pytest.raises(FileError):
+        Accounts(lab / "accounts.json").all()
