@@ -205,7 +205,8 @@ def on_the_trail(
         if drives:
             how = {"how": str(stopped) or "Ctrl-C", "outputs": _of_outputs(stopped)}
             with suppress(StorageError):  # the outputs are settled; what is known of them stands in the run folder
-                audit.write(_who_stopped(stopped), "stop", {**run, **how}, operator)
+                account = _who_stopped(stopped)
+                audit.write(account, "stop", {**run, **how}, operator if account else "")
         raise
     finally:
         if drives and (out / END_FILE).is_file():

@@ -83,6 +83,7 @@ def _text(line: Mapping[str, Any]) -> str:
     if operator := line.get("operator"):
         who[-1] = f"operator {operator}"
     details = line.get("details")
+    who = who or ["nobody known"]
     more = [f"{key} {_value(value)}" for key, value in details.items()] if isinstance(details, Mapping) else []
     return _shown("  ".join([str(line.get("utc", "")), ", ".join(who), str(line.get("act", "")), "; ".join(more)]))
 
