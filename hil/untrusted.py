@@ -1,7 +1,7 @@
 """Files that somebody else may have written: opened only below a root, parsed only within limits.
 
 A run folder, an upload and an attachment can hold links, pipes, endless files and text that is nested a hundred
-thousand deep. Whatever reads one of these goes through this module (docs/explanation/safety.md).
+thousand deep. Whatever reads one of these goes through this module (docs/reference/recordings.md).
 """
 
 from __future__ import annotations

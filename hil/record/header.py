@@ -9,7 +9,7 @@ from io import FileIO
 from pathlib import Path
 from typing import Any, Literal, TypeVar
 
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError, field_validator
 
 from hil.errors import FileError
 from hil.record.durable import sync_file, sync_folder, write_at
@@ -21,6 +21,7 @@ HEADER_FILE, END_FILE = "run.json", "end.json"
 _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
 _KEPT_BYTES = 16384
 _SAMPLES = ("samples.f8", "samples.log")
+_FIGURES, _WORDS = ("slope", "offset", "uncertainty", "lag_s"), ("date", "due", "source", "unit", "raw_unit")
 _NO_BRACKET = r"^[^\[\]\r\n]+$"
 
 
@@ -38,6 +39,15 @@ class Column(_Strict):
     unit: str = Field(pattern=_NO_BRACKET)
     source: str = ""
     calibration: dict[str, Any] = {}
+
+    @field_validator("calibration")
+    @classmethod
+    def _calibration(cls, stated: dict[str, Any]) -> dict[str, Any]:
+        if wrong := [key for key in _FIGURES if not isinstance(stated.get(key, 0.0), int | float | None)]:
+            raise ValueError(f"'{wrong[0]}' of a calibration is a number")
+        if wrong := [key for key in _WORDS if not isinstance(stated.get(key, ""), str | None)]:
+            raise ValueError(f"'{wrong[0]}' of a calibration is a text")
+        return stated
 
 
 class Table(_Strict):

@@ -19,6 +19,7 @@ from hil.passport.contents import files_inside, lay_out
 from hil.passport.issue import Wanted, issue
 from hil.passport.key import signing_key
 from hil.passport.unpacked import LargeError
+from tests.conftest import STRANGER
 from tests.passports import run_of
 
 
@@ -60,6 +61,7 @@ def test_files_inside_refuses_another_packing() -> None:
 @pytest.fixture
 def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A passport by a key that this computer does not know; its run unpacks to more than a stranger's may."""
+    monkeypatch.syspath_prepend(str(STRANGER))  # whose procedure the run is of
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "theirs"))
     issue([run_of(tmp_path)], tmp_path / "unit.pdf", signing_key(None), Wanted(identify=False))
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "ours"))
