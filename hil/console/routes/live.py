@@ -11,6 +11,7 @@ from starlette.responses import JSONResponse, Response, StreamingResponse
 from starlette.routing import Route
 
 from hil.console.console import Console
+from hil.console.ending import ending_of
 from hil.console.page import page
 from hil.console.stops import ask_listener
 from hil.console.underway import control_of, run_of
@@ -85,8 +86,9 @@ def _told(console: Console, name: str) -> dict[str, Any]:
         return {**told, "state": "refused", "outcome": said}
     done = progress_of(folder)
     evaluating = run.state == "ended" and done is not None and lives(done.pid)
+    looks_at_it = {"state": "evaluating"} if evaluating else {}
     return {
-        **told, **_progress(done), **run.told, **({"state": "evaluating"} if evaluating else {}), **_verdict(folder),
+        **told, **_progress(done), **run.told, "ending": ending_of(folder), **looks_at_it, **_verdict(folder),
         "report": is_regular(folder, "report.html"),
     }  # fmt: skip
 

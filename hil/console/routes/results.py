@@ -18,6 +18,7 @@ from hil.archive.pending import catch_up
 from hil.archive.trend import drift_of, points_of
 from hil.catalog import entries
 from hil.console.console import Console
+from hil.console.ending import ending_of
 from hil.console.page import file_of, page
 from hil.console.routes import jobs
 from hil.console.routes.passports import passports
@@ -73,6 +74,7 @@ def one(request: Request) -> Response:
         results=results,
         values=[_value(value) for value in results.values] if results else [],
         meta=_facts(meta),
+        ending=ending_of(folder),
         simulated=is_simulated(meta),
         report=is_regular(folder, "report.html"),
     )

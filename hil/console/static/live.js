@@ -2,7 +2,7 @@
 "use strict";
 const live = document.getElementById("live"), base = "/live/" + encodeURIComponent(live.dataset.run);
 const LANE = 76, KEPT = 3000;
-let channels = [], fine = null, coarse = null, window_s = 60, seq = -1, last_s = null, bode = [], source = null, told = null, dirty = false;
+let channels = [], fine = null, coarse = null, window_s = 60, seq = -1, last_s = null, bode = [], source = null, told = null, dirty = false, last_values = [];
 
 function put(id, text) { const at = document.getElementById(id); if (at.textContent !== text) at.textContent = text; }
 
@@ -20,11 +20,14 @@ function width(k) {  // a thousandth of what the chart spans
   return span ? (span[1] - span[0]) / 100 : 0;
 }
 
+// One number for one output: after the end where it stands, not where the last sample of the run found it.
 function values(now) {
+  const stands = told && told.state === "ended" && told.ending ? told.ending.stands : {};
   document.querySelectorAll(".lane").forEach((lane, k) => {
-    const missing = now[k] === null || now[k] === undefined;
+    const at = stands[channels[k].name], shown = typeof at === "number" ? at : now[k];
+    const missing = shown === null || shown === undefined;
     lane.classList.toggle("missing", missing);
-    lane.querySelector("b").textContent = missing ? say("no measurement") : told_to(now[k], width(k));
+    lane.querySelector("b").textContent = missing ? say("no measurement") : told_to(shown, width(k));
   });
 }
 
@@ -108,7 +111,7 @@ function events(list) {
 function picture(come) {
   seq = come.seq;
   last_s = come.time_s;
-  values(come.values);
+  values(last_values = come.values);
   if (come.events) events(come.events);
   if (come.bode && come.bode.length) bode.push(...come.bode);
   came = performance.now();
@@ -139,7 +142,9 @@ function follow() {
 
 const WORD = {starting: "", running: "good", evaluating: "", ended: "", lost: "bad", refused: "bad"};
 function state(come) {
+  const ends = come.state === "ended" && (!told || told.state !== "ended");
   told = come;
+  if (ends) values(last_values);
   const at = document.getElementById("state");
   if (at.textContent !== say(come.state)) at.textContent = say(come.state);
   at.className = "word " + (WORD[come.state] || "");
@@ -160,7 +165,7 @@ function verdict(come) {
   let word = "", tone = "", details = "";
   if (come.state === "lost") [word, tone, details] = [names.lost, "bad", say("The process of this run is gone. Look at the valve, then at its outputs.")];
   else if (come.state === "refused") [word, tone, details] = [names.refused, "bad", come.outcome];
-  else if (come.state === "ended" && !planned) [word, tone, details] = [names.stopped, "bad", come.outcome];
+  else if (come.state === "ended" && !planned) [word, tone, details] = [(come.ending && come.ending.word) || names.stopped, "bad", (come.ending && come.ending.sentence) || come.outcome];
   else if (come.state === "ended" && come.judged) {
     [word, tone] = {pass: [names.pass, "good"], fail: [names.fail, "bad"], "cannot tell": [names.open, "open"]}[come.verdict] || [names.none, ""];
     details = come.missed.join(" · ");
