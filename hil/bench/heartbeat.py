@@ -44,11 +44,15 @@ _LONGEST_REASON = 4096
 
 
 class Watch(NamedTuple):
-    """Gives a sign of life, told whether outputs are driven (else they are safe); and where the run is stopped."""
+    """Gives a sign of life, told whether outputs are driven (else they are safe); and where the run is stopped.
+
+    `hand_over` leaves the outputs to the watchdog; what is to be said of that.
+    """
 
     beat: Callable[[bool], None]
     control: Control | None
     note: str = ""
+    hand_over: Callable[[], str] = lambda: ""
 
 
 @contextmanager
@@ -73,7 +77,7 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
     operator.tell, operator.holding = heart.say_outputs, heart.say_holding
     try:
         heart.wait_until_ready()
-        yield Watch(heart.beat, heart.control, heart.deaf)
+        yield Watch(heart.beat, heart.control, heart.deaf, heart.hand_over)
     except BaseException as error:
         if not known.settled:
             error.add_note(heart.hand_over())
@@ -196,7 +200,10 @@ class Heart:
         self._say_line({"holding": holds})
 
     def hand_over(self) -> str:
-        """Leave the rest to the watchdog; what is to be said of it. That it goes on is said when it has said so."""
+        """Leave the rest to the watchdog; what is to be said of it. That it goes on is said when it has said so.
+
+        May be called again.
+        """
         with suppress(OSError, ValueError):
             self._say(HANDS_OVER)
         self._wake()

@@ -13,7 +13,7 @@ from typing import Any
 from hil.bench.device import model_path
 from hil.bench.ending import Ending, LastWord, accounted, closed_for_sure, recorded
 from hil.bench.file import Bench
-from hil.bench.heartbeat import watched
+from hil.bench.heartbeat import Watch, watched
 from hil.bench.lease import leased
 from hil.bench.nets.calibration import deviations_on
 from hil.bench.nets.packages import check_packages
@@ -144,6 +144,7 @@ def _opened_rig(
     if watch.note:
         recorder.note("no stop from a console", why=watch.note)
     ending.enter(published(watch.control, out, lambda: not known.settled, recorder.note))
+    ending.enter(_left_to_the_watchdog(watch, known))
     ending.enter(closed_for_sure(guard.close))
     ending.guard = guard
     ending.enter(told_of_signals(ending.signalled))
@@ -151,6 +152,16 @@ def _opened_rig(
     with ending.task():
         _switch_on(bench, guard, rate_hz)
     return BenchRig(bench, guard, recorder, columns, told, finished, commanding, ending)
+
+
+@contextmanager
+def _left_to_the_watchdog(watch: Watch, known: Outputs) -> Iterator[None]:
+    """Outputs that could not be made safe are left to the watchdog at once, before the record is closed."""
+    try:
+        yield
+    finally:
+        if not known.settled:
+            watch.hand_over()
 
 
 @contextmanager

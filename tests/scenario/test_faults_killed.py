@@ -20,6 +20,7 @@ from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import LinkError, exit_status_of
 from hil.errors import told as said
+from hil.record.folder import RunWriter
 from hil.record.header import read_end
 from hil.record.read import read_recording
 from tests.faults import Observer, observed, start_run, watchdog_of
@@ -173,3 +174,28 @@ def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path: Pa
         after_s = observer.safe_after(time.monotonic(), PATIENCE_S)
         stood = observer.level
     assert after_s is not None and stood == 0.0
+
+
+def test_a_lost_device_is_left_to_the_watchdog_before_the_record_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    close, tried = RunWriter.close, list[bool]()
+
+    def close_on_a_slow_disk(self: RunWriter, *words: Any, **more: Any) -> None:
+        deadline_s = time.monotonic() + PATIENCE_S
+        so_far = tmp_path / "run" / "watchdog-so-far.json"
+        while not so_far.exists() and time.monotonic() < deadline_s:
+            time.sleep(0.02)
+        tried.append(so_far.exists())
+        close(self, *words, **more)
+
+    monkeypatch.setattr(RunWriter, "close", close_on_a_slow_disk)
+    bench, own, _ = TCP
+    with served(bench, tmp_path, own) as (file, devices):
+        device = devices["io"]._device
+        answer = device.answer
+        with pytest.raises(LinkError):
+            lose(file, tmp_path / "run", device)
+        device.answer = answer
+        told(tmp_path / "run")
+    assert tried[0]
