@@ -7,11 +7,13 @@ import os
 import pty
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pikepdf
 import pytest
 
+from hil.catalog import entries
 from hil.cli.app import main
 from hil.errors import FileError
 from hil.passport import verify as verifying
@@ -59,15 +61,18 @@ def test_files_inside_refuses_another_packing() -> None:
 
 
 @pytest.fixture
-def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def strange(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
     """A passport by a key that this computer does not know; its run unpacks to more than a stranger's may."""
     monkeypatch.syspath_prepend(str(STRANGER))  # whose procedure the run is of
+    entries.cache_clear()
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "theirs"))
     issue([run_of(tmp_path)], tmp_path / "unit.pdf", signing_key(None), Wanted(identify=False))
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "ours"))
     monkeypatch.setattr(verifying, "STRANGERS_BYTES", 2000)
     monkeypatch.chdir(tmp_path)
-    return tmp_path / "unit.pdf"
+    yield tmp_path / "unit.pdf"
+    monkeypatch.undo()
+    entries.cache_clear()
 
 
 def test_open_of_an_unknown_signer_has_a_limit(
