@@ -48,7 +48,8 @@ class Program:
     @property
     def said(self) -> str:
         """The lines that it said, of its watchdog process too."""
-        text = self.shown if self.terminal is not None else (self.folder / "err").read_bytes()
+        err = self.folder / "err"
+        text = err.read_bytes() if err.exists() else self.shown  # of a terminal that is closed what was read before
         plain = re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", text.decode("utf-8", "replace").replace("\r", "\n"))
         lines = [line for line in plain.splitlines() if line.startswith("hil") or "Traceback" in line]
         return " | ".join(lines)
@@ -86,8 +87,7 @@ class Program:
 
     def _press(self) -> None:
         with suppress(OSError, ValueError, KeyError, TypeError):
-            control = self.told("control.json")
-            assert control is not None
+            control = self.told("control.json") or {}  # gone with a run that has ended
             asked = urllib.request.Request(control["stop_url"], data=f"token={control['token']}".encode())
             at_s = time.time()
             with urllib.request.urlopen(asked, timeout=30.0) as answer:
