@@ -45,7 +45,7 @@ from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
 from hil.diagnosis.question import Question
 from hil.diagnosis.search.around import around
-from hil.diagnosis.search.fitted import Fitted, change_without
+from hil.diagnosis.search.fitted import Fitted, change_without, output_of
 from hil.diagnosis.search.polish import roughly
 from hil.diagnosis.search.terms import Term
 from hil.diagnosis.shadow import shadow
@@ -129,9 +129,16 @@ class Answer:
         if after < before and self.verdict != "consistent" and not self.events and self.changed is None:
             self.verdict, self.named = "unexplained", self.choice.baseline
         why = why_not_better(self.problem, nominal.residuals, residuals, self.kept)
-        if why or after < before:
-            return nominal, _rounded(before, before, most), why or "it predicts worse what no fit has seen"
+        if not why and (after < before or self._misses(proposed) > self._misses(nominal)):
+            why = "it predicts worse what no fit has seen, or fits the recordings themselves worse"
+        if why:
+            return nominal, _rounded(before, before, most), why
         return proposed, _rounded(before, after, most), ""
+
+    def _misses(self, f: Fitted) -> float:
+        """The squared error of a free simulation of the recordings as they are, coloured noise and all."""
+        errors = (e.telling(output_of(self.problem, f, e) - e.output) for e in self.problem.as_recorded)
+        return sum(float(error @ error) for error in errors)
 
     def _judged(self) -> list[Judged]:
         """The chosen explanation and its closest competitors on data kept back, the chosen one first."""
@@ -393,8 +400,7 @@ class Answer:
         if self.changed is not None:
             return f"The unit is unchanged since identification; {_reaches(fits)}."
         # of the recording that tells most: the half that is kept back may hold no more than a rest
-        told = zip(self.problem.as_recorded, self.problem.noises, strict=True)
-        ceiling = max(fit_ceiling(e.output[e.told], noise.std) for e, noise in told)
+        ceiling = max(fit.ceiling for fit in fits.values())
         share = (1.0 - ceiling / 100.0) ** 2  # of noise in the variance of what the output does
         if share <= MOST and any(limit.visible for limit in unseen):
             return ""
@@ -416,7 +422,7 @@ class Answer:
             nominal = fit_percent(e.output[keep], strip.nominal[keep])
             after = fit_percent(e.output[keep], strip.corrected[keep])
             most = fit_ceiling(e.output[keep], strip.noise_std)
-            found[e.name] = _rounded(nominal, after, float(np.fmax(most, np.fmax(nominal, after))))
+            found[e.name] = _rounded(nominal, after, most)
         return found
 
     # -- places ------------------------------------------------------------------------------------------
@@ -486,7 +492,9 @@ def _reaches(fits: Mapping[str, Fit]) -> str:
 
 
 def _rounded(nominal: float, corrected: float, most: float) -> Fit:
-    return Fit(round(nominal, 3), round(corrected, 3), round(most, 3))
+    """Fits in %; noise allows no less than what is reached."""
+    reached = np.fmax(nominal, corrected)
+    return Fit(round(nominal, 3), round(corrected, 3), round(float(np.fmax(most, reached)), 3))
 
 
 def _labels(f: Fitted) -> str:

@@ -159,7 +159,8 @@ def _stays(problem: Problem, planned: Experiment) -> bool:
 def _competitors(choice: Choice, rivals: Sequence[Sequence[str]], verdict: Verdict) -> list[Fitted]:
     """The chosen explanation and those that it must be told from: rivals, or the next best when none is adequate."""
     names = {name for pair in rivals for name in pair} - set(choice.chosen.names)
-    found, seen = [choice.chosen], set(_names(choice.chosen))
+    found = [choice.chosen] if choice.chosen.terms else []
+    seen = set(_names(choice.chosen))
     for f in choice.candidates:
         wanted = bool(names & set(f.names)) if rivals else verdict in OPEN
         if wanted and not seen & set(_names(f)):

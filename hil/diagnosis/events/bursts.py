@@ -13,7 +13,8 @@ from hil.identification.experiment import Experiment
 from hil.record.recording import Array
 from hil.signals.runs import runs
 
-BLOCK_S = 0.1  # so long is a block that is far beyond the noise, or not
+BLOCK_S = 0.1  # so long is a block that is far beyond the noise, or not; a recording has several in any case
+_SEVERAL = 20
 _SPARSE_SHARE, _SPARSE_TIME = 0.6, 0.45
 
 Burst = tuple[int, int]
@@ -40,7 +41,7 @@ def bursts_of(problem: Problem, residuals: Array, k: int) -> list[Burst]:
 
 def block_size(e: Experiment) -> int:
     """Samples of a recording in a block."""
-    return max(2, round(BLOCK_S / e.drive.interval_s))
+    return max(2, min(round(BLOCK_S / e.drive.interval_s), len(e.output) // _SEVERAL))
 
 
 def block_power(e: Experiment, residuals: Array) -> Array:

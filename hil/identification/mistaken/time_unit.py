@@ -12,8 +12,8 @@ from hil.identification.mistaken.suspicion import HALF, POOR_FIT, Suspicion, exp
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
 
-# Minutes, milliseconds, and lost decimals. Stamps are exact where the unit is all that is wrong.
-_TIME_FACTORS = (1000.0, 100.0, 60.0, 10.0, 0.1, 1 / 60.0, 0.01, 0.001)
+# Minutes and milliseconds: no unit of time is ten times another. Stamps are exact where the unit is all that is wrong.
+_TIME_FACTORS = (1000.0, 60.0, 1 / 60.0, 0.001)
 _TIME_TOLERANCE = 0.01
 
 
