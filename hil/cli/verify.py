@@ -46,7 +46,7 @@ def command(
 
     known = [*own_certificates(), *(one for path in trust for one in read_certificates(path))]
     found = verify_file(file, Trust(known, read_revocations(revoked), _received(received)))
-    evaluated = _evaluated(file) if evaluate and found.is_as_signed else None
+    evaluated = _evaluated(file, found) if evaluate and found.is_as_signed else None
     status = max(found.exit_status, 1 if evaluated is not None and evaluated.faults else 0)
     if as_json:
         told: dict[str, Any] = {"file": str(file), "sentence": found.sentence, "signer": found.signer or None}
@@ -85,10 +85,10 @@ def _when(found: Verified) -> str:
     return f"{local_text(found.signed_utc)}, as the signer's computer said; no third party vouches for it"
 
 
-def _evaluated(file: Path) -> Evaluated:
+def _evaluated(file: Path, found: Verified) -> Evaluated:
     from hil.passport.evaluate import evaluate_passport
 
-    return evaluate_passport(file.read_bytes())
+    return evaluate_passport(file.read_bytes(), found.most_bytes)
 
 
 def _said(found: Evaluated) -> Iterator[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import json
+import math
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -37,8 +38,12 @@ class Evaluated:
     runs: int = 0
 
 
-def evaluate_passport(content: bytes) -> Evaluated:
+def evaluate_passport(content: bytes, most_bytes: float = math.inf) -> Evaluated:
     """Evaluate the runs inside a passport anew, and hold page one, certificate and data together.
+
+    Args:
+        content: of the passport.
+        most_bytes: what its attachments may unpack to.
 
     Raises:
         StorageError: it cannot be laid out.
@@ -46,7 +51,7 @@ def evaluate_passport(content: bytes) -> Evaluated:
     with TemporaryDirectory(prefix="hil-verify-") as folder:
         place = Path(folder) / "laid-out"
         try:
-            unit = read_unit_runs(lay_out(content, place), also_moved=True)
+            unit = read_unit_runs(lay_out(content, place, most_bytes), also_moved=True)
             faults = (
                 *_run_faults(unit),
                 *_page_faults(unit, content),
@@ -72,7 +77,11 @@ def _run_faults(unit: Unit) -> Iterator[str]:
 
 def _page_faults(unit: Unit, content: bytes) -> Iterator[str]:
     """What page one and the tables of the annex should say and do not, in the language in which they are."""
-    pages = [_squeezed(page) for page in _texts(content)]
+    try:
+        pages = [_squeezed(page) for page in _texts(content)]
+    except Exception as error:  # as `verify` has it: a broken PDF makes its reader raise anything
+        yield f"its pages cannot be read: {type(error).__name__}"
+        return
     missing = min((list(_missing(unit, pages, language)) for language in languages()), key=len)
     yield from missing[:5]
 

@@ -29,6 +29,7 @@ from tests.passports import run_of
 
 WITHOUT_MODEL = Wanted(identify=False)
 OLDER = "valve-hil 0.0.9"
+SAMPLES = Path(__file__).parent.parent / "samples"
 
 
 @pytest.fixture(autouse=True)
@@ -348,6 +349,29 @@ def test_samples_that_were_exchanged_inside_do_not_follow(tmp_path: Path) -> Non
     faults = evaluate_passport((tmp_path / "changed.pdf").read_bytes()).faults
     assert faults == evaluate_passport((tmp_path / "changed.pdf").read_bytes()).faults
     assert "changed after the run was sealed" in faults[0] and "hil report" not in faults[0]
+
+
+def test_pages_that_cannot_be_read_do_not_follow(tmp_path: Path) -> None:
+    out = tmp_path / "unit.pdf"
+    issue([run_of(tmp_path)], out, signing_key(None), WITHOUT_MODEL)
+    with pikepdf.open(out) as pdf:
+        pdf.pages[0].obj.Contents = pdf.make_stream(b"BT ET")
+        pdf.save(tmp_path / "blank.pdf")
+    faults = evaluate_passport((tmp_path / "blank.pdf").read_bytes()).faults
+    assert any("page one does not say" in fault for fault in faults)
+
+
+def test_a_passport_of_8f99e50_is_evaluated_and_its_results_called_unsealed() -> None:
+    found = evaluate_passport((SAMPLES / "8f99e50" / "passport.pdf").read_bytes())
+    assert (found.faults, found.values, found.runs) == ((), 14, 1) and "did not seal" in found.notes[0]
+
+
+def test_a_broken_trail_issues_nothing(tmp_path: Path) -> None:
+    run = on_a_trail(tmp_path)
+    lines = Audit().path.read_bytes().splitlines(keepends=True)
+    Audit().path.write_bytes(b"".join(lines[1:]))
+    with pytest.raises(FileError, match="line 1 does not follow"):
+        issue([run], tmp_path / "unit.pdf", signing_key(None), WITHOUT_MODEL)
 
 
 def test_a_procedure_that_is_not_here_can_be_evaluated_by_nobody(tmp_path, monkeypatch, capsys, stranger) -> None:
