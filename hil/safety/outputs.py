@@ -278,12 +278,12 @@ class Outputs:
             answers = dict.fromkeys(self._known, ReadBack(why=reason(error)))
         alive()
         for name in self._known:
-            level = None if was_told else daq.levels.get(name)
             answer = answers.get(name, CANNOT_BE_ASKED)
             answer = replace(answer, late_s=max(answer.late_s, late_s))
-            self._known[name] = self._after(name, answer, failure, was_told, level)
+            self._known[name] = self._after(name, answer, failure, None if was_told else daq.levels)
 
-    def _after(self, name: str, answer: ReadBack, failure: str, was_told: bool, level: float | None) -> Output:
+    def _after(self, name: str, answer: ReadBack, failure: str, levels: Mapping[str, float] | None) -> Output:
+        """What is known after an answer; `levels`: where outputs stood last, when telling them to be safe failed."""
         before, channel = self._known[name], self._channels[name]
         known = replace(
             before, can=answer.can, why=answer.why or failure, rescue=answer.rescue, confirmed_in_s=0.0,
@@ -294,8 +294,8 @@ class Outputs:
             state = State.DRIVEN if not safe else State.UNCONFIRMED if answer.late_s else State.SAFE
             late_s, why = (answer.late_s, "") if safe else (0.0, failure)
             return replace(known, state=state, at=answer.at, why=why, confirmed_in_s=late_s)
-        if not was_told:  # a way to the safe values that was planned is no place where it was driven to
-            return replace(known, state=State.UNKNOWN, at=known.at if level is None else level)
+        if levels is not None:  # a way to the safe values that was planned is no place where it was driven to
+            return replace(known, state=State.UNKNOWN, at=levels.get(name, known.at))
         if failure and not answer.can:  # told, and silent: an answer would have been all that there is
             return replace(known, state=State.UNKNOWN)
         if not answer.can:
