@@ -25,9 +25,11 @@ class Seen:
         away_s: when the output was away from its safe value last, after what was done.
         wrong: every contradiction.
         not_run: why there is nothing to judge.
+        is_ours: it is a command of ours; a script of somebody else has tracebacks and an exit status of its own.
     """
 
     name: str
+    is_ours: bool = True
     status: int | None = None
     begun_s: float = 0.0
     ended_s: float = 0.0
@@ -79,7 +81,7 @@ def _outputs(source: str, outputs: Mapping[str, Any], seen: Seen) -> Iterator[st
 
 
 def _sentence(seen: Seen) -> Iterator[str]:
-    if "Traceback" in seen.said:
+    if "Traceback" in seen.said and seen.is_ours:
         yield "a traceback"
     of_the_run = seen.said.partition("watchdog process")[0]
     if SAID_SAFE[0] in of_the_run and (late := _away_after(seen, seen.ended_s)):
@@ -99,6 +101,7 @@ def _sentence(seen: Seen) -> Iterator[str]:
 def _status(seen: Seen) -> Iterator[str]:
     if seen.status is None:
         yield "it does not end"
+    if seen.status is None or not seen.is_ours:
         return
     was_killed = seen.status == -9 and ("run" in seen.killed or "was killed" in seen.said)  # by its watchdog process
     if seen.status not in STATUSES and not was_killed:

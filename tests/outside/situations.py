@@ -48,6 +48,7 @@ class Situation:
     terminal: bool = False
     words: Callable[[object], list[str]] | None = None
     settle_s: float = 0.5
+    is_ours: bool = True
 
 
 def later(after_s: float, do: Callable[[], object]) -> None:
@@ -241,7 +242,8 @@ def named() -> list[Situation]:
         *(Situation(f"check-driver on hardware, signal {number}", ((0.0, signalled(number)),), words=_check_driver,
                     settle_s=0.0) for number in (9, 15, 1, 2)),
         *(Situation(f"jog, signal {number}", ((0.0, signalled(number)),), words=_jog) for number in (9, 1, 15)),
-        *(Situation(f"Python API: {how}, {name}", ((0.5, act),) if act else (), words=_script(how))
+        *(Situation(f"Python API: {how}, {name}", ((0.5, act),) if act else (), words=_script(how),
+                    is_ours=False)
           for how, name, act in (
               ("plain", "nothing", None), ("plain", "Ctrl-C", signalled(2)), ("plain", "SIGTERM", signalled(15)),
               ("plain", "SIGKILL", signalled(9)), ("thread", "Ctrl-C", signalled(2)), ("left open", "nothing", None),

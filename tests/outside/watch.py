@@ -29,7 +29,7 @@ def watched(situation: Situation, watch_s: float) -> Seen:
 
 def _once(situation: Situation, watch_s: float) -> Seen:
     with tempfile.TemporaryDirectory(prefix="hil-outside-") as name, Coupler() as coupler:
-        folder, seen = Path(name), Seen(situation.name)
+        folder, seen = Path(name), Seen(situation.name, situation.is_ours)
         program = started(folder, words_of(situation, bench(folder, coupler.line.port)), situation.terminal)
         try:
             return _seen(situation, Scene(coupler, program, seen, None), watch_s)
