@@ -5,7 +5,9 @@ What is said of the outputs, what is written down, and that nothing on the way c
 
 from __future__ import annotations
 
+import atexit
 import os
+import sys
 import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
@@ -119,6 +121,7 @@ class Ending:
         self._streams: list[Generator[object]] = []
         self._is_over = False
         self._pid = os.getpid()
+        atexit.register(self._left_open)  # who never leaves the bench leaves it when the program ends
 
     def enter(self, context: AbstractContextManager[_T]) -> _T:
         """Enter what is left when the run ends."""
@@ -203,6 +206,7 @@ class Ending:
             if self._is_over:
                 return
             self._is_over = True
+            atexit.unregister(self._left_open)
             error = self._over or error
             if self.guard is not None and error is not None:
                 self.guard.end(error)
@@ -216,8 +220,11 @@ class Ending:
         """The procedure has returned, in whatever way: raise what ended the run."""
         if self._word is not None:
             self._word.stay()
-        if self.error is not None:
+        if self.error is not None and not sys.is_finalizing():  # nobody is left who could hear it
             raise self.error
+
+    def _left_open(self) -> None:
+        self.end(StoppedError("the program ended, and its bench was still open"))
 
     @property
     def _over(self) -> BaseException | None:

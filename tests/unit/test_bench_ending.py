@@ -265,6 +265,26 @@ except typer.Exit as left:
 """
 
 
+LEAKED = """
+import sys
+import numpy as np
+from hil import api
+opened = api.open_bench("brevini-hpv41", sys.argv[1])
+opened.__enter__().play(np.full(100, 20.0))
+"""
+
+
+def test_bench_that_is_never_left_is_closed_when_the_program_ends(tmp_path: Path) -> None:
+    left = subprocess.run(
+        [sys.executable, "-P", "-c", LEAKED, str(tmp_path / "run")], capture_output=True, text=True, timeout=300.0,
+        check=False, env={**os.environ, "HIL_STATE_DIR": str(tmp_path / "state")},
+    )  # fmt: skip
+    assert left.returncode == 0 and not left.stderr, left.stderr
+    end = json.loads((tmp_path / "run" / "end.json").read_text())
+    assert end["outcome"].startswith("StoppedError: the program ended, and its bench was still open")
+    assert end["meta"]["outputs"]["command"]["state"] == "safe"
+
+
 def command(stubborn: str, tmp_path: Path) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-P", "-c", COMMAND, stubborn, str(tmp_path / "run")], capture_output=True, text=True,
