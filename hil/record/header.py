@@ -22,6 +22,7 @@ _FORMAT, _END_FORMAT, _VERSION = "hil-run", "hil-run-end", 1
 _KEPT_BYTES = 16384
 _SAMPLES = ("samples.f8", "samples.log")
 _FIGURES, _WORDS = ("slope", "offset", "uncertainty", "lag_s"), ("date", "due", "source", "unit", "raw_unit")
+_TABLES = ("valve", "conditions", "limits", "settings", "roles", "sampling")  # of meta
 _NO_BRACKET = r"^[^\[\]\r\n]+$"
 
 
@@ -132,7 +133,11 @@ def read_header(folder: Path) -> Header:
     Raises:
         FileError: there is none, or it is not what this program writes; names the field.
     """
-    return read_stated(folder / HEADER_FILE, Header, _FORMAT)
+    header = read_stated(folder / HEADER_FILE, Header, _FORMAT)
+    for key in _TABLES:
+        if not isinstance(stated := header.meta.get(key), dict | None):
+            raise FileError(f"{folder / HEADER_FILE}: field 'meta.{key}' must be a table, found {stated!r:.40}")
+    return header
 
 
 def read_end(folder: Path) -> End | None:

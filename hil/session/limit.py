@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from hil.errors import SettingError
+from hil.errors import FileError, SettingError
 from hil.record.measurement import Limit, Measurement
 from hil.session.quantity import number_in
 
@@ -65,5 +65,15 @@ def checked_limits(measurements: Iterable[Measurement], limits: Mapping[str, Lim
 
 
 def limits_of(meta: Mapping[str, Any]) -> dict[str, Limit]:
-    """The limits that were written into the header of a run."""
-    return {name: Limit(limit["low"], limit["high"]) for name, limit in meta.get("limits", {}).items()}
+    """The limits that were written into the header of a run.
+
+    Raises:
+        FileError: one has no two ends that are numbers or open.
+    """
+    found = meta.get("limits") or {}
+    for name, limit in found.items():
+        ends = (limit.get("low", ""), limit.get("high", "")) if isinstance(limit, Mapping) else ("",)
+        if not all(isinstance(end, int | float | None) for end in ends):
+            shown = f"{limit!r:.60}"
+            raise FileError(f"limit '{name}' in the header of the run: its ends are numbers or open, found {shown}")
+    return {name: Limit(limit["low"], limit["high"]) for name, limit in found.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import socket
@@ -130,3 +131,15 @@ def test_archive_rebuild_leaves_bad_folders_out(
     assert "a fault of this program" not in err
     _, out, _ = told(capsys, monkeypatch, f"runs --archive {runs} --json")
     assert '/good"' in out and "deep" not in out and status in (0, 2)
+
+
+@pytest.mark.parametrize("key", ["valve", "conditions", "limits", "settings", "roles", "sampling"])
+def test_meta_of_another_kind_is_named(
+    key: str, folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = folder / "run/run.json"
+    content = json.loads(path.read_text())
+    content["meta"][key] = ["x"]
+    path.write_text(json.dumps(content))
+    status, _, err = told(capsys, monkeypatch, "convert run x.csv")
+    assert status == 2 and f"run.json: field 'meta.{key}' must be a table, found ['x']" in err

@@ -235,7 +235,11 @@ def test_a_large_run_stays_on_the_disk(tmp_path: Path, monkeypatch: pytest.Monke
             lambda c: c["samples"]["columns"][1].pop("unit"),
             r"field 'samples.columns.1.unit': Field required",
         ),
-        ("run.json", lambda c: c["meta"].update(valve="other"), r"run.json: changed after the run was closed"),
+        (
+            "run.json",
+            lambda c: c["meta"].update(valve={"name": "other"}),
+            r"run.json: changed after the run was closed",
+        ),
         ("end.json", lambda c: c.update(rows=400), r"samples.f8: changed after .* CRC-32 \w+, expected \w+ over 400"),
         ("end.json", lambda c: c.update(rows=-1), r"end.json: field 'rows'"),
     ],
