@@ -23,6 +23,7 @@ class Seen:
     Attributes:
         ended_s: when the process was gone; time of day, as all here.
         away_s: when the output was away from its safe value last, after what was done.
+        why: its watchdog process acted, in watchdog.json: of a terminal that is stopped nobody reads it.
         wrong: every contradiction.
         not_run: why there is nothing to judge.
         is_ours: it is a command of ours; a script of somebody else has tracebacks and an exit status of its own.
@@ -36,6 +37,7 @@ class Seen:
     away_s: float | None = None
     stands: float = 0.0
     said: str = ""
+    why: str = ""
     words: dict[str, Any] = field(default_factory=dict)
     killed: set[str] = field(default_factory=set)
     wrong: list[str] = field(default_factory=list)
@@ -49,6 +51,7 @@ def judged(seen: Seen, coupler: Coupler, program: Program) -> Seen:
     files = {name: program.told(name) for name in ("end.json", "watchdog.json")}
     words = {name: told for name, told in {**files, "--json": program.printed}.items() if told is not None}
     seen.words = {name: told.get("outputs") for name, told in words.items()}
+    seen.why = str((files["watchdog.json"] or {}).get("why", ""))
     seen.wrong += [*_data(seen, program), *_sentence(seen), *_status(seen)]
     return seen
 
@@ -103,7 +106,9 @@ def _status(seen: Seen) -> Iterator[str]:
         yield "it does not end"
     if seen.status is None or not seen.is_ours:
         return
-    was_killed = seen.status == -9 and ("run" in seen.killed or "was killed" in seen.said)  # by its watchdog process
+    was_killed = seen.status == -9 and (
+        "run" in seen.killed or "was killed" in seen.said + seen.why
+    )  # by its watchdog process
     if seen.status not in STATUSES and not was_killed:
         yield f"exit status {seen.status}"
     if seen.status >= 0 and seen.status != 3:
