@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hil.diagnosis.diagnosis import Asked
 from hil.diagnosis.skeleton.table import Table, library_of, read_table, table_of
-from hil.errors import SettingError
+from hil.errors import FileError, SettingError, reason
 from hil.identification.content import is_of_its_origin
 from hil.identification.experiment import Experiment
 from hil.physics.model import Model
@@ -49,6 +50,7 @@ def question_of(
 
     Raises:
         SettingError: an unknown question, or nothing is known of before where *changed* is wanted.
+        FileError: what the model file keeps of before is damaged.
     """
     if wanted and wanted not in QUESTIONS:
         raise SettingError(f"--question {wanted}: no such question; it is one of {', '.join(QUESTIONS)}")
@@ -65,6 +67,12 @@ def question_of(
                 "them as --before RECORDING…, or identify it anew"
             )
         return Question("left_out", "the model file keeps nothing of the recordings that it was identified from")
-    table = read_table(model.skeleton, model)
+    try:
+        table = read_table(model.skeleton, model)
+    except (KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error) as error:
+        raise FileError(
+            f"the model file: skeleton: cannot be read ({reason(error)}); identify the model anew, or give recordings "
+            "of before as --before RECORDING…"
+        ) from None
     warnings = () if table.library == library_of(model) else (_OTHER_LIBRARY,)
     return Question("changed", "the model was identified from other recordings", table, warnings)

@@ -31,7 +31,6 @@ from hil.identification.structure import choose_structure
 from hil.identification.systematic import Systematic, systematic
 from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
-from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
@@ -407,19 +406,6 @@ def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapp
     )
 
 
-def _inner_rms(
-    plant: Plant, experiments: Sequence[Experiment], parameters: dict[str, float], effects: Sequence[ActiveEffect]
-) -> dict[str, float]:
-    """What the model leaves of each recorded inner signal, in its unit (rms)."""
-    found: dict[str, list[float]] = {}
-    for e in experiments:
-        plainly = {signal.name: 1.0 for signal in plant.observed if signal.name in e.observed}
-        errors = e.observed_errors(plant, e.respond(plant, parameters, effects), plainly)
-        for name, error in zip(plainly, errors, strict=True):
-            found.setdefault(name, []).append(float(np.sqrt(np.mean(error**2))))
-    return {name: max(rms) for name, rms in found.items()}
-
-
 def _result(
     model: Model, plant: Plant, found: Estimate, experiments: Sequence[Experiment], said: tuple[str, ...],
     beside: Systematic,
@@ -439,7 +425,7 @@ def _result(
     }
     effects, active = moved(model, values, stds).effects, moved_effects(model, values)
     plain = {p.name: values[p.name] for p in plant.parameters}
-    fits, errors, left = {}, [], []
+    fits, errors = {}, []
     for e in experiments:
         simulated = e.respond(plant, plain, active)[0]
         fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
@@ -447,7 +433,6 @@ def _result(
         slope = start_slope(e, plant, plain, active, floor, plain=simulated)
         error = floor * with_free_start(e.telling((e.output - simulated) / floor), slope)
         errors.append(_as_if_told(error, e.told))
-        left.append(float(np.std(error[e.told])))
     made = Model(
         model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,
@@ -455,7 +440,6 @@ def _result(
         _covariance(found),
         {
             "recordings": [e.name for e in experiments], "fit_percent": fits,
-            "misfit_rms": max(left), "inner_rms": _inner_rms(plant, experiments, plain, active),
             "intervals_s": sample_intervals_s(experiments),
             "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
         },

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import json
+import zlib
 from dataclasses import replace
 
 import numpy as np
@@ -13,7 +15,7 @@ from hil.diagnosis.diagnosis import Diagnosis
 from hil.diagnosis.question import question_of
 from hil.diagnosis.skeleton.gate import ALARM, later_of
 from hil.diagnosis.skeleton.table import Table, read_table, table_of
-from hil.errors import SettingError
+from hil.errors import FileError, SettingError
 from hil.identification.content import content_of, is_of_its_origin
 from hil.identification.experiment import Experiment, experiment
 from hil.identification.grey_box import fit_plant
@@ -128,3 +130,19 @@ def test_a_library_that_has_changed_is_said(lacking: Model) -> None:
     assert "library has changed" in asked_now.warnings[0]
     assert asked_now.table is not None
     assert len(asked_now.table.columns) == len(kept["columns"]) - 1
+
+
+@pytest.mark.parametrize(("key", "value"), [("version", 9), ("arrays", {}), ("scale", "x"), ("columns", [[1]])])
+def test_a_damaged_table_is_refused(lacking: Model, key: str, value: object) -> None:
+    assert lacking.skeleton is not None
+    damaged = replace(lacking, skeleton={**lacking.skeleton, key: value})
+    with pytest.raises(FileError, match="skeleton: cannot be read"):
+        question_of(damaged, [recorded("later", FIRST, 9)])
+
+
+def test_an_array_unpacks_no_further_than_a_table_can_be(lacking: Model) -> None:
+    assert lacking.skeleton is not None
+    bomb = base64.b64encode(zlib.compress(bytes(1 << 25), 9)).decode()
+    arrays = {**lacking.skeleton["arrays"], "rms": f"{1 << 23}:{bomb}"}
+    with pytest.raises(FileError, match="skeleton: cannot be read"):
+        question_of(replace(lacking, skeleton={**lacking.skeleton, "arrays": arrays}), [recorded("later", FIRST, 9)])

@@ -27,6 +27,8 @@ from hil.signals.products import one_blas_thread
 _VERSION = 1
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
+# The largest array that is unpacked; a table has 1 MB.
+_MOST_BYTES = 1 << 24
 
 
 @dataclass(frozen=True)
@@ -127,5 +129,5 @@ def _packed(values: Array) -> str:
 
 def _unpacked(text: str) -> Array:
     shape, _, data = text.partition(":")
-    flat = np.frombuffer(zlib.decompress(base64.b64decode(data)), dtype="<f4").astype(np.float64)
-    return flat.reshape([int(n) for n in shape.split("x")])
+    unpacked = zlib.decompressobj().decompress(base64.b64decode(data), _MOST_BYTES)  # a model may be a stranger's
+    return np.frombuffer(unpacked, dtype="<f4").astype(np.float64).reshape([int(n) for n in shape.split("x")])
