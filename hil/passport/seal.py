@@ -67,7 +67,7 @@ def _field(content: bytes) -> tuple[int, int]:
 
 def _contents(padded: bytes) -> tuple[bytes, bytes]:
     """(certificate, digest of the file) of the signature in the field."""
-    from asn1crypto import cms
+    from asn1crypto import cms, tsp  # noqa: F401 # tsp adds attributes to cms, too late once one was looked up there
 
     try:
         found = cms.ContentInfo.load(padded, strict=False)

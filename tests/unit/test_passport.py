@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import subprocess
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from xml.etree.ElementTree import fromstring
@@ -264,3 +265,19 @@ def test_a_plant_named_as_an_installed_model_is_found(tmp_path: Path) -> None:
     valve = {"name": "HPV41", "serial": "SN-7", "plant": "hpv41-mean"}
     named = replace(run, recording=replace(run.recording, meta={**run.recording.meta, "valve": valve}))
     assert "no plant named" not in understood(Unit("SN-7", (named,)), True, None, lambda _done, _text: None).says
+
+
+def test_a_program_that_has_verified_can_sign(tmp_path: Path) -> None:
+    sample = Path(__file__).parents[1] / "samples" / "8f99e50"
+    program = (
+        "from pathlib import Path; import sys\n"
+        "from hil.passport.issue import Wanted, issue\n"
+        "from hil.passport.key import signing_key\n"
+        "from hil.passport.verify import own_trust, verify\n"
+        "sample, out = map(Path, sys.argv[1:])\n"
+        "verify((sample / 'passport.pdf').read_bytes(), own_trust())\n"
+        "issue([sample / 'runs' / 'spring'], out, signing_key(None), Wanted(identify=False))\n"
+    )
+    command = [sys.executable, "-c", program, str(sample), str(tmp_path / "made.pdf")]
+    ended = subprocess.run(command, cwd=Path(__file__).parents[2], capture_output=True, text=True, check=False)
+    assert ended.returncode == 0, ended.stderr

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,13 +21,17 @@ from hil.safety import guard, operator
 from hil.safety.guard import Guard
 from hil.safety.operator import Operator
 from hil.safety.outputs import Output, Outputs, State
+from tests import stops
 from tests.unit import test_safety_operator as by_run
 from tests.unit import test_stop_listener as by_listener
 from tests.unit import test_stop_watchdog as by_watchdog
+from tests.waits import until
 
 pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one worker, beside others that compute
 
 Patch = pytest.MonkeyPatch
+
+WAITED_FOR_S = 5.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,6 +66,15 @@ def with_program(test: Callable[..., None], *values: Any) -> Callable[[Patch, Pa
     return run
 
 
+def _impatient(patch: Patch) -> None:
+    """What a planted fault keeps back for good is not waited for as long as a busy computer takes."""
+    for module in (by_run, by_listener, by_watchdog):
+        patch.setattr(module, "PATIENCE_S", WAITED_FOR_S)
+    patch.setattr(stops, "sent", partial(stops.sent, timeout_s=WAITED_FOR_S))
+    patch.setattr(by_listener, "sent", stops.sent)
+    patch.setattr(by_watchdog, "until", partial(until, within_s=WAITED_FOR_S))
+
+
 def _latching(patch: Patch) -> None:
     tell_safe = Guard._tell_safe
 
@@ -93,7 +107,7 @@ def _dying(patch: Patch) -> None:
 
 def _readable(patch: Patch) -> None:
     opened = os.open
-    patch.setattr(control.os, "open", lambda path, flags, _mode: opened(path, flags, 0o644))
+    patch.setattr(control.os, "open", lambda path, flags, _mode=0, **more: opened(path, flags, 0o644, **more))
 
 
 def _ramping(patch: Patch) -> None:
@@ -165,6 +179,7 @@ BROKEN = [
 @pytest.mark.parametrize("broken", BROKEN, ids=str)
 def test_break_is_noticed(broken: Broken, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with monkeypatch.context() as patch:
+        _impatient(patch)
         broken.plant(patch)
         with pytest.raises((AssertionError, IndexError, OSError, pytest.fail.Exception)):
             broken.test(patch, tmp_path)
