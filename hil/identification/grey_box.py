@@ -157,7 +157,8 @@ def _fit_plant(
     found = replace(
         found, notes=(*found.notes, *believed(looked.suspicions, found.fits, bool(found.estimate.on_bound)))
     )
-    found = replace(found, model=_with_content(found.model, experiments))
+    used = [e for e in experiments if not e.stands_still]
+    found = replace(found, model=_with_content(found.model, used))
     return _none_told(found) if model.definition.structures and one_frequency(alive) else found
 
 

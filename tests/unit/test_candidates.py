@@ -17,6 +17,7 @@ from hil.diagnosis.evidence import Judged, calibrated, probabilities
 from hil.diagnosis.happened import Happened
 from hil.diagnosis.measures import Measures
 from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.question import Question
 from hil.diagnosis.search import polish as polishing
 from hil.diagnosis.search.fitted import Fitted
 from hil.diagnosis.search.polish import polish
@@ -28,6 +29,7 @@ from tests.proof.cases.label import PARAMETER
 from tests.proof.score.result import Result, of
 
 COUNT = 10_000
+ASKED = Question("left_out", "no table")
 PUBLISHED = Path(__file__).parents[1] / "proof" / "published.json"
 
 
@@ -187,10 +189,10 @@ def test_what_data_kept_back_speak_against_is_not_named() -> None:
     widened = ActiveEffect("deadband", "opening", {"width": 4.0, "ratio": 1.0})
     problem = pose(nominal(), bound(nominal(), records((widened,), seed=21)))
     choice = decide(problem)
-    assert Answer(Happened((), problem, choice), (), None).verdict == "explained"
+    assert Answer(Happened((), problem, choice), (), None, ASKED).verdict == "explained"
     wrong = next(f for f in choice.candidates if f.names and f.names[0] != "deadband")
     doubted = replace(choice, verdict="partly_explained", chosen=wrong)
-    answer = Answer(Happened((), problem, doubted), (), None)
+    answer = Answer(Happened((), problem, doubted), (), None, ASKED)
     assert answer.verdict == "unexplained"
     assert answer.diagnosis(0.0).effects == ()
 

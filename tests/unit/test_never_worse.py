@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import replace
 
+import numpy as np
+import pytest
+
+from hil.diagnosis.answer import Answer
+from hil.diagnosis.decide import Choice, decide
+from hil.diagnosis.happened import Happened
 from hil.diagnosis.never_worse import by_sign_changes
+from hil.diagnosis.problem import Problem, pose
+from hil.diagnosis.question import Question
+from hil.physics.simulate import ActiveEffect
+from tests.concealed import bound, nominal, records
 
 
 def test_gains_in_every_block_are_no_chance() -> None:
@@ -21,3 +31,53 @@ def test_many_blocks_are_drawn() -> None:
     rng = np.random.default_rng(1)
     assert by_sign_changes(rng.normal(1.0, 1.0, 40)) < 0.01
     assert by_sign_changes(rng.normal(-1.0, 1.0, 40)) > 0.9
+
+
+@pytest.fixture(scope="module")
+def uneven() -> tuple[Problem, Choice]:
+    effect = ActiveEffect("asymmetry", "flow", {"ratio": 0.85, "gain": 1.0})
+    problem = pose(nominal(), bound(nominal(), records((effect,), seed=9)))
+    return problem, decide(problem)
+
+
+def answer_of(problem: Problem, choice: Choice) -> Answer:
+    return Answer(Happened((), problem, choice), (), None, Question("left_out", "no table"))
+
+
+def test_what_predicts_better_is_named_and_stands_in_the_file(uneven: tuple[Problem, Choice]) -> None:
+    answer = answer_of(*uneven)
+    told = answer.diagnosis(0.0)
+    assert (told.verdict, told.corrected_is) == ("explained", "named")
+    assert [e.name for e in told.effects] == [e.name for e in answer.corrected.effects] == ["asymmetry"]
+
+
+def test_what_is_not_better_beyond_chance_keeps_its_name_and_is_not_in_the_file(
+    uneven: tuple[Problem, Choice], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hil.diagnosis.answer.why_not_better", lambda *_: "it may be chance")
+    answer = answer_of(*uneven)
+    told = answer.diagnosis(0.0)
+    assert (told.verdict, told.corrected_is, told.why_corrected) == ("explained", "nominal", "it may be chance")
+    assert [e.name for e in told.effects] == ["asymmetry"]
+    assert answer.corrected.effects == ()
+
+
+def test_what_predicts_worse_than_the_nominal_model_is_neither_used_nor_named(
+    uneven: tuple[Problem, Choice], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem, choice = uneven
+    monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda *_: 1.1 * choice.nominal.residuals)
+    answer = answer_of(problem, choice)
+    told = answer.diagnosis(0.0)
+    assert (told.verdict, told.effects, told.corrected_is) == ("unexplained", (), "nominal")
+    assert told.held_out.corrected == told.held_out.nominal
+    assert answer.corrected.effects == ()
+
+
+def test_a_description_is_never_in_the_file(uneven: tuple[Problem, Choice]) -> None:
+    problem, choice = uneven
+    answer = answer_of(problem, replace(choice, verdict="unexplained"))
+    told = answer.diagnosis(0.0)
+    assert (told.corrected_is, told.effects) == ("nominal", ())
+    assert answer.corrected.effects == ()
+    assert any("the closest description (asymmetry" in w for w in told.warnings)

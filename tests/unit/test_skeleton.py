@@ -72,6 +72,13 @@ def test_a_model_file_holds_the_table(lacking: Model, table: Table) -> None:
     assert table.before.beyond_noise > 1.0  # it left more than noise
 
 
+def test_numbers_beyond_single_precision_are_kept_at_its_end(lacking: Model, table: Table) -> None:
+    """As recordings without noise make them."""
+    sure = replace(table, before=replace(table.before, information=1e40 * (1.0 + table.before.information)))
+    kept = read_table(json.loads(json.dumps(sure.as_dict())), lacking).before.information
+    assert np.all(kept == float(np.finfo(np.float32).max))
+
+
 def asked(model: Model, *later: Experiment, question: str = "") -> Diagnosis:
     return diagnose(model, [e.reading_at(model.read_at) for e in later], question=question).diagnosis
 

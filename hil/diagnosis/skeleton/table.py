@@ -122,8 +122,9 @@ def _changes(model: Model) -> set[tuple[str, ...]]:
 
 
 def _packed(values: Array) -> str:
-    """Shape and numbers: `327x4:…`."""
-    data = zlib.compress(np.asarray(values, dtype="<f4").tobytes(), 9)
+    """Shape and numbers: `327x4:…`; those beyond single precision, as of recordings without noise, at its end."""
+    most = float(np.finfo(np.float32).max)
+    data = zlib.compress(np.clip(values, -most, most).astype("<f4").tobytes(), 9)
     return f"{'x'.join(map(str, values.shape))}:{base64.b64encode(data).decode()}"
 
 
