@@ -56,6 +56,9 @@ def recordings(draw: st.DrawFn) -> Recording:
         for name in draw(st.lists(names, min_size=1, max_size=4, unique=True))
     }
     meta = draw(st.dictionaries(st.sampled_from(["procedure", "settings", "sampling"]), json_values, max_size=3))
+    meta = {
+        name: value if name == "procedure" or isinstance(value, dict) else {"is": value} for name, value in meta.items()
+    }
     return Recording("made", time_s, channels, meta)
 
 

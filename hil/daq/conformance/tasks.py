@@ -17,6 +17,7 @@ from hil.errors import RangeError
 from hil.record.recording import Array
 
 _RATE_HZ = 50.0
+_TRIES = 3
 
 
 def tells_where_outputs_stand(subject: Subject) -> None:
@@ -49,10 +50,13 @@ def keeps_the_rate(subject: Subject) -> None:
         expect(daq.actual_rate_hz(rate_hz) == rate_hz, "the actual rate is no rate that it has")
         with _refused("a rate that it does not have"):
             daq.actual_rate_hz(1e3 * daq.promises.highest_rate_hz)
-        block = _swept(daq, subject)
-        took_s = float(block.time_s[-1] - block.time_s[0])
-        asked_s = (len(block) - 1) / rate_hz
-        expect(abs(took_s - asked_s) < 0.25 * asked_s + 0.1, f"{asked_s:.2f} s of samples took {took_s:.2f} s")
+        for _ in range(_TRIES):  # a computer that was busy elsewhere is no fault of a driver
+            block = _swept(daq, subject)
+            took_s = float(block.time_s[-1] - block.time_s[0])
+            asked_s = (len(block) - 1) / rate_hz
+            if keeps := abs(took_s - asked_s) < 0.25 * asked_s + 0.1:
+                break
+        expect(keeps, f"{asked_s:.2f} s of samples took {took_s:.2f} s, in each of {_TRIES} tries")
 
 
 def says_how_late_its_readings_are(subject: Subject) -> None:
