@@ -61,12 +61,13 @@ def named(changed: Changed) -> Choice:
     terms = all_terms(problem, nominal.residuals)
     problem.work.at(0.2, "fitting what may have changed")
     fits = _fitted(changed, problem, terms)
-    score = _Score(changed, changed.chi2(nominal.residuals), [changed.chi2(f.residuals) for f in fits], len(
-        {t.label for t in terms}))  # fmt: skip
-    own = [score.of(score.left(changed.chi2(f.residuals)), f.unknowns, 1) for f in fits]
-    ranked = [fits[k] for k in np.argsort(own, kind="stable")]
-    best = ranked[0]
-    left = score.left(changed.chi2(best.residuals))
+    chi2 = [changed.chi2(f.residuals) for f in fits]
+    score = _Score(changed, changed.chi2(nominal.residuals), chi2, len({t.label for t in terms}))
+    lefts = [score.left(each) for each in chi2]
+    own = [score.of(left, f.unknowns, 1) for f, left in zip(fits, lefts, strict=True)]
+    order = np.argsort(own, kind="stable")
+    ranked = [fits[k] for k in order]
+    best, left = ranked[0], lefts[order[0]]
     unknown = score.of(CRITERIA.unknown * score.whole, CRITERIA.unknowns, 1)
     beside = score.of(CRITERIA.unknown * left, best.unknowns + CRITERIA.unknowns, 2)
     verdict: Verdict = "explained" if best.names else "parameter_change"
@@ -75,23 +76,23 @@ def named(changed: Changed) -> Choice:
     elif beside < min(own):
         verdict = "partly_explained"
     as_good = max(min(own), unknown if verdict == "unexplained" else -math.inf) + CRITERIA.alike
-    alike = dict.fromkeys(_name(fits[k]) for k in np.argsort(own, kind="stable") if own[k] <= as_good)
+    alike = dict.fromkeys(_name(fits[k]) for k in order if own[k] <= as_good)
     first, *others = alike or (_name(best),)
     share = left / max(score.whole, 1e-9)
     rivals = tuple((first, other) for other in others)
-    chances = _chances(score, changed, fits, own, unknown)
+    chances = _chances(score, fits, lefts, own, unknown)
     return Choice(
         verdict, best, nominal, nominal, tuple(ranked), rivals, terms, share, alike=tuple(alike), chances=chances
     )
 
 
 def _chances(
-    score: _Score, changed: Changed, fits: Sequence[Fitted], own: Sequence[float], unknown: float
+    score: _Score, fits: Sequence[Fitted], lefts: Sequence[float], own: Sequence[float], unknown: float
 ) -> dict[str, float]:
     """How probable each name is among all rows: each alone, each with something unknown beside it, and that alone."""
     beside = [
-        score.of(CRITERIA.unknown * score.left(changed.chi2(f.residuals)), f.unknowns + CRITERIA.unknowns, 2)
-        for f in fits
+        score.of(CRITERIA.unknown * left, f.unknowns + CRITERIA.unknowns, 2)
+        for f, left in zip(fits, lefts, strict=True)
     ]
     every = np.array([*own, *beside, unknown])
     weights = np.exp(-(every - every.min()) / (2.0 * CRITERIA.temper))

@@ -182,8 +182,7 @@ def _held(problem: Problem, holds: Holds) -> tuple[Experiment, ...]:
     for e, own in zip(problem.experiments, holds, strict=True):
         inputs = e.drive.inputs.copy()
         for start, stop in own:
-            inputs[0, start:stop] = inputs[
-                0, min(start, stop) - 1
-            ]  # one that would begin after its burst holds nothing
+            if start < stop:  # one that would begin after its burst holds nothing
+                inputs[0, start:stop] = inputs[0, start - 1]
         experiments.append(replace(e, drive=replace(e.drive, inputs=inputs)))
     return tuple(experiments)
