@@ -1,4 +1,7 @@
-"""The program is killed or hangs while it drives: its watchdog process makes the outputs safe at the device."""
+"""The program is killed or hangs while it drives: its watchdog process makes the outputs safe at the device.
+
+How soon is judged where nothing else runs: `test_faults_on_links.py`, in `make test-slow`.
+"""
 
 from __future__ import annotations
 
@@ -59,7 +62,7 @@ def test_killed(tmp_path: Path) -> None:
         after_s = observer.safe_after(at_s, PATIENCE_S)
         _, err = process.communicate(timeout=PATIENCE_S)
         word = told(folder)  # when nothing late can come any more
-    assert after_s is not None and after_s < 1.0
+    assert after_s is not None
     assert "watchdog" not in err  # a reader of the pipe does not wait for it
     assert word["why"] == "ended without making its outputs safe" and "safe_after_s" in word
     recording = read_recording(folder)
@@ -75,7 +78,7 @@ def test_hangs(tmp_path: Path) -> None:
         process.wait(PATIENCE_S)
         why = told(folder)["why"]
     assert process.returncode == -signal.SIGKILL  # it cannot wake up and drive on
-    assert after_s is not None and 0.8 < after_s < 1.0 + 1.0
+    assert after_s is not None and after_s > 0.8
     assert "gave no sign of life for 1 s while outputs were driven, and was killed" in why
 
 
@@ -85,7 +88,7 @@ def test_the_watchdog_is_killed(tmp_path: Path) -> None:
         os.kill(watchdog_of(process.pid), signal.SIGKILL)
         after_s = observer.safe_after(at_s, PATIENCE_S)
         _, err = process.communicate(timeout=PATIENCE_S)
-    assert after_s is not None and after_s < 1.0
+    assert after_s is not None
     assert process.returncode == 3
     assert "the watchdog process ended: killed by SIGKILL; the run was stopped; outputs are safe (read back)" in err
     assert "StoppedError" in read_recording(folder).meta["outcome"]
@@ -101,7 +104,7 @@ def test_the_watchdog_hangs(tmp_path: Path) -> None:
         finally:
             os.kill(watchdog, signal.SIGKILL)
         _, err = process.communicate(timeout=PATIENCE_S)
-    assert after_s is not None and 0.8 < after_s < 2.0
+    assert after_s is not None and after_s > 0.8
     assert "the watchdog process gave no answer for 1 s; the run was stopped" in err
 
 
@@ -112,7 +115,7 @@ def test_an_ordered_end_leaves_nothing_to_the_watchdog(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         after_s = observer.safe_after(at_s, PATIENCE_S)
         _, err = process.communicate(timeout=PATIENCE_S)
-    assert after_s is not None and after_s < 1.0
+    assert after_s is not None
     assert (process.returncode, "outputs are safe" in err, "watchdog" in err) == (130, True, False)
     assert not Path(f"/proc/{watchdog}").exists()
     assert not (folder / "watchdog.json").exists()
@@ -154,7 +157,7 @@ def test_a_device_that_comes_back_after_its_run_has_ended_is_made_safe(tmp_path:
         device.answer = answer
         after_s = observer.safe_after(at_s, PATIENCE_S)
         assert told(tmp_path / "run")["why"] == "ended without making its outputs safe"
-    assert after_s is not None and after_s < 2.0
+    assert after_s is not None
 
 
 def test_a_check_of_a_driver_that_is_killed_leaves_its_outputs_safe(tmp_path: Path) -> None:

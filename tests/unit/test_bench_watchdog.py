@@ -101,7 +101,7 @@ def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkey
     begun_s, told = time.monotonic(), list[tuple[float, list[str]]]()
     made.with_patience(lambda: told.append((time.monotonic() - begun_s, made.left)))
     ((after_s, left),) = told
-    assert after_s < 5.0 and len(left) == 1 and left[0].startswith("gone: ")
+    assert after_s < rescue.GIVE_UP_S and len(left) == 1 and left[0].startswith("gone: ")
     assert time.monotonic() - begun_s >= 6.0, "it went on trying"
 
 
@@ -120,7 +120,7 @@ def test_what_only_time_is_missing_for_is_told_at_once(tmp_path: Path, monkeypat
     made.with_patience(lambda: told.append((made.announcement, str(made.outputs["a"].state))))
     ((said, state),) = told
     assert said.startswith("outputs: safe, read back; confirmed in ") and state == "unconfirmed"
-    assert not made.left and made.outputs["a"].state == "safe" and made.took_s < 3.0
+    assert not made.left and made.outputs["a"].state == "safe" and made.took_s < 3.0  # not what was waited for
 
 
 def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
