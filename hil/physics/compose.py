@@ -10,6 +10,7 @@ holds a hash of everything it was made from, because numba alone would not notic
 from __future__ import annotations
 
 import ast
+import hashlib
 import importlib.util
 import inspect
 import math
@@ -82,7 +83,8 @@ class Kernel:
     @cached_property
     def run(self) -> Callable[..., None]:
         """The plant with every effect that fits it, compiled at its first use on a machine."""
-        loaded: Callable[..., None] = _load(self.source, _stamp(self.plant, self.sites)).kernel
+        source = self.source
+        loaded: Callable[..., None] = _load(source, _stamp(self.plant, self.sites, source)).kernel
         return loaded
 
     @cached_property
@@ -405,12 +407,13 @@ def _home(effect: Effect) -> str:
     return str(getattr(effect.transform, "py_func", effect.transform).__module__)
 
 
-def _stamp(plant: Plant, sites: tuple[Site, ...]) -> str:
-    """The name of a kernel: of the sources of the packages involved, and of the tools."""
+def _stamp(plant: Plant, sites: tuple[Site, ...], source: str) -> str:
+    """The name of a kernel: of its own text, the sources of the packages involved, and the tools."""
     homes = {plant.equations.__module__, __name__, *(_home(site.effect) for site in sites)}
     folders = {Path(str(sys.modules[home].__file__)).parent for home in homes}
     files = [file for folder in folders for file in folder.glob("*.py")]
-    return f"{plant.name.replace('-', '_')}_{stamp(files, ('numba',))}"
+    own = hashlib.sha256(source.encode()).hexdigest()[:8]  # other sites are another kernel
+    return f"{plant.name.replace('-', '_')}_{own}_{stamp(files, ('numba',))}"
 
 
 def _load(source: str, name: str) -> ModuleType:

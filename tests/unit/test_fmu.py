@@ -1,6 +1,7 @@
 """Models as C and FMUs: every page has a translation, and what comes out is this program's own simulation."""
 
 import ctypes
+import inspect
 import math
 import shutil
 import subprocess
@@ -283,6 +284,8 @@ def test_kernel_of_some_effects_is_the_whole_one_with_the_others_left_out():
     assert isinstance(some.plant, Plant)
     assert [site.effect for site in some.sites] == [effect("friction")]
     assert some.arguments == (whole.arguments[whole.indices["friction", "force"]],)
+    texts = [inspect.getsource(one.run.py_func) for one in (whole, some)]
+    assert "on1 = on[1]" in texts[0] and "on1 = on[1]" not in texts[1]  # its arrays are shorter
 
 
 def test_played_is_what_examine_compares(everything):
