@@ -223,5 +223,7 @@ def _row(entry: Entry) -> RunRow:
     return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, calibrations=stated, **told)
 
 
-_TOLD = ("host", "serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict", "instruments")
+_TOLD = (
+    "host", "serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict", "instruments", "simulated",
+)  # fmt: skip
 _OF_VALUE = ("name", "value", "std", "calibration_std", "unit", "low", "high", "relation", "verdict")

@@ -13,6 +13,7 @@ from hil.findings.results import RESULTS_FILE, Value, read_results
 from hil.record.header import HEADER_FILE, read_end, read_header
 from hil.record.instruments import StatedCalibration, calibrations_of, instruments_mark
 from hil.record.measurement import FINDINGS_FILE, Verdict
+from hil.record.simulated import is_simulated
 from hil.untrusted import MOST_LEVELS, is_regular, read_untrusted_json
 
 UNFINISHED = "not closed"
@@ -25,7 +26,7 @@ class Entry:
 
     `host` is the computer on which the folder lies, None where an earlier version entered the run.
     `instruments` is a mark that runs share when one bench measured them with the same calibrations; None where an
-    earlier version entered the run.
+    earlier version entered the run. `simulated` likewise, where its folder could not be asked.
     """
 
     folder: Path
@@ -40,6 +41,7 @@ class Entry:
     instruments: str | None = None
     calibrations: tuple[StatedCalibration, ...] = ()
     host: str | None = None
+    simulated: bool | None = None
 
     @property
     def is_elsewhere(self) -> bool:
@@ -80,6 +82,7 @@ def entry_of(folder: Path) -> Entry:
         instruments=instruments_mark(header),
         calibrations=calibrations_of(header),
         host=this_host(),
+        simulated=is_simulated(meta),
     )
 
 

@@ -45,6 +45,7 @@ class RunRow(Base):
     outcome: Mapped[str] = mapped_column(Text)
     verdict: Mapped[str | None] = mapped_column(String(16))
     instruments: Mapped[str | None] = mapped_column(String(64))
+    simulated: Mapped[bool | None]
     values: Mapped[list[ValueRow]] = relationship(back_populates="run", cascade="all, delete-orphan")
     calibrations: Mapped[list[CalibrationRow]] = relationship(back_populates="run", cascade="all, delete-orphan")
 

@@ -25,6 +25,7 @@ class Point:
     run: str
     started_utc: datetime
     value: Value
+    simulated: bool | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +63,7 @@ def points_of(runs: Sequence[Entry], measurement: str) -> list[Point]:
     found = []
     for run in runs:
         named = [value for value in run.values if measurement in names_of(value.name)]
-        found += [Point(run.folder.name, run.started_utc, value) for value in named if value.value is not None]
+        found += [Point(run.folder.name, run.started_utc, one, run.simulated) for one in named if one.value is not None]
     return found
 
 

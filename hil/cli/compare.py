@@ -105,7 +105,8 @@ def _json(found: RunComparison) -> str:
     document = {
         "schema": "hil.run-comparison/1", "runs": [one.run for one in runs],
         "started_utc": [one.started_utc and one.started_utc.isoformat() for one in runs],
-        "serials": [one.serial for one in runs], "same_instruments": found.one_bench, "differences": rows,
+        "serials": [one.serial for one in runs], "simulated": [one.simulated for one in runs],
+        "same_instruments": found.one_bench, "differences": rows,
     }  # fmt: skip
     return json.dumps(plain(document), indent=1, ensure_ascii=False)
 
@@ -114,10 +115,12 @@ _VALUE = {"value", "std", "relation", "verdict"}
 
 
 def _table(found: RunComparison) -> str:
+    from hil.record.simulated import marked
     from hil.report.comparison_page import change_text, headline, order_sentence, shared_sentence, value_text
     from hil.report.number import MINUS
 
-    rows = [("quantity", "unit", found.first.run, found.second.run, "change", "")]
+    runs = (marked(one.run, simulated=one.simulated) for one in (found.first, found.second))
+    rows = [("quantity", "unit", *runs, "change", "")]
     for one in found.differences:
         rows.append((one.name, one.unit, value_text(one.first), value_text(one.second), change_text(one), one.meaning))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]

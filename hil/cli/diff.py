@@ -50,7 +50,9 @@ def command(
 
 
 def _text(found: DateDifference, said: Sequence[str] = ()) -> str:
-    lines = [found.verdict, *(f"  {_sentence(change)}" for change in found.changes)]
+    from hil.record.simulated import marked
+
+    lines = [marked(found.verdict, simulated=found.simulated), *(f"  {_sentence(change)}" for change in found.changes)]
     if found.unchanged:
         lines.append("  unchanged within these limits (95 %):")
         width = max(len(one.name) for one in found.unchanged)

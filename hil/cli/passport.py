@@ -33,6 +33,7 @@ def command(
     from hil import api
     from hil.cli.places import check_distinct, check_file
     from hil.cli.progress import shown
+    from hil.record.simulated import marked
 
     check_distinct(runs)
     check_file(out)
@@ -43,10 +44,10 @@ def command(
         )  # fmt: skip
     unit, signer, says = found.unit, found.signer, found.understood.says
     unfinished = "" if unit.finished else "; a test did not end as planned"
-    simulated = " (SIMULATED)" if unit.simulated else ""
+    judged = f"{unit.verdict or 'not judged'}{unfinished}"
     words = (
         f"passport: {found.path}\n"
-        f"unit: {unit.valve}, {unit.serial}: {unit.verdict or 'not judged'}{unfinished}{simulated}\n"
+        f"unit: {unit.valve}, {unit.serial}: {marked(judged, simulated=unit.simulated)}\n"
         f"signed by: {signer.name}, {signer.fingerprint}\n"
         f"model: {says}"
     )

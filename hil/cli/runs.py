@@ -50,6 +50,7 @@ def _json(found: Sequence[Entry]) -> str:
         {
             "run": str(run.folder), "serial": run.serial or None, "operator": run.operator or None,
             "procedure": run.procedure, "started_utc": run.started_utc.isoformat(), "verdict": run.verdict,
+            "simulated": run.simulated,
         }
         for run in found
     ]  # fmt: skip
@@ -80,13 +81,14 @@ def _none(archive: str) -> str:
 
 
 def _table(found: Sequence[Entry]) -> str:
+    from hil.record.simulated import marked
     from hil.report.local_time import local_text
 
     rows = [("started", "serial", "procedure", "verdict", "operator", "run")]
     for run in found:
         started = local_text(run.started_utc)
-        told = " ".join(filter(None, (run.verdict, _ending(run))))
+        verdict = marked(" ".join(filter(None, (run.verdict, _ending(run)))), simulated=run.simulated).lstrip()
         where = f"{run.host}:{run.folder}" if run.is_elsewhere else str(run.folder)
-        rows.append((started, run.serial, run.procedure, told, run.operator, where))
+        rows.append((started, run.serial, run.procedure, verdict, run.operator, where))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     return "\n".join("  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows)

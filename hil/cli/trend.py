@@ -51,7 +51,10 @@ def _json(serial: str, series: dict[str, list[Point]], drifts: dict[str, Drift])
         {
             "name": name,
             "points": [
-                {"run": p.run, "started_utc": p.started_utc.isoformat(), **p.value.model_dump(exclude=_TOLD)}
+                {
+                    "run": p.run, "started_utc": p.started_utc.isoformat(), "simulated": p.simulated,
+                    **p.value.model_dump(exclude=_TOLD),
+                }
                 for p in points
             ],
             "drift": {
@@ -69,6 +72,7 @@ def _table(series: dict[str, list[Point]], drifts: dict[str, Drift]) -> str:
 
 
 def _lines(points: Sequence[Point]) -> list[str]:
+    from hil.record.simulated import marked
     from hil.report.local_time import local_text
     from hil.report.number import limits_text, with_uncertainty
 
@@ -79,7 +83,6 @@ def _lines(points: Sequence[Point]) -> list[str]:
         sign = "" if value.relation == "=" else f"{value.relation} "
         started = local_text(point.started_utc, "minutes")
         told = f"{sign}{with_uncertainty(value.value, expanded, value.unit)}"
-        lines.append(
-            f"{started}  {told}  {limits_text(value.low, value.high)}  {value.verdict or ''}  {point.run}".rstrip()
-        )
+        run = marked(point.run, simulated=point.simulated)
+        lines.append(f"{started}  {told}  {limits_text(value.low, value.high)}  {value.verdict or ''}  {run}".rstrip())
     return lines

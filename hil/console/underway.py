@@ -18,6 +18,7 @@ from hil.errors import FileError
 from hil.record.alive import lives
 from hil.record.header import END_FILE, HEADER_FILE, read_end, read_header
 from hil.record.samples import JOURNAL_FILE
+from hil.record.simulated import SIMULATED, is_simulated
 from hil.untrusted import is_regular, read_untrusted_json
 
 State = Literal["running", "lost", "ended"]
@@ -56,7 +57,8 @@ class Run:
             "run": self.folder.name, "state": self.state, "outcome": self.outcome,
             "procedure": self.meta.get("procedure") or "", "bench": self.meta.get("bench") or "",
             "serial": valve.get("serial") or "", "operator": self.meta.get("operator") or "",
-            "is_safe": self.is_safe, **{key: self.control[key] for key in _OF_CONTROL if key in self.control},
+            "is_safe": self.is_safe, SIMULATED: is_simulated(self.meta),
+            **{key: self.control[key] for key in _OF_CONTROL if key in self.control},
         }  # fmt: skip
 
 

@@ -13,6 +13,7 @@ from hil.diagnosis.false_alarms import FalseAlarms
 from hil.diagnosis.locate import StageShare, Where
 from hil.record.plain import plain
 from hil.record.recording import Array
+from hil.record.simulated import SIMULATED, marked
 
 SCHEMA = "hil.diagnosis/1"
 
@@ -187,6 +188,7 @@ class Diagnosis:
         question: what was asked, and `why_asked`. `gate`: the statistic that says whether the unit has changed, where
             the model left more than noise. `left_out`: the other question's answer, where *changed* was asked.
         corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations and their samples.
+        simulated: whether a recording is of a simulated valve.
         false_alarms: how often a unit without any effect is called anything but consistent, and where that was counted.
     """
 
@@ -222,6 +224,7 @@ class Diagnosis:
     corrected_is: Literal["nominal", "named"] = "nominal"
     why_corrected: str = ""
     work: Mapping[str, int] = field(default_factory=dict)
+    simulated: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """`diagnosis.json`: the contract's fields and more, without the pictures' arrays."""
@@ -265,12 +268,13 @@ class Diagnosis:
             "false_alarm_scope": self.false_alarms.scope,
             "seconds": self.seconds,
             "work": dict(self.work),
+            SIMULATED: self.simulated,
             "shadow": dict(self.shadow),
         }
 
     def as_text(self) -> str:
         """For a terminal: the headline, findings, fits, and what to do next."""
-        rows = [f"{self.verdict}: {self.headline}"]
+        rows = [f"{marked(self.verdict, simulated=self.simulated)}: {self.headline}"]
         rows += [f"  {f.name} ({100 * f.probability:.0f} %): {f.sentence}" for f in self.effects]
         if len(self.not_separable):
             rows += [f"  cannot be told apart with these data: {', '.join(names)}" for names in self.not_separable]

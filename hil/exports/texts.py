@@ -12,17 +12,18 @@ from hil.findings.tables import FUNCTION_HEADS, coefficient_rows, csv_text
 from hil.physics.model import Model
 from hil.physics.transfer_function import TransferFunction
 from hil.record.plain import plain
+from hil.record.simulated import SIMULATED, marked
 
 FUNCTIONS_SCHEMA, PARAMETERS_SCHEMA = "hil.transfer-functions/1", "hil.parameters/1"
 Row = tuple[str, float, float | None, str]
 
 
-def functions_text(functions: Sequence[FittedFunction], form: str) -> str:
-    """Transfer functions as `python`, `matlab`, `json` or `csv`."""
-    writers: Mapping[str, Callable[[Sequence[FittedFunction]], str]] = {
+def functions_text(functions: Sequence[FittedFunction], form: str, *, simulated: bool | None = None) -> str:
+    """Transfer functions as `python`, `matlab`, `json` or `csv`; `simulated` is None where nobody knows."""
+    writers: Mapping[str, Callable[[Sequence[FittedFunction], bool | None], str]] = {
         "python": _python, "matlab": _matlab, "json": _json, "csv": _functions_csv,
     }  # fmt: skip
-    return writers[form](functions)
+    return writers[form](functions, simulated)
 
 
 def function_text(linear: TransferFunction, name: str, form: str) -> str:
@@ -69,10 +70,8 @@ def parameter_rows(model: Model) -> Iterable[Row]:
             yield f"{effect.name}.{effect.hook}.{name}", found.value, found.std, found.unit
 
 
-def _python(functions: Sequence[FittedFunction]) -> str:
-    head = (
-        '"""Transfer functions: coefficients from the highest power of s down, time in seconds."""\n\nFUNCTIONS = {\n'
-    )
+def _python(functions: Sequence[FittedFunction], simulated: bool | None) -> str:
+    head = f'"""{_title(simulated)}"""\n\nFUNCTIONS = {{\n'
     parts = []
     for one in functions:
         covariance = [list(row) for row in one.covariance]
@@ -94,9 +93,14 @@ def _python(functions: Sequence[FittedFunction]) -> str:
     return head + "".join(parts) + "}\n" + use
 
 
-def _matlab(functions: Sequence[FittedFunction]) -> str:
+def _title(simulated: bool | None) -> str:
+    title = "Transfer functions: coefficients from the highest power of s down, time in seconds."
+    return marked(title, simulated=simulated)
+
+
+def _matlab(functions: Sequence[FittedFunction], simulated: bool | None) -> str:
     lines = [
-        "% Transfer functions: coefficients from the highest power of s down, time in seconds.",
+        f"% {_title(simulated)}",
         "in_octave = exist('OCTAVE_VERSION', 'builtin') > 0;  % its tf holds no dead time: multiply by exp(-s T) there",
         "if in_octave",
         "  pkg load control",
@@ -117,12 +121,13 @@ def _matlab(functions: Sequence[FittedFunction]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _json(functions: Sequence[FittedFunction]) -> str:
-    return _dumped({"schema": FUNCTIONS_SCHEMA, "transfer_functions": [one.model_dump() for one in functions]})
+def _json(functions: Sequence[FittedFunction], simulated: bool | None) -> str:
+    parts = [one.model_dump() for one in functions]
+    return _dumped({"schema": FUNCTIONS_SCHEMA, SIMULATED: simulated, "transfer_functions": parts})
 
 
-def _functions_csv(functions: Sequence[FittedFunction]) -> str:
-    return csv_text(FUNCTION_HEADS, coefficient_rows(functions))
+def _functions_csv(functions: Sequence[FittedFunction], simulated: bool | None) -> str:
+    return csv_text((*FUNCTION_HEADS, SIMULATED), ((*row, simulated) for row in coefficient_rows(functions)))
 
 
 def _pm(std: float | None) -> str:

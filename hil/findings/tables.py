@@ -16,11 +16,11 @@ from hil.findings.results import Curve, FittedFunction, Results
 if TYPE_CHECKING:
     from openpyxl.worksheet.worksheet import Worksheet
 
-VALUE_HEADS = ("name", "relation", "value", "std", "unit", "low", "high", "verdict", "meaning")
+VALUE_HEADS = ("name", "relation", "value", "std", "unit", "low", "high", "verdict", "meaning", "simulated")
 FUNCTION_HEADS = ("name", "coefficient", "value", "std", "unit of the gain")
 _SHEET_NAME = 31  # characters that a spreadsheet allows
 
-Cell = str | float | None
+Cell = str | float | bool | None
 Row = Sequence[Cell]
 
 
@@ -98,7 +98,7 @@ def _root(variance: float | None) -> float | None:
 
 def _value_rows(results: Results) -> Iterator[Row]:
     for value in results.values:
-        yield tuple(getattr(value, head) for head in VALUE_HEADS)
+        yield *(getattr(value, head) for head in VALUE_HEADS[:-1]), results.simulated
 
 
 def _heads(curve: Curve) -> list[str]:

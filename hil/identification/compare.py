@@ -16,6 +16,7 @@ from hil.identification.mistaken.look import suspicions
 from hil.identification.noise import channel_floor
 from hil.physics.model import Model
 from hil.record.recording import Array
+from hil.record.simulated import marked
 
 _BLOCKS = 50
 _WORST = 3
@@ -45,6 +46,7 @@ class Comparison:
         worst: where the error is largest, in time.
         by_level: rms error over the lower, middle and upper third of the model's output.
         notes: what of the recording says nothing and is left out, in words.
+        simulated: whether the recording is of a simulated valve.
     """
 
     name: str
@@ -58,6 +60,7 @@ class Comparison:
     worst: tuple[Interval, ...]
     by_level: tuple[float, float, float]
     notes: tuple[str, ...]
+    simulated: bool = False
 
     @property
     def headline(self) -> str:
@@ -77,7 +80,7 @@ class Comparison:
         late = "" if self.lag_s is None else f", model late by {1e3 * self.lag_s:+.1f} ms"
         notes = "".join(f"\n  note: {note}" for note in self.notes)
         return (
-            f"{self.name}\n"
+            f"{marked(self.name, simulated=self.simulated)}\n"
             f"  {self.headline}, "
             f"rms error {self.rms_error:.4g} {self.unit}, noise {self.noise_std:.3g} {self.unit}\n"
             f"  mean error {self.mean_error:+.3g} {self.unit}{late}\n"

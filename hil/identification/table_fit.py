@@ -20,6 +20,7 @@ from hil.physics.plants.transfer_function import PLANT
 from hil.physics.transfer_function import from_parameters
 from hil.record.recording import Array
 from hil.record.response_table import ResponseTable
+from hil.record.simulated import marked
 
 _STEP = 1e-4  # of a parameter's standard uncertainty, for slopes
 _LEAST_STEP = 1e-6  # of the parameter itself, where lines without noise leave no uncertainty
@@ -170,6 +171,7 @@ class TableComparison:
     phase_error_deg: float
     worst_hz: tuple[float, ...]
     misfit: float | None
+    simulated: bool = False
 
     @property
     def headline(self) -> str:
@@ -181,13 +183,15 @@ class TableComparison:
         return {
             "file": self.name, "kind": "frequency response", "fit": self.fit, "gain_error_db": self.gain_error_db,
             "phase_error_deg": self.phase_error_deg, "worst_hz": list(self.worst_hz), "misfit": self.misfit,
+            "simulated": self.simulated,
         }  # fmt: skip
 
     def as_text(self) -> str:
         """As lines for a terminal."""
         worst = ", ".join(f"{hz:.4g} Hz" for hz in self.worst_hz)
         noise = "" if self.misfit is None else f"\n  {self.misfit:.3g} times the stated uncertainty (rms)"
-        return f"{self.name}\n  {self.headline}{noise}\n  largest errors at {worst}"
+        name = marked(self.name, simulated=self.simulated)
+        return f"{name}\n  {self.headline}{noise}\n  largest errors at {worst}"
 
 
 def compare_table(model: Model, table: ResponseTable) -> TableComparison:

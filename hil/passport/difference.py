@@ -23,6 +23,7 @@ from hil.physics.model import Model, ModelEffect
 from hil.record.cause import NOT_ALL
 from hil.record.measurement import COVERAGE_FACTOR
 from hil.record.plain import plain
+from hil.record.simulated import is_simulated
 from hil.session.diagnosis import bound_to
 
 Verdict = Literal["unchanged", "changed", "unexplained"]
@@ -82,13 +83,14 @@ class Unchanged:
 
 @dataclass(frozen=True, slots=True)
 class DateDifference:
-    """The answer. `cannot_tell`: what may have changed unseen; `notes`: what its reader should know."""
+    """The answer. `cannot_tell`: what may have changed unseen; `simulated`: whether a recording is of such a valve."""
 
     changes: tuple[Change, ...]
     unchanged: tuple[Unchanged, ...]
     verdict: Verdict
     notes: tuple[str, ...] = ()
     cannot_tell: tuple[Unchanged, ...] = ()
+    simulated: bool = False
 
     def as_dict(self) -> dict[str, Any]:
         """`hil.diff/1`."""
@@ -99,6 +101,7 @@ class DateDifference:
             "cannot_tell": [_limit_dict(one) for one in self.cannot_tell],
             "verdict": self.verdict,
             "notes": list(self.notes),
+            "simulated": self.simulated,
         }
 
 
@@ -154,6 +157,7 @@ def difference(
     return DateDifference(
         changes, tuple(one for one in kept.values() if one.is_told), _verdict(second.diagnosis, moved), notes,
         tuple(one for one in kept.values() if not one.is_told),
+        any(is_simulated(one.meta) for one in (*old.recordings, *new.recordings)),
     )  # fmt: skip
 
 

@@ -1,4 +1,4 @@
-"""Whether what was recorded is of a real valve: one fact, from the header of the run."""
+"""Whether what was recorded is of a real valve: one fact, from the header of the run, and its word in a text."""
 
 from __future__ import annotations
 
@@ -9,6 +9,11 @@ from hil.errors import FileError
 from hil.untrusted import parse_toml
 
 SIMULATED = "simulated"
+
+
+def marked(text: str, *, simulated: bool | None) -> str:
+    """`pass (SIMULATED)`: a line of a terminal that could be taken for one of a real valve."""
+    return f"{text} (SIMULATED)" if simulated else text
 
 
 def is_simulated(meta: Mapping[str, Any]) -> bool:

@@ -15,7 +15,6 @@ from hil.language.choice import in_page_language
 from hil.language.reworded import reworded
 from hil.language.words import _, marked
 from hil.physics.other_plant import other_plants
-from hil.record.simulated import is_simulated
 from hil.report.diagnosis_figures import (
     before_and_after,
     close_up,
@@ -75,7 +74,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
     above = [said for said in other_plants(d.plant, ((one.name, one.about) for one in origins)) if said in d.warnings]
     write_page(
         "diagnosis.html", path,
-        simulated=any(is_simulated(one.about) for one in origins),
+        simulated=d.simulated,
         kicker=_("Diagnosis"),
         title=capital(d.plant_title),
         tone=tone,

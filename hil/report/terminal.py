@@ -16,6 +16,7 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     The line of the verdict says where a simulated valve was tested.
     """
     from hil.findings.collect import functions_of
+    from hil.record.simulated import marked
     from hil.report.number import limits_text
     from hil.report.results import beside_good, value_text, verdict_sentence
 
@@ -32,9 +33,8 @@ def findings_text(findings: Findings, *, simulated: bool = False) -> str:
     verdict = (
         f"verdict: {findings.verdict}" if findings.verdict else "verdict: none; no limit was given, nothing was judged"
     )
-    verdict += " (SIMULATED)" if simulated else ""
     beside = [_plain(text) for text in beside_good(findings)]
-    return "\n".join([*table, *functions, *notes, *deviations, *reasons, *beside, verdict])
+    return "\n".join([*table, *functions, *notes, *deviations, *reasons, *beside, marked(verdict, simulated=simulated)])
 
 
 def _beside(m: Measured) -> str:

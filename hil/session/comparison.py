@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hil.errors import SettingError
@@ -65,12 +65,13 @@ def compared_with(
     measured = [one if isinstance(one, ResponseTable) else for_model(model, one, inputs, output) for one in read]
     samples = [one for one in measured if not isinstance(one, ResponseTable)]
     in_time = iter(compare_all(model, samples, lambda done, text: progress(_READING + (1.0 - _READING) * done, text)))
-    found = [compare_table(model, one) if isinstance(one, ResponseTable) else next(in_time) for one in measured]
+    fits = (compare_table(model, one) if isinstance(one, ResponseTable) else next(in_time) for one in measured)
+    found = [replace(fit, simulated=is_simulated(one.meta)) for fit, one in zip(fits, read, strict=True)]
     if page is not None:
         from hil.report.fit_page import write_fit_page
 
         write_fit_page(model, measured, {one.name: one.headline for one in found}, said, page,
-                       simulated=any(is_simulated(one.meta) for one in read))  # fmt: skip
+                       simulated=any(one.simulated for one in found))  # fmt: skip
     return found
 
 

@@ -24,7 +24,7 @@ from hil.physics.other_plant import other_plants
 from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Recording, split_heading
-from hil.record.simulated import SIMULATED, is_simulated
+from hil.record.simulated import is_simulated
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.report.origins import Origin, all_origins
 from hil.session.procedure import load_procedure
@@ -85,7 +85,7 @@ def diagnosed(
     else:
         earlier = before or _kept_elsewhere(model, experiments)
         found = diagnose(model, experiments, progress, budget_s=computing_s, question=question, before=earlier)
-    found = _warned(found, origins)
+    found = _of_origins(_warned(found, origins), origins)
     if out is not None:
         write_diagnosis(found, out, origins)
     return found
@@ -95,6 +95,13 @@ def _warned(found: Diagnosed, origins: Sequence[Origin]) -> Diagnosed:
     """The diagnosis with a warning, before all others, of a model of another plant."""
     said = other_plants(found.diagnosis.plant, ((one.name, one.about) for one in origins))
     return replace(found, diagnosis=replace(found.diagnosis, warnings=(*said, *found.diagnosis.warnings)))
+
+
+def _of_origins(found: Diagnosed, origins: Sequence[Origin]) -> Diagnosed:
+    """The diagnosis that knows whether it rests on a simulated valve."""
+    known = all_origins(origins, found.diagnosis.recordings)
+    simulated = found.diagnosis.simulated or any(is_simulated(one.about) for one in known)
+    return replace(found, diagnosis=replace(found.diagnosis, simulated=simulated))
 
 
 def _kept_elsewhere(model: Model, experiments: Sequence[Experiment]) -> list[Experiment]:
@@ -172,12 +179,9 @@ def write_diagnosis(found: Diagnosed, out: Path, origins: Sequence[Origin] = ())
     Raises:
         StorageError: something cannot be written.
     """
-    whence = all_origins(origins, found.diagnosis.recordings)
+    found, whence = _of_origins(found, origins), all_origins(origins, found.diagnosis.recordings)
     other = other_plants(found.diagnosis.plant, ((one.name, one.about) for one in whence))
-    simulated = any(is_simulated(one.about) for one in whence)
-    content = json.dumps(
-        plain({**found.diagnosis.as_dict(), SIMULATED: simulated, "other_plant": other}), indent=1, ensure_ascii=False
-    )
+    content = json.dumps(plain({**found.diagnosis.as_dict(), "other_plant": other}), indent=1, ensure_ascii=False)
     try:
         out.mkdir(parents=True, exist_ok=True)
         (out / DIAGNOSIS_FILE).write_text(content + "\n", encoding="utf-8")

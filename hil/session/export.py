@@ -84,15 +84,15 @@ def exported(
 
 def _text(source: Model | Results | str | Path, to: str, part: str) -> str:
     if isinstance(source, Results) or (not isinstance(source, Model) and Path(source).is_dir()):
-        return functions_text(_functions(source, part), to)
+        results = source if isinstance(source, Results) else results_of_run(Path(source))
+        return functions_text(_functions(results, part), to, simulated=results.simulated)
     name = "model" if isinstance(source, Model) else Path(source).stem
     if part:
         raise SettingError(f"part {part}: only a run has parts; {name} is a model")
     return model_text(_model(source), name, to)
 
 
-def _functions(source: Results | str | Path, part: str) -> list[FittedFunction]:
-    results = source if isinstance(source, Results) else results_of_run(Path(source))
+def _functions(results: Results, part: str) -> list[FittedFunction]:
     chosen = [one for one in results.transfer_functions if part in one.name]
     if not chosen:
         known = "; ".join(one.name for one in results.transfer_functions) or "none"

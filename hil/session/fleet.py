@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from hil.physics.model import Model, load_model
 from hil.record.read import read_recording
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
+from hil.record.simulated import is_simulated, marked
 from hil.session.diagnosis import bound_to, write_diagnosis
 from hil.session.sources import notes_on
 
@@ -65,7 +66,7 @@ class UnitAnswer:
             return f"{self.unit}: not diagnosed: {self.error}"
         found = self.diagnosed.diagnosis
         names = ", ".join(effect.name for effect in found.effects)
-        return f"{self.unit}: {found.verdict}{': ' if names else ''}{names}"
+        return f"{self.unit}: {marked(found.verdict, simulated=found.simulated)}{': ' if names else ''}{names}"
 
 
 _Diagnose = Callable[[Unit], UnitAnswer]
@@ -157,7 +158,10 @@ def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
     try:
         experiments, said = bound_to(unit.model, unit.recordings, unit.inputs, unit.output, budget_s)
         notes = (*said, *notes_on([], experiments))
-        return UnitAnswer(unit.name, diagnose(unit.model, experiments, budget_s=budget_s), notes=notes)
+        found = diagnose(unit.model, experiments, budget_s=budget_s)
+        simulated = any(is_simulated(one.meta) for one in unit.recordings)
+        found = replace(found, diagnosis=replace(found.diagnosis, simulated=simulated))
+        return UnitAnswer(unit.name, found, notes=notes)
     except HilError as error:
         return UnitAnswer(unit.name, None, str(error))
 

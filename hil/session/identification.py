@@ -20,6 +20,7 @@ from hil.record.plain import plain
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
+from hil.record.simulated import is_simulated
 from hil.session.responses import holds_responses, speaks_of
 from hil.session.sources import Source, read_source
 
@@ -39,6 +40,7 @@ class Identified:
         tables: the frequency responses, where it was fitted to those.
         fits: in %, by recording.
         notes: what the reader should know of the fit.
+        simulated: whether a recording is of a simulated valve.
     """
 
     model: Model
@@ -47,18 +49,25 @@ class Identified:
     tables: tuple[ResponseTable, ...] = ()
     fits: Mapping[str, float] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    simulated: bool = False
 
     def write_page(self, path: Path) -> None:
         """A page with the model beside all that it was fitted to. Raises `StorageError`."""
         from hil.report.fit_page import write_fit_page
 
         said = {name: f"fit {fit:.2f} %" for name, fit in self.fits.items()}
-        write_fit_page(self.model, (*self.experiments, *self.tables), said, self.notes, path)
+        write_fit_page(self.model, (*self.experiments, *self.tables), said, self.notes, path, simulated=self.simulated)
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values, schema `hil.identified/1`."""
         found: dict[str, Any] = plain(
-            {"schema": SCHEMA, "model": self.model.as_dict(), "fits": dict(self.fits), "notes": list(self.notes)}
+            {
+                "schema": SCHEMA,
+                "model": self.model.as_dict(),
+                "fits": dict(self.fits),
+                "notes": list(self.notes),
+                "simulated": self.simulated,
+            }
         )
         return found
 
@@ -141,12 +150,12 @@ def identified(
         FileError, UnknownNameError, SettingError: what cannot be fitted, and why.
     """
     tables = [one for one in read if isinstance(one, ResponseTable)]
+    simulated = any(is_simulated(one.meta) for one in read)
     if tables:
         fitted = fit_tables(tables, input_name[0] if input_name else "", output_name, orders)
         name = " + ".join(table.name for table in tables)
-        return Identified(
-            fitted.model, fitted.summary(), (), tuple(tables), {name: fitted.fit.fit_percent}, fitted.notes
-        )
+        fits = {name: fitted.fit.fit_percent}
+        return Identified(fitted.model, fitted.summary(), (), tuple(tables), fits, fitted.notes, simulated)
     if not orders.are_open:
         raise SettingError(
             "poles, zeros and dead time are asked for where a frequency response is fitted; from samples in time they "
@@ -166,7 +175,7 @@ def identified(
     paths = {one.name: str(Path(one.name).resolve()) for one in recordings if Path(one.name).exists()}
     model = replace(found.model, origin={**found.model.origin, "paths": paths})
     model = replace(model, skeleton=table_of(model, [e for e in experiments if not e.stands_still]).as_dict())
-    return Identified(model, found.summary(), tuple(experiments), (), dict(found.fits), found.notes)
+    return Identified(model, found.summary(), tuple(experiments), (), dict(found.fits), found.notes, simulated)
 
 
 def bound(recording: Recording, plant: Plant, input_name: Sequence[str] = (), output_name: str = "") -> Experiment:

@@ -39,7 +39,8 @@ class InPopulation:
 def in_population(folders: Sequence[Path], place: Place) -> InPopulation:
     """Runs of one procedure beside the last completed run of every other unit with that procedure.
 
-    The units that are named are a batch: none of them is among the others.
+    A real unit is compared with real ones, a simulated one with simulated ones. The units that are named are a batch:
+    none of them is among the others.
 
     Raises:
         SettingError: runs of different procedures, a run without a serial number, a unit named twice.
@@ -48,7 +49,8 @@ def in_population(folders: Sequence[Path], place: Place) -> InPopulation:
     """
     runs = tuple(results_of_run(folder) for folder in folders)
     _check(runs, folders)
-    found = [run for run in find_runs(place, Search(procedure=runs[0].procedure), values=True) if _is_whole(run)]
+    known = find_runs(place, Search(procedure=runs[0].procedure), values=True)
+    found = [run for run in known if _is_whole(run) and bool(run.simulated) == bool(runs[0].simulated)]
     others = {run.serial: run for run in found if run.serial and run.serial not in {one.serial for one in runs}}
     marks = {instruments_mark(read_header(folder)) for folder in folders} | {run.instruments for run in others.values()}
     one_bench = len(marks) == 1

@@ -16,6 +16,7 @@ from hil.record.header import HEADER_FILE
 from hil.record.measurement import Findings
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable, write_response_table
+from hil.record.simulated import SIMULATED, is_simulated
 from hil.session.procedure import load_procedure
 from hil.session.resting import measured_findings
 
@@ -75,7 +76,8 @@ def responses_of_run(path: Path) -> dict[str, ResponseTable]:
     procedure = load_procedure(str(recording.meta["procedure"]))
     found = response_tables(measured_findings(procedure.evaluate, recording), str(path))
     roles = recording.meta.get("roles", {})
-    said = {"roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
+    origin = {SIMULATED: is_simulated(recording.meta)}
+    said = {**origin, "roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
     return {label: replace(table, meta=said) for label, table in found.items()}
 
 

@@ -165,11 +165,12 @@ def test_results_are_found_compared_and_followed(page: Page) -> None:
     page.get_by_role("button", name="Search").click()
     rows = page.locator("#chosen tbody tr")
     expect(rows).to_have_count(2)
-    assert "pass" in rows.first.inner_text()
+    assert "pass SIMULATED" in " ".join(rows.first.inner_text().split())
     for box in page.locator("#chosen input[name=run]").all():
         box.check()
     page.get_by_role("button", name="Compare two").click()
     expect(page.frame_locator("iframe").locator("body")).to_contain_text("No value differs beyond its uncertainty.")
+    expect(page.locator(".head .tag")).to_have_text("SIMULATED")
     dated = page.locator(".panel-head a").all_inner_texts()[:2]  # chosen from a list with the newest first
     assert [text.split()[0] for text in dated] == ["one", "two"]
     assert all(re.search(r"\(20\d\d-\d\d-\d\d \d\d:\d\d:\d\d [+-]", text) for text in dated)
@@ -184,6 +185,7 @@ def test_results_are_found_compared_and_followed(page: Page) -> None:
     expect(page.frame_locator("iframe").locator("h1")).to_contain_text("Step response")
     page.goto("/results/trend?serial=SN-1")
     expect(page.locator("#trend")).to_be_visible()
+    expect(page.locator("tbody .tag.bad")).to_have_count(2)
     expect(page.locator("main")).to_contain_text("No drift can be told")
 
 

@@ -255,7 +255,7 @@ def test_commands_list_follow_and_rebuild(monkeypatch, capsys, tmp_path):
     status, said = _said(monkeypatch, capsys, "runs", "--serial", "A7", "--archive", lab, "--json")
     rows = json.loads(said.out)
     assert [Path(row["run"]).name for row in rows] == ["0", "1", "2", "3"]
-    assert set(rows[0]) == {"run", "serial", "operator", "procedure", "started_utc", "verdict"}
+    assert set(rows[0]) == {"run", "serial", "operator", "procedure", "started_utc", "verdict", "simulated"}
     status, said = _said(monkeypatch, capsys, "trend", "gain", "--serial", "A7", "--archive", lab, "--json")
     assert len(json.loads(said.out)["values"][0]["points"]) == 4
     status, said = _said(monkeypatch, capsys, "trend", "gian", "--serial", "A7", "--archive", lab)

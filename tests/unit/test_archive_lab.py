@@ -104,7 +104,7 @@ def test_an_index_of_the_version_before_is_taken_over(postgresql, bench, tmp_pat
     enter(place, [made_run(tmp_path / "a" / "a1"), made_run(tmp_path / "b" / "b1", serial="B2")])
     with psycopg.connect(place.url.replace("+psycopg", ""), autocommit=True) as database:
         database.execute("ALTER TABLE run DROP CONSTRAINT run_by_place")
-        database.execute("ALTER TABLE run DROP COLUMN host")
+        database.execute("ALTER TABLE run DROP COLUMN host, DROP COLUMN simulated")
         database.execute("ALTER TABLE run ADD CONSTRAINT run_folder_key UNIQUE (folder)")
         database.execute("UPDATE alembic_version SET version_num = '0002'")
     (tmp_path / "b").rename(tmp_path / "on-another-computer")

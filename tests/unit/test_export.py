@@ -55,6 +55,15 @@ def test_export_to_json_and_csv_carries_the_uncertainties():
     assert rows["a3"]["std"] == ""
 
 
+@pytest.mark.parametrize(
+    ("form", "word"),
+    [("python", "(SIMULATED)"), ("matlab", "(SIMULATED)"), ("json", '"simulated": true'), ("csv", ",True\n")],
+)
+def test_export_of_a_simulated_run_says_so(form, word):
+    assert word in functions_text([FITTED], form, simulated=True)
+    assert word not in functions_text([FITTED], form, simulated=False)
+
+
 def test_model_of_a_transfer_function_has_its_coefficients(model):
     found = function_of(model, "valve")
     np.testing.assert_allclose(found.numerator, [2.0, 30.0], rtol=1e-9)

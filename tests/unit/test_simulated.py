@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
+import sqlite3
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +80,74 @@ def test_results_of_a_version_without_it_go_by_the_header(run: Path, tmp_path: P
         (tmp_path / name).write_bytes((run / name).read_bytes())
     (tmp_path / "results.json").write_text(json.dumps(content), encoding="utf-8")
     assert results_of_run(tmp_path).simulated is True
+
+
+@pytest.mark.usefixtures("stranger")
+@pytest.mark.parametrize("simulated", [True, False])
+def test_lists_trends_and_comparisons_say_it(
+    simulated: bool, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old, new = (run_of(tmp_path / "lab", simulated=simulated, name=name, hour=hour) for name, hour in RUNS)
+    said(capsys, monkeypatch, "archive", "rebuild", "--archive", tmp_path / "lab")
+    lab = ("--archive", tmp_path / "lab")
+    assert said(capsys, monkeypatch, "runs", *lab).count("pass (SIMULATED)") == 2 * simulated
+    assert [row["simulated"] for row in json.loads(said(capsys, monkeypatch, "runs", *lab, "--json"))] == 2 * [
+        simulated
+    ]
+    assert said(capsys, monkeypatch, "trend", "gain", "--serial", "SN-7", *lab).count("(SIMULATED)") == 2 * simulated
+    assert said(capsys, monkeypatch, "compare", old, new).count("(SIMULATED)") == 2 * simulated
+    told = json.loads(said(capsys, monkeypatch, "compare", old, new, "--json"))
+    assert told["simulated"] == 2 * [simulated]
+    values = said(capsys, monkeypatch, "results", old, "--csv", "-")
+    assert values.splitlines()[1].endswith(f",{simulated}")
+
+
+RUNS = (("old", 8), ("new", 9))
+
+
+@pytest.mark.usefixtures("stranger")
+def test_real_units_are_no_population_of_a_simulated_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run_of(tmp_path / "lab", "REAL", name="real")
+    run_of(tmp_path / "lab", "TWIN", simulated=True, name="twin")
+    unit = run_of(tmp_path / "lab", "A", simulated=True, name="a")
+    told = said(capsys, monkeypatch, "compare", "--population", unit, "--archive", tmp_path / "lab", "--json")
+    assert json.loads(told)["others"] == ["TWIN"]
+
+
+@pytest.mark.usefixtures("stranger")
+def test_an_index_of_a_version_without_it_is_filled_from_the_headers(tmp_path: Path) -> None:
+    lab = tmp_path / "lab"
+    run_of(lab, simulated=True)
+    hil.find_runs(archive=lab)
+    with closing(sqlite3.connect(lab / "archive.sqlite")) as index:
+        index.executescript("ALTER TABLE run DROP COLUMN simulated; UPDATE alembic_version SET version_num = '0003'")
+    assert [entry.simulated for entry in hil.find_runs(archive=lab)] == [True]
+
+
+def test_models_beside_a_simulated_run_say_it(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, page = tmp_path / "model.json", tmp_path / "page.html"
+    hil.save_model(hil.typical_model("brevini-hpv41"), model)
+    assert f"{run} (SIMULATED)\n" in said(capsys, monkeypatch, "compare", "--model", model, run)
+    found = hil.identify(run, "brevini-hpv41", page=page)
+    assert found.as_dict()["simulated"] is True
+    assert 'data-across="SIMULATED"' in page.read_text(encoding="utf-8")
+
+
+def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(
+    run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = tmp_path / "model.json"
+    hil.save_model(hil.typical_model("brevini-hpv41"), model)
+    words = said(capsys, monkeypatch, "diagnose", "--model", model, run, "--out", tmp_path / "d", "--budget", "0.01")
+    told = json.loads((tmp_path / "d" / "diagnosis.json").read_text(encoding="utf-8"))
+    assert told["simulated"] is True
+    assert f"{told['verdict']} (SIMULATED): " in words
+    words = said(capsys, monkeypatch, "diff", run, run, "--model", model, "--budget", "0.01")
+    assert any(line.endswith("changed (SIMULATED)") or line == "unexplained (SIMULATED)" for line in words.splitlines())
 
 
 @pytest.mark.usefixtures("stranger")

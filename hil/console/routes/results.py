@@ -104,7 +104,7 @@ def compare(request: Request) -> Response:
     found = compare_runs(*(console.site.run(name) for name in names))
     return page(
         request, "compare.html", runs=[(one.run, dated(one)) for one in (found.first, found.second)],
-        page=_compared(console, found).name,
+        page=_compared(console, found).name, simulated=found.first.simulated or found.second.simulated,
     )  # fmt: skip
 
 
@@ -136,6 +136,7 @@ def trend(request: Request) -> Response:
             "unit": p.value.unit,
             "verdict": p.value.verdict,
             "relation": p.value.relation,
+            "simulated": p.simulated,
         }
         for p in points
     ]
@@ -178,6 +179,7 @@ def _row(console: Console, entry: Entry) -> dict[str, Any]:
         "verdict": entry.verdict,
         "started": f"{started:%Y-%m-%d %H:%M}",
         "offset": f"{started:%z}",
+        "simulated": entry.simulated,
         "outcome": "" if entry.outcome in ("completed", "written") else entry.outcome,
     }
 

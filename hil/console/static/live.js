@@ -148,6 +148,7 @@ function state(come) {
   const at = document.getElementById("state");
   if (at.textContent !== say(come.state)) at.textContent = say(come.state);
   at.className = "word " + (WORD[come.state] || "");
+  document.getElementById("simulated").hidden = !come.simulated;
   put("about", [come.procedure, come.bench, come.serial, come.operator].filter(Boolean).join(" · "));
   put("progress", come.state === "running" || come.state === "starting" || come.state === "evaluating" ? come.text : "");
   put("left", come.state === "running" ? come.left : "");
