@@ -27,6 +27,7 @@ from hil.safety.operator import Asked, Operator
 from hil.safety.outputs import Outputs
 
 READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready ", b"d", b"s", b"q", b".", b"error "
+CONFIRMING = b"c"  # a sign of life: outputs are told to be safe and read back, and nothing else comes in between
 HANDS_OVER, TAKEN = b"h", b"+"  # the program ends and its outputs are not settled; the watchdog goes on
 WISHES: Mapping[Asked, bytes] = {"stop": b"!", "hold": b"=", "resume": b">"}
 LINE = b"{"  # to the watchdog: a line of JSON begins, {"outputs": …} after a stop, or {"holding": …}
@@ -74,7 +75,7 @@ def watched(file: BenchFile, run: Path, known: Outputs, operator: Operator | Non
         return
     operator = operator or Operator()
     heart = Heart(file, run, operator)
-    operator.tell, operator.holding = heart.say_outputs, heart.say_holding
+    operator.tell, operator.holding, operator.confirming = heart.say_outputs, heart.say_holding, heart.say_confirming
     try:
         heart.wait_until_ready()
         yield Watch(heart.beat, heart.control, heart.deaf, heart.hand_over)
@@ -170,13 +171,21 @@ class Heart:
         Raises:
             StoppedError: the watchdog does not answer any more.
         """
+        self._sign(DRIVEN if driven else AT_REST)
+
+    def say_confirming(self) -> None:
+        """Give the sign of life of a program that makes its outputs safe and reads them back. Never raises."""
+        with suppress(StoppedError):
+            self._sign(CONFIRMING)
+
+    def _sign(self, sign: bytes) -> None:
         now_s = time.monotonic()
         if self._failed or (self._asked_s > self._heard_s and now_s - self._asked_s > self._limit_s):
             raise self._gone()
         if self._asked_s <= self._heard_s:
             self._asked_s = now_s  # the oldest sign of life that is not answered yet
         try:
-            self._say(DRIVEN if driven else AT_REST)
+            self._say(sign)
         except (OSError, ValueError):
             raise self._gone() from None
 

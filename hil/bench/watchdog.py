@@ -4,15 +4,17 @@
 
 It hears the program through a pipe, a byte for each sign of life, and answers each. Before anything moves it opens
 its own way to the devices once and makes their outputs safe, so that this way is known to work. From then on it does
-not touch them, until the program hands over or dies without a farewell, or is silent for too long while outputs
-are driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). What lies in the pipe is
-heard before anything is judged, also after a pause of its own. Until its work is done it ignores every signal that can
-be ignored: a shutdown sends SIGTERM to all, and it is what makes the outputs safe then. Each device is made safe
-and read back by itself, whatever the others do, and those that fail are told of and tried again; one that has the name
-of a device but is another one than before is not touched. It also listens for a stop (see `hil.bench.stop`): it tells
-the program, and takes over in the same way when that has not made its outputs safe within `CONFIRMS_S`. What it did
-stands in `watchdog.json` in the run folder, or in the user's state folder when that is gone. Paths in the bench file
-are meant from FOLDER; nothing in it is imported.
+not touch them, until the program hands over or dies without a farewell, or is silent for too long while outputs are
+driven (it hangs: then the watchdog kills it first, so that it cannot wake up and go on). What lies in the pipe is
+heard before anything is judged, also after a pause of its own. Until its work is done it ignores every signal that
+can be ignored: a shutdown sends SIGTERM to all, and it is what makes the outputs safe then. Each device is made safe
+and read back by itself, whatever the others do, and those that fail are told of and tried again; one that has the
+name of a device but is another one than before is not touched. It also listens for a stop (see `hil.bench.stop`): it
+tells the program, and takes over in the same way when that does not begin to make its outputs safe within
+`CONFIRMS_S`. One that says that it reads them back, as it must for a while after a lost answer, is left alone while
+it gives signs of life, and hands over what it could not confirm. What the watchdog did stands in `watchdog.json` in
+the run folder, or in the user's state folder when that is gone. Paths in the bench file are meant from FOLDER;
+nothing in it is imported.
 """
 
 from __future__ import annotations
@@ -35,6 +37,7 @@ from pathlib import Path
 from hil.bench.heartbeat import (
     ANSWER,
     AT_REST,
+    CONFIRMING,
     ERROR,
     FAREWELL,
     GIVE_UP_S,
@@ -59,7 +62,7 @@ from hil.safety.operator import Asked
 from hil.safety.outputs import outputs_in, record_of
 from hil.stderr import write
 
-CONFIRMS_S = 0.2  # after a stop the program has so long to read its outputs back safe
+CONFIRMS_S = 0.2  # after a stop the program has so long to be confirming, or done
 _SO_FAR = "watchdog-so-far"  # what is told before the last word, for who cannot hear it on stderr
 _LONGEST_LINE = 1 << 20
 _TELLS_S = 5.0  # so long a stopped terminal is waited for
@@ -192,7 +195,8 @@ class _Program:
     """What is known of the program from what it said, byte by byte.
 
     Attributes:
-        driven: whether outputs are driven.
+        driven: whether outputs are driven, or not known to be safe yet.
+        confirms: it makes its outputs safe and reads them back, and is not through.
         has_left: it said farewell.
         hands_over: it ends, and its outputs are not settled.
     """
@@ -200,7 +204,7 @@ class _Program:
     def __init__(self, desk: Desk) -> None:
         self._desk = desk
         self._rest = b""
-        self.driven = self.has_left = self.hands_over = False
+        self.driven = self.confirms = self.has_left = self.hands_over = False
 
     def said(self, what: bytes) -> int:
         """Take it in; returns how many signs of life it held."""
@@ -221,7 +225,7 @@ class _Program:
         self.has_left = self.has_left or FAREWELL in signs
         self.hands_over = self.hands_over or HANDS_OVER in signs
         if signs:
-            self.driven = signs[-1:] != AT_REST
+            self.driven, self.confirms = signs[-1:] != AT_REST, signs[-1:] == CONFIRMING
         return len(signs)
 
     def _line(self, line: bytes) -> None:
@@ -246,14 +250,14 @@ def _watched(ears: _Ears, limit_s: float, pid: int, desk: Desk) -> _End | None:
     program = _Program(desk)
     silent_at_s = confirms_by_s = math.inf
     while True:
-        until_s = min(silent_at_s, confirms_by_s)
+        until_s = silent_at_s if program.confirms else min(silent_at_s, confirms_by_s)
         heard = ears.next(None if until_s == math.inf else max(0.0, until_s - time.monotonic()))
         if heard is None:
             if time.monotonic() - silent_at_s > 0.5 * limit_s:  # this process did not run, nor perhaps the program
                 silent_at_s = time.monotonic() + limit_s
                 continue
             ears.kill(pid)
-            if confirms_by_s <= silent_at_s:
+            if until_s < silent_at_s:
                 return _End(f"was told to stop, did not confirm within {CONFIRMS_S:g} s, and was killed", True)
             return _End(f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed", True)
         if isinstance(heard, str):

@@ -40,7 +40,7 @@ def safely(
     from hil.stderr import write
 
     known = known or Outputs()
-    known.announce = lambda text: typer.echo(f"hil: {text}", err=True)
+    known.announce = lambda text: write(f"hil: {text}\n", 0.0)  # a stopped terminal keeps no output from its safe value
 
     def said(error: BaseException) -> int:
         known.mark(error)

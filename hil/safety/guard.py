@@ -247,15 +247,21 @@ class Guard:
 
     def _tell_safe(self) -> None:
         with uninterrupted():
-            self.known.make_safe(self._daq, self._live, self._clock)
+            self._confirming()
+            self.known.make_safe(self._daq, self._confirming, self._clock)
             if self.known.settled:
                 with suppress(Exception):
                     self._beat(False)
             if self._operator.answer(self.known):
                 self._note_if_possible("stop", by="operator")
 
-    def _live(self) -> None:
+    def _confirming(self) -> None:
         """A sign of life on a way that may take many time-outs: slow is not hung."""
+        with suppress(Exception):
+            self._operator.confirms(self.known)
+
+    def _live(self) -> None:
+        """A sign of life on the way down a ramp."""
         with suppress(Exception):
             self._beat(True)
 

@@ -26,11 +26,13 @@ class Operator:
     Attributes:
         tell: takes what is known of the outputs after a stop, each time they were told to be safe and read back.
         holding: told when the run begins and ends to hold.
+        confirming: told again and again while outputs are told to be safe and read back.
     """
 
     def __init__(self) -> None:
         self.tell: Callable[[Outputs], None] = lambda _outputs: None
         self.holding: Callable[[bool], None] = lambda _holds: None
+        self.confirming: Callable[[], None] = lambda: None
         self._in_main_thread = threading.current_thread() is threading.main_thread()
         self._stop, self._hold = threading.Event(), threading.Event()
         self._told = False
@@ -74,6 +76,12 @@ class Operator:
             self._told = True
             self.tell(known)
         return first
+
+    def confirms(self, known: Outputs) -> None:
+        """The run makes its outputs safe; who asked for a stop is told when only time is missing to call them so."""
+        self.confirming()
+        if self.stop_asked and known.wait_s:
+            self.tell(known)
 
     def wait(self, patience_s: float) -> None:
         """Stay here while a hold is asked for: on a bench whose time stands still meanwhile.

@@ -155,7 +155,7 @@ class Outputs:
     """
 
     def __init__(self) -> None:
-        self.announce: Callable[[str], None] = lambda _text: None
+        self.announce: Callable[[str], object] = lambda _text: None
         self.moved = self.asked = False
         self._channels: Mapping[str, OutputChannel] = {}
         self._known: dict[str, Output] = {}

@@ -130,6 +130,21 @@ def test_program_that_says_it_is_not_safe_is_killed(output: Output, watched: Wat
     assert watched.was_killed and not waiting.done()
 
 
+def test_program_that_is_confirming_is_left_alone_until_it_hangs(watched: Watched) -> None:
+    watched.says(b"c")
+    thread = watched.begin(3.0)
+    waiting = watched.desk.stop()
+    for _ in range(10):  # five times as long as it has to begin
+        watched.says(b"c")
+        time.sleep(0.1)
+    assert watched.lives and not watched.ended
+    watched.tells(Output(State.UNCONFIRMED, "V", 0.0, confirmed_in_s=0.5))
+    assert not waiting.done()
+    thread.join(PATIENCE_S)
+    end, _ = watched.ended[0]
+    assert end is not None and "gave no sign of life for 3 s" in end.why and watched.was_killed
+
+
 def test_device_that_cannot_be_asked_is_no_reason_to_kill(watched: Watched, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(watchdog, "CONFIRMS_S", PATIENCE_S)
     thread = watched.begin()
