@@ -100,16 +100,18 @@ CASES = [
 ]  # fmt: skip
 
 
-def measure(case: Case, folder: Path) -> Seen:
-    """Make it happen."""
+def measure(case: Case, folder: Path, answers: tuple[tuple[str, str], ...] = ()) -> Seen:
+    """Make it happen; links wait as long as their drivers do by themselves, or for `answers`."""
     with patch.dict(os.environ, HIL_STATE_DIR=str(folder / "state")):  # a trip of one case is not for the next one
-        return _of_a_program(case, folder) if case.fault in _OF_PROGRAMS else _of_a_device(case, folder)
+        how = _of_a_program if case.fault in _OF_PROGRAMS else _of_a_device
+        return how(case, folder, answers)
 
 
-def _of_a_device(case: Case, folder: Path) -> Seen:
+def _of_a_device(case: Case, folder: Path, answers: tuple[tuple[str, str], ...]) -> Seen:
     fault = _second_master if case.fault == "second master" else _OF_DEVICES[case.fault][0]
     bench, name = LINKS[case.link]
-    with served(bench, folder, ("block_s = 0.1\n", _FOLLOWS)) as (file, devices), observed(devices) as observer:
+    follows = ("block_s = 0.1\n", _FOLLOWS)
+    with served(bench, folder, follows, answers=answers) as (file, devices), observed(devices) as observer:
         happened: list[float] = []
 
         def happen() -> None:
@@ -145,13 +147,13 @@ def _after_a_while(observer: Observer, happen: Callable[[], None]) -> None:
     happen()
 
 
-def _of_a_program(case: Case, folder: Path) -> Seen:
+def _of_a_program(case: Case, folder: Path, answers: tuple[tuple[str, str], ...]) -> Seen:
     """The run is a process of its own; devices that allow it have no watchdog, so that only ours can act."""
     bench, _ = LINKS[case.link]
     own = [("watchdog_s = 1.0\n", "")] if case.link != "CANopen" else []
     watched = ("block_s = 0.1\n", f"block_s = 0.1\nwatchdog_s = {WATCHDOG_S}\n")
     with ExitStack() as stack:
-        file, devices = stack.enter_context(served(bench, folder, *own, watched))
+        file, devices = stack.enter_context(served(bench, folder, *own, watched, answers=answers))
         observer = stack.enter_context(observed(devices))
         process: Popen[str] = stack.enter_context(start_run(file.path, folder / "run", folder / "state"))
         stack.callback(process.kill)

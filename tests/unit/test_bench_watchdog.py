@@ -94,7 +94,7 @@ def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, erro
 
 def test_what_is_not_safe_is_told_while_it_is_still_tried(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(rescue, "GIVE_UP_S", 6.0)
-    monkeypatch.setattr(rescue, "_TELLS_S", 0.1)
+    monkeypatch.setattr(rescue, "_TELLS_S", 2.0)
     made = rescue.Rescue(
         bench_of(tmp_path, {"gone": Valve(OSError("pulled"), answers=False), "healthy": Valve(None)}, late_s=0.0), DESK
     )

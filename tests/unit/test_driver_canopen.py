@@ -145,8 +145,7 @@ def test_valve_is_made_active_and_driven(bus: str) -> None:
         assert link.standing() == {"set point": 0.0}
         for percent in (37.5, -100.0, 0.0):
             link.drive({"set point": percent})
-            time.sleep(0.005)
-            assert side.standing("set point") == pytest.approx(percent, abs=0.01)
+            until(lambda: side.standing("set point") == pytest.approx(percent, abs=0.01))  # noqa: B023
             assert link.read() == {"actual value": pytest.approx(percent, abs=0.02)}
 
 
