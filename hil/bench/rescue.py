@@ -19,6 +19,7 @@ from hil.safety.outputs import Output, Outputs, State, announcement
 
 _AGAIN_S, _AGAIN_LATE_S = 0.05, 0.2
 _HANGS_S = 10.0  # a driver that has not returned after so long is left to itself, and tried anew
+LONGEST_S = GIVE_UP_S + _HANGS_S  # nothing is tried any more
 _MOMENT_S = 1.0
 _TELLS_S = 1.0  # what is not safe after so long is told at once, not when nothing is tried any more
 

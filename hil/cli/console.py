@@ -30,6 +30,7 @@ def console(
     """Serve the operator's console: bench, run, results, diagnosis and devices as pages. Ctrl-C ends it.
 
     It holds nothing that a run needs: a run goes on when the console ends, and its stop button reaches it directly.
+    SIGTERM, as a service is ended, ends its runs too, with safe outputs; the console leaves after them.
     Beyond this computer (--host) it needs accounts and a certificate.
     """
     if context.invoked_subcommand:

@@ -17,6 +17,7 @@ from starlette.requests import Request
 from hil.bench.stop.press import StopSwitch
 from hil.console.board import RunReader
 from hil.console.follow import Following
+from hil.console.leaving import Leaving
 from hil.console.process import Started, start
 from hil.console.site import Site
 from hil.console.underway import Run, Underway
@@ -162,6 +163,10 @@ class Console:
         press = self.switch.pressed
         if press and press.runs and not any(name in self.starting for name in press.runs):
             self.switch.release()
+
+    def leave(self) -> Leaving:
+        """End the runs that were started here; jobs are not waited for."""
+        return Leaving({self.site.runs / name: one for name, one in self.started.items() if name not in self.products})
 
     def close(self) -> None:
         """Let go of what reads, and of who looks on; runs and devices go on."""

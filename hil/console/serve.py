@@ -1,4 +1,4 @@
-"""The console's server: one process; what it starts outlives it."""
+"""The console's server: one process; what it starts outlives it, but for a SIGTERM (see `hil.console.leaving`)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _SHUTDOWN_S = 1
 
 
 def serve(site: Site, where: Where, ready: Callable[[str], None]) -> None:
-    """Serve until Ctrl-C.
+    """Serve until Ctrl-C, or until SIGTERM, which ends runs that were started here, too.
 
     Args:
         site: what is shown.
@@ -45,7 +45,7 @@ def serve(site: Site, where: Where, ready: Callable[[str], None]) -> None:
     )  # fmt: skip
     with opened(where, accounts):
         ready(where.address)
-        Server(config, app.state.console.close).run([listening])
+        Server(config, app.state.console).run([listening])
 
 
 def _listening(host: str, port: int) -> socket.socket:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
+import signal
 import socket
 import time
 from collections.abc import Callable
@@ -13,9 +15,11 @@ import uvicorn
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from hil.bench.stop.door import Door
+from hil.console.console import Console
 
 _MOST = 256  # connections at a time: of 1024 descriptors, runs and logs need some too
 _SAYS_S = 10.0
+_LOOK_S = 0.2
 _LOG_S = 60.0
 _LOGGER = logging.getLogger("uvicorn.error")
 
@@ -23,20 +27,22 @@ _LOGGER = logging.getLogger("uvicorn.error")
 class Server(uvicorn.Server):
     """Serves until a signal ends it; its streams end with it: they would go on for as long as their runs.
 
+    After SIGTERM its runs are ended, and it leaves after them. A Ctrl-C meanwhile ends that.
+
     Args:
         config: of uvicorn.
-        ends: called at the signal.
+        console: which it serves.
     """
 
-    def __init__(self, config: uvicorn.Config, ends: Callable[[], None]) -> None:
+    def __init__(self, config: uvicorn.Config, console: Console) -> None:
         super().__init__(config)
-        self._ends = ends
+        self._console = console
         for name in ("uvicorn.error", "asyncio"):
             logging.getLogger(name).addFilter(OnceAMinute())
 
     def handle_exit(self, sig: int, frame: FrameType | None) -> None:
         """A signal."""
-        self._ends()
+        self._console.close()
         super().handle_exit(sig, frame)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -47,8 +53,15 @@ class Server(uvicorn.Server):
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         """Serve no more."""
+        leaving = self._console.leave() if self._is_terminated else None
         self._door.close()
         await super().shutdown(sockets)
+        while leaving is not None and not self.force_exit and not leaving.is_over:
+            await asyncio.sleep(_LOOK_S)
+
+    @property
+    def _is_terminated(self) -> bool:
+        return signal.SIGTERM in self._captured_signals
 
 
 class _Visitor(H11Protocol):

@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 from urllib.error import HTTPError
@@ -16,7 +17,9 @@ import pytest
 
 import hil
 from tests.consoles import Lab, console, real_time_bench
-from tests.waits import until
+from tests.outside.coupler import NEAR, Coupler
+from tests.outside.running import STRANGER, bench
+from tests.waits import PATIENCE_S, until
 
 pytestmark = pytest.mark.xdist_group("console")
 BROWSER = build_opener(HTTPCookieProcessor())
@@ -86,3 +89,33 @@ def test_press_where_nothing_is_under_way_keeps_runs_from_starting_until_it_is_r
     assert asked(lab, "/stop/release", {}) == (200, {"pressed": None})
     assert asked(lab, "/run/start", FORM)[0] == 200
     asked(lab, "/stop", {})
+
+
+def watchdogs(folder: Path) -> list[str]:
+    """The watchdog processes of runs in a folder."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):
+            found.append(place.read_bytes().decode())
+    return [words for words in found if "hil.bench.watchdog" in words and str(folder) in words]
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="looks into /proc")
+def test_console_that_is_terminated_leaves_after_its_runs_and_their_watchdogs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(STRANGER))
+    with Coupler() as coupler, console(tmp_path) as lab:
+        bench(tmp_path, coupler.line.port)
+        _, begun = asked(lab, "/run/start", {"procedure": "stand", "bench": "bench"})
+        until(lambda: coupler.percent > 20.0)
+        coupler.line.lose()
+        lab.process.terminate()
+        with pytest.raises(subprocess.TimeoutExpired):  # nobody can have made the output safe
+            lab.process.wait(3.0)
+        assert abs(coupler.percent) > 20.0
+        coupler.line.heal()
+        lab.process.wait(PATIENCE_S)
+        assert abs(coupler.percent) < NEAR
+        assert not watchdogs(tmp_path)
+    assert (lab.runs / begun["run"] / "end.json").exists()

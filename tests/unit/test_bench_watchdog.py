@@ -86,7 +86,7 @@ def soon(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("error", BROKEN)
 def test_device_that_throws_anything_keeps_no_other_from_it(tmp_path: Path, error: BaseException) -> None:
     devices = {"sick": Valve(error, answers=False), "healthy": Valve(None)}
-    left, unasked, _ = rescued(bench_of(tmp_path, devices))
+    left, unasked, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
     assert devices["healthy"].levels["a"] == 0.0 and devices["healthy"].closed
     assert len(left) == 1 and left[0].startswith("sick: nobody knows") and not unasked
     assert devices["sick"].closed > 1  # tried again, and let go of each time
@@ -136,7 +136,7 @@ def test_driver_that_does_not_return_is_tried_anew(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(rescue, "GIVE_UP_S", 5.0)
     monkeypatch.setattr(rescue, "_HANGS_S", 0.2)
     devices = {"hanging": Hanging(None)}
-    left, unasked, _ = rescued(bench_of(tmp_path, devices))
+    left, unasked, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
     assert not left and not unasked
     assert devices["hanging"].levels["a"] == 0.0 and devices["hanging"].tries >= 2
 
@@ -164,7 +164,7 @@ def test_late_command_of_the_dead_program_does_not_outlast_the_watchdog(
 
 def test_told_is_not_safe_until_it_is_read_back(tmp_path: Path) -> None:
     devices = {"mute": Valve(None, answers=False)}
-    left, _, _ = rescued(bench_of(tmp_path, devices))
+    left, _, _ = rescued(bench_of(tmp_path, devices, late_s=0.0))
     remedy = "was told to be safe, and could not be read back (no answer): use the emergency stop"
     assert left == [f"mute: 'a' {remedy}; 'b' {remedy}"]
 
@@ -174,8 +174,9 @@ def test_report_goes_to_the_state_folder_when_that_of_the_run_is_gone(
 ) -> None:
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))
     watchdog._act(
-        bench_of(tmp_path, {"healthy": Valve(None)}), os.getpid(), tmp_path / "gone", watchdog._End("ended"), DESK
-    )
+        bench_of(tmp_path, {"healthy": Valve(None)}, late_s=0.0), os.getpid(), tmp_path / "gone",
+        watchdog._End("ended"), DESK,
+    )  # fmt: skip
     (told,) = (tmp_path / "state" / "watchdog").glob("*.json")
     assert "safe_after_s" in told.read_text() and "outputs made safe in" in capfd.readouterr().err
 
