@@ -212,6 +212,9 @@ class Daq(Protocol):
     Errors (all from `hil.errors`): `RangeError` before the first sample; afterwards `LinkError`,
     `DeviceLostError`, `OutputUnderflowError`, `OverrunError`. Blocks read before an error are handed over
     before it is raised.
+
+    One of several devices may have a `look(input) -> Block`: a reading of that input now, asked of its device alone,
+    with no task at work; also after another device failed.
     """
 
     @property

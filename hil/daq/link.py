@@ -102,6 +102,7 @@ class Member:
     late: Late = field(default_factory=Late)
     read_after_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
     read_for_s: deque[float] = field(default_factory=lambda: deque(maxlen=1000))
+    _answers: bool = field(default=True, init=False)
 
     @property
     def delay_name(self) -> str:
@@ -112,6 +113,11 @@ class Member:
     def identity(self) -> str:
         """What the device says that it is; empty where it says nothing."""
         return str(getattr(self.link, "identity", ""))
+
+    @property
+    def answers(self) -> bool:
+        """Whether it did what it was asked last."""
+        return self._answers
 
     @property
     def reading_age_s(self) -> float:
@@ -171,8 +177,9 @@ class Member:
         return {name: told.get(channel.terminal, unasked) for name, channel in self.wiring.outputs.items()}
 
     def _named(self, call: Callable[..., Any], *values: Any) -> Any:
+        self._answers = False
         try:
-            return call(*values)
+            answer = call(*values)
         except HardwareError as error:
             self.late.lost()
             raise type(error)(f"{self.name}: {error}") from error
@@ -181,6 +188,8 @@ class Member:
         except WHATEVER as error:  # of a library, or a fault of the driver: it concerns this link alone
             self.late.lost()
             raise LinkError(f"{self.name}: {type(error).__name__}: {error}") from error
+        self._answers = True
+        return answer
 
 
 def _answer(at: float, rescue: str, doubt: str, late_s: float) -> ReadBack:

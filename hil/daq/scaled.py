@@ -10,6 +10,7 @@ import numpy as np
 from hil.daq.calibration import Calibration
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks
+from hil.errors import LinkError
 from hil.record.recording import Array
 
 _END = 1e-4  # of a range: nearer to its end than that, a converter may have been held there
@@ -55,6 +56,16 @@ class Scaled:
         """Continuous acquisition in engineering units."""
         with closing_blocks(self._daq.stream(map(self._raw, waveforms))) as blocks:
             yield from map(self._values, blocks)
+
+    def look(self, name: str) -> Block:
+        """A reading of one input in engineering units (see `Daq`).
+
+        Raises:
+            LinkError: the backend cannot ask for one alone.
+        """
+        if (look := getattr(self._daq, "look", None)) is None:
+            raise LinkError("its device reads no input alone")
+        return self._values(look(name))
 
     def make_safe(self) -> None:
         """Put every output at its safe value."""

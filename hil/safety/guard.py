@@ -11,9 +11,19 @@ import numpy as np
 from hil.clock import Clock, VirtualClock, refuse_after_sleep
 from hil.daq.channel import InputChannel, OutputChannel
 from hil.daq.contract import Block, Daq, Promises, ReadBack, Waveform, closing_blocks
-from hil.errors import InputError, LinkError, RangeError, StoppedError, StorageError, reason
+from hil.errors import (
+    DeviceLostError,
+    HardwareError,
+    InputError,
+    LinkError,
+    RangeError,
+    StoppedError,
+    StorageError,
+    TrippedError,
+    reason,
+)
 from hil.safety.envelope import Envelope
-from hil.safety.interlock import Violation, Watches
+from hil.safety.interlock import Interlock, Violation, Watch, Watches
 from hil.safety.interrupt import Halted, cut_by_halt, uninterrupted
 from hil.safety.latch import Latch
 from hil.safety.limits import Limits
@@ -225,7 +235,42 @@ class Guard:
             if is_end(error):
                 self.end(error)
             self._go_safe()
+            if error is self._over and isinstance(error, LinkError | DeviceLostError):
+                self._ask_witnesses(error)
             raise
+
+    def _ask_witnesses(self, lost: HardwareError) -> None:
+        """A stop that cuts off a device ends the task by its dead link: the contact says whether somebody pressed.
+
+        Raises:
+            TrippedError: somebody did; it is what ended the run.
+        """
+        for lock in self._protection.interlocks:
+            if not lock.is_emergency_stop:
+                continue
+            if (pressed := self._witness(lock, lost)) is None:
+                continue
+            self._note_if_possible(lock.action, interlock=lock.name, text=pressed.text)
+            with uninterrupted():
+                self.latch.trip(lock.name, pressed.text)
+            try:
+                self.latch.check()
+            except TrippedError as tripped:
+                tripped.add_note(reason(lost))
+                self._over = tripped
+                raise
+
+    def _witness(self, lock: Interlock, lost: HardwareError) -> Violation | None:
+        """What the contact says after a device was lost; that nobody pressed is noted on the error."""
+        name, look = lock.allowed.channel, getattr(self._daq, "look", None)
+        try:
+            found = None if look is None else Watch(lock).judge(look(name))
+        except HardwareError as error:
+            lost.add_note(f"emergency stop '{name}': its contact could not be read ({reason(error)})")
+            return None
+        if found is None and look is not None:
+            lost.add_note(f"emergency stop '{name}': nobody pressed (its contact is closed)")
+        return found
 
     def _refuse_when_over(self) -> None:
         if self._over is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from fnmatch import fnmatch
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +18,17 @@ from hil.bench.protection import emergency_stops
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.rehearsal import twin_of
 from hil.cli.app import main
+from hil.clock import VirtualClock
+from hil.daq.calibration import Calibration
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.daq.contract import Block, Waveform
-from hil.errors import TrippedError
+from hil.daq.polled import PolledDaq
+from hil.daq.scaled import Scaled
+from hil.errors import LinkError, TrippedError, told
 from hil.record.folder import read
+from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock, Watch
+from hil.safety.protection import Protection
 from tests.links import served
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -80,7 +88,8 @@ def test_a_stop_that_nobody_presses_lets_a_run_pass_and_a_rehearsal_too(tmp_path
     assert np.all(block.inputs["emergency stop"] > 5.0)
 
 
-def test_the_twin_of_a_link_presses_it(tmp_path: Path) -> None:
+def test_the_twin_of_a_link_presses_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))  # no other test of this bench finds the trip
     contact = CONTACT.format(device="io", terminal="ai3", more="pressed_below = 5.0")
     changes = (
         ("sample_rate_hz = 100", "sample_rate_hz = 10"),  # a computer that is busy answers as seldom
@@ -123,3 +132,72 @@ def test_the_documented_bench_has_one(tmp_path: Path) -> None:
     file: BenchFile = read_bench(tmp_path / "bench.toml")
     assert [lock.name for lock in emergency_stops(file.bench)] == ["emergency stop"]
     assert file.bench.name == read_bench(benches()["hpv41-modbus-tcp"]).bench.name
+
+
+class Powered:
+    """A device with one line each way, on a supply that a stop may cut."""
+
+    watchdog_s = keep_alive_s = None
+
+    def __init__(self, reads: float) -> None:
+        self.reads, self.value, self.has_power, self.left = reads, 0.0, True, 10**9
+        self.presses: list[Powered] = []
+
+    def standing(self) -> dict[str, float]:
+        return {"out": self.value}
+
+    def drive(self, values: dict[str, float]) -> None:
+        self._answer()
+        self.value = values.get("out", self.value)
+
+    def read(self) -> dict[str, float]:
+        self._answer()
+        return {"in": self.reads}
+
+    def close(self) -> None:
+        pass
+
+    def _answer(self) -> None:
+        self.left -= 1
+        if not self.left:
+            self.has_power = False
+            for contact in self.presses:
+                contact.reads = 0.0
+        if not self.has_power:
+            raise LinkError("no answer within 0.2 s")
+
+
+@pytest.mark.parametrize(
+    ("presses", "contact_lives", "kind", "says"),
+    [
+        (True, True, TrippedError, "emergency stop 'stop': pressed at {s} s (its contact is open, 0)*; io: no answer*"),
+        (False, True, LinkError, "io: no answer*; emergency stop 'stop': nobody pressed (its contact is closed)*"),
+        (False, False, LinkError, "io: no answer*; emergency stop 'stop': its contact could not be read (door: *"),
+    ],
+)
+def test_a_stop_that_cuts_off_the_device_read_first_is_told_from_its_dead_link(
+    presses: bool, contact_lives: bool, kind: type[Exception], says: str
+) -> None:
+    clock = VirtualClock()
+    io, door = Powered(5.0), Powered(8.0)
+    wirings = {
+        "io": Wiring({"command": OutputChannel("command", "out", "voltage", "V", -10.0, 10.0, 0.0)}, {}),
+        "door": Wiring({}, {"stop": InputChannel("stop", "in", "voltage", "V", -10.0, 10.0)}),
+    }
+    daq = PolledDaq({"io": io, "door": door}, wirings, clock)
+    lock = Interlock("stop", "trip", Band("stop", low=5.0), is_emergency_stop=True)
+    events: list[str] = []
+    guard = Guard(
+        Scaled(daq, dict.fromkeys(("command", "stop"), Calibration("V"))), Protection(100.0, interlocks=(lock,)),
+        clock=clock, note=lambda event, **_: events.append(event),
+    )  # fmt: skip
+    guard.ready()
+    io.left, io.presses = 5, [door] if presses else []
+    door.left = 10**9 if contact_lives else 3
+    with pytest.raises(kind) as raised:
+        list(guard.play(Waveform(100.0, {"command": np.ones(20)})))
+    assert fnmatch(told(raised.value), says.format(s="*"))
+    assert guard.latch.trips.keys() == ({"stop"} if presses else set())
+    assert events == (["trip"] if presses else [])
+    with pytest.raises(kind):
+        guard.ready()
