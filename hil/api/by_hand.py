@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.bench import bench_of
+from hil.api.python_words import in_python_words
 from hil.api.several import several
 from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from hil.session.outcome import Outcome
 
 
+@in_python_words
 def jog(
     bench: str | Path | BenchFile,
     channel: str,
@@ -72,6 +74,7 @@ def jog(
     )  # fmt: skip
 
 
+@in_python_words
 def watch(
     bench: str | Path | BenchFile, channels: Collection[str] = (), *, every_s: float = 0.5, seconds: float = math.inf
 ) -> Generator[Sequence[Reading]]:
@@ -105,6 +108,7 @@ def watch(
             raise LinkError("; ".join(looked.failures.values()))
 
 
+@in_python_words
 def calibrate(
     bench: str | Path | BenchFile,
     channel: str,
@@ -162,6 +166,7 @@ def calibrate(
     return calibrated(file, channel, found, reference, std, labels.operator, valid_days)
 
 
+@in_python_words
 def demo(out: str | Path, *, conceal: str = "", progress: Progress = quiet) -> Demonstration:
     """Test and identify a valve on the simulated bench, meet recordings that conceal an effect, diagnose (`hil demo`).
 

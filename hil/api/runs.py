@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.api.bench import bench_of
-from hil.api.python_words import in_python_words
+from hil.api.python_words import in_python_words, python_errors
 from hil.api.several import several
 from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
 
@@ -91,7 +91,7 @@ def open_bench(bench: str | Path, out: str | Path, *, progress: Progress = quiet
     from hil.bench.open import open_rig
 
     file = bench_of(bench)
-    with open_rig(file, Path(out), {}, progress, within=on_the_trail(file, Path(out), {})) as rig:
+    with python_errors(), open_rig(file, Path(out), {}, progress, within=on_the_trail(file, Path(out), {})) as rig:
         yield rig
 
 

@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 
 import hil
+from hil import api
 from hil.api.python_words import python_words
 from hil.cli.app import main
 from hil.errors import HilError
@@ -66,7 +67,32 @@ def test_identify_says_what_is_missing_in_words_of_python(given: dict[str, Any],
         assert "--" not in str(raised.value)
 
 
+def test_notes_and_warnings_name_arguments_too(tmp_path: Any) -> None:
+    notes: list[str] = []
+    model = hil.typical_model("brevini-hpv41")
+    given = {name.replace(" [s]", ""): values for name, values in measured().items()}
+    given["flow [l/min]"] *= 0.8  # or nothing would be looked for
+    found = hil.diagnose(model, given, budget_s=1e-6, out=tmp_path / "d", notes=notes.append)
+    assert any("units={'time': 'ms'}" in note for note in notes)
+    assert any("a larger budget_s may find more" in text for text in found.diagnosis.warnings)
+    assert "--" not in "".join((*notes, *found.diagnosis.warnings))
+
+
+def test_a_bench_that_is_driven_by_hand_names_arguments_in_its_errors(tmp_path: Any) -> None:
+    bench = tmp_path / "bench.toml"
+    bench.write_text('based_on = "brevini-hpv41"\n[valve]\nserial = "ask"\n', encoding="utf-8")
+    with pytest.raises(HilError, match="say which unit this is with serial=SN"):
+        hil.run("step_response", bench, tmp_path / "run")
+    (tmp_path / "demo").mkdir()
+    (tmp_path / "demo" / "file").touch()
+    with pytest.raises(HilError, match="name another folder with out, or remove it"):
+        api.demo(tmp_path / "demo")
+
+
 def test_python_words_are_arguments() -> None:
+    command = "`hil identify --plant` makes a model; a larger budget_s"
+    assert python_words(command.replace("budget_s", "--budget")) == command
+    assert python_words("  next: hil run step --set a=1") == "  next: hil run step --set a=1"
     assert python_words("use --gaps, or --columns A,B") == "use hil.read(…, gaps=True), or hil.read(…, columns=A),B"
     assert python_words("--rename time=frequency") == "hil.read(…, renamed={'time': 'frequency'})"
     assert python_words("a larger --bench-budget; --free a") == "a larger bench_budget_s; free a"
