@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from contextlib import suppress
 from textwrap import shorten
 from typing import Any
 
@@ -76,9 +77,14 @@ def heard(bus: Any, address: str, wait_s: float) -> Any:
     try:
         return bus.recv(wait_s)
     except Exception as error:  # python-can and the interfaces under it raise what they like
-        raise gone(address, error) from error
+        raise gone(bus, address, error) from error
 
 
-def gone(address: str, error: Exception) -> DeviceLostError:
-    """A bus that does not take or give frames any more: bus-off, a full queue, an adapter that was pulled."""
+def gone(bus: Any, address: str, error: Exception) -> DeviceLostError:
+    """A bus that does not take or give frames any more: bus-off, a full queue, an adapter that was pulled.
+
+    It is given up: what the port of a serial adapter (slcan) still holds would go out after what is sent next.
+    """
+    with suppress(Exception):
+        bus.serialPortOrig.reset_output_buffer()
     return DeviceLostError(f"{address}: the bus is gone: {said_by(error) or type(error).__name__}")

@@ -126,7 +126,7 @@ class CanFrames:
         try:
             self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=extended))
         except Exception as error:
-            raise gone(self._settings.address, error) from error
+            raise gone(self._bus, self._settings.address, error) from error
 
     def _claim_address(self) -> None:
         if self._claim is None:

@@ -48,7 +48,7 @@ class CanopenNetwork(canopen.Network):
         try:
             super().send_message(can_id, data, remote)
         except Exception as error:  # python-can and the interfaces under it raise what they like
-            raise gone(self._address, error) from error
+            raise gone(self.bus, self._address, error) from error
 
     def check(self) -> None:
         """Nothing: the library takes a bus for lost for ever once reading it has failed; this one goes on reading."""
@@ -56,7 +56,7 @@ class CanopenNetwork(canopen.Network):
     def check_readable(self) -> None:
         """Raise `DeviceLostError` when the bus cannot be read."""
         if self.failure is not None:
-            raise gone(self._address, self.failure) from self.failure
+            raise gone(self.bus, self._address, self.failure) from self.failure
 
     def transfer(self, node: Any, kind: str, index: int, sub: int, *data: bytes) -> bytes:
         """An SDO `upload` or `download` of a node.

@@ -8,10 +8,11 @@ from contextlib import suppress
 from typing import Any
 
 from drivers._edge import given_up, guard_port, wire_log
+from drivers._meeting import Meeting
 from drivers._start_up import once_started
 from hil.daq.address import Port, address_fault
 from hil.daq.channel import Wiring
-from hil.daq.connection import close
+from hil.daq.connection import close, is_hung_up
 from hil.errors import DeviceLostError, LinkError
 
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
@@ -20,8 +21,8 @@ _LONGEST = 4096  # an answer without an end
 _FIRST = 10  # answers on a line: a device that needs a pause falls silent among them
 
 
-def answering(opened: Callable[[], Line], hello: str, startup_s: float, wiring: Wiring) -> tuple[Line, str]:
-    """A line whose device has answered to `hello`, and what it said; only open where there is nothing to ask.
+def answering(opened: Callable[[], Line], hello: str, startup_s: float, wiring: Wiring) -> Line:
+    """A line whose device has answered to `hello`; only open where there is nothing to ask.
 
     Where nothing is wanted but that outputs become safe, the line is handed over without an answer too.
 
@@ -29,14 +30,15 @@ def answering(opened: Callable[[], Line], hello: str, startup_s: float, wiring: 
         LinkError: it did not, in the time of its start-up.
     """
 
-    def asked() -> tuple[Line, str]:
+    def asked() -> Line:
         line = opened()
         try:
             ask = line.ask if wiring.only_safe else line.ask_first
-            return line, ask(hello).strip() if hello else ""
+            line.meeting.met(ask(hello).strip() if hello else "", lambda: line.ask(hello).strip())
+            return line
         except LinkError:
             if wiring.only_safe:
-                return line, ""
+                return line
             line.close()
             raise
         except BaseException:
@@ -79,6 +81,7 @@ class Line:
         self._quiet_until_s = self._rest_until_s = 0.0
         self._answers = 0
         self._port: Any = None
+        self.meeting = Meeting()
         self._place = Port(address)
         self._open()
 
@@ -113,6 +116,9 @@ class Line:
         """Send what has no answer, at once: also while a late answer may still come."""
         if self._port is None:
             self._open()
+        if self.is_clean:
+            with suppress(LinkError):  # nobody says what it is: on its own port a safe value is sent all the same
+                self.meeting.take_place()
         self._send(request, time.monotonic() + self._timeout_s)
         self._rest_until_s = time.monotonic() + self._pause_s
 
@@ -120,6 +126,16 @@ class Line:
     def is_clean(self) -> bool:
         """Whether the next answer can only be that to the next request."""
         return time.monotonic() >= self._quiet_until_s
+
+    @property
+    def is_hung_up(self) -> bool:
+        """Whether it is not open, or the other side has closed it meanwhile."""
+        behind = getattr(self._port, "_socket", None)
+        return self._port is None or (behind is not None and is_hung_up(behind))
+
+    def meet(self) -> None:
+        """Open it where it is not, and ask who answers; raises as `ask`."""
+        self._wait_until_clean()
 
     def failed(self, text: str) -> LinkError:
         """After an answer that cannot be used nothing is asked for a while; what comes then is thrown away."""
@@ -154,6 +170,7 @@ class Line:
             look_s = min(self._timeout_s, _LOOK_S)  # set once: on some ports a change is a negotiation
             self._port = serial.serial_for_url(path, baudrate=self._baud, timeout=look_s, **more)
             guard_port(self._port, self._timeout_s)
+            self.meeting.is_due()
         except (OSError, ValueError) as error:
             raise DeviceLostError(f"{self._address}: cannot be opened: {_cause(error, path)}") from None
 
@@ -209,6 +226,7 @@ class Line:
             time.sleep(wait_s)
         if self._port is None:
             self._open()
+        self.meeting.take_place()
 
 
 def _cause(error: Exception, path: str) -> str:

@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import NoReturn
 
 from drivers._edge import wire_log
+from drivers._meeting import Meeting
 from drivers._modbus_client import LineSettings, belongs, client_of, request
 from hil.daq.connection import is_hung_up
 from hil.errors import DeviceLostError, LinkError
@@ -29,6 +30,7 @@ class ModbusLine:
         self._has_answered = False
         self._log = wire_log("modbus", settings.address)
         self.client = client_of(settings, self._trace)
+        self.meeting = Meeting()
 
     def connect(self) -> None:
         """Open the line if it is not.
@@ -38,6 +40,12 @@ class ModbusLine:
         """
         if not self.client.connect():
             raise DeviceLostError(f"{self._settings.address}: cannot be reached")
+
+    def meet(self) -> None:
+        """Open it, and ask who answers."""
+        self.connect()
+        self.meeting.is_due()
+        self.meeting.take_place()
 
     def close(self) -> None:
         """Let go of it."""
@@ -93,6 +101,7 @@ class ModbusLine:
         from pymodbus.exceptions import ConnectionException
 
         self._wait_until_clean()
+        self._meet_anew()
         self._came = self._received = b""
         try:
             answer = request(self.client, function, address, count, values, self._settings.unit_id)
@@ -120,6 +129,13 @@ class ModbusLine:
         if self._settings.pause_s:
             self._rest_until_s = time.monotonic() + self._settings.pause_s
         return [int(bit) for bit in answer.bits[:count]] if function in (1, 2) else list(answer.registers)
+
+    def _meet_anew(self) -> None:
+        if self._settings.transport == "tcp" and self.client.socket is None:
+            if not self.client.connect():
+                self._fail(None, DeviceLostError, "the connection is lost")
+            self.meeting.is_due()
+        self.meeting.take_place()
 
     def _two_came(self, length: int) -> bool:
         """Whether behind an answer on a serial line there is another one: which is which nobody can tell.

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from drivers._edge import edge
+from drivers._meeting import OnALine
 from drivers._modbus_client import LineSettings
 from drivers._modbus_line import ModbusLine
 from drivers._modbus_model import Model, check_level
@@ -23,7 +24,7 @@ from hil.units import behind_a_number
 
 
 @edge
-class ModbusLink:
+class ModbusLink(OnALine):
     """A device on Modbus (see `hil.daq.link.Link`).
 
     Attributes:
@@ -34,6 +35,8 @@ class ModbusLink:
         DeviceLostError: nothing answers at the address.
         LinkError: it reports a fault that cannot be cleared, or does not get ready.
     """
+
+    _line: ModbusLine
 
     def __init__(self, settings: LineSettings, wiring: Wiring, model: Model) -> None:
         if settings.watchdog_s is not None:
@@ -65,12 +68,11 @@ class ModbusLink:
         try:
             startup_s = 0.0 if wiring.only_safe else settings.startup_s
             once_started(startup_s, lambda: self._reached(startup_s))
-            self.identity = self._line.identity() if wiring.known_as else ""
-            wiring.refuse_another(self.identity)
-            if wiring.outputs:  # a device whose inputs alone are read is left as it is
-                with wiring.forgiving():
-                    self._ready.made(self._go_safe, self._look_around)
-            self.identity = self.identity if wiring.known_as else self._line.identity()
+            identity = self._line.identity() if wiring.known_as else ""
+            wiring.refuse_another(identity)
+            with wiring.forgiving():
+                self._make_ready()
+            self._line.meeting.met(identity if wiring.known_as else self._line.identity(), self._line.identity)
         except BaseException:
             self.close()
             raise
@@ -108,22 +110,6 @@ class ModbusLink:
             self._outputs_stand()
         return readings
 
-    def renew(self) -> None:
-        """Connect again where the device has closed an idle connection, if it is the same one; outputs go safe.
-
-        Raises:
-            DeviceLostError: it is not reached.
-            LinkError: another device answers there.
-        """
-        if not self._line.is_hung_up:
-            return
-        self._line.close()
-        self._line.connect()
-        if (found := self._line.identity()) != self.identity:
-            raise LinkError(f"another device answers since the connection was closed: {found or 'it says nothing'}")
-        if self._safe:
-            self._ready.made(self._go_safe, self._look_around)
-
     def close(self) -> None:
         """Close the connection; outputs that were enabled are so no longer where the device has that."""
         try:
@@ -141,6 +127,10 @@ class ModbusLink:
         except BaseException:
             self._line.close()
             raise
+
+    def _make_ready(self) -> None:
+        if self._safe:  # a device whose inputs alone are read is left as it is
+            self._ready.made(self._go_safe, self._look_around)
 
     def _go_safe(self) -> None:
         for stretch, words in self._words(self._safe):

@@ -87,7 +87,7 @@ def _controllers(bus: Any, heard: Mapping[int, str], address: str) -> list[Found
     try:
         bus.send(can.Message(arbitration_id=identifier, data=CLAIMED.to_bytes(3, "little"), is_extended_id=True))
     except Exception as error:
-        raise gone(address, error) from error
+        raise gone(bus, address, error) from error
     _, claimed = _listened(bus, 2.0 * CLAIM_WAIT_S, address)
     names = {**heard, **{source: name for source, name in claimed.items() if name or source not in heard}}
     return [Found(f"J1939 address {source:#04x}", {"NAME": name or "not told"})

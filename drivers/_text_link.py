@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field, FiniteFloat, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line, answering
+from drivers._meeting import OnALine
 from drivers._read_back import ReadBackTimes
 from drivers._templates import Numbers, filled, matched, names_safe, remedy
 from drivers._watchdog import DeviceWatchdog
@@ -64,7 +65,7 @@ def level_of(settings: Settings) -> float | None:
 
 
 @edge
-class TextLink:
+class TextLink(OnALine):
     """A device on its line (see `hil.daq.link.Link`).
 
     Attributes:
@@ -74,6 +75,8 @@ class TextLink:
         LinkError: it says that it is something else.
         SettingError: a watchdog that would put an output elsewhere than at its safe value.
     """
+
+    _line: Line
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         told = told_of(settings)
@@ -85,13 +88,15 @@ class TextLink:
         whole = told.whole
         self._outputs = {c.terminal: whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: whole[c.terminal] for c in wiring.inputs.values()}
+        self._safe = {c.terminal: c.safe for c in wiring.outputs.values()}
+        self._armed = told.watchdog
         self._driven: dict[str, float] = {}
         self._before: set[str] = set()
         self._looked_at = wiring.looked_at
         self.unmeasured: dict[str, str] = {}
         self._checked_s = time.monotonic()
         self._read_back_times = ReadBackTimes()
-        self._line, self.identity = answering(
+        self._line = answering(
             lambda: Line(
                 settings.address, settings.baud, ENDS[talk.end], settings.timeout_s, settings.longest_reply_s,
                 driver="text", echo=settings.echo or talk.echo, pause_s=max(settings.pause_s, talk.pause_s),
@@ -102,9 +107,8 @@ class TextLink:
             wiring.refuse_another(self.identity)
             if self.identity or (talk.hello and not wiring.only_safe):
                 self._recognise()
-            if self._outputs:
-                with wiring.forgiving():
-                    self._set_up(told, {c.terminal: c.safe for c in wiring.outputs.values()})
+            with wiring.forgiving():
+                self._make_ready()
         except BaseException:
             self.close()
             raise
@@ -166,13 +170,16 @@ class TextLink:
         if matched(self._talk.identity, self.identity, self._numbers) is None:
             raise LinkError(f"to {self._talk.hello} it says '{self.identity}', not '{self._talk.identity}'")
 
-    def _set_up(self, told: TextDescription, safe: Mapping[str, float]) -> None:
+    def _make_ready(self) -> None:
+        if not self._outputs:
+            return
         for line in self._talk.setup:
             self._tell(line, "")
-        numbers = {name: self._number_of(name, value) for name, value in safe.items()}
-        for line in told.watchdog.arm if told.watchdog and self.watchdog_s is not None else ():
-            if all(name in numbers for name in names_safe(line)):
-                self._tell(filled(line, self._numbers, self.watchdog_s or 0.0, numbers), told.watchdog.reply)  # type: ignore[union-attr]
+        numbers = {name: self._number_of(name, value) for name, value in self._safe.items()}
+        armed = self._armed if self.watchdog_s is not None else None
+        for line in armed.arm if armed is not None else ():
+            if armed is not None and all(name in numbers for name in names_safe(line)):
+                self._tell(filled(line, self._numbers, self.watchdog_s or 0.0, numbers), armed.reply)
         self._no_error(self._talk.setup)
 
     def _line_of(self, name: str, value: float) -> str:

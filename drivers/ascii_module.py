@@ -18,6 +18,7 @@ from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line
+from drivers._meeting import OnALine
 from drivers._read_back import ReadBackTimes
 from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
@@ -103,7 +104,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 
 @edge
-class AsciiModuleLink:
+class AsciiModuleLink(OnALine):
     """A module on its line (see `hil.daq.link.Link`).
 
     Attributes:
@@ -112,6 +113,8 @@ class AsciiModuleLink:
     Raises:
         LinkError: another module answers than the one that was named, or one that is set otherwise.
     """
+
+    _line: Line
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         self._model = _told(settings)
@@ -123,7 +126,6 @@ class AsciiModuleLink:
             driver="ascii_module", echo=settings.echo, pause_s=settings.pause_s,
         )  # fmt: skip
         self._at = f"{settings.module:02X}"
-        self.identity = f"{self._model.module_name} at {self._at}"
         self._inputs = [channel.terminal for channel in wiring.inputs.values()]
         self._outputs = [channel.terminal for channel in wiring.outputs.values()]
         self._driven: dict[str, float] = {}
@@ -131,9 +133,8 @@ class AsciiModuleLink:
         self._read_back_times = ReadBackTimes()
         try:
             self._recognise(wiring)
-            if self.watchdog_s is not None and self._outputs:
-                with wiring.forgiving():
-                    self._done(f"$%X{round(10.0 * self.watchdog_s):04d}")
+            with wiring.forgiving():
+                self._make_ready()
         except BaseException:
             self.close()
             raise
@@ -190,15 +191,28 @@ class AsciiModuleLink:
         """Close the line."""
         self._line.close()
 
+    def _make_ready(self) -> None:
+        if self.watchdog_s is not None and self._outputs:
+            self._done(f"$%X{round(10.0 * self.watchdog_s):04d}")
+
+    def _name(self) -> str:
+        """What the module says that it is, and where."""
+        return f"{self._ask('$%M', '!%')} at {self._at}"
+
     def _recognise(self, wiring: Wiring) -> None:
         try:
-            name = self._ask("$%M", "!%")
+            identity = self._name()
         except LinkError:  # what an earlier program left on the line may have come in between
             if wiring.only_safe:
                 return
-            name = self._ask("$%M", "!%")
-        if name != self._model.module_name:
+            identity = self._name()
+        if identity != f"{self._model.module_name} at {self._at}":
+            name = identity.removesuffix(f" at {self._at}")
             raise LinkError(f"module {self._at} is a '{name}', not a {self._model.module_name}")
+        wiring.refuse_another(identity)
+        self._line.meeting.met(identity, self._name)
+        if wiring.only_safe:  # what is asked besides may go unanswered, and a safe value shall not wait for it
+            return
         if self._inputs:
             self._check_settings()
         for output in self._outputs:

@@ -243,7 +243,7 @@ class J1939ValveLink:
         try:
             self._bus.send(can.Message(arbitration_id=identifier, data=data, is_extended_id=True))
         except Exception as error:
-            raise gone(self._settings.address, error) from error
+            raise gone(self._bus, self._settings.address, error) from error
 
     def _address_is_ours(self) -> None:
         if self._claim.lost_to == self._name:

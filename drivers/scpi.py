@@ -17,6 +17,7 @@ from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line, answering
+from drivers._meeting import OnALine
 from drivers._read_back import ReadBackTimes
 from drivers._templates import Numbers, filled, matched, remedy
 from hil.daq.channel import Terminal, Wiring
@@ -101,7 +102,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 
 @edge
-class ScpiLink:
+class ScpiLink(OnALine):
     """An instrument that speaks SCPI (see `hil.daq.link.Link`). It has no watchdog.
 
     Every message ends with `SYST:ERR?`, so that each has an answer, and one that says whether it was understood.
@@ -116,11 +117,13 @@ class ScpiLink:
     watchdog_s: float | None = None
     keep_alive_s: float | None = None
 
+    _line: Line
+
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         told = description_of(settings, "scpi")
         self._step, self._setup = settings.step, told.text.setup
         self._written = Numbers(told.text.decimal, told.text.no_measurement)
-        self._line, self.identity = answering(
+        self._line = answering(
             lambda: Line(
                 settings.address, settings.baud, ENDS[settings.end], settings.timeout_s, settings.longest_reply_s,
                 driver="scpi", echo=settings.echo or told.text.echo, pause_s=max(settings.pause_s, told.text.pause_s),
@@ -136,12 +139,15 @@ class ScpiLink:
             if self.identity or not wiring.only_safe:
                 self._recognise(told.text.identity)
             wiring.refuse_another(self.identity)
-            if self._outputs and self._setup:
-                with wiring.forgiving():
-                    self._asked(list(self._setup))
+            with wiring.forgiving():
+                self._make_ready()
         except BaseException:
             self.close()
             raise
+
+    def _make_ready(self) -> None:
+        if self._outputs and self._setup:
+            self._asked(list(self._setup))
 
     def _recognise(self, wanted: str) -> None:
         if self.identity.count(",") != 3:

@@ -30,9 +30,10 @@ class Link(Protocol):
 
     A device that tells its readings without being asked may say `reading_age_s`: how old one is on average. One that
     says what it is (a serial number) may keep that as `identity`, empty when it has not: who answers to its address
-    with another one later is another device. It asks before it writes, and calls `Wiring.refuse_another`. One that
-    says why an input has no measurement may keep that after each `read` as `unmeasured`, in words by terminal. One on
-    a connection that the device may close while it idles may have a `renew`, called before a task with outputs safe.
+    with another one later is another device. It asks before it writes, and calls `Wiring.refuse_another`; on every new
+    connection within its life it asks again. One that says why an input has no measurement may keep that after each
+    `read` as `unmeasured`, in words by terminal. One on a connection that the device may close while it idles may have
+    a `renew`, called before a task with outputs safe.
     """
 
     watchdog_s: float | None
