@@ -31,6 +31,7 @@ MOST_LEVELS = 64
 _PATH_FLAGS = os.O_PATH | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _FILE_FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY
 _LEAST_BYTES, _LARGEST_BYTES = 1 << 30, 1 << 34
+_LEAST_UNPACKED, _MOST_SHRUNK = 1 << 28, 100
 _SPARSE_BYTES, _SPARSEST = 1 << 28, 64  # a file this large holds at least a part of what its size says
 _KINDS = (
     (stat.S_ISLNK, "a link, and links are not followed"), (stat.S_ISDIR, "a folder"), (stat.S_ISFIFO, "a pipe"),
@@ -51,6 +52,16 @@ def most_bytes() -> int:
 def size_allowed() -> str:
     """For messages: what `most_bytes` allows."""
     return f"at most {most_bytes() / 1e9:.3g} GB are read on this computer"
+
+
+def most_unpacked(stored_bytes: int) -> int:
+    """What a recording of so many bytes may unpack to: measured values shrink to a tenth, not to a thousandth."""
+    return min(max(_LEAST_UNPACKED, _MOST_SHRUNK * stored_bytes), most_bytes())
+
+
+def unpacked_allowed(stored_bytes: int) -> str:
+    """For messages: what `most_unpacked` allows."""
+    return f"{_size(stored_bytes)} may unpack to {_size(most_unpacked(stored_bytes))} on this computer"
 
 
 def open_untrusted(root: str | Path, name: str | Path, most_bytes: int = MOST_BYTES) -> BufferedReader:

@@ -27,13 +27,20 @@ from hil.child import Process, child
 from hil.errors import FileError, StorageError
 from hil.record.columns import Column, Contents, Table
 from hil.record.extra import check_installed
-from hil.untrusted import most_bytes, parse_json, size_allowed
+from hil.untrusted import most_bytes, most_unpacked, parse_json, unpacked_allowed
 
 _PLAIN_KINDS = "biufcmMUSV"  # kinds of numpy that hold no objects
 _LONGEST_WAIT_S = 900.0
 _COUNT_BYTES = 8
 START_BYTES = 1024
-_ALONE = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "NUMEXPR_NUM_THREADS": "1", "HDF5_PLUGIN_PRELOAD": "::"}
+_CPU_S, _BYTES_PER_CPU_S = 1, 1_000_000
+_ALONE = {
+    "ARROW_DEFAULT_MEMORY_POOL": "system",
+    "OPENBLAS_NUM_THREADS": "1",
+    "OMP_NUM_THREADS": "1",
+    "NUMEXPR_NUM_THREADS": "1",
+    "HDF5_PLUGIN_PRELOAD": "::",
+}
 
 
 def confined_contents(form: ModuleType, path: Path, file: BinaryIO) -> Contents:
@@ -50,6 +57,7 @@ def confined_contents(form: ModuleType, path: Path, file: BinaryIO) -> Contents:
     """
     for name in form.libraries(os.pread(file.fileno(), START_BYTES, 0)):
         check_installed(name, path)
+    stored_bytes = os.fstat(file.fileno()).st_size
     here, there = socket.socketpair()
     with here, there:
         _ask({"format": form.__name__.rpartition(".")[2], "path": str(path)}, file.fileno(), there.fileno())
@@ -57,12 +65,17 @@ def confined_contents(form: ModuleType, path: Path, file: BinaryIO) -> Contents:
         here.settimeout(_LONGEST_WAIT_S)
         with here.makefile("rb") as answer:
             try:
-                return _received(answer, path)
+                return _received(answer, path, most_unpacked(stored_bytes))
             except (OSError, EOFError):
                 raise FileError(
                     f"{path}: its reader ended without an answer: the file is damaged, or needs more memory or time "
-                    f"than allowed; {size_allowed()}"
+                    f"than allowed; {unpacked_allowed(stored_bytes)}, within {most_cpu_s(stored_bytes)} s of processor"
                 ) from None
+
+
+def most_cpu_s(stored_bytes: int) -> int:
+    """The processor time in s that a file of so many bytes may take."""
+    return _CPU_S + stored_bytes // _BYTES_PER_CPU_S
 
 
 def sent(contents: Contents, is_confined: bool) -> list[bytes | memoryview]:
@@ -116,14 +129,17 @@ def _plain(values: NDArray[Any]) -> NDArray[Any]:
     return np.ascontiguousarray(values).reshape(values.shape)
 
 
-def _received(answer: BinaryIO, path: Path) -> Contents:
+def _received(answer: BinaryIO, path: Path, most: int) -> Contents:
     count = int.from_bytes(_exactly(answer, _COUNT_BYTES), "little")
     head = parse_json(_exactly(answer, min(count, most_bytes())), str(path))
     if "error" in head:
         raise FileError(str(head["error"]))
     if not head["is_confined"]:
         _say_unconfined()
-    arrays = [_array(answer, path, dtype, shape) for dtype, shape in head["arrays"]]
+    arrays = []
+    for dtype, shape in head["arrays"]:
+        arrays.append(_array(answer, path, dtype, shape, most))
+        most -= arrays[-1].nbytes
     tables = [
         Table(
             table["name"],
@@ -136,13 +152,13 @@ def _received(answer: BinaryIO, path: Path) -> Contents:
     return tables, head["meta"]
 
 
-def _array(answer: BinaryIO, path: Path, kind: str, shape: Sequence[int]) -> NDArray[Any]:
+def _array(answer: BinaryIO, path: Path, kind: str, shape: Sequence[int], most: int) -> NDArray[Any]:
     dtype = np.dtype(kind)
     if dtype.kind not in _PLAIN_KINDS or dtype.names or dtype.subdtype or dtype.hasobject:
         raise FileError(f"{path}: its reader sent '{kind:.20}', which is no kind of figures")
     size = dtype.itemsize * int(np.prod(shape, dtype=object))
-    if not 0 <= size <= most_bytes():
-        raise FileError(f"{path}: an array of {size / 1e9:.3g} GB; {size_allowed()}")
+    if not 0 <= size <= most:
+        raise FileError(f"{path}: an array of {size / 1e9:.3g} GB; {most / 1e9:.3g} GB of it may still be read")
     found = np.empty(size, dtype=np.uint8)
     space, filled = found.data, 0
     while filled < size:
@@ -163,7 +179,7 @@ def _exactly(answer: BinaryIO, count: int) -> bytes:
 @cache
 def _say_unconfined() -> None:
     logging.getLogger(__name__).warning(
-        "this kernel has no Landlock: files that libraries parse are read with bounded memory and time only"
+        "this kernel has no Landlock: what parses files of others opens no other file, but might run a program"
     )
 
 

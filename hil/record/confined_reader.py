@@ -1,7 +1,8 @@
 """The process that reads files of others: it imports their libraries, and makes a child for each file.
 
-The child gives up the right to open anything (Landlock), to write, and to use more memory and time than a recording
-needs, before it looks at the file. Started by `hil.record.confined`, with a socket as its input.
+The child gives up the right to open anything (no handle is free, and Landlock), to write, and to use more memory and
+time than a recording of this size needs, before it looks at the file. Started by `hil.record.confined`, with a socket
+as its input.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from typing import Any
 
 from hil.errors import FileError, reason
 from hil.record import exchange
-from hil.record.confined import START_BYTES, framed, sent
+from hil.record.confined import START_BYTES, framed, most_cpu_s, sent
 from hil.record.extra import library
-from hil.untrusted import most_bytes, size_allowed
+from hil.untrusted import most_unpacked, unpacked_allowed
 
-_CPU_S, _BYTES_PER_CPU_S = 30, 10_000_000
-_SPARE_BYTES = 1 << 31  # for what libraries reserve and never touch
+_COPIES = 2  # of the values: as the library holds them, and as they are sent
+_SPARE_BYTES, _RESERVED_BYTES = 1 << 26, 1 << 31  # for what libraries touch, and reserve without touching it
 
 _CREATE_RULESET, _RESTRICT_SELF, _VERSION = 444, 446, 1
 _PR_SET_NO_NEW_PRIVS, _PR_SET_PDEATHSIG = 38, 1
@@ -65,12 +66,13 @@ def _answer_in_a_child(asked: socket.socket, request: dict[str, str], file: int,
 
 
 def _read(form: Any, path: Path, file: int) -> list[bytes | memoryview]:
-    is_confined = confine(os.fstat(file).st_size)
+    stored_bytes = os.fstat(file).st_size
+    is_confined = confine(stored_bytes)
     try:
-        with open(os.dup(file), "rb") as opened:  # noqa: PTH123  # a handle, not a path
+        with open(file, "rb", closefd=False) as opened:  # a handle, not a path
             return sent(form.contents(path, opened), is_confined)
     except MemoryError:
-        text = f"{path}: needs more memory than allowed; {size_allowed()}"
+        text = f"{path}: needs more memory than allowed; {unpacked_allowed(stored_bytes)}"
     except FileError as error:
         text = str(error)
     except Exception as error:  # a library raises what its parser happens to stumble over
@@ -78,21 +80,25 @@ def _read(form: Any, path: Path, file: int) -> list[bytes | memoryview]:
     return framed({"error": text})
 
 
-def confine(file_bytes: int) -> bool:
+def confine(stored_bytes: int) -> bool:
     """Give up, for good, what reading an open file does not need; returns whether nothing else can be opened now.
 
     Args:
-        file_bytes: size of the file, on which the time depends that it may take.
+        stored_bytes: size of the file, on which memory and time depend that it may take.
     """
     libc = ctypes.CDLL(None, use_errno=True)
     libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0)
-    memory = _mapped_bytes() + 2 * most_bytes() + _SPARE_BYTES
-    resource.setrlimit(resource.RLIMIT_AS, (memory, memory))
-    cpu_s = _CPU_S + file_bytes // _BYTES_PER_CPU_S
-    resource.setrlimit(resource.RLIMIT_CPU, (cpu_s, cpu_s + 1))
-    for limit in (resource.RLIMIT_FSIZE, resource.RLIMIT_CORE):
-        resource.setrlimit(limit, (0, 0))
-    return _give_up_files(libc)
+    reserved, touched = _memory_bytes()
+    memory = _COPIES * most_unpacked(stored_bytes) + _SPARE_BYTES
+    cpu_s = most_cpu_s(stored_bytes)
+    for limit, most in (
+        (resource.RLIMIT_DATA, touched + memory), (resource.RLIMIT_AS, reserved + memory + _RESERVED_BYTES),
+        (resource.RLIMIT_CPU, cpu_s), (resource.RLIMIT_FSIZE, 0), (resource.RLIMIT_CORE, 0),
+    ):  # fmt: skip
+        resource.setrlimit(limit, (most, most))
+    is_confined = _give_up_files(libc)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (0, 0))  # with Landlock or without: no further handle
+    return is_confined
 
 
 def _give_up_files(libc: ctypes.CDLL) -> bool:
@@ -110,14 +116,17 @@ def _give_up_files(libc: ctypes.CDLL) -> bool:
     return bool(done == 0)
 
 
-def _mapped_bytes() -> int:
-    return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0]) * resource.getpagesize()
+def _memory_bytes() -> tuple[int, int]:
+    """(reserved, of one's own to write to) by this process."""
+    pages = Path("/proc/self/statm").read_text(encoding="ascii").split()
+    return int(pages[0]) * resource.getpagesize(), int(pages[5]) * resource.getpagesize()
 
 
 def _send(answer: int, parts: list[bytes | memoryview]) -> None:
-    with socket.socket(fileno=os.dup(answer)) as stream:
-        for part in parts:
-            stream.sendall(part)
+    stream = socket.socket(fileno=answer)
+    for part in parts:
+        stream.sendall(part)
+    stream.detach()  # whose handle it is closes it
 
 
 if __name__ == "__main__":

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from hil.errors import FileError
-from hil.untrusted import MOST_LEVELS, most_bytes, size_allowed
+from hil.untrusted import MOST_LEVELS, most_unpacked, unpacked_allowed
 
 _MOST_ITEMS = 100_000
 
 
-def check_inside(h5py: Any, path: Path, file: Any) -> None:
-    """Look at every link and every dataset of an open file.
+def check_inside(h5py: Any, path: Path, file: Any, stored_bytes: int) -> None:
+    """Look at every link and every dataset of an open file of so many bytes.
 
     Raises:
         FileError: a part of it lies in another file, leads back into itself, or is larger than what is read.
@@ -28,10 +28,10 @@ def check_inside(h5py: Any, path: Path, file: Any) -> None:
             _check_stored_here(h5py, path, name, item)
             size = item.dtype.itemsize * int(item.size or 0)
             total += size
-            if total > most_bytes():
+            if total > most_unpacked(stored_bytes):
                 raise FileError(
                     f"{path}: dataset '{name}' says that it holds {item.size} values ({size / 1e9:.3g} GB); "
-                    f"{size_allowed()}"
+                    f"{unpacked_allowed(stored_bytes)}"
                 )
 
 

@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import IO, Literal
 
 from hil.errors import FileError
-from hil.untrusted import most_bytes
+from hil.untrusted import most_unpacked, unpacked_allowed
 
 _MOSTLY = 0.8
 _START_BYTES = 1 << 16
-_LEAST_UNPACKED, _MOST_SHRUNK = 1 << 28, 100
 _GZIP_LEVEL = 3  # noise shrinks by 3 % more at level 9, for more than twice the time
 
 
@@ -37,8 +36,8 @@ class Unpacked(gzip.GzipFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "rb")
-        self._path, packed = path, path.stat().st_size
-        self._most = min(max(_LEAST_UNPACKED, _MOST_SHRUNK * packed), most_bytes())
+        self._path, self._packed = path, path.stat().st_size
+        self._most = most_unpacked(self._packed)
 
     def read(self, size: int | None = -1) -> bytes:
         """So many bytes. Raises `FileError` beyond what is read."""
@@ -54,11 +53,7 @@ class Unpacked(gzip.GzipFile):
         except (EOFError, OSError, zlib.error) as error:
             raise PackedError(f"{self._path}: cannot be unpacked: {error}") from None
         if self.tell() > self._most:
-            raise PackedError(
-                f"{self._path}: {self._path.stat().st_size} bytes unpack to more than "
-                f"{self._most / 1e6:.4g} MB; so much "
-                "is read of a compressed file"
-            )
+            raise PackedError(f"{self._path}: unpacks to more than is read; {unpacked_allowed(self._packed)}")
         return found
 
 

@@ -6,6 +6,7 @@ or in an attribute `unit` or `units`.
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -39,7 +40,7 @@ def contents(path: Path, file: BinaryIO) -> Contents:
     h5py = library("h5py", path)
     try:
         with h5py.File(file, "r") as opened:
-            check_inside(h5py, path, opened)
+            check_inside(h5py, path, opened, os.fstat(file.fileno()).st_size)
             meta, channels = parse_about(opened[KEY][()] if KEY in opened else None)
             return list(tables(opened, path.stem, channels)), meta
     except (OSError, RuntimeError, KeyError) as error:

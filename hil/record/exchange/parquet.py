@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import BinaryIO
 
@@ -11,7 +12,7 @@ from hil.record.columns import Column, Contents, Table
 from hil.record.extra import library
 from hil.record.flat import flat
 from hil.record.recording import Recording
-from hil.untrusted import most_bytes, size_allowed
+from hil.untrusted import most_unpacked, unpacked_allowed
 
 SUFFIXES = (".parquet", ".pq")
 KIND = "Parquet"
@@ -30,11 +31,11 @@ def contents(path: Path, file: BinaryIO) -> Contents:
         FileError: it holds more than is read.
     """
     parquet = library("pyarrow.parquet", path)
-    opened = parquet.ParquetFile(file)
-    if (size := opened.metadata.num_rows * opened.metadata.num_columns * _VALUE_BYTES) > most_bytes():
+    opened, stored_bytes = parquet.ParquetFile(file), os.fstat(file.fileno()).st_size
+    if (size := opened.metadata.num_rows * opened.metadata.num_columns * _VALUE_BYTES) > most_unpacked(stored_bytes):
         raise FileError(
             f"{path}: says that it holds {opened.metadata.num_rows} rows of {opened.metadata.num_columns} columns, "
-            f"{size / 1e9:.3g} GB; {size_allowed()}"
+            f"{size / 1e9:.3g} GB; {unpacked_allowed(stored_bytes)}"
         )
     table = opened.read(use_threads=False)
     meta, channels = parse_about((table.schema.metadata or {}).get(KEY.encode()))
