@@ -1,4 +1,4 @@
-"""How a run ended, for a page: who stopped it, when, and where each output stands."""
+"""How a run ended, for a page: who stopped it, when, what is known of its outputs and where each stands."""
 
 from __future__ import annotations
 
@@ -7,13 +7,15 @@ from typing import Any
 
 from hil.language.words import _
 from hil.record.header import End, Header, read_end, read_header
+from hil.record.measurement import AS_PLANNED
 from hil.report.number import number
+from hil.safety.outputs import ending_words
 
 _PRESSED = "Halted: "
 
 
 def ending_of(folder: Path) -> dict[str, Any]:
-    """`word` and `sentence` of a run that somebody stopped, empty for every other; and `stands`, by output.
+    """`word` of a run that somebody stopped, `sentence` of each that did not end as planned; and `stands`, by output.
 
     Raises:
         FileError: not a run folder.
@@ -23,17 +25,18 @@ def ending_of(folder: Path) -> dict[str, Any]:
         return {"word": "", "sentence": "", "stands": {}}
     outputs = end.meta.get("outputs") or {}
     stands = {name: one.get("at") for name, one in outputs.items() if isinstance(one, dict)}
-    if not end.outcome.startswith(_PRESSED):
-        return {"word": "", "sentence": "", "stands": stands}
-    return {"word": _("Stopped"), "sentence": _sentence(read_header(folder), end), "stands": stands}
+    said = ending_words(end.outcome, outputs) if end.outcome not in AS_PLANNED else ""
+    if not said.startswith(_PRESSED):
+        return {"word": "", "sentence": said, "stands": stands}
+    return {"word": _("Stopped"), "sentence": _sentence(read_header(folder), end, said), "stands": stands}
 
 
-def _sentence(header: Header, end: End) -> str:
+def _sentence(header: Header, end: End, ended: str) -> str:
     """`Stopped by MK at 18:12:03, after 12.4 s; outputs are safe (read back).`"""
     who = str(header.meta.get("operator") or _("an operator"))
     after_s = (end.stopped_utc - header.started_utc).total_seconds()
-    outputs = end.outcome.removeprefix(_PRESSED).partition("; ")[2]
+    outputs = ended.removeprefix(_PRESSED).partition("; ")[2]
     said = _("Stopped by {who} at {time}, after {seconds} s.").format(
         who=who, time=f"{end.stopped_utc.astimezone():%H:%M:%S}", seconds=number(round(after_s, 1), 6)
     )
-    return f"{said[:-1]}; {_(outputs)}." if outputs else said
+    return f"{said[:-1]}; {outputs}." if outputs else said

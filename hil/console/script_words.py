@@ -25,6 +25,7 @@ SAID_BY_SCRIPTS = (
     marked("Not known whether a run is under way: use the emergency stop."),
     marked("no run is under way here"), marked("stop requested …"),
     marked("stop confirmed, outputs read back safe after {time}"), marked("UNCONFIRMED: use the emergency stop"),
+    marked("safe, read back; confirmed in {time}"),
     marked("no answer within a second"), marked("its listener does not answer"), marked("no listener"),
     marked("had ended before: {outcome}"), marked("completed"), marked("Sound off"), marked("F12 stops too"),
     marked("F12 does not reach this page: click here"), marked("(no watchdog: the run itself listens)"),

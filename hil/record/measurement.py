@@ -134,6 +134,8 @@ class Limit:
 
 
 FINDINGS_FILE = "findings.json"
+AS_PLANNED = ("completed", "written")
+"""Outcomes of a run that ended as planned, and of a recording that was written."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -210,7 +212,7 @@ def unproven(verdict: Verdict | None) -> Verdict | None:
 def ending_of(meta: Mapping[str, Any]) -> str:
     """How a run, by its `meta`, ended otherwise than planned; empty for one that was completed, or was never a run."""
     outcome = str(meta.get("outcome", "it was never closed" if meta.get("procedure") else "completed"))
-    return "" if outcome in ("completed", "written") else outcome
+    return "" if outcome in AS_PLANNED else outcome
 
 
 def ended_as_planned(meta: Mapping[str, Any]) -> bool:

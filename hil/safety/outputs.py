@@ -20,7 +20,7 @@ from hil.clock import Clock, RealClock
 from hil.daq.channel import OutputChannel
 from hil.daq.contract import CANNOT_BE_ASKED, Daq, ReadBack, Waveform
 from hil.errors import HilError, NotSafeError, UnansweredError, marked, reason
-from hil.language.words import _
+from hil.language.words import ENGLISH, _, speaking
 from hil.safety.interrupt import status_of
 
 _AGREES = 0.0025  # of the range: what a converter or a protocol may round
@@ -143,6 +143,24 @@ def sentence(outputs: Mapping[str, Output], *, moved: bool = True) -> str:
     if unasked:
         return _("outputs were told to be safe; {names} cannot be read back").format(names=unasked)
     return _("outputs are safe (read back)")
+
+
+def ending_words(outcome: str, record: Mapping[str, Any]) -> str:
+    """How a run ended, what it says of its outputs in the language that is spoken, without the kind of its error.
+
+    Args:
+        outcome: as a run folder has it, `TrippedError: interlock …; outputs are safe (read back)`.
+        record: of its outputs, by name; empty where a version kept none.
+    """
+    kind, _colon, why = outcome.partition(": ")
+    said = why if kind.endswith("Error") and kind.isidentifier() else outcome
+    try:
+        outputs = outputs_in(record)
+    except (KeyError, ValueError, TypeError, AttributeError):
+        return said
+    with speaking(ENGLISH):
+        english = sentence(outputs)
+    return said.replace(english, sentence(outputs)) if outputs else said
 
 
 class Outputs:

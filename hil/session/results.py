@@ -12,6 +12,7 @@ from hil.bench.audit import evaluated_on_the_trail
 from hil.errors import FileError, HilError, InputError
 from hil.findings.collect import findings_of, results_of
 from hil.findings.results import RESULTS_FILE, Results, read_results, write_results
+from hil.language.choice import in_page_language
 from hil.record.cause import Cause
 from hil.record.conditions import condition_departures
 from hil.record.folder import read
@@ -21,6 +22,7 @@ from hil.record.recording import Recording
 from hil.record.seal import check_seal, read_seal, seal_folder
 from hil.record.simulated import is_simulated
 from hil.report.run_page import write_run_report
+from hil.safety.outputs import ending_words
 from hil.session.limit import TypedLimit, checked_limits, limits_of
 from hil.session.outcome import REPORT_FILE, Outcome, write_findings
 from hil.session.procedure import Procedure, load_procedure
@@ -170,6 +172,15 @@ def write_outcome(
     return outcome
 
 
+@in_page_language
+def _in_words(recording: Recording) -> Recording:
+    """The recording for its page, how it ended in the language of that."""
+    if "outcome" not in recording.meta:
+        return recording
+    outcome = ending_words(str(recording.meta["outcome"]), recording.meta.get("outputs") or {})
+    return replace(recording, meta={**recording.meta, "outcome": outcome})
+
+
 def write_evaluation(
     recording: Recording, findings: Findings, folder: Path, limits: Mapping[str, Limit] | None = None
 ) -> Outcome:
@@ -177,7 +188,7 @@ def write_evaluation(
     write_findings(findings, folder)
     write_results(results_of(recording, findings), folder)
     write_responses(findings, folder)
-    write_run_report(recording, findings, folder / REPORT_FILE, _units_of_settings(recording))
+    write_run_report(_in_words(recording), findings, folder / REPORT_FILE, _units_of_settings(recording))
     seal_folder(folder, judged_by(recording, folder) if limits is None else limits)
     return Outcome(folder, findings, folder / REPORT_FILE, is_simulated(recording.meta))
 

@@ -17,8 +17,11 @@ import pytest
 from playwright.sync_api import Browser, Page, sync_playwright
 
 from hil.bench.stop.consoles import Console, announced
+from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
-from tests.stops import listening, tell_safe
+from hil.safety.operator import Asked
+from hil.safety.outputs import Output, State
+from tests.stops import SAFE, listening, tell_safe
 from tests.waits import PATIENCE_S
 
 SCRIPT = (files("hil") / "console" / "static" / "stop.js").read_text(encoding="utf-8")
@@ -219,3 +222,21 @@ def tell_safe_outputs() -> Any:
     from tests.stops import SAFE
 
     return SAFE
+
+
+def test_page_says_safe_while_only_time_is_missing() -> None:
+    waits = {"valve": Output(State.UNCONFIRMED, "V", 0.0, confirmed_in_s=1.5)}
+
+    def confirm_in_time(desk: Desk, _wish: Asked) -> None:
+        desk.tell(waits if len(asked) == 1 else SAFE, "watchdog")
+
+    with ExitStack() as stack:
+        chromium = stack.enter_context(browser())
+        one, asked = stack.enter_context(listening(confirm_in_time))
+        with web_server([run_at(one)]) as server, chromium.new_page() as page:
+            page.add_init_script(COUNT_BEEPS)
+            page.goto(f"http://127.0.0.1:{server.server_port}/")
+            page.click("#stop button.press")
+            waited(page, "hpv41-7: safe, read back; confirmed in 1.50 s", PATIENCE_S)
+            waited(page, "stop confirmed", PATIENCE_S)
+            assert page.evaluate("beeps") == 0

@@ -18,7 +18,7 @@ from hil.daq.contract import CANNOT_BE_ASKED, ReadBack, Waveform
 from hil.errors import DeviceLostError, HilError, LinkError, NotSafeError, RangeError, exit_status_of, told
 from hil.language.words import languages, speaking
 from hil.safety.interrupt import Terminated
-from hil.safety.outputs import Output, Outputs, State, outputs_in, record_of, sentence
+from hil.safety.outputs import Output, Outputs, State, ending_words, outputs_in, record_of, sentence
 
 
 class Device(Wire):
@@ -169,6 +169,19 @@ def check_sentence(outputs: tuple[Output, ...], language: str) -> None:
     known.opened({})
     known._known = outputs_in(record)
     assert (known.status(KeyboardInterrupt(), 2) == 3) == bool(bad)
+
+
+@pytest.mark.parametrize("language", languages())
+def test_ending_says_of_its_outputs_what_the_data_say_in_the_language(language: str) -> None:
+    for output in OF_STATES:
+        known = {"out": output}
+        record = json.loads(json.dumps(record_of(known)))
+        outcome = f"TrippedError: interlock 'p': 3 bar; find the cause; {sentence(known)}; disk full"
+        with speaking(language):
+            expected = f"interlock 'p': 3 bar; find the cause; {sentence(known)}; disk full"
+            assert ending_words(outcome, record) == expected
+            assert ending_words("Halted: stop was pressed", {}) == "Halted: stop was pressed"
+            assert ending_words("LinkError: io: no answer", {"out": {"state": "?"}}) == "io: no answer"
 
 
 def test_output_that_stands_elsewhere_says_why_it_could_not_be_told() -> None:

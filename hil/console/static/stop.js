@@ -68,6 +68,7 @@ window.hilStop = (() => {
     const name = one.run.run + ": ";
     if (one.state === "asked") return make("li", "asked", name + say("stop requested …"));
     if (one.state === "over") return make("li", "", name + (one.why ? say("had ended before: {outcome}", {outcome: one.why}) : say("stopped before it drove")));
+    if (one.state === "waits") return make("li", "asked", name + say("safe, read back; confirmed in {time}", {time: seconds(one.left)}));
     if (one.state === "confirmed") {
       const outputs = Object.entries(one.answer.outputs || {}).map(([name, o]) => name + " " + o.at + " " + o.unit).join(", ");
       const text = say("stop confirmed, outputs read back safe after {time}", {time: seconds(one.took)});
@@ -104,7 +105,7 @@ window.hilStop = (() => {
 
   function draw() {
     const open = underway().filter(run => !asked.has(run.run));
-    const urgent = ["unconfirmed", "asked", "confirmed", "over"];
+    const urgent = ["unconfirmed", "asked", "waits", "confirmed", "over"];
     const told = [...asked.values()].sort((one, other) => urgent.indexOf(one.state) - urgent.indexOf(other.state));
     const lines = [...told.map(line), ...open.map(idle), ...(pressed && !offline ? [blocked()] : [])];
     if (!lines.length || (offline && !told.some(one => one.state === "unconfirmed"))) lines.push(nothing());
@@ -164,7 +165,10 @@ window.hilStop = (() => {
   }
 
   function heard(one, told) {
+    const open = Object.values(told.outputs || {}).filter(o => o.state !== "safe");
+    one.left = Math.max(0, ...open.map(o => o.confirmed_in_s || 0));
     if (told.state === "confirmed") settle(one, "confirmed", "", told);
+    else if (open.length && open.every(o => o.read_back && o.confirmed_in_s)) settle(one, "waits", "", told);  // only time is missing
     else settle(one, "unconfirmed", told.error || Object.entries(told.outputs || {}).map(([name, o]) => name + " " + say(o.state)).join(", "), told);
   }
 
@@ -175,7 +179,7 @@ window.hilStop = (() => {
     try {
       heard(one, await posted(url, new URLSearchParams({token: one.run.token}), {mode: "cors", credentials: "omit"}));
     } catch { if (!ended(one)) settle(one, "unconfirmed", say("its listener does not answer")); }
-    if (one.state === "unconfirmed" && performance.now() - one.since < GIVE_UP_MS) setTimeout(() => asked.get(one.run.run) === one && ask(one), AGAIN_MS);
+    if (["unconfirmed", "waits"].includes(one.state) && performance.now() - one.since < GIVE_UP_MS) setTimeout(() => asked.get(one.run.run) === one && ask(one), AGAIN_MS);
   }
 
   // The server, until it has answered: it ends what is starting, and keeps runs from starting.
@@ -219,7 +223,7 @@ window.hilStop = (() => {
     for (const [name, one] of asked) {
       const now = runs.find(run => run.run === name);
       if (now && reached(now) && !reached(one.run) && now.state !== "ended") { one.run = now; ask(one); }
-      else if (["asked", "unconfirmed"].includes(one.state)) ended(one);
+      else if (["asked", "unconfirmed", "waits"].includes(one.state)) ended(one);
       const next = runs.find(run => run.state !== "ended" && run.run !== name && !asked.has(run.run));
       if (next && ["confirmed", "over"].includes(one.state)) asked.delete(name);  // the word of a run goes with it
       else if (next && one.state === "unconfirmed" && one.run.bench && next.bench === one.run.bench && !underway().some(run => run.run === name)) asked.delete(name);
