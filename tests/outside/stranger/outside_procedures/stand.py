@@ -23,7 +23,9 @@ def run(
     level: float = 70.0,
     hold_s: Annotated[float, Gt(0)] = 1.0,
     rounds: int = 120,
-    wrong: Literal["", "swallows", "drives again", "ignores signals", "forks", "starts", "hangs", "exits"] = "",
+    wrong: Literal[
+        "", "swallows", "drives again", "ignores signals", "forks", "starts", "hangs", "exits", "reads"
+    ] = "",
 ) -> None:
     """Stand there round by round.
 
@@ -59,6 +61,8 @@ def _do(wrong: str) -> None:
         subprocess.Popen(["sleep", "90"], close_fds=False)
     if wrong == "hangs":
         time.sleep(600.0)
+    if wrong == "reads":
+        sys.stdin.readline()
     if wrong == "exits":
         sys.exit(0)
 
