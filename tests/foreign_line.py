@@ -73,15 +73,19 @@ class ForeignLine:
                 client.shutdown(socket.SHUT_RD)
             client.close()
 
+    def close(self) -> None:
+        """Listen no more, and close every connection."""
+        self._listener.close()
+        for client in self._clients:
+            client.close()
+
     def __enter__(self) -> Self:
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._listener.close()
-        for client in self._clients:
-            client.close()
+        self.close()
 
     def _serve(self) -> None:
         while True:

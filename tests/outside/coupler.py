@@ -8,7 +8,8 @@ import threading
 import time
 from typing import Any
 
-from tests.foreign_line import ForeignLine, Tables
+from tests.foreign_line import ForeignLine, Tables, serial_frame
+from tests.outside.serial_line import SerialLine
 
 FULL, READ_BACK = 0x7FFF, 0x0200
 NEAR = 0.6  # % of full scale: nearer than that it stands at its safe value
@@ -16,6 +17,9 @@ NEAR = 0.6  # % of full scale: nearer than that it stands at its safe value
 
 class Coupler(Tables):
     """Four outputs, read back from 0x0200, and eight noisy inputs that follow the first.
+
+    Args:
+        serial: it is on a serial line, else on a network.
 
     Attributes:
         changes: (time, %) of the first output, each time that it was another one; time is that of the day, in s.
@@ -25,13 +29,21 @@ class Coupler(Tables):
         ignores: writing is acknowledged and moves nothing.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, serial: bool = False) -> None:
         super().__init__(holding=dict.fromkeys([*range(4), *range(READ_BACK, READ_BACK + 4)], 0))
         self.changes: list[tuple[float, float]] = [(time.time(), 0.0)]
         self.garbles = self.over = self.ignores = False
         self.late_s = 0.0
         self._noise, self._lock = random.Random(1), threading.Lock()
-        self.line = ForeignLine(self._answer)
+        self._serial = serial
+        self.line: ForeignLine | SerialLine = (
+            SerialLine(self._answer, serial_frame) if serial else ForeignLine(self._answer)
+        )
+
+    @property
+    def address(self) -> str:
+        """Where a program finds it."""
+        return f"127.0.0.1:{self.line.port}" if isinstance(self.line, ForeignLine) else self.line.address
 
     @property
     def percent(self) -> float:
@@ -62,7 +74,7 @@ class Coupler(Tables):
         return answer
 
     def _answer(self, frame: bytes) -> bytes:
-        answer = self.on_tcp(frame)
+        answer = self.on_serial(frame) if self._serial else self.on_tcp(frame)
         time.sleep(self.late_s)
         return answer[:8] + self._noise.randbytes(len(answer) - 8) if self.garbles else answer
 
@@ -75,4 +87,4 @@ class Coupler(Tables):
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.line.__exit__(None, None, None)
+        self.line.close()

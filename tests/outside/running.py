@@ -18,7 +18,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-BENCH = Path(__file__).parents[2] / "sim_devices" / "benches" / "hpv41-modbus-tcp.toml"
+from tests.outside.coupler import Coupler
+
+BENCHES = Path(__file__).parents[2] / "sim_devices" / "benches"
 STRANGER = Path(__file__).parent / "stranger"
 WATCHDOG_S = 10.0
 
@@ -115,11 +117,14 @@ class Program:
                 os.close(near)
 
 
-def bench(folder: Path, port: int) -> Path:
+def bench(folder: Path, coupler: Coupler) -> Path:
     """The shipped bench with this device, which has no watchdog of its own: nobody helps the program."""
-    text = BENCH.read_text(encoding="utf-8").replace("127.0.0.1:15502", f"127.0.0.1:{port}")
+    carrier = "tcp" if ":" in coupler.address else "rtu"
+    text = (BENCHES / f"hpv41-modbus-{carrier}.toml").read_text(encoding="utf-8")
+    text = re.sub(r'\naddress = ".*"', f'\naddress = "{coupler.address}"', text, count=1)
     text = re.sub(r"sample_rate_hz = \d+", "sample_rate_hz = 8", text.replace("\nwatchdog_s = 1.0\n", "\n", 1))
-    text = text.replace("block_s = 0.1", f"block_s = 0.25\nwatchdog_s = {WATCHDOG_S}").replace("HPV41 on", f"{port} on")
+    name = re.sub(r"\W", "-", coupler.address)
+    text = text.replace("block_s = 0.1", f"block_s = 0.25\nwatchdog_s = {WATCHDOG_S}").replace("HPV41 on", f"{name} on")
     path = folder / "bench.toml"
     path.write_text(text, encoding="utf-8")
     return path
@@ -133,7 +138,7 @@ def run_command(path: Path, *settings: str) -> list[str]:
 
 def started(folder: Path, words: list[str], on_a_terminal: bool = False) -> Program:
     """A program of ours in a folder of its own."""
-    paths = os.pathsep.join([str(STRANGER), str(BENCH.parents[2])])
+    paths = os.pathsep.join([str(STRANGER), str(BENCHES.parents[1])])
     environment = {**os.environ, "PYTHONPATH": paths, "HIL_STATE_DIR": str(folder / "state"), "HIL_LANGUAGE": "en"}
     command = [sys.executable, *words]
     if not on_a_terminal:

@@ -40,6 +40,7 @@ class Situation:
     Attributes:
         words: of the program, made of the path of the bench; the run of the procedure `stand` where None.
         settings: of that procedure.
+        serial: the device is on a serial line.
     """
 
     name: str
@@ -49,6 +50,7 @@ class Situation:
     words: Callable[[object], list[str]] | None = None
     settle_s: float = 0.5
     is_ours: bool = True
+    serial: bool = False
 
 
 def later(after_s: float, do: Callable[[], object]) -> None:
@@ -174,6 +176,15 @@ def outages() -> list[Situation]:
     ]  # fmt: skip
 
 
+def held_lines() -> list[Situation]:
+    """A serial line that keeps what was sent, and gives it out later."""
+    return [
+        Situation(f"serial line held for {for_s:g} s, {ending}",
+                  ((0.0, outage(for_s)), *(((0.1, act),) if act is not None else ())), serial=True)
+        for for_s in (0.5, 4.0) for ending, act in ENDINGS.items()
+    ]  # fmt: skip
+
+
 _DEAD = outage(9.0)
 _SCRIPT = """\
 import sys, time, threading
@@ -254,7 +265,7 @@ def named() -> list[Situation]:
         for how, what in {"stopped": terminal_stopped, "closed": terminal_closed}.items()
         for name, act in {"trip": trip, "Ctrl-C": signalled(2), "SIGKILL": signalled(9), "stop button": press}.items()
     ]
-    return [*wrong, *forks, *watchdogs, *programs, *terminals]
+    return [*held_lines(), *wrong, *forks, *watchdogs, *programs, *terminals]
 
 
 _LINK: Mapping[str, Act] = {

@@ -28,9 +28,9 @@ def watched(situation: Situation, watch_s: float) -> Seen:
 
 
 def _once(situation: Situation, watch_s: float) -> Seen:
-    with tempfile.TemporaryDirectory(prefix="hil-outside-") as name, Coupler() as coupler:
+    with tempfile.TemporaryDirectory(prefix="hil-outside-") as name, Coupler(situation.serial) as coupler:
         folder, seen = Path(name), Seen(situation.name, situation.is_ours)
-        program = started(folder, words_of(situation, bench(folder, coupler.line.port)), situation.terminal)
+        program = started(folder, words_of(situation, bench(folder, coupler)), situation.terminal)
         try:
             return _seen(situation, Scene(coupler, program, seen, None), watch_s)
         except Exception as error:  # of the observer: a row that was not run, and is counted

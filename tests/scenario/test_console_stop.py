@@ -106,7 +106,7 @@ def test_console_that_is_terminated_leaves_after_its_runs_and_their_watchdogs(
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", str(STRANGER))
     with Coupler() as coupler, console(tmp_path) as lab:
-        bench(tmp_path, coupler.line.port)
+        bench(tmp_path, coupler)
         _, begun = asked(lab, "/run/start", {"procedure": "stand", "bench": "bench"})
         until(lambda: coupler.percent > 20.0)
         coupler.line.lose()
