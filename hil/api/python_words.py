@@ -80,19 +80,19 @@ def _reworded(found: Any) -> Any:
         return [_reworded(one) for one in found]
     if not is_dataclass(found) or isinstance(found, type):
         return found
-    told = {name: _in_words(getattr(found, name)) for name in _WORDS if hasattr(found, name)}
-    told |= {name: _reworded(getattr(found, name)) for name in _HOLD_WORDS if hasattr(found, name)}
-    changed = {name: value for name, value in told.items() if value is not getattr(found, name)}
+    words = {name: _in_words(getattr(found, name)) for name in _WORDS if hasattr(found, name)}
+    words |= {name: _reworded(getattr(found, name)) for name in _HOLD_WORDS if hasattr(found, name)}
+    changed = {name: value for name, value in words.items() if value is not getattr(found, name)}
     return replace(found, **changed) if changed else found
 
 
-def _in_words(told: Any) -> Any:
-    if isinstance(told, str):
-        return told if (text := python_words(told)) == told else text
-    if not isinstance(told, tuple):
-        return told
-    texts = tuple(_in_words(one) for one in told)
-    return told if texts == told else texts
+def _in_words(words: Any) -> Any:
+    if isinstance(words, str):
+        return words if (text := python_words(words)) == words else text
+    if not isinstance(words, tuple):
+        return words
+    texts = tuple(_in_words(one) for one in words)
+    return words if texts == words else texts
 
 
 def _pair(found: re.Match[str]) -> str:

@@ -41,9 +41,9 @@ def _audit(
     words += [f"{path}: each line follows the one before it; {about}"]
     if kept:
         words += [f"the line {kept} is {'in it' if holds else 'not in it: the trail is not the one it was'}"]
-    told = {"schema": "hil.audit/1", "file": path, "lines": [link.line for link in found]}
-    told |= {"head": found[-1].sha256 if found else None, "kept_head_is_in_it": holds if kept else None}
-    printed(told, "\n".join(words), as_json)
+    document = {"schema": "hil.audit/1", "file": path, "lines": [link.line for link in found]}
+    document |= {"head": found[-1].sha256 if found else None, "kept_head_is_in_it": holds if kept else None}
+    printed(document, "\n".join(words), as_json)
     raise typer.Exit(0 if holds else 1)
 
 
@@ -59,9 +59,9 @@ def _head(file: Path | None = _FILE, as_json: Json = False) -> None:
     found = head(path)
     if found is None:
         raise FileError(f"{path}: there is no line yet, so there is no head")
-    told = {"schema": "hil.audit-head/1", "computer": socket.gethostname(), "file": path}
-    told |= {"line": found.number, "utc": found.line.get("utc"), "sha256": found.sha256}
-    printed(told, f"audit trail of {socket.gethostname()}: {_head_text(found)}", as_json)
+    document = {"schema": "hil.audit-head/1", "computer": socket.gethostname(), "file": path}
+    document |= {"line": found.number, "utc": found.line.get("utc"), "sha256": found.sha256}
+    printed(document, f"audit trail of {socket.gethostname()}: {_head_text(found)}", as_json)
 
 
 def _path(given: Path | None) -> Path:

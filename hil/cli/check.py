@@ -61,8 +61,8 @@ def _looked_at(found: BenchFile, as_json: bool) -> list[str]:
             name: f"{away} must answer first" if away else hindrance(load_procedure(name), found, seen.rate_hz)
             for name in names
         }
-    told = live_json if as_json else live_text
-    typer.echo(told(found, seen, hindrances))
+    text_of = live_json if as_json else live_text
+    typer.echo(text_of(found, seen, hindrances))
     if seen.silent:
         raise LinkError("; ".join(seen.silent.values()))
     return list(seen.remarks)
@@ -81,9 +81,14 @@ def _as_json(found: BenchFile, warnings: list[str]) -> str:
     ]  # fmt: skip
     interlocks = [{"name": name, "action": entry.action} for name, entry in bench.interlocks.items()]
     interlocks += [{"name": lock.name, "action": lock.action} for lock in emergency_stops(bench)]
-    told = {"file": found.path, "bench": bench.name, "valve": bench.valve.name, "sample_rate_hz": bench.sample_rate_hz}
+    document = {
+        "file": found.path,
+        "bench": bench.name,
+        "valve": bench.valve.name,
+        "sample_rate_hz": bench.sample_rate_hz,
+    }
     lists = {"channels": channels, "interlocks": interlocks, "late_s": _late_s(found), "warnings": warnings}
-    return to_json({"schema": "hil.check/1", **told, **lists})
+    return to_json({"schema": "hil.check/1", **document, **lists})
 
 
 def _range(found: BenchFile, name: str) -> tuple[float, float]:

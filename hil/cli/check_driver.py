@@ -72,9 +72,9 @@ def command(
             for result in examine(watched):
                 counts[result.verdict] += 1
                 checks.append({"check": result.check, "verdict": result.verdict, "text": result.text})
-                said = f": {result.text}" if result.text else ""
-                typer.echo(f"  {result.verdict:8}  {result.check.replace('_', ' ')}{said}", err=as_json)
-    told = {
+                text = f": {result.text}" if result.text else ""
+                typer.echo(f"  {result.verdict:8}  {result.check.replace('_', ' ')}{text}", err=as_json)
+    document = {
         "driver": name,
         "bench": path,
         "hardware": hardware,
@@ -83,7 +83,7 @@ def command(
         "left": "".join(left),
     }
     words = ", ".join(f"{count} {verdict}" for verdict, count in counts.items())
-    printed({"schema": "hil.driver-check/1", **told}, words, as_json)
+    printed({"schema": "hil.driver-check/1", **document}, words, as_json)
     raise typer.Exit(1 if counts["broken"] else 0)
 
 
@@ -109,16 +109,16 @@ def _rescued(file: BenchFile, examined: Subject, as_json: bool, left: list[str])
         try:
             yield replace(examined, alive=watch.beat)
         finally:
-            if said := left_safe(examined):
-                left.append(said)
-                typer.echo(said, err=as_json)
+            if text := left_safe(examined):
+                left.append(text)
+                typer.echo(text, err=as_json)
             known.opened({})  # they are safe, and no longer ours
 
 
-def _pairs(told: list[str]) -> dict[str, str]:
+def _pairs(typed: list[str]) -> dict[str, str]:
     from hil.errors import SettingError
 
-    pairs = {output: input_ for output, _, input_ in (text.partition("=") for text in told)}
+    pairs = {output: input_ for output, _, input_ in (text.partition("=") for text in typed)}
     for output, input_ in pairs.items():
         if not output or not input_:
             raise SettingError(f"--measured-by {output}={input_}: OUTPUT=INPUT, both names of channels of the bench")

@@ -65,8 +65,8 @@ def _content(found: Recording | ResponseTable) -> dict[str, object]:
 
 def _notes(found: Recording, source: Path, reading: Reading) -> list[str]:
     missing = [f"no unit is stated for '{name}', taken as 1" for name in found.meta.get("units_missing", ())]
-    said = [*found.meta.get("assumed", ()), *found.meta.get("unmeasured", ())]
-    return [*said, *missing, *_restated(found, source, reading)]
+    assumed = [*found.meta.get("assumed", ()), *found.meta.get("unmeasured", ())]
+    return [*assumed, *missing, *_restated(found, source, reading)]
 
 
 def _restated(found: Recording, source: Path, reading: Reading) -> list[str]:

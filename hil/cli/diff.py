@@ -42,14 +42,14 @@ def command(
     from hil.cli.progress import shown
     from hil.record.plain import to_json
 
-    said: list[str] = []
+    printed: list[str] = []
     with shown() as progress:
         found = api.diff(old, new, model=model, inputs=input_name, output=output_name, budget_s=budget_s,
-                         reading=reading, notes=teller(aside=as_json, kept=said), progress=progress)  # fmt: skip
-    typer.echo(to_json(found.as_dict()) if as_json else _text(found, said))
+                         reading=reading, notes=teller(aside=as_json, kept=printed), progress=progress)  # fmt: skip
+    typer.echo(to_json(found.as_dict()) if as_json else _text(found, printed))
 
 
-def _text(found: DateDifference, said: Sequence[str] = ()) -> str:
+def _text(found: DateDifference, printed: Sequence[str] = ()) -> str:
     from hil.record.simulated import marked
 
     lines = [marked(found.verdict, simulated=found.simulated), *(f"  {_sentence(change)}" for change in found.changes)]
@@ -61,7 +61,7 @@ def _text(found: DateDifference, said: Sequence[str] = ()) -> str:
         lines.append("  cannot be told:")
         width = max(len(one.name) for one in found.cannot_tell)
         lines += [f"    {one.name:{width}}  known only within {_limit(one)}" for one in found.cannot_tell]
-    return "\n".join([*lines, *(f"  note: {note}" for note in found.notes if note not in said)])
+    return "\n".join([*lines, *(f"  note: {note}" for note in found.notes if note not in printed)])
 
 
 def _sentence(change: Change) -> str:

@@ -34,10 +34,10 @@ def live_json(file: BenchFile, live: Live, hindrances: Mapping[str, str]) -> str
     from hil.record.plain import to_json
 
     procedures = [{"name": name, "can_run": not why, "why": why} for name, why in hindrances.items()]
-    told = {"schema": "hil.live/1", "bench": file.bench.name, "links": live.links, "inputs": live.inputs,
+    document = {"schema": "hil.live/1", "bench": file.bench.name, "links": live.links, "inputs": live.inputs,
             "rate_hz": live.rate_hz, "fastest_hz": live.fastest_hz, "unseen": live.unseen,
             "silent": live.silent, "procedures": procedures, "warnings": live.remarks}  # fmt: skip
-    return to_json(told)
+    return to_json(document)
 
 
 def _link(link: Link) -> str:

@@ -53,7 +53,7 @@ def command(
     )
     moved = [f"{run.folder}: {text}" for run in unit.runs for text in run.moved]
     words = "\n".join((words, *(f"evaluated anew: {text}" for text in moved)))
-    told = {"file": found.path, "valve": unit.valve, "serial": unit.serial, "verdict": unit.verdict,
+    document = {"file": found.path, "valve": unit.valve, "serial": unit.serial, "verdict": unit.verdict,
             "simulated": unit.simulated}  # fmt: skip
-    told |= {"signer": signer.name, "fingerprint": signer.fingerprint, "model": says, "moved": moved}
-    printed({"schema": "hil.issued/1", **told}, words, as_json)
+    document |= {"signer": signer.name, "fingerprint": signer.fingerprint, "model": says, "moved": moved}
+    printed({"schema": "hil.issued/1", **document}, words, as_json)

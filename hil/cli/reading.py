@@ -56,8 +56,8 @@ def takes_reading(command: Callable[..., None]) -> Callable[..., None]:
 
     @wraps(command)
     def taking(**given: Any) -> None:
-        said = {name: given.pop(name) for name in _OPTIONS}
-        command(**given, reading=reading_of(**said))
+        options_given = {name: given.pop(name) for name in _OPTIONS}
+        command(**given, reading=reading_of(**options_given))
 
     own = [p for p in inspect.signature(command, eval_str=True).parameters.values() if p.name != "reading"]
     read = [inspect.Parameter(n, _NAMED, annotation=kind, default=first) for n, (kind, first) in _OPTIONS.items()]
@@ -82,11 +82,11 @@ def teller(*, aside: bool = False, kept: list[str] | None = None) -> Callable[[s
         aside: on stderr, where stdout is read by a program.
         kept: where they are kept too.
     """
-    said: list[str] = [] if kept is None else kept
+    printed: list[str] = [] if kept is None else kept
 
     def tell(note: str) -> None:
-        if note not in said:
-            said.append(note)
+        if note not in printed:
+            printed.append(note)
             typer.echo(f"note: {note}", err=aside)
 
     return tell

@@ -66,8 +66,8 @@ def _ending(run: Entry) -> str:
     outcome = run.outcome
     if outcome in ("completed", "written"):
         return ""
-    if outcome == UNFINISHED and (said := progress_of(run.folder)) is not None:
-        return "(running)" if lives(said.pid) else "(lost)"
+    if outcome == UNFINISHED and (progress := progress_of(run.folder)) is not None:
+        return "(running)" if lives(progress.pid) else "(lost)"
     kind, colon, _ = outcome.partition(":")
     word = _ENDINGS.get(kind, "failed") if colon else outcome[:_LONGEST_ENDING]
     return f"({word})"

@@ -41,5 +41,5 @@ def command(
         from hil.record.plain import to_json
 
         outputs = [{"name": channel.name, "unit": channel.unit} for channel in simulated.channels.values()]
-        told = {"file": out, "samples": len(simulated), "duration_s": simulated.duration_s, "outputs": outputs}
-        typer.echo(to_json({"schema": "hil.simulated/1", **told, "assumed": assumed}))
+        document = {"file": out, "samples": len(simulated), "duration_s": simulated.duration_s, "outputs": outputs}
+        typer.echo(to_json({"schema": "hil.simulated/1", **document, "assumed": assumed}))

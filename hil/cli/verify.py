@@ -49,11 +49,11 @@ def command(
     evaluated = _evaluated(file, found) if evaluate and found.is_as_signed else None
     status = max(found.exit_status, 1 if evaluated is not None and evaluated.faults else 0)
     if as_json:
-        told: dict[str, Any] = {"file": str(file), "sentence": found.sentence, "signer": found.signer or None}
-        told["signed_utc"] = None if found.signed_utc is None else found.signed_utc.isoformat()
-        told |= {"status": status, "fingerprint": found.fingerprint or None, "simulated": found.simulated}
-        told |= {"evaluated": None if evaluated is None else asdict(evaluated)}
-        typer.echo(json.dumps({"schema": "hil.verified/1", **told}, indent=1, ensure_ascii=False))
+        document: dict[str, Any] = {"file": str(file), "sentence": found.sentence, "signer": found.signer or None}
+        document["signed_utc"] = None if found.signed_utc is None else found.signed_utc.isoformat()
+        document |= {"status": status, "fingerprint": found.fingerprint or None, "simulated": found.simulated}
+        document |= {"evaluated": None if evaluated is None else asdict(evaluated)}
+        typer.echo(json.dumps({"schema": "hil.verified/1", **document}, indent=1, ensure_ascii=False))
         raise typer.Exit(status)
     typer.echo(f"{file}: {found.sentence}")
     if found.simulated:

@@ -69,7 +69,7 @@ def lines_of(file: BenchFile, readings: Iterable[Reading], levels: Mapping[str, 
         readings: of its inputs, as far as somebody reads them.
         levels: of outputs that a run drives, by name: what was driven last, and how long ago in s.
     """
-    told = {reading.name: reading for reading in readings}
+    by_name = {reading.name: reading for reading in readings}
     limits = limits_of(file.bench)
     channels = sorted(file.bench.channels.items(), key=lambda item: not item[1].is_output)
     found = []
@@ -79,7 +79,7 @@ def lines_of(file: BenchFile, readings: Iterable[Reading], levels: Mapping[str, 
         if entry.is_output:
             found.append(_output(head, levels.get(name), limits.get(name, "")))
         else:
-            found.append(_input(head, told.get(name), limits.get(name, "")))
+            found.append(_input(head, by_name.get(name), limits.get(name, "")))
     return found
 
 

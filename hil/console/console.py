@@ -114,18 +114,18 @@ class Console:
 
     def runs(self, anew: bool = False) -> list[dict[str, Any]]:
         """Every run under way as pages are told of it, from the click that starts it; `anew`: as of now."""
-        told = {run.folder.name: run.told for run in self.underway.look(anew)}
+        by_name = {run.folder.name: run.told for run in self.underway.look(anew)}
         for name, one in list(self.starting.items()):
             status = one.process.exit_status
             if status is not None:
                 one.over_s = one.over_s or time.monotonic()
-            if "stop_url" in told.get(name, {}) or time.monotonic() - (one.over_s or math.inf) > _TOLD_S:
+            if "stop_url" in by_name.get(name, {}) or time.monotonic() - (one.over_s or math.inf) > _TOLD_S:
                 del self.starting[name]
                 continue
             state = "starting" if status is None else "ended"
             outcome = "" if status is None else one.process.last_line.removeprefix("hil: ")
-            told.setdefault(name, {"run": name, "state": state, "outcome": outcome})["by"] = "console"
-        return list(told.values())
+            by_name.setdefault(name, {"run": name, "state": state, "outcome": outcome})["by"] = "console"
+        return list(by_name.values())
 
     def begin_job(self, arguments: list[str], name: str, product: str, account: str = "") -> None:
         """Start a job as soon as fewer than two are at work.

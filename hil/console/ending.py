@@ -25,10 +25,10 @@ def ending_of(folder: Path) -> dict[str, Any]:
         return {"word": "", "sentence": "", "stands": {}}
     outputs = end.meta.get("outputs") or {}
     stands = {name: one.get("at") for name, one in outputs.items() if isinstance(one, dict)}
-    said = ending_words(end.outcome, outputs) if end.outcome not in AS_PLANNED else ""
-    if not said.startswith(_PRESSED):
-        return {"word": "", "sentence": said, "stands": stands}
-    return {"word": _("Stopped"), "sentence": _sentence(read_header(folder), end, said), "stands": stands}
+    text = ending_words(end.outcome, outputs) if end.outcome not in AS_PLANNED else ""
+    if not text.startswith(_PRESSED):
+        return {"word": "", "sentence": text, "stands": stands}
+    return {"word": _("Stopped"), "sentence": _sentence(read_header(folder), end, text), "stands": stands}
 
 
 def _sentence(header: Header, end: End, ended: str) -> str:
@@ -36,7 +36,7 @@ def _sentence(header: Header, end: End, ended: str) -> str:
     who = str(header.meta.get("operator") or _("an operator"))
     after_s = (end.stopped_utc - header.started_utc).total_seconds()
     outputs = ended.removeprefix(_PRESSED).partition("; ")[2]
-    said = _("Stopped by {who} at {time}, after {seconds} s.").format(
+    text = _("Stopped by {who} at {time}, after {seconds} s.").format(
         who=who, time=f"{end.stopped_utc.astimezone():%H:%M:%S}", seconds=number(round(after_s, 1), 6)
     )
-    return f"{said[:-1]}; {outputs}." if outputs else said
+    return f"{text[:-1]}; {outputs}." if outputs else text

@@ -106,7 +106,7 @@ class Follower:
         return taken
 
     def _take_events(self) -> tuple[list[dict[str, Any]], list[dict[str, Any]]]:
-        told, points = [], []
+        events, points = [], []
         for event in self._tail.events():
             details = event["details"]
             if "part" in event:
@@ -114,10 +114,10 @@ class Follower:
                 if event["event"] == "part stopped" and (point := bode_point(self._details.pop(event["part"]))):
                     points.append(point)
                 continue
-            told.append({"event": event["event"], "time_s": event.get("time_s"), "details": details})
-        self._events += told
+            events.append({"event": event["event"], "time_s": event.get("time_s"), "details": details})
+        self._events += events
         self._bode += points
-        return told, points
+        return events, points
 
 
 class Following:

@@ -34,9 +34,9 @@ def disagreements(kept: Results, anew: Results, *, words: bool = True) -> list[s
 
 def _about(kept: Results, anew: Results) -> Iterator[str]:
     for name in ("procedure", "serial", "operator", "started_utc", "verdict"):
-        told, found = getattr(kept, name), getattr(anew, name)
-        if told != found and not (name == "started_utc" and told is None):  # version 0.1.0 did not state it
-            yield f"{name}: {told or 'none'} in {kept.run}, {found or 'none'} by its samples"
+        stated, found = getattr(kept, name), getattr(anew, name)
+        if stated != found and not (name == "started_utc" and stated is None):  # version 0.1.0 did not state it
+            yield f"{name}: {stated or 'none'} in {kept.run}, {found or 'none'} by its samples"
 
 
 def _condition(results: Results) -> tuple[Value, ...]:
@@ -122,6 +122,6 @@ def _fits_alike(one: FittedFunction, other: FittedFunction) -> bool:
 
 def _sentences(kept: Results, anew: Results) -> Iterator[str]:
     for kind in ("notes", "deviations"):
-        told, found = getattr(kept, kind), getattr(anew, kind)
-        yield from (f"{kind}: {text!r} is missing in the results" for text in found if text not in told)
-        yield from (f"{kind}: {text!r} stands in the results alone" for text in told if text not in found)
+        stated, found = getattr(kept, kind), getattr(anew, kind)
+        yield from (f"{kind}: {text!r} is missing in the results" for text in found if text not in stated)
+        yield from (f"{kind}: {text!r} stands in the results alone" for text in stated if text not in found)

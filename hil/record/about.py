@@ -36,7 +36,7 @@ def parse_about(text: str | bytes | None) -> tuple[dict[str, Any], Mapping[str, 
 def _known(channels: Mapping[Any, Any]) -> dict[str, dict[str, Any]]:
     kinds = {"source": str, "calibration": dict}
     return {
-        str(name): {key: told[key] for key, kind in kinds.items() if isinstance(told.get(key), kind)}
-        for name, told in channels.items()
-        if isinstance(told, dict)
+        str(name): {key: stated[key] for key, kind in kinds.items() if isinstance(stated.get(key), kind)}
+        for name, stated in channels.items()
+        if isinstance(stated, dict)
     }

@@ -71,7 +71,7 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
     d = diagnosis
     tone, word = _VERDICTS[d.verdict]
     corrected = _is_corrected(d)
-    above = [said for said in other_plants(d.plant, ((one.name, one.about) for one in origins)) if said in d.warnings]
+    above = [note for note in other_plants(d.plant, ((one.name, one.about) for one in origins)) if note in d.warnings]
     write_page(
         "diagnosis.html", path,
         simulated=d.simulated,
@@ -81,8 +81,8 @@ def write_diagnosis_report(diagnosis: Diagnosis, path: Path, origins: Sequence[O
         word=_(word),
         headline=d.headline,
         details=_details(d),
-        above=[reworded(said, OTHER_PLANT) for said in above],
-        warnings=[said for said in d.warnings if said not in above],
+        above=[reworded(note, OTHER_PLANT) for note in above],
+        warnings=[note for note in d.warnings if note not in above],
         corrected=corrected,
         overlays=_overlays(d, corrected=corrected),
         fits=fit_rows(d),
@@ -205,14 +205,14 @@ def _left(d: Diagnosis, *, corrected: bool) -> dict[str, Any]:
 
 def _left_sentence(d: Diagnosis, *, corrected: bool) -> str:
     left = d.left
-    said = (
+    text = (
         _("The corrected model leaves {rms} (rms) beyond the noise of {noise}{share}.")
         if corrected
         else _("The model leaves {rms} (rms) beyond the noise of {noise}{share}.")
     )
     known = d.verdict != "consistent" and math.isfinite(left.share)
     share = _(": {share} of the misfit").format(share=f"{number(100.0 * left.share, 2)} %") if known else ""
-    return said.format(rms=with_unit(left.rms, left.unit), noise=with_unit(left.noise_std, left.unit), share=share)
+    return text.format(rms=with_unit(left.rms, left.unit), noise=with_unit(left.noise_std, left.unit), share=share)
 
 
 def _next_test(test: NextTest | None) -> dict[str, Any] | None:

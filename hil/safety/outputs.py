@@ -153,14 +153,14 @@ def ending_words(outcome: str, record: Mapping[str, Any]) -> str:
         record: of its outputs, by name; empty where a version kept none.
     """
     kind, _colon, why = outcome.partition(": ")
-    said = why if kind.endswith("Error") and kind.isidentifier() else outcome
+    text = why if kind.endswith("Error") and kind.isidentifier() else outcome
     try:
         outputs = outputs_in(record)
     except (KeyError, ValueError, TypeError, AttributeError):
-        return said
+        return text
     with speaking(ENGLISH):
         english = sentence(outputs)
-    return said.replace(english, sentence(outputs)) if outputs else said
+    return text.replace(english, sentence(outputs)) if outputs else text
 
 
 class Outputs:

@@ -59,8 +59,8 @@ def compared_with(
     for i, one in enumerate(sources):
         progress(_READING * i / len(sources), f"reading {_name_of(one)}")
         read += _read_for(model, one, inputs, output, reading or AS_IT_IS)
-    said = [*other_plants(model.plant, ((one.name, one.meta) for one in read)), *notes_on(read)]
-    for note in said:
+    remarks = [*other_plants(model.plant, ((one.name, one.meta) for one in read)), *notes_on(read)]
+    for note in remarks:
         notes(note)
     measured = [one if isinstance(one, ResponseTable) else for_model(model, one, inputs, output) for one in read]
     samples = [one for one in measured if not isinstance(one, ResponseTable)]
@@ -70,7 +70,7 @@ def compared_with(
     if page is not None:
         from hil.report.fit_page import write_fit_page
 
-        write_fit_page(model, measured, {one.name: one.headline for one in found}, said, page,
+        write_fit_page(model, measured, {one.name: one.headline for one in found}, remarks, page,
                        simulated=any(one.simulated for one in found))  # fmt: skip
     return found
 

@@ -92,10 +92,10 @@ def one(request: Request) -> Response:
 
     console, name = Console.of(request), request.path_params["diagnosis"]
     folder = _folder(console, name)
-    told = read_untrusted_json(folder, "diagnosis.json")
+    diagnosis = read_untrusted_json(folder, "diagnosis.json")
     return page(
-        request, "diagnosis.html", name=name, told=told,
-        above=[reworded(text, OTHER_PLANT) for text in told.get("other_plant", ())], next_run=_next_run(told),
+        request, "diagnosis.html", name=name, diagnosis=diagnosis,
+        above=[reworded(text, OTHER_PLANT) for text in diagnosis.get("other_plant", ())], next_run=_next_run(diagnosis),
         corrected=is_regular(folder, "corrected.json"), accepted=request.query_params.get("accepted", ""),
     )  # fmt: skip
 
@@ -155,9 +155,9 @@ def _folder(console: Console, name: str) -> Path:
     return folder
 
 
-def _next_run(told: dict[str, Any]) -> str:
+def _next_run(diagnosis: dict[str, Any]) -> str:
     """The address at which the proposed test stands in the form of a run; it is driven through the guard like any."""
-    test = told.get("next_test")
+    test = diagnosis.get("next_test")
     if not test or not test.get("procedure"):
         return ""
     asked = {"procedure": test["procedure"], "why": test.get("why", "")}

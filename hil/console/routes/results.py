@@ -124,7 +124,7 @@ def trend(request: Request) -> Response:
     names = list(dict.fromkeys(value.name for run in runs for value in run.values if value.value is not None))
     chosen = wanted if wanted in names else next(iter(names), "")
     points = [point for point in points_of(runs, chosen) if point.value.name == chosen]
-    told = [
+    shown = [
         {
             "run": p.run,
             "at": p.started_utc.isoformat(),
@@ -146,7 +146,7 @@ def trend(request: Request) -> Response:
         serial=serial,
         names=names,
         chosen=chosen,
-        points=told,
+        points=shown,
         drift=reworded(drift_of(points).sentence, _DRIFTS) if points else "",
         serials=_serials(console),
     )
@@ -208,7 +208,7 @@ def _results(folder: Path) -> Results | None:
 
 def _facts(meta: Mapping[str, Any]) -> dict[str, str]:
     valve = meta.get("valve") or {}
-    told = {
+    facts = {
         "serial": valve.get("serial"),
         "procedure": meta.get("procedure"),
         "operator": meta.get("operator"),
@@ -216,7 +216,7 @@ def _facts(meta: Mapping[str, Any]) -> dict[str, str]:
         "outcome": meta.get("outcome", "not closed"),
         "started": meta.get("started_utc"),
     }
-    return {name: str(text or "") for name, text in told.items()}
+    return {name: str(text or "") for name, text in facts.items()}
 
 
 def _serials(console: Console) -> list[str]:

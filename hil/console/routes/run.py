@@ -182,8 +182,9 @@ def _planned(folder: Path, file: BenchFile) -> dict[str, Any]:
             continue
         drawn = Envelope(1, FINE_S, COARSE_KEPT, merges=True)
         drawn.take(recording.time_s, recording.channels[name].values[None, :])
-        told, limits = drawn.since(-math.inf), envelopes.get(name)
-        found.append({"name": name, "unit": entry.unit, "t": told["t"], "low": told["low"][0], "high": told["high"][0],
+        picture, limits = drawn.since(-math.inf), envelopes.get(name)
+        found.append({"name": name, "unit": entry.unit, "t": picture["t"],
+                      "low": picture["low"][0], "high": picture["high"][0],
                       "limits": [limits.low, limits.high] if limits else None})  # fmt: skip
     return {"seconds": recording.duration_s, "outputs": found}
 

@@ -25,12 +25,12 @@ async def press(request: Request) -> Response:
     """Stop what is under way; what became of it."""
     console, form = Console.of(request), await form_of(request)
     asked = [str(name) for name in form.getlist("run")]
-    told = await run_in_threadpool(press_stop, console, request.scope.get("hil.account", ""), asked)
+    answer = await run_in_threadpool(press_stop, console, request.scope.get("hil.account", ""), asked)
     with suppress(StorageError):  # the stop is done
         console.audit(
-            request, "press stop", {"stopped": sorted({*told["answers"], *asked}), "starting": told["starting"]}
+            request, "press stop", {"stopped": sorted({*answer["answers"], *asked}), "starting": answer["starting"]}
         )
-    return JSONResponse(told)
+    return JSONResponse(answer)
 
 
 async def release(request: Request) -> Response:
