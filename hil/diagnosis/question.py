@@ -15,8 +15,8 @@ from hil.physics.model import Model
 
 QUESTIONS: tuple[Asked, ...] = ("changed", "left_out")
 _OTHER_LIBRARY = (
-    "the library has changed since the model was identified; only the part of its recordings that the library still has "
-    "is compared. --before RECORDING… compares all of it"
+    "the library has changed since the model was identified; only what it still has of the recordings is compared. "
+    "--before RECORDING… compares all of them"
 )
 
 
