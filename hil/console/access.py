@@ -97,7 +97,7 @@ class Access:
 
     def _refused(self, request: Request, most: int) -> Response | None:
         """What is wrong with a request whoever sends it."""
-        caller = request.client.host if request.client else ""
+        caller = self._caller(request)
         host, acts = request.headers.get("host", ""), request.method not in _SAFE
         counts = acts and request.url.path != "/stop"
         if not self._all.admits(caller) or (counts and not self._acts.admits(caller)):
@@ -110,6 +110,11 @@ class Access:
         if length.isdecimal() and int(length[:18]) > most:
             return _no(413, f"at most {most} bytes are taken")
         return None
+
+    def _caller(self, request: Request) -> str:
+        """By what a request is counted: a browser that has logged in by its session, every other by its address."""
+        session = self._sessions.read(request.cookies.get(self._where.cookie, ""))
+        return session.id if session and (session.name or self._where.is_local) else _address(request)
 
     def _is_ours(self, request: Request, host: str) -> bool:
         origin = request.headers.get("origin", "")
@@ -176,7 +181,10 @@ class Access:
     async def _login(self, request: Request) -> Response:
         form = await form_of(request)
         name, password = str(form.get("name", "")), str(form.get("password", ""))
-        wait_s = self._logins.wait_s(_address(request), _LOGIN_WAITS_S)  # its name is slowed nowhere else
+        session: Session = request.scope["hil.session"]
+        # A name is slowed at that address alone, and not at a browser that has logged in with it before.
+        at = session.id if session.name == name else _address(request)
+        wait_s = self._logins.wait_s(f"{at} {name:.64}", _LOGIN_WAITS_S)
         if wait_s is None:
             return _login_page(request, marked("Too many tries; wait a minute."), 429)
         await asyncio.sleep(wait_s)

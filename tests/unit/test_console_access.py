@@ -223,6 +223,28 @@ def test_who_tries_passwords_is_slowed_and_nobody_else_is(accounts: Accounts, mo
     assert tried == [401] * 10 + [429] * 4 and waited == [0] * 5 + [4, 8, 12, 16, 20]
     other = Browser(browser.app, address="198.51.100.1")  # the owner of the name, from elsewhere
     assert other.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303 and waited[-1] == 0
+    beside = Browser(browser.app)  # another name, from the same address
+    assert beside.ask("/login", {"name": "emil", "password": PASSWORD})[0] == 303 and waited[-1] == 0
+
+
+def test_owner_at_the_address_of_who_tries_passwords_logs_in_at_once(
+    accounts: Accounts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(access, "_LOGINS", Rate(3.0, 0.0001))
+    stranger = Browser(console(accounts))
+    owner = Browser(stranger.app).logged_in("otto")
+    tried = [stranger.ask("/login", {"name": "otto", "password": f"wrong {i}"})[0] for i in range(5)]
+    assert tried == [401] * 2 + [429] * 3
+    assert owner.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303
+
+
+def test_who_floods_slows_nobody_else_at_the_same_address(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(access, "_ALL", Rate(20.0, 0.0))
+    monkeypatch.setattr(access, "_ACTS", Rate(3.0, 0.0))
+    stranger = Browser(console(accounts))
+    owner = Browser(stranger.app).logged_in("emil")
+    assert [stranger.ask("/bench")[0] for _ in range(21)][-1] == 429
+    assert owner.ask("/bench")[0] == owner.ask("/run/start", {"a": "1"})[0] == 200
 
 
 def test_two_consoles_on_one_computer_keep_their_sessions_apart(accounts: Accounts) -> None:
