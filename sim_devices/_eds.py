@@ -6,6 +6,8 @@ import re
 from configparser import ConfigParser
 from pathlib import Path
 
+from hil.untrusted import read_small
+
 _FORMS = {"0x0001": "B", "0x0002": "b", "0x0003": "h", "0x0004": "i", "0x0005": "B", "0x0006": "H", "0x0007": "I",
           "0x0008": "f"}  # fmt: skip
 _SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:[sS]ub([0-9A-Fa-f]+))?")
@@ -14,7 +16,7 @@ _SECTION = re.compile(r"([0-9A-Fa-f]{4})(?:[sS]ub([0-9A-Fa-f]+))?")
 def objects_of(path: str, node: int) -> dict[tuple[int, int], tuple[str, float, bool]]:
     """By index and sub-index: struct format, value after power-on, whether it may be written."""
     parser = ConfigParser(interpolation=None, strict=False)
-    parser.read_string(Path(path).read_text(encoding="latin-1"))
+    parser.read_string(read_small(Path(path)).decode("latin-1"))
     found: dict[tuple[int, int], tuple[str, float, bool]] = {}
     for section in parser.sections():
         place = _SECTION.fullmatch(section)

@@ -23,10 +23,11 @@ from hil.record.header import END_FILE, HEADER_FILE
 from hil.record.seal import SEAL_FILE, marks_of, read_seal
 from hil.safety.interrupt import Terminated
 from hil.safety.latch import state_path
+from hil.untrusted import ANY_SIZE, open_small, parse_json
 
 ACCOUNT = "HIL_ACCOUNT"
 """The environment variable that says to a run who started it at a console."""
-_TAIL_BYTES = 1 << 16
+_TAIL_BYTES, _LONGEST_LINE = 1 << 16, 1 << 24
 _BEGINNING = "0" * 64
 _CLOSES, _EVALUATES = "closes", "evaluates"
 
@@ -105,7 +106,7 @@ def chain(path: Path) -> Iterator[Link]:
     Raises:
         FileError: a line was changed, or one before it taken out; names its number (exit status 1).
     """
-    last, torn = b"", 0
+    last, torn, text = b"", 0, b""
     for number, text in enumerate(_lines(path), 1):
         if not text:
             continue
@@ -130,17 +131,26 @@ def head(path: Path) -> Link | None:
     return every[0] if every else None
 
 
-def _lines(path: Path) -> list[bytes]:
+def _lines(path: Path) -> Iterator[bytes]:
+    """Lines without their ends; the last one is empty where that of the last line is there."""
+    whole = True
     try:
-        return path.read_bytes().split(b"\n")
+        with open_small(path, ANY_SIZE) as file:
+            while text := file.readline(_LONGEST_LINE):
+                if len(text) == _LONGEST_LINE:
+                    raise _broken(f"{path}: a line of more than {_LONGEST_LINE} bytes is none of an audit trail")
+                whole = text.endswith(b"\n")
+                yield text.removesuffix(b"\n")
     except OSError as error:
         raise FileError(f"{path}: the audit trail cannot be read: {error.strerror}") from None
+    if whole:
+        yield b""
 
 
 def _parsed(text: bytes) -> dict[str, Any] | None:
     try:
-        line = json.loads(text)
-    except (ValueError, RecursionError):
+        line = parse_json(text, "a line")
+    except FileError:
         return None
     return line if isinstance(line, dict) and isinstance(line.get("previous"), str) else None
 
@@ -158,7 +168,7 @@ def _last_line(handle: int) -> tuple[bytes, bool]:
         return b"", True
     read = min(size, _TAIL_BYTES)
     tail = os.pread(handle, read, size - read)
-    while b"\n" not in tail.rstrip(b"\n") and read < size:
+    while b"\n" not in tail.rstrip(b"\n") and read < min(size, _LONGEST_LINE):
         read = min(size, 2 * read)
         tail = os.pread(handle, read, size - read)
     return tail.rstrip(b"\n").rpartition(b"\n")[2], tail.endswith(b"\n")

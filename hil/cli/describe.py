@@ -18,11 +18,12 @@ def command(
     from hil.description.first import gaps
     from hil.description.page import page
     from hil.description.read import read_description
+    from hil.untrusted import read_text
 
     path = description_file(model)
     with each_told(path):
         told = read_description(path)
     named = path.stem if path == descriptions().get(path.stem) else path.name  # as a bench file beside it says it
     typer.echo("\n".join(page(named, told)))
-    if left := gaps(path.read_text(encoding="utf-8")):
+    if left := gaps(read_text(path)):
         typer.echo(f"\n{left} gap{'s are' if left > 1 else ' is'} still marked in {path}")

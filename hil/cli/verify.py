@@ -87,8 +87,9 @@ def _when(found: Verified) -> str:
 
 def _evaluated(file: Path, found: Verified) -> Evaluated:
     from hil.passport.evaluate import evaluate_passport
+    from hil.passport.verify import bytes_of
 
-    return evaluate_passport(file.read_bytes(), found.most_bytes)
+    return evaluate_passport(bytes_of(file), found.most_bytes)
 
 
 def _said(found: Evaluated) -> Iterator[str]:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.errors import FileError
+from hil.untrusted import read_small
 
 if TYPE_CHECKING:
     from cryptography.hazmat.primitives.asymmetric.types import PrivateKeyTypes
@@ -59,7 +60,7 @@ def read_key(path: Path) -> SigningKey:
 
     passphrase = os.environ.get(PASSPHRASE, "").encode() or None
     try:
-        content = path.read_bytes()
+        content = read_small(path)
         if b"-----BEGIN" in content:
             return _from_pem(content, passphrase)
         key, certificate, _ = pkcs12.load_key_and_certificates(content, passphrase)
@@ -84,7 +85,7 @@ def read_certificates(path: Path) -> list[Certificate]:
     from cryptography import x509
 
     try:
-        content = path.read_bytes()
+        content = read_small(path)
         if b"-----BEGIN CERTIFICATE" in content:
             return x509.load_pem_x509_certificates(content)
         return [x509.load_der_x509_certificate(content)]

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from hil.errors import FileError
 from hil.passport.key import fingerprint, name_of, state_folder
+from hil.untrusted import read_text
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -47,7 +48,7 @@ def read_revocations(path: Path | None) -> dict[str, Revoked]:
     if path is None and not own.is_file():
         return {}
     try:
-        lines = own.read_text(encoding="utf-8").splitlines()
+        lines = read_text(own).splitlines()
     except (OSError, ValueError) as error:
         raise FileError(f"{own}: revoked certificates cannot be read: {error}") from None
     return dict(_revoked(line, f"{own}: line {number}") for number, line in enumerate(lines, 1) if _is_said(line))

@@ -19,7 +19,7 @@ from hil.passport.seal import ChangedError, is_passport, seal_of
 from hil.passport.unpacked import STRANGERS_BYTES
 from hil.record.header import HEADER_FILE
 from hil.record.simulated import is_simulated
-from hil.untrusted import MOST_BYTES, parse_json
+from hil.untrusted import MOST_BYTES, most_bytes, parse_json, read_small
 
 if TYPE_CHECKING:
     from cryptography.x509 import Certificate
@@ -99,11 +99,19 @@ def verify_file(path: Path, trust: Trust) -> Verified:
     Raises:
         FileError: it cannot be read.
     """
+    return verify(bytes_of(path), trust)
+
+
+def bytes_of(path: Path) -> bytes:
+    """All of a file that may be a passport.
+
+    Raises:
+        FileError: it cannot be read, is no regular file, or larger than what is read.
+    """
     try:
-        content = path.read_bytes()
+        return read_small(path, most_bytes())
     except OSError as error:
         raise FileError(f"{path}: cannot be read: {error.strerror}") from None
-    return verify(content, trust)
 
 
 def verify(content: bytes, trust: Trust) -> Verified:
@@ -192,4 +200,4 @@ def opened(path: Path) -> tuple[bytes, Verified]:
         error = FileError(f"{path}: {found.sentence}; nothing was taken from it")
         marked(error, found.exit_status, "")
         raise error
-    return path.read_bytes(), found
+    return bytes_of(path), found

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
@@ -10,7 +11,7 @@ from hil.bench.audit import ACCOUNT, Audit, on_the_trail, read_audit
 from hil.bench.find import benches
 from hil.bench.lease import leased
 from hil.bench.read import BenchFile, read_bench
-from hil.errors import InUseError, StorageError
+from hil.errors import FileError, InUseError, StorageError
 from hil.safety.interrupt import Halted, Terminated
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
@@ -83,3 +84,15 @@ def test_start_that_is_refused_the_bench_writes_no_line(tmp_path: Path) -> None:
     with leased(file), pytest.raises(InUseError):
         run_procedure(load_procedure("jog"), file, {"value": 0.0}, tmp_path / "run")
     assert not Audit().path.exists()
+
+
+def test_a_trail_of_others_is_read_within_limits(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(FileError, match="pipe: is a pipe; only regular files"):
+        list(read_audit(tmp_path / "pipe"))
+    Audit(tmp_path / "trail").write("otto", "drives", {})
+    sound = (tmp_path / "trail").read_bytes()
+    for text, says in ((b"[" * 100_000, "line 2 is none"), (b"a" * (1 << 24), "a line of more than 16777216 bytes")):
+        (tmp_path / "trail").write_bytes(sound + text + b"\n")
+        with pytest.raises(FileError, match=says):
+            list(read_audit(tmp_path / "trail"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import tomllib
 from pathlib import Path
 
@@ -17,6 +18,7 @@ from hil.description.find import descriptions
 from hil.description.first import GAP, first_description
 from hil.description.read import read_description
 from hil.errors import FileError
+from sim_devices._eds import objects_of
 from tests.described import written
 
 EDS = """\
@@ -171,6 +173,12 @@ def test_an_eds_with_the_faults_of_the_trade_is_read(tmp_path: Path) -> None:
     assert set(objects.left_out) == {
         "line 11: no KEY=VALUE", "line 61: DataType stands twice, '0x0006' counts", "[2200] has no DataType",
     }  # fmt: skip
+
+
+def test_a_node_reads_no_pipe_for_an_eds(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "node.eds")
+    with pytest.raises(FileError, match=r"node\.eds: is a pipe; only regular files"):
+        objects_of(str(tmp_path / "node.eds"), 1)
 
 
 def test_what_an_eds_does_not_say_is_marked(tmp_path: Path) -> None:

@@ -43,6 +43,12 @@ def test_files_inside_stops_at_what_is_allowed() -> None:
     assert [str(name) for name, _ in files_inside(made, 700_000, "b.*")] == ["b.txt"]
 
 
+def test_a_pipe_is_no_passport(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.pdf")
+    with pytest.raises(FileError, match=r"pipe\.pdf: is a pipe; only regular files"):
+        verifying.verify_file(tmp_path / "pipe.pdf", verifying.Trust())
+
+
 def test_lay_out_writes_nothing_of_what_is_too_large(tmp_path: Path) -> None:
     with pytest.raises(LargeError):
         lay_out(_made({"a.txt": b"1", "b.txt": bytes(600_000)}), tmp_path / "out", 1000)

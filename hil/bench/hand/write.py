@@ -15,6 +15,7 @@ from hil.bench.fault import BenchError
 from hil.bench.file import CalibrationLine
 from hil.bench.read import BenchFile, read_bench
 from hil.errors import FileError, StorageError
+from hil.untrusted import read_text
 
 HISTORY = "calibration_history"
 _STEP, _PLACES = 1e-3, 3  # of limits that are narrowed, always inwards
@@ -35,7 +36,7 @@ def write_calibration(file: BenchFile, channel: str, new: CalibrationLine) -> Be
     if old is not None and new.lag_s is None:
         new = new.model_copy(update={"lag_s": old.lag_s})
     try:
-        text = path.read_text(encoding="utf-8")
+        text = read_text(path)
         if read_bench(path).text != file.text:
             raise FileError(f"{path}: has changed since it was read; calibrate again")
         part = path.with_name(f".{path.name}.{os.getpid()}")
