@@ -1,7 +1,8 @@
 """Whether what a passport says follows from the samples inside: for who has nothing but the file.
 
-Samples give results, within a share of their uncertainty. Results give page one, the tables of the annex and the
-Digital Calibration Certificate, to the last digit. The model of the unit is not identified again.
+Samples give results, within a share of their uncertainty. Results and the headers of the runs give page one with its
+conditions and instruments, the tables of the annex and the Digital Calibration Certificate, to the last digit. The
+model of the unit is not identified again, as page one says; its parameters in the annex are those of the file inside.
 """
 
 from __future__ import annotations
@@ -12,16 +13,18 @@ import math
 import unicodedata
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import chain, starmap
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree.ElementTree import Element, ParseError, fromstring, tostring
 
 from hil.errors import InputError
 from hil.language.words import languages, speaking
-from hil.passport.attached import CONTENT_FILE, DCC_FILE, RUNS
+from hil.passport.attached import CONTENT_FILE, DCC_FILE, MODEL_FILE, RUNS
 from hil.passport.certificate import Signer, certificate_of
 from hil.passport.contents import lay_out
 from hil.passport.dcc import DCC, certificate_xml
+from hil.passport.identified import Understood
 from hil.passport.unit import Unit, read_unit_runs
 from hil.version import PROGRAM
 
@@ -54,7 +57,7 @@ def evaluate_passport(content: bytes, most_bytes: float = math.inf) -> Evaluated
             unit = read_unit_runs(lay_out(content, place, most_bytes), also_moved=True)
             faults = (
                 *_run_faults(unit),
-                *_page_faults(unit, content),
+                *_page_faults(unit, _model_inside(place), content),
                 *_certificate_faults(unit, place),
                 *_content_faults(unit, place),
             )
@@ -75,28 +78,52 @@ def _run_faults(unit: Unit) -> Iterator[str]:
         yield from (f"run {run.results.run}: {text}{by}" for text in run.moved)
 
 
-def _page_faults(unit: Unit, content: bytes) -> Iterator[str]:
+def _model_inside(place: Path) -> Understood:
+    """The model of the unit as a file of the passport has it; none where there is no such file.
+
+    Raises:
+        InputError: it is no model.
+    """
+    path = place / MODEL_FILE
+    if not path.is_file():
+        return Understood(())
+    from hil.physics.model import load_model
+
+    return Understood((), load_model(path))
+
+
+def _page_faults(unit: Unit, known: Understood, content: bytes) -> Iterator[str]:
     """What page one and the tables of the annex should say and do not, in the language in which they are."""
     try:
         pages = [_squeezed(page) for page in _texts(content)]
     except Exception as error:  # as `verify` has it: a broken PDF makes its reader raise anything
         yield f"its pages cannot be read: {type(error).__name__}"
         return
-    missing = min((list(_missing(unit, pages, language)) for language in languages()), key=len)
+    missing = min((list(_missing(unit, known, pages, language)) for language in languages()), key=len)
     yield from missing[:5]
 
 
-def _missing(unit: Unit, pages: list[str], language: str) -> Iterator[str]:
+def _missing(unit: Unit, known: Understood, pages: list[str], language: str) -> Iterator[str]:
     with speaking(language):
-        page = certificate_of(unit, Signer("", ""), "", names=True)
+        page, parameters = certificate_of(unit, Signer("", ""), "", names=True), known.parameters
     first, whole = pages[0], "".join(pages)
     head = [unit.valve, f"{page['said']['serial']} {unit.serial} {str(page['word']).upper()}"]
     for text in (*head, *map("".join, page["limits"])):
         if _squeezed(text) not in first:
             yield f"page one does not say what the results say: {text}"
+    for text in dict.fromkeys((*starmap(_row, page["conditions"]), *chain.from_iterable(page["instruments"]))):
+        if _squeezed(text) not in whole:  # many instruments need more than a page
+            yield f"page one does not say what the runs say: {text}"
+    for row in parameters:
+        if _squeezed("".join(row)) not in whole:
+            yield f"the annex does not say what {MODEL_FILE} says: {' '.join(row)}"
     for row in (*page["more_limits"], *page["values"]):
         if _squeezed("".join(row)) not in whole:
             yield f"the annex does not say what the results say: {' '.join(row)}"
+
+
+def _row(label: str, text: str) -> str:
+    return f"{label} {text}"
 
 
 def _texts(content: bytes) -> list[str]:

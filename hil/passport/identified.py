@@ -105,7 +105,9 @@ def understood(unit: Unit, wanted: bool, kind: Model | None, progress: Progress)
     told, said = _diagnosed(unit, kind, progress)
     seconds = time.perf_counter() - started
     took = Sentence(marked("Computed in {seconds} s."), {"seconds": f"{seconds:.0f}"})
-    return Understood((why, said, took), model, fit, told, seconds)
+    once = Sentence(marked("Who verifies this passport does not compute it anew."))
+    anew = (once,) if model is not None or told is not None else ()
+    return Understood((why, said, took, *anew), model, fit, told, seconds)
 
 
 def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, Sentence | None, Sentence]:

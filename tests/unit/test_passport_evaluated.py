@@ -307,6 +307,13 @@ def forged(tmp_path: Path, monkeypatch, part: str) -> Path:
 
             original = made.certificate_of
             lies.setattr(made, "certificate_of", lambda _unit, *rest, **named: original(nice, *rest, **named))
+        if part in ("conditions", "instruments"):
+            import hil.passport.issue as made
+
+            stated = made.certificate_of
+            other = {"conditions": [("Fluid temperature", "55 °C")],
+                     "instruments": [["flow meter", "F-1", "2026-03-01", "2029-03-01", "not stated"]]}  # fmt: skip
+            lies.setattr(made, "certificate_of", lambda *rest, **named: stated(*rest, **named) | {part: other[part]})
         if part == "certificate":
             import hil.passport.issue as made
 
@@ -321,6 +328,8 @@ def forged(tmp_path: Path, monkeypatch, part: str) -> Path:
     ("part", "says"),
     [
         ("page", "page one does not say what the results say"),
+        ("conditions", "page one does not say what the runs say: Fluid temperature 40"),
+        ("instruments", "page one does not say what the runs say: 2027-03-01"),
         ("certificate", "certificate.xml does not say what the results say"),
         ("results", "gain: 50 ± 1 l/min, limits 40 … 60, pass in the results, 70 ± 1"),
     ],
@@ -364,6 +373,18 @@ def test_pages_that_cannot_be_read_do_not_follow(tmp_path: Path) -> None:
 def test_a_passport_of_8f99e50_is_evaluated_and_its_results_called_unsealed() -> None:
     found = evaluate_passport((SAMPLES / "8f99e50" / "passport.pdf").read_bytes())
     assert (found.faults, found.values, found.runs) == ((), 14, 1) and "did not seal" in found.notes[0]
+
+
+def test_the_annex_says_the_model_that_is_inside(tmp_path: Path) -> None:
+    with pikepdf.open(SAMPLES / "8f99e50" / "passport.pdf") as pdf:
+        inside = pdf.attachments["model.json"].get_file()
+        model = json.loads(inside.read_bytes())
+        name, told = next(iter(model["parameters"].items()))
+        model["parameters"][name] = {**told, "value": 0.98 * told["value"]}
+        inside.obj.write(json.dumps(model).encode())
+        pdf.save(tmp_path / "changed.pdf")
+    (fault,) = evaluate_passport((tmp_path / "changed.pdf").read_bytes()).faults
+    assert fault.startswith(f"the annex does not say what model.json says: {name.replace('_', ' ')}")
 
 
 def test_a_broken_trail_issues_nothing(tmp_path: Path) -> None:
