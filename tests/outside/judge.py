@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from tests.outside.coupler import NEAR, Coupler
+from tests.outside.coupler import LAG_S, NEAR, Coupler
 from tests.outside.running import Program
 
 LATE_S = 0.15  # between a word and its stamp, on a computer that does other things besides
+RISE_MS = 1000.0 * LAG_S * math.log(9.0)
+TRUTHS = {"rise, 0 → 50 %": RISE_MS, "rise, 50 → 0 %": RISE_MS, "change, 0 → 50 %": 50.0, "change, 50 → 0 %": -50.0}
+MOST_STD = 4.0
 STATUSES = {0, 1, 2, 3, 129, 130, 131, 138, 143}
 SAID_SAFE = ("outputs are safe (read back", "outputs made safe", "outputs are made safe")
 SAID_NOT = ("NOT SAFE", "nobody knows", "not confirmed", "unconfirmed", "emergency stop")
@@ -44,8 +48,8 @@ class Seen:
     not_run: str = ""
 
 
-def judged(seen: Seen, coupler: Coupler, program: Program) -> Seen:
-    """The row with its contradictions."""
+def judged(seen: Seen, coupler: Coupler, program: Program, measures: bool = False) -> Seen:
+    """The row with its contradictions; `measures`: figures of its steps among them."""
     seen.status, seen.said, seen.stands = program.process.poll(), program.said, coupler.percent
     seen.away_s = coupler.away_s(seen.begun_s)
     files = {name: program.told(name) for name in ("end.json", "watchdog.json")}
@@ -53,6 +57,7 @@ def judged(seen: Seen, coupler: Coupler, program: Program) -> Seen:
     seen.words = {name: told.get("outputs") for name, told in words.items()}
     seen.why = str((files["watchdog.json"] or {}).get("why", ""))
     seen.wrong += [*_data(seen, program), *_sentence(seen), *_status(seen)]
+    seen.wrong += _figures(program.printed or {}) if measures and seen.status == 0 else []
     return seen
 
 
@@ -81,6 +86,18 @@ def _outputs(source: str, outputs: Mapping[str, Any], seen: Seen) -> Iterator[st
         at_s = datetime.fromisoformat(output["at_utc"]).timestamp() if output.get("at_utc") else seen.ended_s
         if state == "safe" and (late := _away_after(seen, at_s)):
             yield f"{source} calls '{name}' safe, and it was away {late:.2f} s later"
+
+
+def _figures(printed: Mapping[str, Any]) -> list[str]:
+    """Figures that are given, and whose interval does not hold what the device did."""
+    wrong = []
+    for value in printed.get("values", []):
+        truth = TRUTHS.get(str(value["name"]))
+        if truth is not None and value["value"] is not None and abs(value["value"] - truth) > MOST_STD * value["std"]:
+            wrong.append(
+                f"{value['name']} = {value['value']:.4g} ± {value['std']:.2g} {value['unit']}, and is {truth:.4g}"
+            )
+    return wrong
 
 
 def _sentence(seen: Seen) -> Iterator[str]:

@@ -117,17 +117,34 @@ class Program:
                 os.close(near)
 
 
-def bench(folder: Path, coupler: Coupler) -> Path:
+def bench(folder: Path, coupler: Coupler, rate_hz: int = 8) -> Path:
     """The shipped bench with this device, which has no watchdog of its own: nobody helps the program."""
     carrier = "tcp" if ":" in coupler.address else "rtu"
     text = (BENCHES / f"hpv41-modbus-{carrier}.toml").read_text(encoding="utf-8")
     text = re.sub(r'\naddress = ".*"', f'\naddress = "{coupler.address}"', text, count=1)
-    text = re.sub(r"sample_rate_hz = \d+", "sample_rate_hz = 8", text.replace("\nwatchdog_s = 1.0\n", "\n", 1))
+    text = re.sub(r"sample_rate_hz = \d+", f"sample_rate_hz = {rate_hz}", text.replace("\nwatchdog_s = 1.0\n", "\n", 1))
     name = re.sub(r"\W", "-", coupler.address)
     text = text.replace("block_s = 0.1", f"block_s = 0.25\nwatchdog_s = {WATCHDOG_S}").replace("HPV41 on", f"{name} on")
     path = folder / "bench.toml"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def step_command(path: Path) -> list[str]:
+    """A step up and down whose figures are known."""
+    told = [part for setting in ("levels=0,50,0", "hold_s=2") for part in ("--set", setting)]
+    return [
+        "-m",
+        "hil",
+        "run",
+        "step_response",
+        "--bench",
+        str(path),
+        "--out",
+        str(path.parent / "run"),
+        "--json",
+        *told,
+    ]
 
 
 def run_command(path: Path, *settings: str) -> list[str]:

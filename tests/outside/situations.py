@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 
-from tests.outside.coupler import Coupler
+from tests.outside.coupler import READS, Coupler
 from tests.outside.judge import Seen
-from tests.outside.running import Program, run_command
+from tests.outside.running import Program, run_command, step_command
 
 OUTAGES_S = (0.3, 0.35, 0.4, 0.45, 0.5, 0.6, 0.8, 1.0, 2.0, 4.0, 6.0, 8.0)
 
@@ -41,6 +41,7 @@ class Situation:
         words: of the program, made of the path of the bench; the run of the procedure `stand` where None.
         settings: of that procedure.
         serial: the device is on a serial line.
+        reads: steps are measured on it, and this is wrong with what is read (see `Coupler`).
     """
 
     name: str
@@ -51,6 +52,7 @@ class Situation:
     settle_s: float = 0.5
     is_ours: bool = True
     serial: bool = False
+    reads: str = ""
 
 
 def later(after_s: float, do: Callable[[], object]) -> None:
@@ -265,7 +267,8 @@ def named() -> list[Situation]:
         for how, what in {"stopped": terminal_stopped, "closed": terminal_closed}.items()
         for name, act in {"trip": trip, "Ctrl-C": signalled(2), "SIGKILL": signalled(9), "stop button": press}.items()
     ]
-    return [*held_lines(), *wrong, *forks, *watchdogs, *programs, *terminals]
+    truths = [Situation(f"truth: a flow that is read {how}", (), reads=how) for how in READS]
+    return [*truths, *held_lines(), *wrong, *forks, *watchdogs, *programs, *terminals]
 
 
 _LINK: Mapping[str, Act] = {
@@ -305,6 +308,8 @@ def drawn(seed: int) -> Situation:
 
 def words_of(situation: Situation, path: object) -> list[str]:
     """With what a program is started."""
+    if situation.reads:
+        return step_command(path)  # type: ignore[arg-type]
     if situation.words is not None:
         return situation.words(path)
     return run_command(path, *situation.settings)  # type: ignore[arg-type]

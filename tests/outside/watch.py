@@ -16,6 +16,7 @@ from tests.waits import PATIENCE_S
 GIVES_UP_S = 75.0  # the watchdog process, at the latest
 _DRIVEN = 20.0  # %
 _TRIES = 3
+_ENDS_S = 15.0
 
 
 def watched(situation: Situation, watch_s: float) -> Seen:
@@ -30,7 +31,10 @@ def watched(situation: Situation, watch_s: float) -> Seen:
 def _once(situation: Situation, watch_s: float) -> Seen:
     with tempfile.TemporaryDirectory(prefix="hil-outside-") as name, Coupler(situation.serial) as coupler:
         folder, seen = Path(name), Seen(situation.name, situation.is_ours)
-        program = started(folder, words_of(situation, bench(folder, coupler)), situation.terminal)
+        coupler.reads = situation.reads or coupler.reads
+        program = started(
+            folder, words_of(situation, bench(folder, coupler, 25 if situation.reads else 8)), situation.terminal
+        )
         try:
             return _seen(situation, Scene(coupler, program, seen, None), watch_s)
         except Exception as error:  # of the observer: a row that was not run, and is counted
@@ -54,15 +58,15 @@ def _seen(situation: Situation, scene: Scene, watch_s: float) -> Seen:
     for at_s, act in situation.acts:
         time.sleep(max(0.0, begun_s + at_s - time.monotonic()))
         act(scene)
-    _end(program, seen)
+    _end(program, seen, PATIENCE_S if situation.reads else _ENDS_S)
     _wait(lambda: program.watchdog is None, GIVES_UP_S)
     time.sleep(watch_s)
-    return judged(seen, coupler, program)
+    return judged(seen, coupler, program, measures=bool(situation.reads))
 
 
-def _end(program: Program, seen: Seen) -> None:
+def _end(program: Program, seen: Seen, within_s: float) -> None:
     """It has ended by itself, or is asked to: what does not disturb it goes on for ever."""
-    if not _wait(lambda: program.process.poll() is not None, 15.0):
+    if not _wait(lambda: program.process.poll() is not None, within_s):
         program.deaf = False
         program.process.send_signal(signal.SIGINT)
         _wait(lambda: program.process.poll() is not None, 60.0)
