@@ -217,6 +217,7 @@ class Guard:
         with uninterrupted():
             if not self.known.asked or self._operator.waits:
                 self._go_safe()
+            self._operator.tell(self.known)  # a stop that is pressed from now on has its answer
             self._let_go()
             self._closed = True
         if self.latch.trips != tripped:
@@ -294,10 +295,11 @@ class Guard:
         with uninterrupted():
             self._confirming()
             self.known.make_safe(self._daq, self._confirming, self._clock)
+            is_stopped = self._operator.answer(self.known)  # before the sign that nothing is confirmed any more
             if self.known.settled:
                 with suppress(Exception):
                     self._beat(False)
-            if self._operator.answer(self.known):
+            if is_stopped:
                 self._note_if_possible("stop", by="operator")
 
     def _confirming(self) -> None:

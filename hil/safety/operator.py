@@ -24,7 +24,8 @@ class Operator:
     interlock is.
 
     Attributes:
-        tell: takes what is known of the outputs after a stop, each time they were told to be safe and read back.
+        tell: takes what is known of the outputs after a stop, each time they were told to be safe and read back, and
+            when the run is over.
         holding: told when the run begins and ends to hold.
         confirming: told again and again while outputs are told to be safe and read back.
     """

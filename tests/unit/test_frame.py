@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -109,3 +110,9 @@ def test_the_command_line_keeps_its_options(
     assert "--unit 'flow=l/min'" in capsys.readouterr().err
     with pytest.raises(HilError, match=r"units=\{'flow': 'l/min'\}"):
         hil.identify(path, "brevini-hpv41")
+
+
+def test_a_fit_is_never_above_what_noise_allows_and_no_lag_is_minus_nothing() -> None:
+    (found,) = hil.compare(hil.typical_model("brevini-hpv41"), measured())
+    assert found.fit is not None and found.ceiling is not None and found.fit <= found.ceiling
+    assert "-0.0 ms" not in replace(found, lag_s=-2e-6).as_text()

@@ -81,5 +81,5 @@ def test_the_acceptance_of_an_efc_tells_the_time_of_the_whole(tmp_path: Path, mo
     assert "coil current" in said[len(said) // 2][1]
     whole_s = read(tmp_path / "run").duration_s
     first = next(text for _, text in said if " left" in text)
-    minutes, seconds = re.search(r"(?:(\d+) min )?(\d+) s left", first).groups()  # type: ignore[union-attr]
+    minutes, seconds = re.search(r"(?:(\d+) min )?(\d+) s of simulated time left", first).groups()  # type: ignore[union-attr]
     assert 60 * int(minutes or 0) + int(seconds) == pytest.approx(whole_s, rel=0.1)
