@@ -11,12 +11,12 @@ import numpy as np
 
 from hil.diagnosis.prior import Prior
 from hil.diagnosis.work import Work
-from hil.diagnosis.yardsticks import MUCH_THE_SAME, PLAINLY
+from hil.diagnosis.yardsticks import PLAINLY
 from hil.identification.estimate import jacobian, side_by_side
 from hil.identification.experiment import Experiment
 from hil.identification.first_reading import start_slope, with_free_start
 from hil.identification.lines import line_at
-from hil.identification.noise import channel_floors, white_floor, whiten
+from hil.identification.noise import channel_floors, noise_in, whiten
 from hil.physics.compose import kernel
 from hil.physics.model import Model, Noise
 from hil.physics.plant import Parameter, Plant
@@ -243,7 +243,7 @@ def pose(model: Model, experiments: Sequence[Experiment]) -> Problem:
     """
     experiments = [_without_hum(model, e) for e in experiments]
     floors = channel_floors([{"output": e.told_output} for e in experiments])
-    noises = tuple(_noise(model, own["output"]) for own in floors)
+    noises = tuple(noise_in(model.noise, own["output"]) for own in floors)
     inner = channel_floors([e.told_observed for e in experiments])
     return Problem(model, tuple(experiments), noises, tuple(map(partial(_with_dither, model), experiments, inner)))
 
@@ -258,17 +258,6 @@ def _with_dither(model: Model, e: Experiment, floors: dict[str, float]) -> dict[
     return {name: math.hypot(floor, ripple[name]) for name, floor in floors.items()}
 
 
-def _noise(model: Model, floor: float) -> Noise:
-    """The noise the model was identified with, unless a recording's own floor contradicts it."""
-    known = model.noise
-    if known is None or known.std <= 0.0:
-        return Noise(floor)
-    expected = white_floor_of(known)
-    if 1.0 / MUCH_THE_SAME < floor / expected < MUCH_THE_SAME:
-        return known
-    return replace(known, std=known.std * floor / expected)
-
-
 def _without_hum(model: Model, e: Experiment) -> Experiment:
     """The recording without the tone that its model knows, as far as it is no larger than it was."""
     known = model.noise
@@ -278,14 +267,3 @@ def _without_hum(model: Model, e: Experiment) -> Experiment:
     tone, amplitude = line_at(e.time_s, error, known.hum_hz)
     share = min(1.0, PLAINLY * known.hum / max(amplitude, 1e-300))
     return replace(e, output=e.output - share * tone)
-
-
-def white_floor_of(noise: Noise) -> float:
-    """What `white_floor` would say of this noise: coloured noise hides most of itself from differences."""
-    if not noise.colour:
-        return noise.std
-    generator = np.random.default_rng(0)
-    from scipy.signal import lfilter
-
-    sample = lfilter((1.0,), (1.0, *noise.colour), generator.standard_normal(20_000))[1000:]
-    return noise.std * white_floor(sample) / float(np.std(sample))

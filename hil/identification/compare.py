@@ -13,7 +13,7 @@ from hil.identification.fit import fit_ceiling, fit_percent
 from hil.identification.gaps import bridged
 from hil.identification.looks import without_unmeasured
 from hil.identification.mistaken.look import suspicions
-from hil.identification.noise import channel_floor
+from hil.identification.noise import channel_floor, noise_in
 from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.record.simulated import marked
@@ -37,8 +37,8 @@ class Comparison:
     """One model on one recording.
 
     Attributes:
-        fit, ceiling: in %; the ceiling is what the true model would reach, given the noise. None where the output
-            stands still.
+        fit, ceiling: in %; the ceiling is what the true model would reach, given the noise, and never below a fit that
+            is reached. None where the output stands still.
         rms_error, noise_std: in `unit`, the output's unit.
         mean_error: simulated minus measured.
         lag_s: by how much the model is late (positive) or early, at the best correlation of their slopes; None where
@@ -113,7 +113,8 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
     response = e.respond(model.definition, model.values, model.active_effects)[0]
     time_s, measured, simulated = e.time_s[e.told], e.output[e.told], response[e.told]
     error = simulated - measured
-    noise = channel_floor(measured)
+    noise = noise_in(model.noise, channel_floor(measured)).std
+    fit = fit_percent(measured, simulated)
     moves = not e.stands_still
     if not moves:
         notes = (*notes, f"{e.where_it_stands}: no fit can be stated; {DEAD}")
@@ -122,8 +123,8 @@ def compare(model: Model, experiment: Experiment) -> Comparison:
     return Comparison(
         e.name,
         e.output_heading.rpartition("[")[2].rstrip("]"),
-        fit_percent(measured, simulated) if moves else None,
-        fit_ceiling(measured, noise) if moves else None,
+        fit if moves else None,
+        max(fit, fit_ceiling(measured, noise)) if moves else None,
         _rms(error),
         noise,
         float(error.mean()),

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hil.catalog import entries, models
 from hil.identification.at_once import dead_time_std_s, follows_at_once
 from hil.identification.content import content_of
+from hil.identification.discrepancy import discrepancy_of, sentence_of
 from hil.identification.elsewhere import elsewhere
 from hil.identification.estimate import Estimate, Unknown, estimate
 from hil.identification.experiment import DEAD, Experiment, require_excitation, sample_intervals_s
@@ -25,16 +26,16 @@ from hil.identification.free import all_values, check_free, moved, moved_effects
 from hil.identification.gaps import bridged
 from hil.identification.lines import common_line, line_at
 from hil.identification.looks import believed, doubts, look, one_frequency
-from hil.identification.noise import channel_floor, measured_noise, resolution
+from hil.identification.noise import COVERED, Measured, channel_floor, measured_noise, resolution
 from hil.identification.residuals import Residuals
 from hil.identification.structure import choose_structure
 from hil.identification.systematic import Systematic, systematic
-from hil.physics.model import Covariance, Model, Noise, Value, load_model, typical_model
+from hil.identification.witnesses import witnesses
+from hil.physics.model import Covariance, Model, Value, load_model, typical_model
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-_COVERED = 1.96  # standard uncertainties in an interval of 95 %
 # Start values tried beside the given ones when the first fit stays far above the noise.
 _RESTARTS = (0.4, 2.5)
 _WELL_ABOVE_FLOOR = 1.5
@@ -81,7 +82,7 @@ def _shown(found: Value) -> str:
     """The value to the second digit of its interval; one that has none to six."""
     if not found.std or not np.isfinite(found.std):
         return f"{found.value:.6g}"
-    return f"{found.value:.{_places(_COVERED * found.std)}f}"
+    return f"{found.value:.{_places(COVERED * found.std)}f}"
 
 
 def _interval(std: float | None) -> str:
@@ -89,7 +90,7 @@ def _interval(std: float | None) -> str:
         return "held"
     if not np.isfinite(std):
         return "not told"
-    return f"± {_COVERED * std:.{_places(_COVERED * std)}f}" if std else "± 0"
+    return f"± {COVERED * std:.{_places(COVERED * std)}f}" if std else "± 0"
 
 
 def _places(width: float) -> int:
@@ -102,7 +103,7 @@ def _whole(found: Value) -> str:
     whole = found.std_with_calibration
     if whole is None or not found.calibration_std or not np.isfinite(whole):
         return ""
-    return f"with calibration ± {_COVERED * whole:.2g}"
+    return f"with calibration ± {COVERED * whole:.2g}"
 
 
 def starting_model(plant_or_file: str, free: Sequence[str] = ()) -> Model:
@@ -353,20 +354,26 @@ def _residuals(
     return residuals
 
 
-def _noise(experiments: Sequence[Experiment], errors: Sequence[Array]) -> Noise:
+def _noise(
+    model: Model, experiments: Sequence[Experiment], errors: Sequence[Array], simulated: Sequence[Array]
+) -> Measured:
     """The noise of the output from what the model leaves, a tone that runs through everything apart."""
-    inputs = [e.on_grid_input() for e in experiments]
-    outputs = [e.output for e in experiments]
-    interval_s = experiments[0].interval_s
     floor = float(np.sqrt(np.mean([channel_floor(e.told_output) ** 2 for e in experiments])))
+
+    def measured(outputs: Sequence[Array], errors: Sequence[Array]) -> Measured:
+        told = [values[e.told] for e, values in zip(experiments, outputs, strict=True)]
+        seen = witnesses(model, experiments, outputs, simulated, floor)
+        return measured_noise(told, seen, errors, experiments[0].interval_s)
+
+    outputs = [e.output for e in experiments]
     is_noise = float(np.sqrt(np.mean([np.mean(error**2) for error in errors]))) < _MOST_OVER_FLOOR * floor
     hum_hz = common_line(experiments, errors) if is_noise else None  # a misfit has lines that are no hum
     if hum_hz is None:
-        return measured_noise(inputs, outputs, errors, interval_s)
+        return measured(outputs, errors)
     found = [line_at(e.time_s, error, hum_hz) for e, error in zip(experiments, errors, strict=True)]
     without = [[values - tone for values, (tone, _) in zip(rows, found, strict=True)] for rows in (outputs, errors)]
-    noise = measured_noise(inputs, without[0], without[1], interval_s)
-    return replace(noise, hum_hz=hum_hz, hum=float(np.median([amplitude for _, amplitude in found])))
+    own, hum = measured(without[0], without[1]), float(np.median([amplitude for _, amplitude in found]))
+    return replace(own, noise=replace(own.noise, hum_hz=hum_hz, hum=hum))
 
 
 def _as_if_told(errors: Array, told: NDArray[np.bool_]) -> Array:
@@ -403,7 +410,7 @@ def _wider_than_themselves(plant: Plant, values: Mapping[str, float], stds: Mapp
         for p in plant.parameters
         if p.name in stds
         and np.isfinite(stds[p.name])
-        and _COVERED * stds[p.name] >= max(abs(values[p.name]), abs(p.scale))
+        and COVERED * stds[p.name] >= max(abs(values[p.name]), abs(p.scale))
     )
 
 
@@ -426,9 +433,10 @@ def _result(
     }
     effects, active = moved(model, values, stds).effects, moved_effects(model, values)
     plain = {p.name: values[p.name] for p in plant.parameters}
-    fits, errors = {}, []
+    fits, errors, answers = {}, [], []
     for e in experiments:
         simulated = e.respond(plant, plain, active)[0]
+        answers.append(simulated)
         fits[e.name] = fit_percent(e.output[e.told], simulated[e.told])
         floor = channel_floor(e.told_output)
         slope = start_slope(e, plant, plain, active, floor, plain=simulated)
@@ -437,7 +445,7 @@ def _result(
     made = Model(
         model.plant, parameters, effects, experiments[0].input, experiments[0].output_heading,
         experiments[0].drive.read_at,
-        _noise(experiments, errors),
+        None,
         _covariance(found),
         {
             "recordings": [e.name for e in experiments], "fit_percent": fits,
@@ -445,6 +453,9 @@ def _result(
             "resolution": float(np.median([resolution(e.output) for e in experiments])), **_kept(model),
         },
     )  # fmt: skip
+    measured = _noise(made, experiments, errors, answers)
+    beyond = discrepancy_of(made, experiments, [-error for error in errors], measured)
+    made = replace(made, noise=measured.noise, origin={**made.origin, **({"discrepancy": beyond} if beyond else {})})
     given_up = [found.unknowns[k].name for k in found.given_up]
     natural = [u.name for u, v in zip(found.unknowns, found.values.tolist(), strict=True) if u.at_natural_end(v)]
     ended = [name for name in found.on_bound if name not in natural]
@@ -459,5 +470,5 @@ def _result(
         "levels and faster changes, or record a signal nearer to where it acts"
         for name in wide
     ]
-    notes += [*_untold(found), *beside.notes]
+    notes += [*([sentence_of(beyond)] if beyond else []), *_untold(found), *beside.notes]
     return GreyBoxFit(made, found, fits, (*said, *notes, *doubts(made, experiments, fits)))

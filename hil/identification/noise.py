@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
@@ -14,16 +16,38 @@ from hil.record.recording import Array
 _LONGEST_MEMORY = 8
 # Noise is called coloured only when a longer memory makes this much of its variance predictable.
 _TELLING_SHARE = 0.01
-_AGREEING = 1.15
-# Residuals of which past inputs explain less than this share have nothing to do with them.
-_UNRELATED = 0.02
-# What is so many times above the white floor is a slow misfit: in one recording nothing tells drifting noise from it.
-_MOST_COLOURED = 12.0
-_DELAYS_S = (0.0, 0.01, 0.02, 0.04, 0.08, 0.15, 0.3, 0.6, 1.0)
 _WHITE_SHARE = 1e-9
-_STILL_MOVING = 0.1
+# Samples after which noise is forgotten, and times that what means take of it is put back.
+_TAIL, _MEANS = 4096, 4
+# Standard uncertainties in an interval of 95 %.
+COVERED = 1.96
+# Standard uncertainty of the floor of white noise, a median of fourth differences, times √n.
+_MEDIAN_SPREAD = 1.63
+# A recording's floor within so many times that of its model's identification does not contradict it.
+_CONTRADICTED = 1.25
 # Noise so many times the resolution makes a channel that hardly ever repeats itself.
 NOISE_OVER_RESOLUTION = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """The noise of recordings, and what a model leaves of them.
+
+    Attributes:
+        noise: its level, colour and uncertainty.
+        left: the same of all that the model leaves.
+        is_witnessed: whether noise was seen where no input is in it, and is less; else what is left beyond the noise
+            may be coloured noise.
+    """
+
+    noise: Noise
+    left: Noise
+    is_witnessed: bool
+
+    @property
+    def discrepancy(self) -> float:
+        """Rms of what is left beyond the noise, in the output's unit; 0 where that is within its uncertainty."""
+        return math.sqrt(max(self.left.std**2 - self.noise.std**2, 0.0))
 
 
 def white_floor(values: Array) -> float:
@@ -68,8 +92,12 @@ def channel_floor(values: Array) -> float:
 
     0 for a channel that stands still: it tells nothing of it.
     """
-    rounding = resolution(values) / float(np.sqrt(12.0))
-    return max(white_floor(values), rounding, 1e-6 * float(np.ptp(values)))
+    return max(white_floor(values), rounding_of(values))
+
+
+def rounding_of(values: Array) -> float:
+    """What rounding adds: the standard deviation of a converter's, or of the number that a file has."""
+    return max(resolution(values) / float(np.sqrt(12.0)), 1e-6 * float(np.ptp(values)))
 
 
 def channel_floors(recorded: Sequence[Mapping[str, Array]]) -> tuple[dict[str, float], ...]:
@@ -82,115 +110,115 @@ def channel_floors(recorded: Sequence[Mapping[str, Array]]) -> tuple[dict[str, f
     return tuple({name: floor or largest[name] for name, floor in own.items() if largest[name]} for own in floors)
 
 
-def noise_of(residuals: Sequence[Array], interval_s: float) -> Noise:
-    """Level and colour of residuals, one array per recording, by Yule–Walker.
+def noise_of(stretches: Sequence[Array], interval_s: float) -> Noise:
+    """Level, colour and uncertainty of stretches of noise about means of their own, by Yule–Walker.
 
-    The order is the lowest from which a longer memory no longer makes the noise more predictable.
+    The order is the lowest from which a longer memory no longer makes the noise more predictable. Of noise that nobody
+    has seen the level is 0.
     """
-    correlation = _autocorrelation(residuals, _LONGEST_MEMORY)
-    std = float(np.sqrt(correlation[0]))
-    correlation[0] *= 1.0 + _WHITE_SHARE  # residuals may be so smooth that they predict themselves
+    raw = _autocorrelation(stretches, _LONGEST_MEMORY)
+    if raw[0] <= 0.0:
+        return Noise(0.0)
+    colour, correlation = _predictor(raw), raw
+    for _ in range(_MEANS):  # a mean takes some of the noise with it, the more the longer its memory
+        correlation = raw + raw[0] * _share_of_means(colour, [len(r) for r in stretches])
+        colour = _predictor(correlation)
+    std, one = float(np.sqrt(correlation[0])), _correlation_of(colour)
+    independent = sum(map(len, stretches)) / float(2.0 * one @ one - 1.0)
+    return Noise(std, colour, interval_s, std_uncertainty=std / math.sqrt(2.0 * independent))
+
+
+def _predictor(correlation: Array) -> tuple[float, ...]:
+    """a_1 … a_p of autocorrelations at lags from 0 on."""
+    known = correlation.copy()
+    known[0] *= 1.0 + _WHITE_SHARE  # residuals may be so smooth that they predict themselves
     best: tuple[float, ...] = ()
-    left = correlation[0]
+    left = known[0]
     for order in range(1, _LONGEST_MEMORY + 1):
-        weights = solve_toeplitz(correlation[:order], correlation[1 : order + 1])
-        unexplained = correlation[0] - float(weights @ correlation[1 : order + 1])
+        weights = solve_toeplitz(known[:order], known[1 : order + 1])
+        unexplained = known[0] - float(weights @ known[1 : order + 1])
         if unexplained < (1.0 - _TELLING_SHARE) * left:
-            best, left = tuple(-weights), unexplained
-    return Noise(std, best, interval_s)
+            best, left = tuple((-weights).tolist()), unexplained
+    return best
 
 
-def repeat_difference(inputs: Array, output: Array) -> Array | None:
-    """What differs between two periods of a periodic recording, scaled to one: noise and nothing else.
-
-    A misfit repeats with the input, noise does not. None when the input does not repeat itself; rest after rest is
-    no repetition.
-    """
-    n = len(output)
-    power = float(np.var(inputs))
-    shortest, longest = max(n // 20, 1), n - n // 5
-    if power == 0.0 or longest <= shortest:
-        return None
-    lags = np.arange(shortest, longest)
-    mismatch = _mean_square_difference(inputs)[lags]
-    good = lags[(mismatch < 1e-8 * power) & (_variance_from(inputs)[lags] > _STILL_MOVING * power)]
-    if not good.size:
-        return None
-    lag = int(good[0])
-    difference: Array = (output[lag:] - output[:-lag])[n // 20 :] / np.sqrt(2.0)
-    return difference
+def _share_of_means(colour: tuple[float, ...], lengths: Sequence[int]) -> float:
+    """Variance of the means of stretches over that of the noise."""
+    one = _correlation_of(colour)
+    shares = [(2.0 * float(np.maximum(1.0 - np.arange(_TAIL) / n, 0.0) @ one) - 1.0) / n for n in lengths]
+    return min(float(np.average(shares, weights=lengths)), 1.0)
 
 
-def _variance_from(values: Array) -> Array:
-    """Variance of v(t ≥ lag) for every lag."""
-    counts = np.arange(len(values), 0, -1)
-    centred = values - values.mean()
-    means = np.cumsum(centred[::-1])[::-1] / counts
-    result: Array = np.cumsum(centred[::-1] ** 2)[::-1] / counts - means**2
-    return result
-
-
-def _mean_square_difference(values: Array) -> Array:
-    """Mean of (v(t + lag) − v(t))² for every lag."""
-    centred = values - values.mean()
-    n = len(centred)
-    spectrum = np.abs(np.fft.rfft(centred, 2 * n)) ** 2
-    product = np.fft.irfft(spectrum, 2 * n)[:n]
-    squares = np.concatenate(([0.0], np.cumsum(centred**2)))
-    counts = np.arange(n, 0, -1)
-    both = squares[counts] + squares[n] - squares[n - counts]
-    result: Array = np.maximum(both - 2.0 * product, 0.0) / counts
-    return result
+def _correlation_of(colour: tuple[float, ...]) -> Array:
+    """Autocorrelation at lags from 0 on, shape (_TAIL,)."""
+    response = lfilter((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
+    power = np.abs(np.fft.rfft(response, 2 * _TAIL)) ** 2
+    found = np.fft.irfft(power)[:_TAIL]
+    made: Array = found / found[0]
+    return made
 
 
 def measured_noise(
-    inputs: Sequence[Array], outputs: Sequence[Array], residuals: Sequence[Array], step_s: float
-) -> Noise:
+    outputs: Sequence[Array], witnesses: Sequence[Array], residuals: Sequence[Array], step_s: float
+) -> Measured:
     """The noise of recordings, given what the best model left of them.
 
-    Where an input repeats itself, the periods tell noise from misfit; elsewhere the fourth differences do. The
-    residuals' own level and colour are taken only when they agree with that, or when they have nothing to do with
-    the input: a misfit must not pass for noise. A channel that stands still most of the time has at least the noise
-    of its resolution.
+    White noise shows in the highest differences of any recording. Coloured noise is believed only where no input is in
+    it. What a model leaves is noise where it is no more than that, within its uncertainty. Else what is beyond it
+    counts as discrepancy: a misfit must not pass for noise.
+
+    Args:
+        outputs: where they say something, shape (n,) each.
+        witnesses: stretches of noise with no input in it (see `hil.identification.witnesses`), shape (n,) each.
+        residuals: of the model, shape (n,) each.
+        step_s: interval of the samples.
     """
-    differences = [d for u, y in zip(inputs, outputs, strict=True) if (d := repeat_difference(u, y)) is not None]
-    left = noise_of(residuals, step_s)
-    if differences:
-        repeats = noise_of(differences, step_s)
-        return left if left.std < _AGREEING * repeats.std else repeats
-    floor = float(np.sqrt(np.mean([channel_floor(y) ** 2 for y in outputs])))
-    if left.std < _AGREEING * floor:
-        return left
-    believable = left.colour and left.std < _MOST_COLOURED * floor
-    if believable and _share_of_input(inputs, residuals, left, step_s) < _UNRELATED:
-        return left
-    return Noise(floor)
+    noise = _floor_of(outputs, residuals)
+    seen, left = noise_of(_alike(witnesses, step_s), step_s), noise_of(residuals, step_s)
+    if _exceeds(seen, noise):
+        noise = seen
+    if not (_exceeds(left, noise) or _exceeds(noise, left)):
+        noise = replace(left, std_uncertainty=noise.std_uncertainty)
+    return Measured(noise, left, seen.std > 0.0 and _exceeds(left, seen))
 
 
-def _share_of_input(inputs: Sequence[Array], residuals: Sequence[Array], noise: Noise, step_s: float) -> float:
-    """The share of the whitened residuals' variance that past inputs explain, beyond what chance would give."""
-    explained, total, count, columns = 0.0, 0.0, 0, 0
-    for u, r in zip(inputs, residuals, strict=True):
-        white = whiten(r, noise, step_s)
-        basis = _of_past_inputs(u, step_s)
-        fitted = basis @ np.linalg.lstsq(basis, white, rcond=1e-8)[0]
-        explained += float(fitted @ fitted)
-        total += float(white @ white)
-        count, columns = count + len(r), columns + basis.shape[1]
-    return (explained / total - columns / count) / (1.0 - columns / count)
+def _alike(witnesses: Sequence[Array], step_s: float) -> list[Array]:
+    """Stretches that show no more than the median one: where a unit moves on while its model stands, they do."""
+    levels = [noise_of([stretch], step_s) for stretch in witnesses]
+    median = sorted(levels, key=lambda level: level.std)[(len(levels) - 1) // 2 :][:1]
+    return [s for s, level in zip(witnesses, levels, strict=True) if not _exceeds(level, *median)]
 
 
-def _of_past_inputs(u: Array, step_s: float) -> Array:
-    """Powers of the input and the sign of its motion, at delays up to a second, shape (n, columns)."""
-    scale = max(float(np.abs(u).max()), 1e-12)
-    level, motion = u / scale, np.sign(np.diff(u, prepend=u[0]))
-    columns = [np.ones(len(u))]
-    for delay_s in _DELAYS_S:
-        k = min(round(delay_s / step_s), len(u) - 1)
-        past = np.concatenate((np.full(k, level[0]), level[: len(u) - k]))
-        moving = np.concatenate((np.zeros(k), motion[: len(u) - k]))
-        columns += [past, past**2, past**3, np.abs(past), moving]
-    return np.column_stack(columns)
+def _exceeds(more: Noise, less: Noise) -> bool:
+    """Whether a level is above another one, beyond the uncertainty of both."""
+    return more.std - less.std > COVERED * math.hypot(more.std_uncertainty, less.std_uncertainty)
+
+
+def _floor_of(outputs: Sequence[Array], residuals: Sequence[Array]) -> Noise:
+    """White noise as all outputs show it, and less where a model takes what is no noise out of their differences."""
+    floors = [
+        max(min(channel_floor(y), white_floor(r)), rounding_of(y)) for y, r in zip(outputs, residuals, strict=True)
+    ]
+    floor = float(np.sqrt(np.mean(np.square(floors))))
+    return Noise(floor, std_uncertainty=_MEDIAN_SPREAD * floor / math.sqrt(sum(map(len, outputs))))
+
+
+def noise_in(known: Noise | None, floor: float) -> Noise:
+    """The noise of a recording: that of its model's identification, unless the recording's own floor contradicts it."""
+    if known is None or known.std <= 0.0:
+        return Noise(floor)
+    expected = _white_floor_of(known)
+    if 1.0 / _CONTRADICTED < floor / expected < _CONTRADICTED:
+        return known
+    return replace(known, std=known.std * floor / expected)
+
+
+def _white_floor_of(noise: Noise) -> float:
+    """What `white_floor` would say of this noise: coloured noise hides most of itself from differences."""
+    fourth = np.convolve(np.array([1.0, -4.0, 6.0, -4.0, 1.0]), np.array([1.0, -4.0, 6.0, -4.0, 1.0]))  # of lags −4…4
+    correlation = _correlation_of(noise.colour)[:5]
+    power = float(fourth[4:] @ correlation * 2.0 - fourth[4] * correlation[0])
+    return noise.std * math.sqrt(max(power, 0.0) / 70.0)
 
 
 def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:
@@ -208,7 +236,7 @@ def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:
 
 def _innovation_share(colour: tuple[float, ...]) -> float:
     """Variance of the white source over that of the coloured noise."""
-    response = lfilter((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(4095)])
+    response = lfilter((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
     return 1.0 / float(response @ response)
 
 
@@ -218,4 +246,4 @@ def _autocorrelation(residuals: Sequence[Array], lags: int) -> Array:
         centred = r - r.mean()
         total += [float(centred[: len(r) - k] @ centred[k:]) for k in range(lags + 1)]
         count += len(r)
-    return total / count
+    return total / max(count, 1)

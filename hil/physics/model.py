@@ -62,6 +62,7 @@ class Noise:
         std: of e, in the output's unit.
         colour: a_1 … a_p at `interval_s`; empty for white noise.
         hum_hz, hum: a tone beside e, with a phase of its own in each recording, and its amplitude; None without one.
+        std_uncertainty: standard uncertainty of `std`; 0 where nobody stated one.
     """
 
     std: float
@@ -69,6 +70,7 @@ class Noise:
     interval_s: float | None = None
     hum_hz: float | None = None
     hum: float = 0.0
+    std_uncertainty: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
