@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import urlencode, urlsplit
 
 from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
@@ -66,7 +66,7 @@ def sent(url: str, what: bytes, timeout_s: float = PATIENCE_S) -> bytes:
 
 def posted(url: str, fields: Mapping[str, str], origin: str = "") -> tuple[int, dict[str, Any], dict[str, str]]:
     """Status, content and headers of the answer to a plain POST."""
-    body = "&".join(f"{name}={value}" for name, value in fields.items()).encode()
+    body = urlencode(fields).encode()
     head = [f"POST {urlsplit(url).path} HTTP/1.1", "Host: x", f"Content-Length: {len(body)}"]
     head += [f"Origin: {origin}"] if origin else []
     top, _, content = sent(url, "\r\n".join(head).encode() + b"\r\n\r\n" + body).partition(b"\r\n\r\n")

@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Callable, Generator, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager, suppress
-from typing import NoReturn, TypeVar
+from typing import Any, NoReturn, TypeVar
 
 from hil.errors import StoppedError, StorageError, told
 from hil.record.folder import RunWriter
@@ -282,8 +282,13 @@ def closed_for_sure(close: Callable[[], None]) -> Iterator[None]:
 
 
 @contextmanager
-def recorded(writer: RunWriter, known: Outputs) -> Iterator[RunWriter]:
+def recorded(writer: RunWriter, known: Outputs, stopped_by: Callable[[], str] = str) -> Iterator[RunWriter]:
     """A run folder that is sealed afterwards: with how the run ended, and what was known of each output then.
+
+    Args:
+        writer: of the folder.
+        known: of the outputs.
+        stopped_by: the account that stopped the run; empty where nobody is known to have.
 
     Raises:
         StorageError: it does not lie any more where it was begun; says where it is.
@@ -291,7 +296,8 @@ def recorded(writer: RunWriter, known: Outputs) -> Iterator[RunWriter]:
     outcome, begun = "completed", writer.path
 
     def seal() -> None:
-        writer.close(outcome, outputs=known.record())
+        by: dict[str, Any] = {"stopped_by": account} if (account := stopped_by()) else {}
+        writer.close(outcome, outputs=known.record(), **by)
         if writer.path != begun:
             raise StorageError(f"what was recorded is kept in {writer.path}")
 

@@ -30,6 +30,7 @@ READY, DRIVEN, AT_REST, FAREWELL, ANSWER, ERROR = b"ready ", b"d", b"s", b"q", b
 CONFIRMING = b"c"  # a sign of life: outputs are told to be safe and read back, and nothing else comes in between
 HANDS_OVER, TAKEN = b"h", b"+"  # the program ends and its outputs are not settled; the watchdog goes on
 WISHES: Mapping[Asked, bytes] = {"stop": b"!", "hold": b"=", "resume": b">"}
+BY = b"@"  # from the watchdog: who asks for the stop that follows, a JSON string on a line
 LINE = b"{"  # to the watchdog: a line of JSON begins, {"outputs": …} after a stop, or {"holding": …}
 REPORT_FILE = "watchdog.json"
 GIVE_UP_S = 60.0  # so long a watchdog tries to reach a device
@@ -97,7 +98,7 @@ def _heard_here(file: BenchFile, known: Outputs, operator: Operator | None) -> I
     if operator is None:
         yield Watch(lambda _driven: None, None)
         return
-    desk = Desk(units_of(file), "run", operator.ask)
+    desk = Desk(units_of(file), "run", lambda wish: operator.ask(wish, desk.stopped_by))
     operator.tell = lambda outputs: desk.tell(outputs.known, "run")
     operator.holding = desk.holds
     try:
@@ -149,7 +150,7 @@ class Heart:
             )  # fmt: skip
         close_in_children(self._process.stdin)  # held there, it would not end with this program
         self._started, self._taken = threading.Event(), threading.Event()
-        self._failed = ""
+        self._failed = self._by = ""
         self._heard_s = self._asked_s = time.monotonic()
         threading.Thread(target=self._listen, name="hil-watchdog", daemon=True).start()
         if self._process.stderr is not None:
@@ -270,17 +271,22 @@ class Heart:
 
     def _heed(self, said: bytes) -> bytes:
         """Do what is asked, and return what is left: the beginning of a reason."""
-        for at, byte in enumerate(said):
-            if bytes([byte]) == ANSWER:
-                continue
-            if bytes([byte]) == TAKEN:
+        while said:
+            sign, rest = said[:1], said[1:]
+            if sign == BY:
+                line, ended, rest = rest.partition(b"\n")
+                if not ended:  # the rest of it is on its way
+                    break
+                self._by = str(json.loads(line))
+            elif sign == TAKEN:
                 self._taken.set()
-                continue
-            wish = next((wish for wish, word in WISHES.items() if word[0] == byte), None)
-            if wish is None:
-                return said[at:]
-            self._operator.ask(wish)
-        return b""
+            elif sign != ANSWER:
+                wish = next((wish for wish, word in WISHES.items() if word == sign), None)
+                if wish is None:
+                    break
+                self._operator.ask(wish, self._by)
+            said = rest
+        return said
 
     def _relay(self, said: IO[bytes]) -> None:
         """What it says on stderr, said here."""

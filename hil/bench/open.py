@@ -128,7 +128,9 @@ def _opened_rig(
               "sampling": daq.promises.sampling(daq.inputs, rate_hz),
               "driven": {name: output.driven for name, output in daq.outputs.items()},
               "read": {name: {"step": read.step} for name, read in daq.inputs.items() if read.step}}  # fmt: skip
-    writer = ending.enter(recorded(RunWriter.create(out, header, columns), known))
+    writer = ending.enter(
+        recorded(RunWriter.create(out, header, columns), known, lambda: operator.stopped_by if operator else "")
+    )
     finished = _taken_over(writer, earlier)
     recorder = Recorder(writer, daq.inputs)
     told = Told(progress, _shown(bench, daq, commanding))

@@ -33,10 +33,12 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hil.bench.heartbeat import (
     ANSWER,
     AT_REST,
+    BY,
     CONFIRMING,
     ERROR,
     FAREWELL,
@@ -261,7 +263,8 @@ def _watched(ears: _Ears, limit_s: float, pid: int, desk: Desk) -> _End | None:
                 return _End(f"was told to stop, did not confirm within {CONFIRMS_S:g} s, and was killed", True)
             return _End(f"gave no sign of life for {limit_s:g} s while outputs were driven, and was killed", True)
         if isinstance(heard, str):
-            _say(WISHES[heard])
+            by = BY + json.dumps(desk.stopped_by).encode() + b"\n" if heard == "stop" and desk.stopped_by else b""
+            _say(by + WISHES[heard])
             if heard == "stop":
                 confirms_by_s = min(confirms_by_s, time.monotonic() + CONFIRMS_S)
             continue
@@ -289,7 +292,10 @@ def _act(file: BenchFile, pid: int, run: Path, end: _End, desk: Desk) -> None:
         told = {"why": why, "left_alone": str(taken), "outputs": record_of(rescue.outputs)}
         _report(file, run, told, f"process {pid} {why}; {taken}")
         return
-    took_s, outputs = round(rescue.took_s, 3), {"outputs": record_of(rescue.outputs)}
+    took_s = round(rescue.took_s, 3)
+    outputs: dict[str, Any] = {"outputs": record_of(rescue.outputs)}
+    if desk.stopped_by:
+        outputs["stopped_by"] = desk.stopped_by
     if rescue.left:
         text = f"process {pid} {why}; NOT SAFE: {_with_remedy(rescue.left)}"
         _report(file, run, {"why": why, "not_safe": rescue.left, "tried_s": took_s, **outputs}, text)

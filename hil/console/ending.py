@@ -33,7 +33,7 @@ def ending_of(folder: Path) -> dict[str, Any]:
 
 def _sentence(header: Header, end: End, ended: str) -> str:
     """`Stopped by MK at 18:12:03, after 12.4 s; outputs are safe (read back).`"""
-    who = str(header.meta.get("operator") or _("an operator"))
+    who = str(end.meta.get("stopped_by") or _("an operator"))
     after_s = (end.stopped_utc - header.started_utc).total_seconds()
     outputs = ended.removeprefix(_PRESSED).partition("; ")[2]
     text = _("Stopped by {who} at {time}, after {seconds} s.").format(

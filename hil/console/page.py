@@ -10,6 +10,7 @@ from typing import Any
 from starlette.requests import Request
 from starlette.responses import HTMLResponse, JSONResponse, Response
 
+from hil.bench.stop.control import asking
 from hil.console.console import Console
 from hil.console.script_words import SAID_BY_SCRIPTS
 from hil.errors import FileError, HilError, UnknownNameError
@@ -76,7 +77,9 @@ def controls_of(request: Request) -> dict[str, Any]:
     Who has no role is told nothing else.
     """
     console, known = Console.of(request), bool(request.scope.get("hil.role"))
-    runs = console.runs()
+    account = str(request.scope.get("hil.account", ""))
+    who = {run.folder.name: asking(account, run.control) for run in console.underway.look()}
+    runs = [{**run, "who": who.get(run["run"], {})} for run in console.runs()]
     if not known:
         runs = [{key: run[key] for key in _FOR_A_STOP if key in run} for run in runs]
     press = console.switch.pressed

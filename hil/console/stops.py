@@ -11,6 +11,7 @@ from typing import Any
 from urllib.parse import urlencode, urlsplit
 
 from hil.bench.stop.consoles import LOOPBACK
+from hil.bench.stop.control import asking
 from hil.console.console import Console
 from hil.errors import HilError, LinkError
 
@@ -82,7 +83,7 @@ def press_stop(console: Console, account: str, asked: Collection[str] = ()) -> d
     ]
     for name in starting:
         console.starting[name].process.end()
-    answers = _answers(console)
+    answers = _answers(console, account)
     if fault is not None:
         raise fault
     if starting:
@@ -93,16 +94,16 @@ def press_stop(console: Console, account: str, asked: Collection[str] = ()) -> d
     return {"pressed": press and press.model_dump(mode="json"), "answers": answers, "starting": starting}
 
 
-def _answers(console: Console) -> dict[str, Any]:
-    """What each listener says, by run."""
+def _answers(console: Console, account: str) -> dict[str, Any]:
+    """What each listener says to an account, by run."""
     asked = [run for run in console.underway.look() if run.state != "ended" and "stop_url" in run.control]
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        answers = pool.map(lambda run: _answer(run.folder, run.control), asked)
+        answers = pool.map(lambda run: _answer(run.folder, run.control, account), asked)
         return {run.folder.name: answer for run, answer in zip(asked, answers, strict=True)}
 
 
-def _answer(folder: Path, control: Mapping[str, Any]) -> Any:
+def _answer(folder: Path, control: Mapping[str, Any], account: str) -> Any:
     try:
-        return ask_listener(folder, control, "stop")
+        return ask_listener(folder, control, "stop", **asking(account, control))
     except LinkError as error:
         return {"state": "unconfirmed", "error": str(error)}

@@ -99,6 +99,7 @@ def identity_of(recording: Recording) -> list[tuple[str, str]]:
         (_("Started"), str(meta.get("started_utc") or "")),
         (_("Stopped"), str(meta.get("stopped_utc") or "")),
         (_("Ended"), str(meta.get("outcome") or "")),
+        (_("Stopped by"), str(meta.get("stopped_by") or "")),
         (_("Program"), str(meta.get("program") or "")),
         *_seals(recording.name),
         *_asked(meta),

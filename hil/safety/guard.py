@@ -300,7 +300,7 @@ class Guard:
                 with suppress(Exception):
                     self._beat(False)
             if is_stopped:
-                self._note_if_possible("stop", by="operator")
+                self._note_if_possible("stop", by=self._operator.stopped_by or "operator")
 
     def _confirming(self) -> None:
         """A sign of life on a way that may take many time-outs: slow is not hung."""

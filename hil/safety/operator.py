@@ -28,6 +28,7 @@ class Operator:
             when the run is over.
         holding: told when the run begins and ends to hold.
         confirming: told again and again while outputs are told to be safe and read back.
+        stopped_by: the account that asked for the stop first; empty where nobody is known.
     """
 
     def __init__(self) -> None:
@@ -37,6 +38,7 @@ class Operator:
         self._in_main_thread = threading.current_thread() is threading.main_thread()
         self._stop, self._hold = threading.Event(), threading.Event()
         self._told = False
+        self.stopped_by = ""
 
     @property
     def stop_asked(self) -> bool:
@@ -53,14 +55,15 @@ class Operator:
         """Whether a stop was asked for, and nothing was said of the outputs since."""
         return self.stop_asked and not self._told
 
-    def ask(self, what: Asked) -> None:
-        """Say what the run shall do."""
+    def ask(self, what: Asked, by: str = "") -> None:
+        """Say what the run shall do; `by`: the account that wants it, where one is known."""
         if what == "hold":
             self._hold.set()
         elif what == "resume":
             self._hold.clear()
         else:
-            first = not self._stop.is_set()
+            if first := not self._stop.is_set():
+                self.stopped_by = by
             self._stop.set()
             if first and self._in_main_thread:
                 halt_main_thread()

@@ -8,6 +8,7 @@ import re
 import signal
 import time
 from collections.abc import Iterator
+from getpass import getuser
 from pathlib import Path
 
 import pytest
@@ -128,7 +129,7 @@ def test_a_run_is_rehearsed_started_followed_and_stopped(page: Page, lab: Lab) -
     page.keyboard.press("F12")
     expect(page.locator("#stop")).to_contain_text("stop confirmed, outputs read back safe")
     expect(page.locator("#verdict-word")).to_have_text("Stopped")
-    by_whom = r"^Stopped by MK at \d\d:\d\d:\d\d, after \d+(\.\d)? s; outputs are safe \(read back\)\.$"
+    by_whom = rf"^Stopped by {getuser()} at \d\d:\d\d:\d\d, after \d+(\.\d)? s; outputs are safe \(read back\)\.$"
     expect(page.locator("#verdict-details")).to_have_text(re.compile(by_whom))
     expect(page.locator(".lane", has_text="command").first.locator("b")).to_have_text(re.compile(r"^0(\.0*)?$"))
     expect(page.locator("#rows")).to_contain_text("last recorded")

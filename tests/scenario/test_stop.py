@@ -20,6 +20,8 @@ import pytest
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
+from hil.bench.stop.control import asking
+from hil.record.events import read_events
 from hil.record.header import read_end
 from hil.safety.interrupt import Halted, terminable
 from hil.safety.operator import Operator
@@ -56,8 +58,8 @@ def driven(folder: Path) -> Iterator[tuple[subprocess.Popen[str], observer.Watch
         yield process, watch, written(folder / "run" / "control.json")
 
 
-def stop(control: dict[str, Any]) -> dict[str, Any]:
-    status, answer, _ = posted(control["stop_url"], {"token": control["token"]})
+def stop(control: dict[str, Any], account: str = "") -> dict[str, Any]:
+    status, answer, _ = posted(control["stop_url"], {"token": control["token"], **asking(account, control)})
     assert status == 200
     return answer
 
@@ -81,7 +83,7 @@ def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
         assert (mode, control["schema"], control["listener"], control["pid"]) == (
             0o600, "hil.control/1", "watchdog", process.pid,
         )  # fmt: skip
-        answer = stop(control)
+        answer = stop(control, "olga ü")
         time.sleep(0.05)
         assert watch.is_safe, "what was called confirmed stands at the device"
         _, err = process.communicate(timeout=PATIENCE_S)
@@ -91,6 +93,9 @@ def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
     assert "hil: stopped: stop was pressed; outputs are safe (read back)" in err
     end = read_end(tmp_path / "run")
     assert end is not None and end.outcome == "Halted: stop was pressed; outputs are safe (read back)"
+    assert end.meta["stopped_by"] == "olga ü"
+    events, _ = read_events(tmp_path / "run")
+    assert [event["details"] for event in events if event["event"] == "stop"] == [{"by": "olga ü"}]
     assert end.outputs == end.meta["outputs"] and said_of({"outputs": end.outputs}) == said_of(answer)
     assert not (tmp_path / "run" / "control.json").exists()
     assert not list((tmp_path / "state").rglob("trips/*")), "nothing is latched"

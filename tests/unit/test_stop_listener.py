@@ -15,6 +15,7 @@ import pytest
 
 from hil.bench.stop import listener as module
 from hil.bench.stop.consoles import Console, announced
+from hil.bench.stop.control import asking
 from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
 from hil.safety.operator import Asked
@@ -85,6 +86,17 @@ def test_wrong_token_moves_nothing() -> None:
         assert posted(f"{url}/", {"token": tokens.stop})[0] == 404
         assert sent(f"{url}/stop", b"GET /stop HTTP/1.1\r\n\r\n").startswith(b"HTTP/1.1 405 ")
         assert wishes == []
+
+
+def test_who_stops_is_believed_where_a_console_vouches_for_it() -> None:
+    for forged in (False, True):
+        with listening(tell_safe) as (listener, _):
+            control = listener.control.as_dict(Path("run"))
+            said = asking("olga", control)
+            told = {"token": control["token"], **said, **({"account": "emil"} if forged else {})}
+            assert posted(control["stop_url"], told)[0] == 200
+            posted(control["stop_url"], {"token": control["token"], **asking("otto", control)})
+            assert listener._desk.stopped_by == ("" if forged else "olga")
 
 
 def test_hold_is_asked_for_by_who_knows_its_token() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hmac
 import json
 import os
 import secrets
@@ -59,6 +60,22 @@ class Control:
     def told(self) -> dict[str, str]:
         """What another process needs to say the same."""
         return {"urls": " ".join(self.urls), "stop": self.tokens.stop, "hold": self.tokens.hold}
+
+
+def asking(account: str, control: Mapping[str, Any]) -> dict[str, str]:
+    """What a request to a listener says of the account that asks, so that the listener can believe it.
+
+    Args:
+        account: who is logged in at the console; empty: nobody, and nothing is said.
+        control: as the run's control file has it, which this user alone can read.
+    """
+    token = str(control.get("hold_token", ""))
+    return {"account": account, "vouched": vouched(account, token)} if account and token else {}
+
+
+def vouched(account: str, token: str) -> str:
+    """Who knows a token vouches with this for an account."""
+    return hmac.new(token.encode(), account.encode(), "sha256").hexdigest()
 
 
 def control_of(told: Mapping[str, str]) -> Control | None:

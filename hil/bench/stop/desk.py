@@ -56,6 +56,9 @@ class Desk:
         units: of each output, by channel; nothing is known of them yet.
         by: at whom wishes arrive.
         act: hands a wish on; returns at once.
+
+    Attributes:
+        stopped_by: the account that asked for the first stop; empty where nobody is known.
     """
 
     def __init__(self, units: Mapping[str, str], by: By, act: Callable[[Asked], None]) -> None:
@@ -64,7 +67,8 @@ class Desk:
         self._waiting: list[Future[Told]] = []
         self._nothing = {name: Output(State.UNKNOWN, unit) for name, unit in units.items()}
         self._told = Told(self._nothing, by, time.monotonic())
-        self._holding = self._hold_asked = False
+        self._holding = self._hold_asked = self._stop_asked = False
+        self.stopped_by = ""
 
     @property
     def told(self) -> Told:
@@ -78,13 +82,15 @@ class Desk:
             return "running"
         return "holding" if self._holding else "asked"
 
-    def stop(self) -> Future[Told]:
-        """Ask for a stop; done when more will not be known of the outputs than is then told."""
+    def stop(self, by: str = "") -> Future[Told]:
+        """Ask for a stop, for an account; done when more will not be known of the outputs than is then told."""
         future: Future[Told] = Future()
         with self._lock:
             if self._told.is_final:
                 future.set_result(self._told)
                 return future
+            if not self._stop_asked:
+                self.stopped_by, self._stop_asked = by, True
             self._waiting.append(future)
         self._act("stop")
         return future

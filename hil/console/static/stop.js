@@ -1,7 +1,7 @@
 // The stop button and its key, F12. It speaks to each run's own listener and needs nothing but what this page knew last:
 // it works when the server is dead. Beside that it tells the server, which stops what is starting, and what this page does
 // not reach. What is known comes from the JSON of #controls, then from the event `hil:controls`: {runs, pressed}, a run
-// being {run, state, stop_urls, token, listener, by}; whether the server answers from the event `hil:connection`.
+// being {run, state, stop_urls, token, who, listener, by}; whether the server answers from the event `hil:connection`.
 "use strict";
 window.hilStop = (() => {
   const ANSWER_MS = 950, AGAIN_MS = 1000, GIVE_UP_MS = 60000, LOOK_MS = 200, BEEP_S = 0.22;
@@ -177,7 +177,7 @@ window.hilStop = (() => {
     const url = reached(one.run);
     if (!url) return one.run.by || one.run.stop_url ? undefined : settle(one, "unconfirmed", say("no listener"));
     try {
-      heard(one, await posted(url, new URLSearchParams({token: one.run.token}), {mode: "cors", credentials: "omit"}));
+      heard(one, await posted(url, new URLSearchParams({token: one.run.token, ...one.run.who}), {mode: "cors", credentials: "omit"}));
     } catch { if (!ended(one)) settle(one, "unconfirmed", say("its listener does not answer")); }
     if (["unconfirmed", "waits"].includes(one.state) && performance.now() - one.since < GIVE_UP_MS) setTimeout(() => asked.get(one.run.run) === one && ask(one), AGAIN_MS);
   }
