@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import socket
 import threading
@@ -17,6 +18,7 @@ from hil.bench.stop import listener as module
 from hil.bench.stop.consoles import Console, announced
 from hil.bench.stop.control import asking
 from hil.bench.stop.desk import Desk
+from hil.bench.stop.door import Door
 from hil.bench.stop.listener import Listener
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
@@ -281,3 +283,30 @@ def certificate(folder: Path) -> tuple[Path, Path]:
     files[1].write_bytes(key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()))  # fmt: skip
     return files
+
+
+class Guest(asyncio.Protocol):
+    """Somebody who connects and says nothing."""
+
+    transport: asyncio.BaseTransport | None = None
+    waits = has_asked = False
+
+    def gone(self) -> None:
+        """The door says what is done then."""
+
+
+def test_who_is_sent_away_before_being_met_is_hung_up_on() -> None:
+    async def knocked() -> bytes:
+        loop = asyncio.get_running_loop()
+        with socket.create_server(("127.0.0.1", 0)) as listening, socket.socket() as client:
+            door = Door([(listening, None)], Guest, 0, PATIENCE_S)
+            client.setblocking(False)
+            await loop.sock_connect(client, listening.getsockname())
+            try:
+                return await asyncio.wait_for(loop.sock_recv(client, 1), PATIENCE_S)
+            except ConnectionResetError:
+                return b""
+            finally:
+                door.close()
+
+    assert asyncio.run(knocked()) == b""

@@ -79,7 +79,8 @@ class Door:
                 continue
             visitor = self._made()
             visitor.gone = partial(self._forget, visitor)
-            self._open[visitor] = self._loop.create_task(self._meet(visitor, taken, tls))
+            meeting = self._open[visitor] = self._loop.create_task(self._meet(visitor, taken, tls))
+            meeting.add_done_callback(partial(_let_go, visitor, taken))
             if len(self._open) > self._most:
                 self._drop_one()
             await asyncio.sleep(0)  # those that are there are heard between two that come
@@ -90,7 +91,6 @@ class Door:
         try:
             await self._loop.connect_accepted_socket(lambda: visitor, taken, ssl=tls, **limit)  # type: ignore[arg-type,type-var] # it is one
         except (OSError, asyncio.CancelledError):
-            taken.close()
             self._forget(visitor)
             return
         await asyncio.sleep(self._says_s)
@@ -111,3 +111,9 @@ class Door:
         task = self._open.pop(visitor, None)
         if task is not None and task is not asyncio.current_task():
             task.cancel()
+
+
+def _let_go(visitor: Visitor, taken: socket.socket, _meeting: asyncio.Task[None]) -> None:
+    """Close what nobody speaks through: also where the task was cancelled before its first step."""
+    if visitor.transport is None:
+        taken.close()
