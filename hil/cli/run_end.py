@@ -4,18 +4,20 @@ from __future__ import annotations
 
 import json
 import sys
-from contextlib import suppress
+import threading
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn, TypeVar
 
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from hil.safety.outputs import Outputs
     from hil.session.outcome import Outcome
 
+_SLOW_S = 2.0  # so long a command may work without saying at what
 _T = TypeVar("_T")
 
 
@@ -118,7 +120,8 @@ def say_outcome(outcome: Outcome, known: Outputs | None = None, *, as_json: bool
 def entered(archive: str, folder: Path) -> None:
     """Enter the run into the archive; what keeps it from that is said, and changes nothing of how the run ended."""
     try:
-        told = _entered(archive, folder)
+        with _said_when_slow():
+            told = _entered(archive, folder)
     except Exception as error:
         told = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
     from hil.archive.begun import forget_begun
@@ -127,6 +130,21 @@ def entered(archive: str, folder: Path) -> None:
     with suppress(OSError):
         if told:
             typer.echo(f"hil: {told}", err=True)
+
+
+@contextmanager
+def _said_when_slow() -> Iterator[None]:
+    """What the command still does is said when that takes longer than a glance: the run itself is over."""
+    from hil.stderr import write
+
+    text = "hil: the run is over and its folder is closed; it is being entered into the archive …\n"
+    timer = threading.Timer(_SLOW_S, write, (text, 0.0))
+    timer.daemon = True
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
 
 
 def _entered(archive: str, folder: Path) -> str:

@@ -19,6 +19,7 @@ from hil.archive.pending import catch_up, enter_or_keep, waiting_for
 from hil.archive.place import INDEX_FILE, archive_place
 from hil.archive.trend import drift_of, points_of
 from hil.cli import app
+from hil.cli.run_end import entered
 from hil.errors import ArchiveError
 from hil.findings.collect import results_of
 from hil.findings.results import write_results
@@ -26,6 +27,7 @@ from hil.record.folder import write
 from hil.record.measurement import Findings, Measurement
 from hil.record.recording import Channel, Recording
 from tests.postgres import new_database
+from tests.waits import until
 
 GAIN = Measurement("gain", "l/min per %", "amplitude ratio", low=0.8)
 FIRST = datetime(2026, 1, 1, tzinfo=UTC)
@@ -380,3 +382,19 @@ def test_a_waiting_run_whose_header_is_torn_keeps_no_other_out(place, monkeypatc
     pending._keep(place, [torn])
     assert "torn" in enter_or_keep(place, last) and waiting_for(place) == []
     assert [run.folder.name for run in find_runs(place, Search())] == ["before", "sound", "last"]
+
+
+def test_a_run_that_is_entered_slowly_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "run.json").write_text("{}")
+    said: list[str] = []
+
+    def slowly(*_: object) -> str:
+        until(lambda: said.append(capfd.readouterr().err) or "being entered" in "".join(said))
+        return ""
+
+    monkeypatch.setattr("hil.archive.pending.enter_or_keep", slowly)
+    entered(str(tmp_path), tmp_path / "run")
+    assert "hil: the run is over and its folder is closed; it is being entered into the archive" in "".join(said)
