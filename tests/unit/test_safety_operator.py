@@ -49,14 +49,14 @@ def halted(
     press: Callable[[], object], latch: Latch | None = None,
 ) -> tuple[Outputs, float]:  # fmt: skip
     """What is known of the output after a run at 5 V that somebody stopped, and how long the run took."""
-    timer, begun_s = later(after_s, press), time.monotonic()
+    begun_s = time.monotonic()
     try:
         with terminable(), guarded(remote, ramps, operator, latch) as guard:
+            timer = later(after_s, press)  # once there is something to stop
             list(guard.play(Waveform(RATE_HZ, {"valve": np.full(samples, 5.0)})))
     except Halted:
-        return guard.known, time.monotonic() - begun_s
-    finally:
         timer.join()
+        return guard.known, time.monotonic() - begun_s
     raise AssertionError("the run was not stopped")
 
 
