@@ -20,7 +20,7 @@ from hil.identification.grey_box import GreyBoxFit, fit_plant, starting_model
 from hil.physics.model import save_model
 from hil.physics.simulate import ActiveEffect
 from hil.record.read import read_recording
-from hil.session.diagnosis import write_diagnosis
+from hil.session.diagnosis import of_origins, write_diagnosis
 from hil.session.outcome import Outcome
 from hil.session.procedure import load_procedure
 from hil.session.run import run_procedure
@@ -81,7 +81,7 @@ def demonstrate(out: Path, conceal: str, progress: Progress) -> Demonstration:
     back = [_tested(name, worn, out / f"worn-{name}", steps.part(share, "worn valve")).folder
             for name, share in _BACK.items()]  # fmt: skip
     recordings = [for_model(identified.model, read_recording(folder)) for folder in back]
-    diagnosed = diagnose(identified.model, recordings, steps.part(_DIAGNOSE, "diagnosis"))
+    diagnosed = of_origins(diagnose(identified.model, recordings, steps.part(_DIAGNOSE, "diagnosis")))
     return Demonstration(tests, identified, diagnosed, write_diagnosis(diagnosed, out))
 
 

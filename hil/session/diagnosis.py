@@ -85,7 +85,7 @@ def diagnosed(
     else:
         earlier = before or _kept_elsewhere(model, experiments)
         found = diagnose(model, experiments, progress, budget_s=computing_s, question=question, before=earlier)
-    found = _of_origins(_warned(found, origins), origins)
+    found = of_origins(_warned(found, origins), origins)
     if out is not None:
         write_diagnosis(found, out, origins)
     return found
@@ -97,7 +97,7 @@ def _warned(found: Diagnosed, origins: Sequence[Origin]) -> Diagnosed:
     return replace(found, diagnosis=replace(found.diagnosis, warnings=(*said, *found.diagnosis.warnings)))
 
 
-def _of_origins(found: Diagnosed, origins: Sequence[Origin]) -> Diagnosed:
+def of_origins(found: Diagnosed, origins: Sequence[Origin] = ()) -> Diagnosed:
     """The diagnosis that knows whether it rests on a simulated valve."""
     known = all_origins(origins, found.diagnosis.recordings)
     simulated = found.diagnosis.simulated or any(is_simulated(one.about) for one in known)
@@ -179,7 +179,7 @@ def write_diagnosis(found: Diagnosed, out: Path, origins: Sequence[Origin] = ())
     Raises:
         StorageError: something cannot be written.
     """
-    found, whence = _of_origins(found, origins), all_origins(origins, found.diagnosis.recordings)
+    found, whence = of_origins(found, origins), all_origins(origins, found.diagnosis.recordings)
     other = other_plants(found.diagnosis.plant, ((one.name, one.about) for one in whence))
     content = json.dumps(plain({**found.diagnosis.as_dict(), "other_plant": other}), indent=1, ensure_ascii=False)
     try:
