@@ -77,7 +77,7 @@ class Comparison:
         """As lines for a terminal."""
         worst = ", ".join(f"{i.start_s:.4g}…{i.stop_s:.4g} s ({i.rms:.3g})" for i in self.worst)
         low, middle, high = self.by_level
-        late = "" if self.lag_s is None else f", model late by {1e3 * self.lag_s:+.1f} ms"
+        late = "" if self.lag_s is None else f", model late by {round(1e3 * self.lag_s, 1) + 0.0:+.1f} ms"
         notes = "".join(f"\n  note: {note}" for note in self.notes)
         return (
             f"{marked(self.name, simulated=self.simulated)}\n"
@@ -97,7 +97,7 @@ def compare_all(
     for i, e in enumerate(experiments):
         progress(i / (len(experiments) + 1), f"{e.name}: the model beside {len(e.output)} samples")
         found.append(compare(model, e))
-    progress(len(experiments) / (len(experiments) + 1), "does a recording look wrong beside the model?")
+    progress(len(experiments) / (len(experiments) + 1), "checking units, signs and channels")
     looks_wrong = list(suspicions(model, experiments))
     return [
         replace(one, notes=(*one.notes, *(wrong.sentence for wrong in looks_wrong if wrong.recording == one.name)))
