@@ -133,7 +133,7 @@ def _opened_rig(
     )
     finished = _taken_over(writer, earlier)
     recorder = Recorder(writer, daq.inputs)
-    told = Told(progress, _shown(bench, daq, commanding))
+    told = Told(progress, _shown(bench, daq, commanding), virtual=daq.promises.timing == "virtual")
 
     def keep(block: Block) -> None:
         recorder.keep(block)

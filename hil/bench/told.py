@@ -53,10 +53,12 @@ class Told:
     Args:
         progress: told.
         shown: channels whose values are shown, the most important first.
+        virtual: whether the bench runs in virtual time, which is not the operator's.
     """
 
-    def __init__(self, progress: Progress, shown: Sequence[Shown]) -> None:
+    def __init__(self, progress: Progress, shown: Sequence[Shown], *, virtual: bool = False) -> None:
         self._progress = progress
+        self._time = " of simulated time" if virtual else ""
         self._shown = shown[:_MOST_VALUES]
         self._text, self._share = "", 0.0
         self._now_s, self._until_s = 0.0, 0.0
@@ -112,7 +114,7 @@ class Told:
             return ""
         left_s = self._until_s - self._now_s
         if left_s > 0.0:
-            return f"{time_text(left_s)} left"
+            return f"{time_text(left_s)}{self._time} left"
         return "almost done" if left_s > -_LATE_SHARE * self._until_s else "longer than expected"
 
 

@@ -58,5 +58,7 @@ def _said(found: Exported, fmi: str) -> list[str]:
         "not run: it has no binary for this machine"
         if found.difference is None
         else f"differs from `hil simulate` by at most {found.difference:.1g} of full scale"
+        if found.difference
+        else "run here: the same as `hil simulate`, to the last digit"
     )
     return [f"{found.path}: FMI {fmi}, {', '.join(found.platforms) or 'sources only'}", ran]

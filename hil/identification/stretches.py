@@ -218,15 +218,8 @@ def _named(recording: Recording) -> Recording:
 def _sentence(recording: Recording, found: Sequence[Stretch]) -> str:
     if [s.count for s in found] == [len(recording)]:
         return f"{recording.name}: used whole, {len(recording)} samples"
-    used, seconds = sum(s.count for s in found), sum(s.count for s in found) * recording.interval_s
-    how_long = f"{used} samples or {seconds:.4g} s"
-    if len(found) == 1:
-        which = (
-            f"the stretch in which the command tells most is used, {how_long}, without its start until it has settled"
-        )
-    else:
-        which = (
-            f"the {len(found)} stretches in which the command tells most are used, {how_long} in all, each without its "
-            "start until it has settled"
-        )
+    used = sum(s.count for s in found)
+    parts = "1 informative segment is" if len(found) == 1 else f"{len(found)} informative segments are"
+    how_long = f"{used} samples, {used * recording.interval_s:.4g} s"
+    which = f"{parts} used ({how_long}), each from where it has settled"
     return f"{recording.name}: {len(recording)} samples are more than a fit needs; {which}"
