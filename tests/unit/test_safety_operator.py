@@ -211,3 +211,31 @@ def test_hold_is_not_waited_for_longer_than_patience() -> None:
     operator.ask("hold")
     with pytest.raises(StoppedError, match=r"the operator held the run for 0\.1 s"):
         list(guard.play(Waveform(100.0, {"a": np.full(5, 3.0)})))
+
+
+def test_who_asked_for_a_stop_is_answered_before_it_is_said_that_nothing_is_driven() -> None:
+    """Between the two the watchdog would take a run for one that does not confirm, and kill it."""
+    said: list[str] = []
+    operator = Operator()
+    operator.confirming = lambda: said.append("confirming")
+    operator.tell = lambda known: said.append(f"told {known.settled}")
+    beat = {True: "driven", False: "safe"}
+    guard = Guard(
+        Wire(levels={"a": 5.0}), Protection(RATE_HZ), beat=lambda driven: said.append(beat[driven]), operator=operator
+    )
+    assert said[0] == "confirming" and said[-1] == "safe"
+    said.clear()
+    operator.ask("stop")
+    guard.make_safe()
+    assert said[0] == "confirming" and said[-2:] == ["told True", "safe"]
+
+
+def test_stop_that_is_pressed_when_a_run_is_over_has_its_answer() -> None:
+    told: list[bool] = []
+    operator = Operator()
+    operator.tell = lambda known: told.append(known.settled)
+    guard = Guard(Wire(levels={"a": 5.0}), Protection(RATE_HZ), operator=operator)
+    guard.make_safe()
+    assert not told
+    guard.close()
+    assert told == [True]
