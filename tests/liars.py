@@ -72,7 +72,7 @@ LIES: dict[str, Lie] = {
     "": Lie(),
     "ignores": Lie(drives=lambda _d, _i, _told: None),
     "ignores, repeats what it was told": Lie(drives=lambda _d, _i, _told: None, echo=True),
-    "obeys a second later": Lie(late_s=1.0),
+    "obeys three seconds later": Lie(late_s=3.0),
     "obeys another channel": Lie(moves=_swapped),
     "obeys the first channel alone": Lie(drives=lambda _d, i, told: told if i == 0 else None),
     "exchanges two channels, repeats what it was told": Lie(moves=_swapped, echo=True),

@@ -68,7 +68,7 @@ WATCHDOG = "has_the_watchdog_that_it_promises"
 CAUGHT = {
     "ignores": "drives_what_it_is_told",
     "ignores, repeats what it was told": "an_input_sees_what_it_drives",
-    "obeys a second later": "drives_what_it_is_told",
+    "obeys three seconds later": "drives_what_it_is_told",
     "obeys another channel": "drives_what_it_is_told",
     "exchanges two channels, repeats what it was told": "an_input_sees_what_it_drives",
     "obeys the first command alone": "drives_what_it_is_told",

@@ -97,6 +97,7 @@ def test_index_of_the_version_before_is_brought_up_and_says_what_it_lacks(monkey
         other.execute("DROP TABLE calibration")
         other.execute("ALTER TABLE run DROP COLUMN instruments")
         other.execute("ALTER TABLE run DROP COLUMN host")
+        other.execute("ALTER TABLE run DROP COLUMN simulated")
         other.execute("UPDATE alembic_version SET version_num = '0001'")
     other.close()
     assert [run.folder.name for run in find_runs(archive_place(str(lab)), Search())] == ["a"]

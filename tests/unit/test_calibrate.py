@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from pathlib import Path
 
 import pytest
@@ -84,17 +85,16 @@ def test_an_input_is_averaged_at_each_point(tmp_path: Path) -> None:
         (device,) = devices.values()
         places = iter([-40.0, 0.0, 40.0])
 
+        places_v = iter([-4.0, 0.0, 4.0])
+        asked_s: list[float] = []
+
         def ask(_text: str) -> None:
             device._side.drive({"ao0": next(places_v)})
-
-        places_v = iter([-4.0, 0.0, 4.0])
-        waited: list[int] = []
+            asked_s.append(time.monotonic())
 
         def answered() -> float | None:
-            waited.append(0)
-            if len(waited) % 12:  # the spool takes its time
-                return None
-            return next(places)
+            """The spool takes its time."""
+            return next(places) if time.monotonic() - asked_s[-1] > 2.0 else None
 
         points = input_points(file, "spool position", 3, ask, answered)
         assert [point.reference for point in points] == [-40.0, 0.0, 40.0]

@@ -16,7 +16,7 @@ from hil.daq.pin import Pin
 from hil.errors import HardwareError
 
 AGREES = 0.005  # of an output's range: what a protocol may round
-SOON_S = 0.3  # within which an output stands where it was driven
+SOON_S = 1.0  # within which an output stands where it was driven, on a computer that is busy too
 _STEP_S = 0.02  # of an output that may not jump
 
 
