@@ -1,0 +1,45 @@
+"""`python -m tests.studies`: what is said of units whose structure is not the library's, changed and unchanged."""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from tests.studies.cases import Case, Outcome, cases_of, examined, skeletons
+from tests.studies.table import as_json, as_text
+
+
+def main(
+    units: int = typer.Option(3, min=1, help="Units of each skeleton, drawn anew."),
+    changes: int = typer.Option(2, min=0, help="Changes of each unit; it is asked unchanged too."),
+    seed: int = typer.Option(1, help="Seed of all units, recordings and changes."),
+    only: str = typer.Option("", help="Skeletons that take part, separated by commas; all if empty."),
+    jobs: int = typer.Option(2, min=1, help="Processes."),
+    out: Path = typer.Option(Path("proof-wrong"), help="Folder for recordings and answers; a stopped study goes on."),
+    in_json: bool = typer.Option(False, "--json", help="Print counts with exact intervals as JSON."),
+) -> None:
+    """Count alarms on unchanged units, and changes that are noticed, named rightly and named wrongly."""
+    chosen = [name for name in skeletons() if not only or name in only.split(",")]
+    found = _all(cases_of(chosen, units, changes, seed), jobs, out)
+    if in_json:
+        print(json.dumps(as_json(found)))
+    else:
+        print(as_text(found))
+
+
+def _all(units: Sequence[Sequence[Case]], jobs: int, out: Path) -> list[Outcome]:
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        started = [pool.submit(examined, unit, out) for unit in units]
+        done = track(as_completed(started), "units", total=len(units), console=Console(stderr=True))
+        return sorted((one for unit in done for one in unit.result()), key=lambda one: one.case)
+
+
+if __name__ == "__main__":
+    typer.run(main)
