@@ -115,8 +115,8 @@ class Answer:
     def _used(self) -> tuple[Fitted, Fit, str]:
         """What the corrected model holds, with the fits on data kept back, and why it is the nominal model, if it is.
 
-        Only what is named stands in it, and only where that predicts better what no fit has seen. A name that leads to
-        nothing better is not told.
+        Only what is named stands in it, and only where that predicts better what no fit has seen. A name that does not
+        stays, and that is said beside it.
         """
         nominal = self.choice.nominal
         before = fit_kept_back(self.problem, nominal.residuals, self.kept)
@@ -126,8 +126,6 @@ class Answer:
             return nominal, _rounded(before, before, most), "nothing is named that it would have to hold"
         residuals = predicted(self.problem, proposed, self.kept)
         after = fit_kept_back(self.problem, residuals, self.kept)
-        if after < before and self.verdict != "consistent" and not self.events and self.changed is None:
-            self.verdict, self.named = "unexplained", self.choice.baseline
         why = why_not_better(self.problem, nominal.residuals, residuals, self.kept)
         if not why and (after < before or self._misses(proposed) > self._misses(nominal)):
             why = "it predicts worse what no fit has seen, or fits the recordings themselves worse"
@@ -172,7 +170,7 @@ class Answer:
         rivals = self._not_separable()
         return Diagnosis(
             verdict=self.verdict,
-            headline=headline(self.verdict, found, changed, left, self._hidden(unseen, fits), self.alike),
+            headline=self._headline(found, changed, left, self._hidden(unseen, fits)),
             plant=plant.name,
             plant_title=plant.title,
             input=problem.experiments[0].input,
@@ -214,6 +212,10 @@ class Answer:
         choice = self.choice
         found = (choice.chosen, *choice.candidates, *choice.descriptions, *choice.pairs)
         return [f for f in found if f.chi2 <= most]
+
+    def _headline(self, found: Sequence[Finding], changed: Sequence[ChangedParameter], left: Left, hidden: str) -> str:
+        is_cut = bool(self.problem.work.left_out)
+        return headline(self.verdict, found, changed, left, hidden, self.alike, is_cut=is_cut)
 
     # -- findings ----------------------------------------------------------------------------------------
 
@@ -466,6 +468,8 @@ class Answer:
             for c in changed
             if (others := self.problem.prior.told_only_with(c.name))
         ]
+        if self.why_nominal and self.named.terms and self.verdict not in ("consistent", "unexplained"):
+            said.append(f"the corrected model is the nominal one, without what is named: {self.why_nominal}")
         return (*self.warnings, *said, *unlikely(changed))
 
     def _drifted(self) -> str:

@@ -86,11 +86,14 @@ def headline(
     left: Left,
     hidden: str = "",
     alike: Sequence[str] = (),
+    *,
+    is_cut: bool = False,
 ) -> str:
     """The verdict in one sentence.
 
     `hidden`: why an agreement would mean nothing, if it would; `alike`: effects that would each explain everything,
-    where none is named because the data do not tell them apart.
+    where none is named because the data do not tell them apart. `is_cut`: whether the budget was spent before all
+    causes were looked at.
     """
     if verdict == "consistent" and hidden:
         return hidden
@@ -111,6 +114,8 @@ def headline(
         if len(alike) == 1:
             return f"{differ}. {names.capitalize()} comes nearest, and something unknown explains it as well."
         return f"{differ}. Each of {names} would explain it; these data do not tell which."
+    if is_cut:
+        return f"{differ}. Not finished: the budget was spent before all causes were looked at."
     return f"{differ}, and nothing in the library explains it."
 
 

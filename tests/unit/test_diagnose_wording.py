@@ -55,6 +55,8 @@ def test_where_each_of_several_would_do_the_library_is_not_said_to_have_nothing(
     several = headline("unexplained", (), (), left, alike=("dead_time", "sensor_lag"))
     assert several.endswith("Each of dead time and sensor lag would explain it; these data do not tell which.")
     assert headline("unexplained", (), (), left).endswith("and nothing in the library explains it.")
+    cut = headline("unexplained", (), (), left, is_cut=True)
+    assert cut.endswith("Not finished: the budget was spent before all causes were looked at.")
 
 
 def test_the_headline_says_what_stays_beside_the_noise() -> None:

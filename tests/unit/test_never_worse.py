@@ -62,14 +62,16 @@ def test_what_is_not_better_beyond_chance_keeps_its_name_and_is_not_in_the_file(
     assert answer.corrected.effects == ()
 
 
-def test_what_predicts_worse_than_the_nominal_model_is_neither_used_nor_named(
+def test_what_predicts_worse_than_the_nominal_model_keeps_its_name_with_that_said_beside_it(
     uneven: tuple[Problem, Choice], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem, choice = uneven
     monkeypatch.setattr("hil.diagnosis.answer.predicted", lambda *_: 1.1 * choice.nominal.residuals)
     answer = answer_of(problem, choice)
     told = answer.diagnosis(0.0)
-    assert (told.verdict, told.effects, told.corrected_is) == ("unexplained", (), "nominal")
+    assert (told.verdict, told.corrected_is) == ("explained", "nominal")
+    assert [e.name for e in told.effects] == ["asymmetry"]
+    assert any("the corrected model is the nominal one" in warning for warning in told.warnings)
     assert told.held_out.corrected == told.held_out.nominal
     assert answer.corrected.effects == ()
 
