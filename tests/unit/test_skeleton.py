@@ -14,6 +14,7 @@ from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.diagnosis.question import question_of
 from hil.diagnosis.skeleton.gate import ALARM, later_of
+from hil.diagnosis.skeleton.misfit import scattered
 from hil.diagnosis.skeleton.table import Table, read_table, table_of
 from hil.errors import FileError, SettingError
 from hil.identification.content import content_of, is_of_its_origin
@@ -70,6 +71,13 @@ def test_a_model_file_holds_the_table(lacking: Model, table: Table) -> None:
     assert z_of(lacking, made, later) == pytest.approx(z_of(lacking, table, later), rel=1e-2)
     assert len(json.dumps(lacking.skeleton)) < 1_000_000
     assert table.before.beyond_noise > 1.0  # it left more than noise
+
+
+def test_the_scattered_points_are_those_that_kept_tables_were_fitted_to() -> None:
+    """The 10 000th number of the minimal standard generator is published (C++ standard, minstd_rand)."""
+    points = scattered(100, 100)
+    assert points[-1, -1] == 399_268_537 / 2_147_483_647
+    assert abs(points.mean() - 0.5) < 0.01
 
 
 def test_numbers_beyond_single_precision_are_kept_at_its_end(lacking: Model, table: Table) -> None:

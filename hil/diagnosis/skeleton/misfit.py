@@ -7,6 +7,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri
 
 from hil.diagnosis.skeleton.rows import Rows
 from hil.record.recording import Array
@@ -15,7 +16,7 @@ Mask = NDArray[np.bool_]
 
 # Ridge over columns whose rms is one on the recordings of before.
 RIDGE = 55.0
-# Random cosines that describe how the left-out variance depends on the state, their width in standard deviations of
+# Cosines that describe how the left-out variance depends on the state, their width in standard deviations of
 # it, and the ridge over them.
 _WAVES, _WIDTH, _SMOOTH = 200, 2.5, 30.0
 # Bounds of a log variance, and how many variances of one row count.
@@ -155,9 +156,22 @@ def remainder(rows: Rows, left: Array, leverage: Array, known: Mask) -> Remainde
 
 
 def _remainder_columns(state: Array, leverage: Array) -> Array:
-    draw = np.random.default_rng(1)
     x = np.clip(state, -6.0, 6.0)
     x[:, 1:] = np.sign(x[:, 1:]) * np.sqrt(np.abs(x[:, 1:]))  # rates: finer about zero
-    wave = np.cos(x @ (draw.standard_normal((x.shape[1], _WAVES)) / _WIDTH) + draw.uniform(0.0, 2.0 * np.pi, _WAVES))
+    points = scattered(_WAVES, x.shape[1] + 1)
+    directions, phases = ndtri(points[:, 1:]).T / _WIDTH, 2.0 * np.pi * points[:, 0]
+    wave = np.cos(x @ directions + phases)
     far, one = np.log(leverage + 1e-4), np.ones(len(x))
     return np.column_stack([wave * np.sqrt(2.0 / _WAVES), 0.1 * x, one, far, one])
+
+
+def scattered(count: int, dimensions: int) -> Array:
+    """Points scattered over a unit cube, shape (count, dimensions), by the minimal standard generator.
+
+    They are the same in every version of every library: a model file keeps what was fitted to them (Park, Miller 1988).
+    """
+    found, last = np.empty(count * dimensions), 1
+    for k in range(len(found)):
+        last = 48_271 * last % 2_147_483_647
+        found[k] = last / 2_147_483_647
+    return found.reshape(count, dimensions)

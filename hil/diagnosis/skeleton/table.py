@@ -24,7 +24,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-_VERSION = 1
+_VERSION = 2
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
 # The largest array that is unpacked; a table has 1 MB.
