@@ -272,7 +272,7 @@ def test_command_writes_an_fmu_and_says_how_near_it_is(monkeypatch, capsys, tmp_
     command = ["hil", "export", str(tmp_path / "axis.json"), "--to", "fmu", "--out", str(tmp_path / "axis.fmu")]
     monkeypatch.setattr("sys.argv", [*command, "--effect", "friction@force"])
     assert app.main() == 0
-    assert "of full scale" in capsys.readouterr().out
+    assert "`hil simulate`" in capsys.readouterr().out
     monkeypatch.setattr("sys.argv", [*command, "--fmi", "4"])
     assert app.main() == 2
     assert "fmi 4: there are 2 and 3" in capsys.readouterr().err
