@@ -40,8 +40,7 @@ class Changed:
     @property
     def needed(self) -> float:
         """The z from which it is an alarm."""
-        before = self.table.before
-        return before.needed_alone if self.later.alone else before.needed
+        return self.table.before.needed
 
     @property
     def is_alarm(self) -> bool:

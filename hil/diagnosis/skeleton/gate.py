@@ -45,12 +45,7 @@ class Before:
 
     @property
     def needed(self) -> float:
-        """The z from which several later recordings are an alarm."""
-        return ALARM
-
-    @property
-    def needed_alone(self) -> float:
-        """The z from which one recording alone is: no less than pseudo-tests of before have reached."""
+        """The z from which later recordings are an alarm: no less than pseudo-tests of before have reached."""
         return max((ALARM, *self.reach))
 
 
