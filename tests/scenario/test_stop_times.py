@@ -22,7 +22,8 @@ def test_stop_is_read_back_at_the_device_in_time(
     found = stops(STOPS, how, viewers)
     with capsys.disabled():
         print(f"\nstop, {how}, {viewers} viewers: {distribution(found)}")
-    assert {one.answer["state"] for one in found} == {"confirmed"}
+    # a run that hung may have had a command under way: what is read back at once is confirmed `late_s` later
+    assert {one.answer["state"] for one in found} == {"unconfirmed" if how == "hung" else "confirmed"}
     assert {one.answer["by"] for one in found} == {"watchdog" if how == "hung" else "run"}
     assert max(one.answered_s for one in found) < 1.0
     assert float(np.percentile([one.safe_s for one in found], 99)) <= p99_s
