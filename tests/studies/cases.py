@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 from scipy.optimize import brentq
 
+import hil
 from tests.proof.diagnosers import PYTHON
 from tests.studies import skeletons as _skeletons
 from tests.studies.excitation import OTHER, USUAL, Array
@@ -197,20 +198,11 @@ def _end(module: ModuleType, unit: Any, command: Array) -> float:
 def _left(module: ModuleType, unit: Any, commands: Sequence[Array], paths: Sequence[Path], model: Path) -> float:
     """The rms that the nominal model leaves of the unit's noise-free answers, on its own recordings."""
     output = list(module.CHANNELS)[1]
-    off = []
-    for command, path in zip(commands, paths, strict=True):
-        simulated = path.with_name(f"{path.stem}-simulated.csv")
-        PYTHON.simulate(model, path, simulated)
-        answer = np.loadtxt(simulated, delimiter=",", skiprows=1)[:, 1] * _unit_of(simulated, module.CHANNELS[output])
-        off.append(answer - module.respond(unit, command)[output])
+    off = [
+        hil.simulate(model, path).values(output, module.CHANNELS[output]) - module.respond(unit, command)[output]
+        for command, path in zip(commands, paths, strict=True)
+    ]
     return float(np.sqrt(np.mean(np.concatenate(off) ** 2)))
-
-
-def _unit_of(path: Path, unit: str) -> float:
-    """What one of a column's units is in the skeleton's."""
-    with path.open(encoding="utf-8") as file:
-        written = file.readline().strip().split(",")[1].rpartition("[")[2].rstrip("]")
-    return {("m", "mm"): 1e3, ("mm", "m"): 1e-3}.get((written, unit), 1.0)
 
 
 def _write(

@@ -92,7 +92,6 @@ def test_the_twin_of_a_link_presses_it(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.setenv("HIL_STATE_DIR", str(tmp_path / "state"))  # no other test of this bench finds the trip
     contact = CONTACT.format(device="io", terminal="ai3", more="pressed_below = 5.0")
     changes = (
-        ("sample_rate_hz = 100", "sample_rate_hz = 10"),  # a computer that is busy answers as seldom
         ("[interlocks.over-pressure]", f"{contact}[interlocks.over-pressure]"),
         ("flow = { noise = 0.3 }", 'flow = { noise = 0.3 }\n"emergency stop" = { value = 8.0, pressed_s = 4.0 }'),
     )
