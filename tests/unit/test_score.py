@@ -1,0 +1,92 @@
+"""What the one score promises, and the verdict that is read off its table."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from hil.diagnosis.score import Hypothesis, Noise, Table, score, table, verdict
+
+NOISE = Noise(count=20_000.0, least=1.0, most=1.06, samples=20_000.0, names=30)
+
+
+def law(*names: str, left: float, unknowns: int = 2) -> Hypothesis:
+    """A set of effects that leaves so much beyond noise."""
+    return Hypothesis(names, NOISE.count + left, len(names), unknowns * len(names))
+
+
+def of(nothing: float, *others: Hypothesis) -> Table:
+    return table(NOISE, [Hypothesis((), NOISE.count + nothing), *others])
+
+
+@pytest.mark.parametrize("misfit", [2e3, 2e4, 2e6])
+def test_verdict_a_law_down_to_noise_is_explained(misfit: float) -> None:
+    assert verdict(of(misfit, law("friction", left=0.0))) == "explained"
+
+
+def test_verdict_without_a_misfit_is_consistent() -> None:
+    assert verdict(of(100.0, law("friction", left=0.0))) == "consistent"
+
+
+def test_verdict_noise_stated_a_little_too_small_is_no_misfit() -> None:
+    assert verdict(of(0.05 * NOISE.count, law("friction", left=0.05 * NOISE.count - 50.0))) == "consistent"
+
+
+def test_verdict_a_parameter_goes_before_a_law_that_says_no_more() -> None:
+    gain = Hypothesis((), NOISE.count, 1, 1, changed=("gain",))
+    assert verdict(of(1e5, gain, law("asymmetry", left=0.0))) == "parameter_change"
+
+
+def test_verdict_where_nothing_comes_near_is_unexplained() -> None:
+    found = of(1e5, law("friction", left=5e4))
+    assert verdict(found) == "unexplained"
+    assert found.first.label == "something unknown"
+
+
+def test_verdict_where_more_than_600_is_left_something_unknown_stands_beside() -> None:
+    known = replace(NOISE, most=1.0)
+    told = [verdict(table(known, [Hypothesis((), 1e6), law("friction", left=left)])) for left in (450.0, 700.0)]
+    assert told == ["explained", "partly_explained"]
+
+
+def test_table_a_cause_more_must_leave_a_quarter() -> None:
+    one = law("friction", left=500.0)
+    assert of(1e6, one, law("friction", "leakage", left=250.0)).first.label == "friction"
+    assert of(1e6, one, law("friction", "leakage", left=20.0)).first.label == "friction + leakage"
+
+
+def test_verdict_below_the_gate_nothing_is_named() -> None:
+    found = of(1e5, law("friction", left=0.0))
+    assert verdict(found, is_alarm=False) == "consistent"
+    assert verdict(of(10.0), is_alarm=True) == "unexplained"
+
+
+def test_table_ambiguous_rows_are_within_the_odds() -> None:
+    near, far = law("backlash", left=10.0), law("leakage", left=400.0)
+    found = of(1e5, law("friction", left=0.0), near, far)
+    assert [r.label for r in found.ambiguous] == ["friction", "backlash"]
+    assert 0.5 < found.chance("friction") < 0.9
+    assert sum(r.probability for r in found.rows) == pytest.approx(1.0)
+
+
+def test_table_keeps_the_better_of_two_that_say_the_same() -> None:
+    at_spool, at_pilot = law("friction", left=90.0), law("friction", left=0.0)
+    rows = of(1e5, at_spool, at_pilot).rows
+    assert [r.left for r in rows if r.label == "friction"] == [0.0]
+
+
+def test_table_noise_is_the_least_chi2_within_what_is_known_of_it() -> None:
+    noise = replace(NOISE, least=0.4, most=1.1)
+    assert table(noise, [Hypothesis((), 0.1 * NOISE.count)]).chi2 == 0.4 * NOISE.count
+    assert table(noise, [Hypothesis((), 0.7 * NOISE.count)]).chi2 == 0.7 * NOISE.count
+    assert table(noise, [Hypothesis((), 9.0 * NOISE.count)]).chi2 == pytest.approx(1.1 * NOISE.count)
+
+
+def test_as_dict_says_all_that_the_verdict_is_read_from() -> None:
+    printed = of(1e5, law("friction", left=0.0)).as_dict(2)
+    first = printed["rows"][0]
+    assert (first["name"], first["causes"], first["unknowns"], first["left"]) == ("friction", 1, 2, 0.0)
+    assert first["score"] == pytest.approx(score(NOISE, 0.0, 1, 2), abs=0.01)
+    assert len(printed["rows"]) == 2
+    assert printed["criteria"]["parts"] == 100.0
