@@ -113,12 +113,17 @@ class Line:
             return self.ask(request)
 
     def tell(self, request: str) -> None:
-        """Send what has no answer, at once: also while a late answer may still come."""
+        """Send what has no answer, at once: also while a late answer may still come.
+
+        Raises:
+            DeviceLostError: the port is gone, or who answered last on it is another device.
+        """
         if self._port is None:
             self._open()
         if self.is_clean:
             with suppress(LinkError):  # nobody says what it is: on its own port a safe value is sent all the same
                 self.meeting.take_place()
+        self.meeting.refuse_another()
         self._send(request, time.monotonic() + self._timeout_s)
         self._rest_until_s = time.monotonic() + self._pause_s
 

@@ -47,10 +47,14 @@ class Meeting:
         self._due = False  # the question itself goes out on this line
         try:
             self.identity = self._ask()
-            replace(_NOTHING, known_as=self._met).refuse_another(self.identity)
+            self.refuse_another()
         except BaseException:
             self._due = True
             raise
+
+    def refuse_another(self) -> None:
+        """Raise `DeviceLostError` where who answered last is another device."""
+        replace(_NOTHING, known_as=self._met).refuse_another(self.identity)
 
     def refuse_a_stranger(self) -> None:
         """Raise `LinkError` where something is to be driven, and the device does not say any more what it is."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
@@ -54,7 +55,8 @@ class ModbusLine:
     @property
     def is_hung_up(self) -> bool:
         """Whether the device has closed the connection meanwhile."""
-        return self._settings.transport == "tcp" and is_hung_up(self.client.socket)
+        held = self.client.socket
+        return held is None or (isinstance(held, socket.socket) and is_hung_up(held))
 
     @property
     def is_clean(self) -> bool:
@@ -67,24 +69,27 @@ class ModbusLine:
         return max(self._quiet_until_s, getattr(self.client, "quiet_until_s", 0.0))
 
     def identity(self) -> str:
-        """What the device says of itself; most that say nothing refuse the question at once.
-
-        Only asked on TCP: on a serial line a device that keeps silent would keep an output waiting.
-        """
+        """What the device says of itself; most that say nothing refuse the question at once."""
         from pymodbus.exceptions import ModbusException
 
-        if self._settings.transport != "tcp":
-            return ""
+        self._wait_until_clean()
+        self._came = self._received = b""
         try:
             answer = self.client.read_device_information(device_id=self._settings.unit_id)
             told: Mapping[int, bytes] = {} if answer.isError() else answer.information
         except (ModbusException, OSError, AttributeError):  # none, or one to another question
-            self.client.close()  # the next question begins on a new connection
+            self._give_up()  # the next question begins on a new connection
             return ""
+        self._rest_until_s = time.monotonic() + self._settings.pause_s
         return " ".join(part.decode("ascii", "replace").strip() for part in told.values() if isinstance(part, bytes))
 
     def tell_blindly(self, requests: Sequence[tuple[int, int, Sequence[int]]]) -> None:
-        """Send (function, address, values) without waiting for what the device says to them."""
+        """Send (function, address, values) without waiting for what the device says to them.
+
+        Raises:
+            DeviceLostError: who answered last is another device.
+        """
+        self.meeting.refuse_another()
         with suppress(Exception):  # the checked writing that follows says what is wrong
             self.connect()
             for function, address, values in requests:
@@ -126,12 +131,11 @@ class ModbusLine:
             )
         if self._two_came(_length(function, count)):
             self._fail(None, LinkError, f"two answers came to function {function} at {address:#06x}: one is another's")
-        if self._settings.pause_s:
-            self._rest_until_s = time.monotonic() + self._settings.pause_s
+        self._rest_until_s = time.monotonic() + self._settings.pause_s
         return [int(bit) for bit in answer.bits[:count]] if function in (1, 2) else list(answer.registers)
 
     def _meet_anew(self) -> None:
-        if self._settings.transport == "tcp" and self.client.socket is None:
+        if self.client.socket is None:
             if not self.client.connect():
                 self._fail(None, DeviceLostError, "the connection is lost")
             self.meeting.is_due()
@@ -201,13 +205,16 @@ class ModbusLine:
         self._quiet_until_s = 0.0
 
     def _fail(self, error: Exception | None, kind: type[Exception], text: str) -> NoReturn:
-        """Drop the connection: what arrives on it from now on belongs to nobody."""
+        self._give_up(is_lost=kind is DeviceLostError)
+        raise kind(text) from error
+
+    def _give_up(self, *, is_lost: bool = False) -> None:
+        """Drop the connection: what arrives on it from now on belongs to nobody; on one that is lost nothing does."""
         self.client.close()
-        if self._settings.transport == "rtu":
+        if self._settings.transport == "rtu" and not is_lost:
             self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
             if hasattr(self.client, "quiet_until_s"):
                 self.client.quiet_until_s = self._quiet_until_s
-        raise kind(text) from error
 
 
 def _length(function: int, count: int) -> int:

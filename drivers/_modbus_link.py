@@ -28,8 +28,7 @@ class ModbusLink(OnALine):
     """A device on Modbus (see `hil.daq.link.Link`).
 
     Attributes:
-        identity: maker, product and version as the device tells them (function 43/14), empty when it does not. Only
-            asked on TCP.
+        identity: maker, product and version as the device tells them (function 43/14), empty when it does not.
 
     Raises:
         DeviceLostError: nothing answers at the address.
@@ -72,6 +71,8 @@ class ModbusLink(OnALine):
             wiring.refuse_another(identity)
             with wiring.forgiving():
                 self._make_ready()
+                if wiring.only_safe and not wiring.known_as:  # no device that keeps silent keeps a safe value waiting
+                    self._go_safe()
             self._line.meeting.met(identity if wiring.known_as else self._line.identity(), self._line.identity)
         except BaseException:
             self.close()

@@ -19,7 +19,7 @@ from hil.daq.link import Link
 from hil.daq.polled import PolledDaq
 from hil.errors import DeviceLostError, HardwareError
 from tests.described import written
-from tests.foreign_line import ForeignLine, Tables, ended, tcp_frame
+from tests.foreign_line import ForeignLine, Tables, ended, serial_frame, tcp_frame
 from tests.modbus_pair import MODEL
 from tests.modbus_pair import WIRING as PAIR
 from tests.waits import until
@@ -89,9 +89,16 @@ class Place:
 
     def coupler(self, frame: bytes) -> bytes:
         """Modbus TCP."""
+        return self._tables(frame[7], lambda tables: tables.on_tcp(frame))
+
+    def coupler_on_serial(self, frame: bytes) -> bytes:
+        """Modbus RTU."""
+        return self._tables(frame[1], lambda tables: tables.on_serial(frame))
+
+    def _tables(self, function: int, asked: Callable[[Tables], bytes]) -> bytes:
         tables = Tables(holding={8: round(self.at)}, inputs={0: 20}, identity=self.who)
-        answer = tables.on_tcp(frame)
-        if frame[7] in (6, 16):
+        answer = asked(tables)
+        if function in (6, 16):
             self.put(float(tables.holding[8]))
         return answer
 
@@ -127,6 +134,11 @@ def coupler_at(port: int, _folder: Path) -> Link:
     return ModbusLink(LineSettings.model_validate({"address": f"127.0.0.1:{port}", **CALM}), Q, MODEL)
 
 
+def coupler_on_serial_at(port: int, _folder: Path) -> Link:
+    told = {"address": f"socket://127.0.0.1:{port}", "transport": "rtu", **CALM}
+    return ModbusLink(LineSettings.model_validate(told), Q, MODEL)
+
+
 def supply_at(port: int, folder: Path) -> Link:
     link: Link = at(port, text, OUT, model=str(written(folder, "supply.toml", SUPPLY)))
     return link
@@ -134,6 +146,9 @@ def supply_at(port: int, folder: Path) -> Link:
 
 CARRIERS: Mapping[str, Carrier] = {
     "modbus": Carrier(lambda place: place.coupler, tcp_frame, coupler_at, Q),
+    "modbus on a serial line": Carrier(
+        lambda place: place.coupler_on_serial, serial_frame, coupler_on_serial_at, Q
+    ),
     "scpi": Carrier(
         lambda place: place.instrument, ended(b"\n"),
         lambda port, _: at(port, scpi, COIL, model="dc-source"), COIL,
