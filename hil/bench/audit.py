@@ -19,9 +19,9 @@ from filelock import FileLock
 
 from hil.bench.read import BenchFile
 from hil.errors import FileError, StorageError, marked
-from hil.record.header import END_FILE, HEADER_FILE
+from hil.record.header import END_FILE, HEADER_FILE, read_end
 from hil.record.seal import SEAL_FILE, marks_of, read_seal
-from hil.safety.interrupt import Terminated
+from hil.safety.interrupt import Halted, Terminated
 from hil.safety.latch import state_path
 from hil.untrusted import ANY_SIZE, open_small, parse_json
 
@@ -214,9 +214,11 @@ def on_the_trail(
     except KeyboardInterrupt as stopped:
         if drives:
             how = {"how": str(stopped) or "Ctrl-C", "outputs": _of_outputs(stopped)}
-            with suppress(StorageError):  # the outputs are settled; what is known of them stands in the run folder
-                account = _who_stopped(stopped)
-                audit.write(account, "stop", {**run, **how}, operator if account else "")
+            with suppress(
+                StorageError, FileError
+            ):  # the outputs are settled; what is known of them stands in the run folder
+                account, is_own = _who_stopped(stopped, out)
+                audit.write(account, "stop", {**run, **how}, operator if is_own else "")
         raise
     finally:
         if drives and (out / END_FILE).is_file():
@@ -293,9 +295,15 @@ def acting_account() -> str:
         return f"user {os.getuid()}" if hasattr(os, "getuid") else ""
 
 
-def _who_stopped(stopped: KeyboardInterrupt) -> str:
-    """Ctrl-C is of who sits at the terminal; who pressed stop, or sent a signal, this process does not know."""
-    return "" if isinstance(stopped, Terminated) or os.environ.get(ACCOUNT) else acting_account()
+def _who_stopped(stopped: KeyboardInterrupt, out: Path) -> tuple[str, bool]:
+    """(account, whether it is that of the run): Ctrl-C is of who sits at the terminal, a press of whom the record says.
+
+    Who sent a signal, or pressed without an account, nobody knows.
+    """
+    if not isinstance(stopped, Terminated) and not os.environ.get(ACCOUNT):
+        return acting_account(), True
+    end = read_end(out) if isinstance(stopped, Halted) else None
+    return ("" if end is None else str(end.meta.get("stopped_by") or "")), False
 
 
 def _of_outputs(error: BaseException) -> str:

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from hil.bench.audit import read_audit
 from hil.bench.find import find_bench
 from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
@@ -97,6 +98,9 @@ def test_stop_of_a_run_at_work_is_its_own_end(tmp_path: Path) -> None:
     events, _ = read_events(tmp_path / "run")
     assert [event["details"] for event in events if event["event"] == "stop"] == [{"by": "olga ü"}]
     assert end.outputs == end.meta["outputs"] and said_of({"outputs": end.outputs}) == said_of(answer)
+    (trail,) = (tmp_path / "state").rglob("audit*.jsonl")
+    stops = [line for line in read_audit(trail) if line["act"] == "stop"]
+    assert [(line["account"], line["operator"]) for line in stops] == [("olga ü", "")]
     assert not (tmp_path / "run" / "control.json").exists()
     assert not list((tmp_path / "state").rglob("trips/*")), "nothing is latched"
 
