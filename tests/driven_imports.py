@@ -24,6 +24,7 @@ from hil.session.preload import preload
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings, split_assignments
 
+HEAVY = ("scipy.signal", "scipy.stats", "scipy.ndimage", "alembic", "control")  # seconds, for what a run does without
 OF_THE_SIMULATION = ("sim_devices", "hil.physics.compose", "hil_core_", "numba")
 
 
@@ -83,7 +84,10 @@ def main(name: str, bench: str, *assignments: str) -> dict[str, Any]:
             watch.on = True
             procedure.run(rig, **values)
         watch.on = False
-    return {"imported": sorted(watch.imported), "compiled": watch.compiled, "kernels": [ready, signatures()]}
+    heavy = [name for name in HEAVY if name in sys.modules]
+    return {
+        "imported": sorted(watch.imported), "compiled": watch.compiled, "kernels": [ready, signatures()], "heavy": heavy
+    }  # fmt: skip
 
 
 if __name__ == "__main__":

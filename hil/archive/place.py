@@ -40,18 +40,18 @@ class Place:
 
     def __str__(self) -> str:
         """As a message, a command line or a file names it: without a password or options, one of which may be one."""
-        from sqlalchemy.engine import make_url
-
         if self.folder:
             return str(self.folder)
+        from sqlalchemy.engine import make_url
+
         return make_url(self.url).set(query={}).render_as_string(hide_password=True)
 
     def without_password(self, error: object) -> str:
         """What an error says, on one line, without the password."""
-        from sqlalchemy.engine import make_url
-
         text = " ".join(str(error).split())
         if not self.folder:
+            from sqlalchemy.engine import make_url
+
             url = make_url(self.url)
             for secret in filter(None, (url.password, *map(str, url.query.values()))):
                 text = text.replace(str(secret), "***")

@@ -78,7 +78,7 @@ def drift_of(points: Sequence[Point]) -> Drift:
     years = np.array([p.started_utc.timestamp() / _YEAR_S for p in used])
     if len(used) < _FEWEST or np.ptp(years) == 0.0:
         return Drift(None, None, None, unit)
-    from scipy.stats import t
+    from scipy.special import stdtr
 
     values = np.array([p.value.value for p in used], dtype=np.float64)
     weights = np.array([1.0 / (_repeatability(p.value) or 1.0) ** 2 for p in used])
@@ -89,7 +89,7 @@ def drift_of(points: Sequence[Point]) -> Drift:
     freedom = len(used) - 2
     excess = float(weights @ (values - middle - slope * years) ** 2) / freedom
     std = math.sqrt(max(1.0, excess) / spread)
-    return Drift(slope, std, float(2.0 * t.sf(abs(slope) / std, freedom)), unit)
+    return Drift(slope, std, float(2.0 * stdtr(freedom, -abs(slope) / std)), unit)
 
 
 def _repeatability(value: Value) -> float | None:

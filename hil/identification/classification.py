@@ -64,11 +64,11 @@ class GaussianClasses:
 
         By Hotelling's T² of a new unit: means and covariances are known from `counts` units only.
         """
-        from scipy.stats import f
+        from scipy.special import fdtrc
 
         n, features_known = self.counts, self.means.shape[1]
         scale = n * (n - features_known) / ((n**2 - 1.0) * features_known)
-        made: Array = f.sf(scale * self.distances(features, measured), features_known, n - features_known)
+        made: Array = fdtrc(features_known, n - features_known, scale * self.distances(features, measured))
         return made
 
     def is_unlike(self, features: Array, measured: Array | None = None) -> NDArray[np.bool_]:

@@ -200,12 +200,12 @@ def good_reference(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_
 
 def good_ranges(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, normally_open: bool = False) -> GoodRanges:
     """Every feature of good valves, logarithms taken as normal; the ends know how many they were learnt from."""
-    from scipy.stats import t
+    from scipy.special import stdtrit
 
     model = reference_classes(frequencies_hz, normally_open)
     good = model.names.index("good")
     count = int(model.counts[good])
-    reach = float(t.isf(BEYOND, count - 1)) * math.sqrt(1.0 + 1.0 / count)
+    reach = float(-stdtrit(count - 1, BEYOND)) * math.sqrt(1.0 + 1.0 / count)
     means, widths = model.means[good], reach * np.sqrt(np.diag(model.covariances[good]))
     found = zip(FEATURES, np.exp(means - widths).tolist(), np.exp(means).tolist(), np.exp(means + widths).tolist(),
                 strict=True)  # fmt: skip

@@ -8,10 +8,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 from hil.physics.model import Noise
 from hil.record.recording import Array
+from hil.signals.recursion import filtered
 
 _LONGEST_MEMORY = 8
 # Noise is called coloured only when a longer memory makes this much of its variance predictable.
@@ -151,7 +151,7 @@ def _share_of_means(colour: tuple[float, ...], lengths: Sequence[int]) -> float:
 
 def _correlation_of(colour: tuple[float, ...]) -> Array:
     """Autocorrelation at lags from 0 on, shape (_TAIL,)."""
-    response = lfilter((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
+    response = filtered((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
     power = np.abs(np.fft.rfft(response, 2 * _TAIL)) ** 2
     found = np.fft.irfft(power)[:_TAIL]
     made: Array = found / found[0]
@@ -229,14 +229,14 @@ def whiten(residuals: Array, noise: Noise, interval_s: float) -> Array:
     same_rate = noise.interval_s is not None and abs(noise.interval_s / interval_s - 1.0) < 0.02
     if not noise.colour or not same_rate:
         return residuals / noise.std
-    filtered: Array = lfilter((1.0, *noise.colour), (1.0,), residuals, axis=0)
-    white: Array = filtered / (noise.std * np.sqrt(_innovation_share(noise.colour)))
+    innovations: Array = np.apply_along_axis(lambda r: np.convolve((1.0, *noise.colour), r)[: len(r)], 0, residuals)
+    white: Array = innovations / (noise.std * np.sqrt(_innovation_share(noise.colour)))
     return white
 
 
 def _innovation_share(colour: tuple[float, ...]) -> float:
     """Variance of the white source over that of the coloured noise."""
-    response = lfilter((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
+    response = filtered((1.0,), (1.0, *colour), np.r_[1.0, np.zeros(_TAIL - 1)])
     return 1.0 / float(response @ response)
 
 

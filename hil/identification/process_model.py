@@ -22,6 +22,7 @@ from hil.identification.evidence import VERY_STRONG, simplest_good
 from hil.identification.structure import independent
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array, Recording
+from hil.signals.recursion import filtered
 
 MOST_LAGS = 3
 
@@ -344,7 +345,6 @@ def _held_response(below: Array, command: Array, interval_s: float, dead_s: floa
     the exponential even for equal, slow or integrating poles, and compiled.
     """
     from scipy.linalg import schur
-    from scipy.signal import lfilter
 
     whole = math.floor(dead_s / interval_s)
     late_s = dead_s - whole * interval_s
@@ -357,7 +357,7 @@ def _held_response(below: Array, command: Array, interval_s: float, dead_s: floa
     states = np.zeros((len(triangle), len(command)), dtype=np.complex128)
     for i in range(len(triangle) - 1, -1, -1):
         driven = now[i] * held + last[i] * earlier + triangle[i, i + 1 :] @ states[i + 1 :]
-        states[i] = lfilter([0.0, 1.0], [1.0, -triangle[i, i]], driven)
+        states[i] = filtered([0.0, 1.0], [1.0, -triangle[i, i]], driven)
     return [np.ascontiguousarray((turn[k] @ states).real) for k in range(outputs)]
 
 

@@ -13,6 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.signals.recursion import filtered
+
 Array = NDArray[np.float64]
 
 _DEGREE = 3
@@ -158,10 +160,7 @@ def coloured(noise: Array, whitener: Array) -> Array:
     """White noise, shape (m, n), with the colour that a whitener takes away."""
     if len(whitener) == 1:
         return noise
-    from scipy.signal import lfilter  # takes half a second to import
-
-    made: Array = lfilter([1.0], whitener, noise, axis=-1)
-    return made
+    return filtered([1.0], whitener, noise)
 
 
 def _whitened(values: Array, whitener: Array, axis: int) -> Array:

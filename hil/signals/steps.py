@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,6 +23,10 @@ CUSTOMARY_STEPS: dict[str, tuple[float, ...]] = {
     "quarter": (25.0, 75.0, 25.0),
     "paper": (0.0, 80.0, 0.0),
 }
+
+# Taps of feedback registers of the longest period, by the bits of the register: those of scipy.signal.max_len_seq.
+_TAPS = {2: (1,), 3: (2,), 4: (3,), 5: (3,), 6: (5,), 7: (6,), 8: (7, 6, 1), 9: (5,), 10: (7,), 11: (9,),
+         12: (11, 10, 4), 13: (12, 11, 8), 14: (13, 12, 2), 15: (14,), 16: (15, 13, 4)}  # fmt: skip
 
 
 def step_sequence(levels: Sequence[float], hold_s: float, rate_hz: float) -> Array:
@@ -46,14 +51,15 @@ def binary_sequence(
     Raises:
         SettingError: bits outside 2…16, a phase outside its range, or a clock shorter than one sample.
     """
-    from scipy.signal import max_len_seq
-
     samples = round(clock_s * rate_hz)
     if not (2 <= bits <= 16 and 1 <= phase < 2**bits and samples >= 1):
         raise SettingError(
             f"PRBS: {bits} bits, phase {phase}, {samples} samples per clock; "
             "allowed are 2…16 bits, a phase of 1…2^bits − 1 and at least one sample"
         )
-    register = [(phase >> i) & 1 for i in range(bits)]
-    sequence = np.asarray(max_len_seq(bits, state=register)[0], dtype=np.float64)
+    register = deque(((phase >> i) & 1 for i in range(bits)), maxlen=bits)
+    sequence = np.zeros(2**bits - 1)
+    for i in range(len(sequence)):
+        sequence[i] = register[0]
+        register.append((register[0] + sum(register[tap] for tap in _TAPS[bits])) % 2)
     return np.tile(np.repeat(low + (high - low) * sequence, samples), periods)

@@ -35,6 +35,7 @@ def test_everything_is_there_before_the_first_output_moves(case: str) -> None:
     seen = json.loads(told.stdout)
     assert seen["imported"] == [] and seen["compiled"] == []
     assert seen["kernels"][0] == seen["kernels"][1]
+    assert seen["heavy"] == []
 
 
 def test_all_procedures_are_watched() -> None:

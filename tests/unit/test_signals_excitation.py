@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from scipy.signal import max_len_seq
 
 from hil.errors import SettingError
 from hil.signals.multisine import odd_multisine
@@ -110,6 +111,9 @@ def test_steps_and_binary_sequences():
     assert wave.sum() == 10.0  # one clock more high than low
     spectrum = np.abs(np.fft.rfft(wave[::10]))[1:]
     assert np.ptp(spectrum) < 1e-9 * spectrum.max()  # flat: maximum length
+    for bits in range(2, 17):
+        theirs = max_len_seq(bits, state=[1] + [0] * (bits - 1))[0]
+        assert np.array_equal(binary_sequence(0.0, 1.0, 1.0, 1.0, bits=bits), theirs)
     with pytest.raises(SettingError, match="0 levels"):
         step_sequence((), 1.0, 10.0)
     with pytest.raises(SettingError, match="2…16 bits"):

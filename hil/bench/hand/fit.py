@@ -61,7 +61,7 @@ def fit_line(points: Sequence[Point], reference_std: float | None = None) -> Lin
     Raises:
         SettingError: too few points, or all at one place.
     """
-    from scipy import stats
+    from scipy import special
 
     raw, told, noise = (
         np.array([getattr(p, name) for p in points], dtype=np.float64) for name in ("raw", "reference", "raw_std")
@@ -84,11 +84,11 @@ def fit_line(points: Sequence[Point], reference_std: float | None = None) -> Lin
     residuals[np.abs(residuals) <= _ROUNDED * np.abs(told).max()] = 0.0
     covariance = np.linalg.inv((rows / std[:, None]).T @ (rows / std[:, None]))
     square = float(np.sum((residuals / std) ** 2))
-    exceeds = bool(stated and free and stats.chi2.sf(square, free) < _REFUSED)
-    factor = float(stats.norm.ppf(0.5 + 0.5 * _LEVEL))
+    exceeds = bool(stated and free and special.chdtrc(free, square) < _REFUSED)
+    factor = float(special.ndtri(0.5 + 0.5 * _LEVEL))
     if exceeds or not stated:
         covariance = covariance * square / free
-        factor = float(stats.t.ppf(0.5 + 0.5 * _LEVEL, free))
+        factor = float(special.stdtrit(free, 0.5 + 0.5 * _LEVEL))
     worst = max(float(row @ covariance @ row) for row in rows)
     scatter = math.sqrt(square / free) if not stated else 0.0
     bent = float(np.abs(residuals).max())

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from hil.physics.transfer_function import TransferFunction, transfer_function
 from hil.record.recording import Array
+from hil.signals.recursion import filtered
 
 Level = Literal["low", "high"]
 Class = Literal["good", "malfunctioned", "severely malfunctioned"]
@@ -136,9 +137,7 @@ class SampledModel:
 
     def response(self, command: Array) -> Array:
         """Output for a command of shape (n,), from rest."""
-        from scipy.signal import lfilter
-
-        return np.asarray(lfilter(self.numerator, self.denominator, command), dtype=np.float64)
+        return filtered(self.numerator, self.denominator, command)
 
 
 # Section 3.2.2.3, to the last printed digit.
