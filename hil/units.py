@@ -23,7 +23,8 @@ _SPELLINGS = {"1": "dimensionless", "": "dimensionless", "gpm": "gallon/minute",
               "US gpm": "gallon/minute", "lpm": "l/min", "LPM": "l/min", "psig": "psi", "psia": "psi", "PSI": "psi",
               "BAR": "bar", "barg": "bar", "bara": "bar", "bar(g)": "bar", "bar(a)": "bar", "counts": "count",
               "Nm": "N*m", "pct": "%", "%FS": "%", "% FS": "%", "l/mn": "l/min", "kg/cm^2": "kgf/cm^2",
-              "kg/cm²": "kgf/cm^2", "deg C": "degC", "℃": "degC", "V DC": "V", "U/min": "rpm", '"': "inch"}  # fmt: skip
+              "kg/cm²": "kgf/cm^2", "deg C": "degC", "oC": "degC", "oF": "degF", "℃": "degC", "V DC": "V",
+              "U/min": "rpm", '"': "inch"}  # fmt: skip
 # The same by their small letters, tried where a spelling is unknown: loggers write HZ, Kpa, PERCENT.
 _FOLDED = {"hz": "Hz", "khz": "kHz", "kpa": "kPa", "mpa": "MPa", "degc": "degC", "vdc": "V", "prozent": "%",
            "sek": "s", "sekunde": "s", "sekunden": "s", "kn": "kN"}  # fmt: skip

@@ -29,6 +29,7 @@ from hil.record.stacked import unstacked
 from hil.units import check_unit
 
 _SAME_STAMP = 1e-3  # of an interval
+_SAME_UNIT = 5.0  # two clocks of one unit disagree by less; units of time lie 60 apart and more
 
 
 def assemble(
@@ -65,6 +66,8 @@ def assemble(
     refuse_mislabelled(name, [column for one in timed for column in one.signals])
     taken, assumed = _without_blanks(name, timed, place, reading.gaps)
     base = max(taken, key=lambda one: len(one.time_s))
+    taken, brief = _without_brief(base, taken)
+    assumed += brief
     for one in {id(one.time_s): one for one in reversed(taken)}.values():
         _check_stamps(name, one, place)
     time_s, said = _common(name, base, taken)
@@ -192,6 +195,7 @@ def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
         stop = at[k + 1] if k + 1 < len(at) else len(columns)
         others = [*(columns[: at[0]] if k == 0 else ()), *columns[start + 1 : stop]]
         time_s, assumed = _seconds(name, clock, reading)
+        _refuse_contradiction(name, clock, time_s, table.columns, reading)
         kept = [column for column in others if len(column.values) == len(time_s) or column.is_number]
         yield table.name, time_s, kept, (*said, assumed) if assumed else said
 
@@ -247,6 +251,29 @@ def _seconds(name: str, clock: Column, reading: Reading) -> tuple[Array, str]:
         ) from None
 
 
+def _refuse_contradiction(name: str, clock: Column, time_s: Array, columns: Sequence[Column], reading: Reading) -> None:
+    """Refuse a time of another unit than the stamps beside it show, unless its user says the unit or the column.
+
+    Raises:
+        FileError: how long the two say that it took, and what settles it.
+    """
+    label = clock.name_and_unit[0]
+    if clock.is_dated or reading.time or label in reading.units or "time" in reading.units:
+        return
+    for beside in columns:
+        if not beside.is_dated or len(beside.values) != len(time_s):
+            continue
+        own_s = (beside.values - beside.values[:1]) / np.timedelta64(1, "s")
+        steps_s = np.diff(own_s)
+        coarse_s = float(np.min(steps_s, where=steps_s > 0.0, initial=np.inf))
+        least_s, most_s, span_s = own_s[-1] - coarse_s, own_s[-1] + coarse_s, float(time_s[-1] - time_s[0])
+        if span_s > _SAME_UNIT * most_s or least_s > _SAME_UNIT * span_s > 0.0:
+            raise FileError(
+                f"{name}: '{clock.heading}' says that it took {span_s:g} s, the stamps of '{beside.heading}' beside it "
+                f"say {own_s[-1]:g} s; --time '{beside.heading}' takes the stamps, --unit '{label}=UNIT' says the unit"
+            )
+
+
 def _without_blanks(
     name: str, timed: Sequence[_Timed], place: Callable[[int], str] | None, gaps: bool
 ) -> tuple[list[_Taken], list[str]]:
@@ -271,6 +298,27 @@ def _without_blanks(
     if not taken:
         raise FileError(f"{name}: no channel has a sample")
     return taken, said
+
+
+def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
+    """The channels without those of the base's table that fill fewer than half of its rows, all in one piece.
+
+    Such a column is a short list beside the recording; the time that all channels cover would shrink to it.
+    """
+
+    def is_brief(one: _Taken) -> bool:
+        count = len(one.time_s)
+        first = int(np.searchsorted(base.time_s, one.time_s[0]))
+        in_one_piece = np.array_equal(one.time_s, base.time_s[first : first + count])
+        return one.table == base.table and 2 * count < len(base.time_s) and in_one_piece and is_even(one.time_s)
+
+    said = [
+        f"left out, {len(one.time_s)} samples beside {len(base.time_s)} of {base.column.name_and_unit[0]}: "
+        f"{one.column.heading}"
+        for one in taken
+        if is_brief(one)
+    ]
+    return [one for one in taken if not is_brief(one)], said
 
 
 def _check_stamps(name: str, one: _Taken, place: Callable[[int], str] | None) -> None:
@@ -309,6 +357,10 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
         if start - min(starts) > slack:
             late = f"{names} begins {start - min(starts):.6g} s after the first channel, as the file says"
             said.append(f"{late}; a command is known before that too")
+    if time_s[-1] - common[-1] > max(_interval_s(own_s) for own_s in bases) + slack:
+        first = next(one for one in taken if float(one.time_s[-1]) <= stop)
+        ends = f"{first.column.name_and_unit[0]} ends {time_s[-1] - common[-1]:.6g} s before the last channel"
+        said.append(f"{ends}; nothing after that is taken")
     return common, said
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.record import heading as headings
+from hil.record.clocks import without_changed_clocks, without_rollover
 from hil.record.recording import Array
 from hil.record.tokens import as_numbers, is_number, is_stamp, stamps
 from hil.units import convert
@@ -92,14 +93,15 @@ class Column:
         name, stated = self.name_and_unit
         if self.is_dated:
             second = np.timedelta64(1, "s")
-            start = f"time counts from {self.values[0]}" if self.values.size and self.values.dtype.kind == "M" else ""
-            return (self.values - self.values[:1]) / second, start
+            stamps, changed = without_changed_clocks(self.values)
+            start = f"time counts from {stamps[0]}" if stamps.size and stamps.dtype.kind == "M" else ""
+            return (stamps - stamps[:1]) / second, "; ".join(filter(None, (start, changed)))
         unit = headings.spelt_time_unit(unit or stated or headings.time_unit(name))
-        values = np.asarray(self.values, dtype=np.float64)
-        assumed = ""
+        values, assumed = without_rollover(np.asarray(self.values, dtype=np.float64))
         if not unit:
             unit, kind = headings.unit_of_stamps(values)
-            assumed = f"no unit is stated for '{name}'; taken as {kind}, --unit '{name}=ms' would say otherwise"
+            taken = f"no unit is stated for '{name}'; taken as {kind}, --unit '{name}=ms' would say otherwise"
+            assumed = "; ".join(filter(None, (assumed, taken)))
             if unit == "day":  # seconds since the year 0 would have no digits left for a sample's
                 values = values - values[0]
         return values if unit in ("", "s") else convert(values, unit, "s"), assumed

@@ -14,7 +14,17 @@ from typing import Literal
 from hil.errors import FileError
 from hil.record import heading as headings
 from hil.record.text_file import encoding_of, open_text
-from hil.record.tokens import decimal_and_thousands, decimal_between_commas, is_blank, is_number, is_stamp, unit_of
+from hil.record.tokens import (
+    decimal_and_thousands,
+    decimal_between_commas,
+    is_blank,
+    is_date_only,
+    is_number,
+    is_quantity,
+    is_stamp,
+    prefix_of,
+    unit_of,
+)
 
 WHITESPACE = r"\s+"
 _SEPARATORS = ("\t", ";", ",", "|", WHITESPACE)
@@ -23,6 +33,8 @@ _JUDGED = 60
 _LEAST_NUMERIC = 0.2
 _NAME_LABELS = frozenset({"tagname", "tag", "name", "names", "channel", "channels", "signal", "signals", "variable"})
 _UNIT_LABELS = frozenset({"unit", "units", "einheit", "einheiten", "eu", "unité"})
+_TOA5 = ("TS", "RN")  # what stands for units of the stamp and of the record's number
+ALSO_UNITS = ("", "K", "T")  # of the letters for powers of ten: kelvin and tesla where every number has one
 _TYPES = frozenset({"float", "double", "single", "int", "integer", "real", "float64", "float32", "number", "f8"})
 
 Kind = Literal["number", "stamp", "text"]
@@ -106,7 +118,8 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     rows = [split(line, separator) for line in judged]
     if count > 1 and not any(row[count - 1] for line in filled if len(row := split(line, separator)) == count):
         count -= 1  # a mark at the end of each line
-    kinds = tuple(_kind([row[i] for row in rows if len(row) >= count]) for i in range(count))
+    whole = [row for row in (split(line, separator) for line in filled) if len(row) >= count]
+    kinds = tuple(_kind([row[i] for row in rows if len(row) >= count], [row[i] for row in whole]) for i in range(count))
     first = _first_row(lines, separator, count, kinds)
     if first is None:
         raise FileError(f"{path}: {_no_rows(filled, more)}")
@@ -117,12 +130,20 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     above = list(_above(lines[:first], separator, count))
     at, cells, units = (0, ("",) * count, ("",) * count) if named else _headings(above, count)
     if not at and not named:
-        raise FileError(f"{path}: {_unnamed(lines[:first], separator, count)}")
+        raise FileError(f"{path}: {_unnamed(lines[:first], separator, count - _days_apart(rows[0], kinds))}")
     if at and not any(units):
         units = _units_said(lines[: at - 1], separator, cells)
     inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
+    inside = ["" if headings.split(cell)[1] else found for cell, found in zip(cells, inside, strict=True)]
     units = tuple(unit or found for unit, found in zip(units, inside, strict=True))
     return Layout(encoding, separator, decimal, thousands, cells, units, at, first + 1, kinds)
+
+
+def _days_apart(cells: Sequence[str], kinds: Sequence[Kind]) -> int:
+    """How many columns hold days beside one of times of the day: these are read as one."""
+    dated = [cell for cell, kind in zip(cells, kinds, strict=False) if kind == "stamp"]
+    days = sum(map(is_date_only, dated))
+    return days if days < len(dated) else 0
 
 
 def _separator(lines: Sequence[str]) -> tuple[str, int]:
@@ -132,41 +153,48 @@ def _separator(lines: Sequence[str]) -> tuple[str, int]:
         rows = [split(line, mark) for line in lines]
         count = Counter(len(row) for row in rows).most_common(1)[0][0] if rows else 0
         cells = [cell for row in rows if len(row) == count for cell in row]
-        told = sum(is_blank(cell) or is_number(cell) or is_stamp(cell) or unit_of(cell) != "" for cell in cells)
-        share = told / len(cells) * sum(len(row) == count for row in rows) / len(rows) if cells else 0.0
+        known = sum(is_blank(cell) or is_quantity(cell) or is_stamp(cell) for cell in cells)
+        share = known / len(cells) * sum(len(row) == count for row in rows) / len(rows) if cells else 0.0
         if count > 1 and share > score + 1e-9 and share >= _LEAST_NUMERIC:
             best, score = (mark, count), share
     return best
 
 
-def _kind(cells: Sequence[str]) -> Kind:
-    filled = [cell for cell in cells if not is_blank(cell)]
-    numbers, dates = sum(map(is_number, filled)), sum(map(is_stamp, filled))
+def _kind(cells: Sequence[str], others: Sequence[str] = ()) -> Kind:
+    """What a column holds; `others` are looked at where all these cells are blank."""
+    filled = [cell for cell in cells if not is_blank(cell)] or [cell for cell in others if not is_blank(cell)]
+    numbers = sum(is_number(cell) or prefix_of(cell) != "" for cell in filled)
+    dates = sum(map(is_stamp, filled))
     if 2 * numbers >= len(filled) or _unit_in_cells(filled):
         return "number"
     return "stamp" if 2 * dates >= len(filled) else "text"
 
 
 def _unit_in_cells(filled: Sequence[str]) -> str:
-    """The unit that stands behind every number of a column; empty where there is none."""
-    units = {unit_of(cell) for cell in filled}
+    """The unit that stands behind every number of a column; empty where there is none, or it may be a power of ten."""
+    units = {unit_of(cell) if prefix_of(cell) in ALSO_UNITS else "" for cell in filled}
     return units.pop() if len(units) == 1 else ""
 
 
 def _first_row(lines: Sequence[str], separator: str, count: int, kinds: Sequence[Kind]) -> int | None:
-    def is_row(line: str) -> bool:
+    """The first line whose cells are what the columns hold, or of those before it with one that is not."""
+
+    def fits(line: str) -> list[bool]:
         cells = split(line, separator)
         if len(cells) == count + 1 and not cells[-1]:
             cells.pop()
-        if len(cells) != count or not any(is_number(c) or is_stamp(c) or unit_of(c) for c in cells):
-            return False
+        if len(cells) != count or not any(is_quantity(c) or is_stamp(c) for c in cells):
+            return [False]
         pairs = zip(cells, kinds, strict=True)
-        return all(
-            is_blank(c) or (is_number(c) or unit_of(c) != "" if kind == "number" else is_stamp(c))
+        return [
+            is_blank(c) or (is_quantity(c) if kind == "number" else is_stamp(c))
             for c, kind in pairs if kind != "text"
-        )  # fmt: skip
+        ]  # fmt: skip
 
-    return next((i for i, line in enumerate(lines) if line.strip() and is_row(line)), None)
+    first = next((i for i, line in enumerate(lines) if line.strip() and all(fits(line))), None)
+    while first and (before := fits(lines[first - 1]))[0] and 2 * sum(before) > len(before):
+        first -= 1
+    return first
 
 
 def _marks(separator: str, rows: Sequence[Sequence[str]]) -> tuple[str, str]:
@@ -189,7 +217,8 @@ def _above(lines: Sequence[str], separator: str, count: int) -> Iterator[tuple[i
     """Numbers and cells of the lines above the rows that have a cell for each column."""
     for number, line in enumerate(lines, 1):
         bare = line.lstrip("#% ")
-        for text in (bare, line) if bare.strip(separator) else ():
+        raw = () if separator == WHITESPACE and line.startswith("%") else (line,)
+        for text in (bare, *raw) if bare.strip(separator) else ():
             cells = _heading_cells(text, separator, count)
             if len(cells) == count and any(cells):
                 yield number, cells
@@ -201,7 +230,10 @@ def _heading_cells(text: str, separator: str, count: int) -> list[str]:
         cells = split(text, separator)
         return cells if len(cells) != count + 1 or cells[-1] else cells[:-1]
     tries = (re.split(r"\t|\s{2,}", text.strip()), re.split(r"\s+(?![\[(])", text.strip()), text.split())
-    return next((cells for cells in tries if len(cells) == count), [])
+    fitting = (cells for cells in tries if len(cells) == count)
+    return next(
+        (cells for cells in fitting if not any(is_number(c.strip("()[]")) for c in cells)), []
+    )  # else a sentence
 
 
 def _units_said(above: Sequence[str], separator: str, cells: Sequence[str]) -> tuple[str, ...]:
@@ -225,7 +257,7 @@ def _headings(above: list[tuple[int, list[str]]], count: int) -> tuple[int, tupl
     number, cells = texts[chosen]
     others = [*texts[chosen + 1 :], *texts[:chosen]]
     units = next((found for _, found in others if is_row_of_units(found)), [""] * count)
-    bare = ["" if unit.casefold() in _UNIT_LABELS else headings.unit_text(unit) for unit in units]
+    bare = ["" if unit.casefold() in _UNIT_LABELS or unit in _TOA5 else headings.unit_text(unit) for unit in units]
     bare = ["" if is_time_format(unit) else unit for unit in bare]
     return number, tuple(cells), tuple(bare)
 
@@ -239,7 +271,7 @@ def _is_heading(cells: Sequence[str]) -> bool:
 
 def is_row_of_units(cells: Sequence[str]) -> bool:
     """Whether the cells of a line above the samples are units, one for each column."""
-    if cells[0].casefold() in _UNIT_LABELS:
+    if cells[0].casefold() in _UNIT_LABELS or tuple(cells[:2]) == _TOA5:
         return True
     filled = [cell for cell in cells if cell]
     return bool(filled) and all(
@@ -266,7 +298,8 @@ def _no_rows(filled: Sequence[str], more: bool) -> str:
 
 
 def _unnamed(above: Sequence[str], separator: str, count: int) -> str:
-    example = ",".join(["time", "command", "flow"][:count] if count > 2 else ["command", "flow"][:count])
+    named = ["time", "command", "flow"] if count > 2 else ["command", "flow"]
+    example = ",".join([*named[:count], *["-"] * (count - 3)])
     even = "" if count > 2 else ", and --interval S for the seconds between samples"
     option = f"name the {count} columns with --columns, as in --columns {example}{even}"
     filled = [(i, line) for i, line in enumerate(above, 1) if line.strip()]

@@ -16,6 +16,7 @@ from hil.errors import FileError
 from hil.record import heading as headings
 from hil.record.columns import Column
 from hil.record.layout import Layout
+from hil.record.reading import AS_IT_IS, Reading
 from hil.record.text_file import PackedError, Unpacked, is_packed, open_text
 from hil.record.tokens import (
     BLANKS,
@@ -26,6 +27,7 @@ from hil.record.tokens import (
     is_stamp,
     joined,
     numbers,
+    prefixes,
     stamps,
     unit_of,
 )
@@ -35,23 +37,23 @@ _SHOWN = 40
 _LOOKED_AT = 50  # rows, for a unit behind the numbers
 
 
-def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column], str, Layout]:
+def columns(path: Path, found: Layout, reading: Reading = AS_IT_IS) -> tuple[list[Column], str, Layout]:
     """The columns, what had to be left out, in words, and the layout with the lines that were.
 
-    `gaps`: lines that are cut off are taken as far as they go, lines of text among the samples left out; remarks, which
-    a sign begins, are left out anyway.
+    With gaps lines that are cut off are taken as far as they go, lines of text among the samples left out; remarks,
+    which a sign begins, are left out anyway.
 
     Raises:
         FileError: names the line and the column, and what was found there.
     """
     import pandas as pd
 
-    table, found, odd = _rows(pd, path, found, gaps)
+    table, found, odd = _rows(pd, path, found, reading)
     if not len(table):
         raise FileError(f"{path}: no rows after the header")
     said = "; ".join(filter(None, (_left_out(path, found), odd)))
     if _may_be_cut(table, found):
-        table, cut = _without_cut_line(path, found, table, gaps)
+        table, cut = _without_cut_line(path, found, table, reading.gaps)
         said = "; ".join(filter(None, (said, cut)))
     made: list[Column] = []
     for i, (heading, unit, kind) in enumerate(zip(found.headings, found.units, found.kinds, strict=True)):
@@ -62,41 +64,47 @@ def columns(path: Path, found: Layout, gaps: bool = False) -> tuple[list[Column]
     return _with_fractions(_with_days(made, found, table)), said, found
 
 
-def _rows(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout, str]:
+def _rows(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple[Any, Layout, str]:
     """The fields, the layout with the lines among them that are none, and what stood where numbers should, in words."""
     try:
         return _table(pd, path, found), found, ""
     except PackedError:
         raise
     except FileError:
-        remarks = frozenset(number for number, line in _texts(path, found) if gaps or line.startswith(_REMARKS))
+        taken_out = ("",) if reading.gaps else _REMARKS
+        remarks = frozenset(number for number, line in _texts(path, found) if line.startswith(taken_out))
     found = replace(found, remarks=remarks)
     if remarks:
         with suppress(FileError):
             return _table(pd, path, found), found, ""
-    return _read_by_hand(pd, path, found, gaps)
+    return _read_by_hand(pd, path, found, reading)
 
 
-def _read_by_hand(pd: Any, path: Path, found: Layout, gaps: bool) -> tuple[Any, Layout, str]:
+def _read_by_hand(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple[Any, Layout, str]:
     """The same where numbers are written as pandas does not read them, or where texts stand among them."""
     table = _table(pd, path, found, by_hand=True)
-    found, said = _with_thousands(found, table), []
+    found, said, refused = _with_thousands(found, table), [], []
     for i, kind in enumerate(found.kinds):
         if kind != "number":
             continue
         texts = table[i].fillna("").astype(str).str.strip()
-        values = numbers(texts, found.decimal, found.thousands, _unit_behind(texts))
+        unit, prefixed = _behind(path, found, i, texts, reading)
+        values = numbers(texts, found.decimal, found.thousands, unit, prefixed)
         filled = ~texts.isin(BLANKS).to_numpy()
         texts_among = np.flatnonzero(np.isnan(values) & filled)
-        if texts_among.size and not (gaps and 2 * texts_among.size < np.count_nonzero(filled)):
-            raise FileError(f"{path}: {_explained(path, found)}")
-        if texts_among.size:
+        if prefixed:
+            said.append(f"'{found.headings[i]}': a letter behind a number is a power of ten, 25.1m = 0.0251")
+        if texts_among.size and not (reading.gaps and 2 * texts_among.size < np.count_nonzero(filled)):
+            refused.append((int(texts_among[0]), i))
+        elif texts_among.size:
             at = int(texts_among[0])
             said.append(
                 f"'{found.headings[i]}' holds texts in {texts_among.size} of {len(texts)} rows, the first "
                 f"'{texts.iloc[at][:_SHOWN]}' in {place(path, found, at)}; taken as samples that were not taken"
             )
         table[i] = values
+    if refused:
+        raise FileError(f"{path}: {_no_number(path, found, *min(refused))}")
     return table, found, "; ".join(said)
 
 
@@ -111,9 +119,29 @@ def _with_thousands(found: Layout, table: Any) -> Layout:
     return replace(found, thousands=thousands) if decimal == found.decimal else found
 
 
-def _unit_behind(texts: Any) -> str:
-    """The unit that stands behind the numbers of a column, if one does."""
-    return next((unit for text in texts.head(_LOOKED_AT) if (unit := unit_of(text))), "")
+def _behind(path: Path, found: Layout, column: int, texts: Any, reading: Reading) -> tuple[str, bool]:
+    """The unit that stands behind the numbers of a column, and whether letters for powers of ten do.
+
+    Raises:
+        FileError: an `m`, and nothing tells whether it is milli, a metre or a minute.
+    """
+    name, stated = headings.split(found.headings[column])
+    if len(reading.columns) == len(found.headings):
+        name, stated = headings.split(reading.columns[column])
+    stated = reading.units.get(name) or stated or found.units[column]
+    letters = prefixes(texts)
+    if not letters:
+        unit = next((unit for text in texts.head(_LOOKED_AT) if (unit := unit_of(text))), "")
+        behind_all = unit == stated or texts[~texts.isin(BLANKS)].str.endswith(unit).all()
+        return (unit if behind_all else ""), False
+    if letters == {stated} or (letters, stated) == ({"m"}, "min"):
+        return letters.pop(), False
+    if letters == {"m"} and not stated:
+        raise FileError(
+            f"{path}: column {column + 1} ('{name}'): an m stands behind its numbers, milli, metre or minute; say its "
+            f"unit: with --unit '{name}=A' 25.1m is 0.0251 A, with --unit '{name}=m' it is 25.1 m"
+        )
+    return "", True
 
 
 def _texts(path: Path, found: Layout) -> Iterator[tuple[int, str]]:
@@ -161,13 +189,13 @@ def _table(pd: Any, path: Path, found: Layout, spare: bool = False, by_hand: boo
     except pd.errors.EmptyDataError:
         raise FileError(f"{path}: no rows after the header") from None
     except pd.errors.ParserWarning:
-        if spare:
-            raise FileError(f"{path}: {_explained(path, found)}") from None
-        return _table(pd, path, found, spare=True, by_hand=by_hand)
+        if not spare:
+            return _table(pd, path, found, spare=True, by_hand=by_hand)
+        raise FileError(f"{path}: {_explained(path, found) if by_hand else ''}") from None
     except (ValueError, pd.errors.ParserError) as error:
-        raise FileError(f"{path}: {_explained(path, found) or error}") from None
+        raise FileError(f"{path}: {(by_hand and _explained(path, found)) or error}") from None
     if spare and (table[len(kinds)].fillna("").astype(str).str.strip() != "").any():
-        raise FileError(f"{path}: {_explained(path, found)}")
+        raise FileError(f"{path}: {_explained(path, found) if by_hand else ''}")
     return table
 
 
@@ -186,28 +214,31 @@ def _lines(path: Path, found: Layout) -> Iterator[tuple[int, list[str]]]:
 
 
 def _explained(path: Path, found: Layout) -> str:
-    """The first field that is no number, or the first line of too many, in words."""
+    """The first line of text, or of too many fields, in words."""
     wanted = len(found.headings)
     first, text = next(_texts(path, found), (0, ""))
     for number, cells in _lines(path, found):
         if number == first:
-            return f"line {number} is no row of numbers: '{text[:_SHOWN]}'; --gaps leaves such lines out"
+            return _no_row(number, text)
         filled = cells[:-1] if len(cells) == wanted + 1 and not cells[-1] else cells
         if len(filled) > wanted:
             return f"line {number} {_miscounted(len(filled), found)}"
-        for i, cell in enumerate(cells[:wanted]):
-            if found.kinds[i] == "number" and not is_blank(cell) and not _reads(cell, found):
-                return (
-                    f"line {number}, column {i + 1} ('{found.headings[i]}'): '{cell}' is not a number; --gaps takes it "
-                    "as a sample that was not taken, --columns can leave the column out"
-                )
     return ""
 
 
-def _reads(cell: str, found: Layout) -> bool:
-    import pandas as pd
+def _no_number(path: Path, found: Layout, row: int, column: int) -> str:
+    """A field that is no number, in words; the whole line where none of it is one."""
+    number, cells = next(islice(_lines(path, found), row, None))
+    if number == next(_texts(path, found), (0, ""))[0]:
+        return _no_row(number, " ".join(cells))
+    return (
+        f"line {number}, column {column + 1} ('{found.headings[column]}'): '{cells[column]}' is not a number; --gaps "
+        "takes it as a sample that was not taken, --columns can leave the column out"
+    )
 
-    return not np.isnan(numbers(pd.Series([cell]), found.decimal, found.thousands, unit_of(cell))[0])
+
+def _no_row(number: int, text: str) -> str:
+    return f"line {number} is no row of numbers: '{text[:_SHOWN]}'; --gaps leaves such lines out"
 
 
 def _miscounted(count: int, found: Layout) -> str:

@@ -22,8 +22,12 @@ _DAYS = (
 _DATE = re.compile(rf"{_DAYS}$", re.IGNORECASE)
 _STAMP = re.compile(rf"{_DAYS}[ T]+\d{{1,2}}:\d{{2}}", re.IGNORECASE)
 _CLOCK = re.compile(r"\d{1,3}:\d{2}(:\d{2}(:\d{1,3})?)?([.,]\d+)?( ?[AP]M)?$", re.IGNORECASE)
+_PREFIXES = {"p": "e-12", "n": "e-9", "u": "e-6", "µ": "e-6", "μ": "e-6", "m": "e-3", "k": "e3", "K": "e3", "M": "e6",
+             "G": "e9", "T": "e12"}  # fmt: skip
+_PREFIXED = re.compile(rf"([+\-\u2212]?[\d.,]+)([{''.join(_PREFIXES)}])$")
 _QUANTITY = re.compile(r"([+\-\u2212]?[\d.,]+([eE][+-]?\d+)?)\s*([^\d\s.,:;+-][^\s:]*)$")
 _FRACTION = re.compile(r"^(\d+:\d\d:\d\d):(\d{1,3})$")
+_OVER_A_YEAR = re.compile(r"\s*(1[3-9]|[23]\d)[-/]\d")  # more than its months
 _DAY = np.timedelta64(1, "D")
 
 
@@ -41,6 +45,22 @@ def unit_of(field: str) -> str:
     """The unit that stands behind a number in a field, as in `12.5 bar`; empty where there is none."""
     match = _QUANTITY.match(field)
     return match[3] if match and is_number(match[1]) and is_unit(match[3]) else ""
+
+
+def prefix_of(field: str) -> str:
+    """The letter for a power of ten right behind a number, as in `25.1m` or `1k`; empty where there is none."""
+    match = _PREFIXED.match(field)
+    return match[2] if match and is_number(match[1]) else ""
+
+
+def prefixes(texts: Any) -> set[str]:
+    """The letters for powers of ten behind the numbers of a pandas Series of texts (see `prefix_of`)."""
+    return set(texts.str.extract(_PREFIXED.pattern)[1].dropna())
+
+
+def is_quantity(field: str) -> bool:
+    """Whether a field is a number, alone or with a unit or a power of ten behind it."""
+    return is_number(field) or prefix_of(field) != "" or unit_of(field) != ""
 
 
 def as_numbers(fields: Sequence[str]) -> NDArray[np.float64]:
@@ -82,7 +102,7 @@ def decimal_between_commas(fields: Sequence[str]) -> tuple[str, str]:
     return (".", ",") if grouped or any("." in field for field in fields if is_number(field)) else (",", "")
 
 
-def numbers(texts: Any, decimal: str, thousands: str, unit: str = "") -> NDArray[np.float64]:
+def numbers(texts: Any, decimal: str, thousands: str, unit: str = "", prefixed: bool = False) -> NDArray[np.float64]:
     """Texts as numbers, however they are written; NaN for what is none.
 
     A typographic minus, marks or blanks between thousands, an exponent after D, and a unit behind the number are read.
@@ -92,12 +112,16 @@ def numbers(texts: Any, decimal: str, thousands: str, unit: str = "") -> NDArray
         decimal: the mark in them.
         thousands: the mark between groups of them.
         unit: that may stand behind each.
+        prefixed: whether a letter for a power of ten may.
     """
     import pandas as pd
 
     bare = texts.fillna("").astype(str).str.strip().str.replace("\u2212", "-", regex=False)
     if unit:
         bare = bare.str.removesuffix(unit).str.strip()
+    if prefixed:
+        powers = bare.str[-1:].map(_PREFIXES)
+        bare = bare.where(powers.isna(), bare.str[:-1] + powers.fillna(""))
     marks = re.escape("".join(("'\u2019\u00a0\u202f ", thousands)))
     marked = bare.str.contains(f"[{marks}]")
     bare = bare.mask(marked & ~bare.str.match(_GROUPED), "")  # `5.07` holds no thousands
@@ -118,7 +142,8 @@ def stamps(texts: Sequence[str]) -> NDArray[Any]:
     first = next((text for text in texts if text.strip()), "")
     if _CLOCK.match(first.strip()):
         return _clock(pd, [text.strip().replace(",", ".") for text in texts])
-    day_first = bool(re.match(r"\d{1,2}\.", first.strip()))
+    # 12/06 is a day of December or of June: other days of the file may tell
+    day_first = bool(re.match(r"\d{1,2}\.", first.strip())) or any(map(_OVER_A_YEAR.match, texts))
     cleaned = pd.Series([re.sub(r",(\d+)", r".\1", text.strip()) for text in texts])
     form = {"format": "ISO8601"} if re.match(r"\d{4}-", first.strip()) else {"dayfirst": day_first, "format": "mixed"}
     found = pd.to_datetime(cleaned, utc=True, **form)

@@ -208,3 +208,70 @@ def test_segments_of_an_lvm_that_cannot_be_joined_are_said(tmp_path: Path) -> No
     found = read(tmp_path, content, name="x.lvm")
     assert len(found) == 20
     assert found.meta["assumed"][0].startswith("only the first recording of the file is read; another begins at line")
+
+
+CURRENT = "time (s),{},flow (l/min)\n"
+
+
+def powers(folder: Path, heading: str, cells: str, reading: Reading | None = None) -> list[float]:
+    rows = "".join(f"{0.1 * i:.1f},{cell},{i}.5\n" for i, cell in enumerate(cells.split()))
+    found = read(folder, CURRENT.format(heading) + rows, reading)
+    return found.channel(heading.split(" ")[0]).values.tolist()
+
+
+def test_letters_behind_numbers_are_powers_of_ten(tmp_path: Path) -> None:
+    assert powers(tmp_path, "current (mA)", "25.1m 1.2 959.5n 1k 3") == [0.0251, 1.2, 959.5e-9, 1000.0, 3.0]
+    assert powers(tmp_path, "u", "25.1m 1.2 2k 1M 3") == [0.0251, 1.2, 2000.0, 1e6, 3.0]
+    assert powers(tmp_path, "x (m)", "25.1m 26.0m 27m") == [25.1, 26.0, 27.0], "the unit once more"
+
+
+def test_an_m_without_a_unit_is_asked_about(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="milli, metre or minute; say its unit"):
+        powers(tmp_path, "x", "25.1m 26m 27m")
+    assert powers(tmp_path, "x", "25.1m 26m 1", Reading(units={"x": "A"})) == [0.0251, 0.026, 1.0]
+    assert powers(tmp_path, "x", "25.1m 26m 27m", Reading(units={"x": "mm"})) == [0.0251, 0.026, 0.027]
+    assert powers(tmp_path, "x", "25.1m 26m 1", Reading(units={"x": "m"})) == [25.1, 26.0, 1.0]
+
+
+def test_a_unit_behind_some_numbers_is_refused_with_its_place(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match=r"line 2, column 2 \('x'\): '2bar' is not a number"):
+        powers(tmp_path, "x", "2bar 3 4 5 6")
+
+
+def test_a_short_list_beside_the_samples_is_left_out(tmp_path: Path) -> None:
+    head, *rows = text("time (s),command (%),flow (l/min),F names,F values\n", comma).splitlines()
+    listed = [f"{row},Var {i},{i}.25" if i < 9 else f"{row},," for i, row in enumerate(rows)]
+    found = read(tmp_path, "\n".join([head, *listed]))
+    is_as_written(found)
+    assert list(found.channels) == ["command", "flow"]
+    assert "left out, 9 samples beside 80 of command: F values" in found.meta["assumed"]
+
+
+def test_texts_where_numbers_begin_are_refused_with_their_place(tmp_path: Path) -> None:
+    head, *rows = text("time (s),command,flow\n", comma).splitlines()
+    late = [f"{row.rpartition(',')[0]},OFF" if i < 9 else row for i, row in enumerate(rows)]
+    with pytest.raises(FileError, match=r"line 2, column 3 \('flow'\): 'OFF' is not a number"):
+        read(tmp_path, "\n".join([head, *late]))
+    assert len(read(tmp_path, "\n".join([head, *late]), Reading(gaps=True)).samples("flow").time_s) == COUNT - 9
+
+
+def test_words_of_a_remark_are_no_headings(tmp_path: Path) -> None:
+    rows = text("% Robot (25)\n% 1 time 0.025\n", lambda t, u, y: f"{t:.3f} {u} {y}")
+    with pytest.raises(FileError, match="name the 3 columns with --columns"):
+        read(tmp_path, rows, name="x.txt")
+    is_as_written(read(tmp_path, rows, Reading(columns=("time [s]", "command [%]", "flow [l/min]")), name="x.txt"))
+
+
+def test_days_and_times_apart_count_as_the_one_column_that_they_are(tmp_path: Path) -> None:
+    rows = text("", lambda t, u, y: f"2025-06-05,{clock(t - 80_000.0, '.')},{u},{y}")
+    with pytest.raises(FileError, match="name the 3 columns"):
+        read(tmp_path, rows)
+    is_as_written(read(tmp_path, rows, Reading(columns=("time", "command [%]", "flow [l/min]"))))
+
+
+def test_units_of_toa5_stand_though_cells_between_them_are_blank(tmp_path: Path) -> None:
+    head = (
+        '"TOA5","x"\n"TIMESTAMP","RECORD","battery","PTemp","note"\n"TS","RN","Volts","oC",""\n"","","Min","Smp",""\n'
+    )
+    found = read(tmp_path, head + "".join(f'\n"2021-06-19 00:00:{i:02d}",{i},12.9{i},20.{i},' for i in range(9)))
+    assert {name: one.unit for name, one in found.channels.items()} == {"battery": "Volts", "PTemp": "oC"}

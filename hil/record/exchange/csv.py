@@ -44,7 +44,7 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     try:
         known = None if reading.columns else of_known_program(path) or of_lines_said(path)
         found = layout(path, named=bool(reading.columns)) if known is None else known.layout
-        read_columns, said, found = columns(path, found, reading.gaps)
+        read_columns, said, found = columns(path, found, reading)
         tables = [Table(path.stem, read_columns)] if known is None else known.tables(read_columns)
         tables = [replace(one, assumed="; ".join(filter(None, (one.assumed, said)))) for one in tables]
         return assemble(str(path), tables, None, reading, partial(place, path, found) if len(tables) == 1 else None)

@@ -63,7 +63,7 @@ class _Segment:
 
 
 def _segment(path: Path, encoding: str, lines: Sequence[str], said: _Header, reading: Reading) -> _Segment:
-    read_columns, cut, found = columns(path, _layout(encoding, lines, said), reading.gaps)
+    read_columns, cut, found = columns(path, _layout(encoding, lines, said), reading)
     return _Segment(said, found, _tables(path.stem, read_columns, said), cut)
 
 

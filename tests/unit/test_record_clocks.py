@@ -1,0 +1,88 @@
+"""Times that step although the samples did not, and times that contradict each other: read right, or refused."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hil.errors import FileError
+from hil.record.read import read_recording
+from hil.record.reading import Reading
+from hil.record.recording import Recording
+
+STEP_S, COUNT = 0.05, 120
+
+
+def read(folder: Path, heading: str, stamps: list[str], reading: Reading | None = None) -> Recording:
+    rows = "".join(f"{stamp},{i % 7},{i % 5}.5\n" for i, stamp in enumerate(stamps))
+    (folder / "x.csv").write_text(f"{heading},u (V),y (V)\n{rows}")
+    found = read_recording(folder / "x.csv", reading or Reading())
+    assert isinstance(found, Recording)
+    return found
+
+
+def local(start: datetime, hour_at: int, hours: int) -> list[str]:
+    """Stamps whose clock is put so many hours on from a sample on."""
+    shown = [start + timedelta(seconds=STEP_S * i, hours=hours if i >= hour_at else 0) for i in range(COUNT)]
+    return [f"{moment:%Y-%m-%d %H:%M:%S.%f}" for moment in shown]
+
+
+@pytest.mark.parametrize(
+    ("start", "hours", "said"),
+    [(datetime(2025, 3, 30, 1, 59, 58), 1, "an hour forward"), (datetime(2026, 10, 25, 2, 59, 58), -1, "an hour back")],
+)
+def test_the_hour_of_changed_clocks_is_taken_out_and_said(
+    start: datetime, hours: int, said: str, tmp_path: Path
+) -> None:
+    found = read(tmp_path, "Timestamp", local(start, 40, hours))
+    assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT))
+    assert said in " ".join(found.meta["assumed"])
+
+
+def test_an_hour_without_samples_on_another_day_stays(tmp_path: Path) -> None:
+    found = read(tmp_path, "Timestamp", local(datetime(2025, 3, 31, 1, 59, 58), 40, 1))
+    assert found.time_s[-1] == pytest.approx(3600.0 + STEP_S * (COUNT - 1))
+
+
+@pytest.mark.parametrize("bits", [16, 32])
+def test_a_counter_that_rolls_over_goes_on(bits: int, tmp_path: Path) -> None:
+    counts = [(2**bits - 2000 + 50 * i) % 2**bits for i in range(COUNT)]
+    found = read(tmp_path, "time (ms)", [str(count) for count in counts])
+    assert found.time_s - found.time_s[0] == pytest.approx(STEP_S * np.arange(COUNT))
+    assert f"{bits} bits" in " ".join(found.meta["assumed"])
+
+
+def test_a_time_that_goes_back_otherwise_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(FileError, match="does not come after"):
+        read(tmp_path, "time (ms)", [str(50 * (i % 60)) for i in range(COUNT)])
+
+
+def test_days_of_the_file_tell_which_number_is_the_month(tmp_path: Path) -> None:
+    start = datetime(2025, 6, 12, 23, 59, 58)
+    stamps = [f"{start + timedelta(seconds=STEP_S * i):%d/%m/%Y %H:%M:%S.%f}" for i in range(COUNT)]
+    found = read(tmp_path, "Timestamp", stamps)
+    assert found.time_s == pytest.approx(STEP_S * np.arange(COUNT), abs=1e-6)
+
+
+def contradicting() -> tuple[str, list[str]]:
+    """Milliseconds under the heading of seconds, beside stamps."""
+    moments = [datetime(2025, 6, 5, 9) + timedelta(seconds=STEP_S * i) for i in range(COUNT)]
+    return "Test_Time (s),DateTime", [f"{50 * i},{moment:%Y-%m-%d %H:%M:%S.%f}" for i, moment in enumerate(moments)]
+
+
+def test_two_clocks_of_different_units_are_refused_until_somebody_says(tmp_path: Path) -> None:
+    heading, stamps = contradicting()
+    with pytest.raises(FileError, match=r"took 5950 s.* 5.95 s; --time 'DateTime' .*--unit 'Test_Time=UNIT'"):
+        read(tmp_path, heading, stamps)
+    for reading in (Reading(time="DateTime"), Reading(units={"Test_Time": "ms"})):
+        assert read(tmp_path, heading, stamps, reading).duration_s == pytest.approx(5.95)
+
+
+def test_stamps_that_are_shown_to_the_minute_contradict_nothing(tmp_path: Path) -> None:
+    start = datetime(2025, 6, 5, 9, 0, 57)
+    moments = [start + timedelta(seconds=STEP_S * i) for i in range(COUNT)]
+    stamps = [f"{STEP_S * i:.2f},{moment:%Y-%m-%d %H:%M}" for i, moment in enumerate(moments)]
+    assert read(tmp_path, "Test_Time (s),DateTime", stamps).duration_s == pytest.approx(STEP_S * (COUNT - 1))
