@@ -70,8 +70,8 @@ def told(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], st
 def test_a_run_that_passes(tmp_path: Path) -> None:
     status, out, err = run("run", "tiny_step", "--bench", "brevini-hpv41", "--set", "levels=50", cwd=tmp_path)
     assert status == 0
-    told = err.splitlines()
-    assert told[-1] == "100%  outputs safe; evaluating" and any("%  round 1; command 50.0 %" in line for line in told)
+    told = err.splitlines()  # on a busy machine followed by the word that the archive takes its time
+    assert "100%  outputs safe; evaluating" in told and any("%  round 1; command 50.0 %" in line for line in told)
     (folder,) = (tmp_path / "runs").iterdir()
     assert folder.name.startswith("tiny_step-2") and f"recording into runs/{folder.name}" in out
     assert "rise " in out and "± " in out and "verdict: pass" in out
