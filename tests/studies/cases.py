@@ -20,7 +20,7 @@ import hil
 from tests.proof.diagnosers import PYTHON
 from tests.studies import skeletons as _skeletons
 from tests.studies.excitation import OTHER, USUAL, Array
-from tests.studies.names import RANGES, RIGHT
+from tests.studies.names import RANGES, right_names
 
 NOTHING = "nothing"
 SEVERITIES = (0.3, 10.0)
@@ -50,7 +50,8 @@ class Outcome:
 
     Attributes:
         moved: rms of the change between noise-free answers, over noise and what the model left before (d).
-        named: effects and parameters that it names, in order; `alike`: those that it cannot tell from them.
+        named: effects and parameters that it names, in order; `alike`: those that it cannot tell from them, or would
+            name where it names nothing.
     """
 
     case: Case
@@ -66,20 +67,25 @@ class Outcome:
         return self.verdict != "consistent" or bool(self.named)
 
     @property
+    def _right(self) -> frozenset[str]:
+        return right_names(self.case.skeleton, self.case.change)
+
+    @property
     def is_right(self) -> bool:
-        """The first name is right."""
-        return bool(self.named) and self.named[0] in RIGHT[self.case.change]
+        """The first name is right, or nothing is named of what the page has no place for."""
+        said = self.named[:1] or (self.verdict,)
+        return self.is_alarm and said[0] in self._right
 
     @property
     def is_in_set(self) -> bool:
         """A right name is first, or among at most three that it gives."""
-        names = dict.fromkeys((*self.named, *self.alike))
-        return self.is_right or (len(names) <= 3 and bool(set(names) & RIGHT[self.case.change]))
+        names = set(self.named) | set(self.alike)
+        return self.is_right or (self.is_alarm and len(names) <= 3 and bool(names & self._right))
 
     @property
     def is_wrong(self) -> bool:
         """It names, and nothing of it is right."""
-        return bool(self.named) and not {*self.named, *self.alike} & RIGHT[self.case.change]
+        return bool(self.named) and not {*self.named, *self.alike} & self._right
 
 
 def skeletons() -> list[str]:
@@ -149,7 +155,8 @@ def _answered(case: Case, module: ModuleType, unit: Any, left: float, model: Pat
 
 def _read(case: Case, moved: float, told: Mapping[str, Any]) -> Outcome:
     named = [one["name"] for one in (*told["effects"], *told["changed_parameters"])]
-    alike = [name for group in told["not_separable"] if set(group) & set(named) for name in group]
+    groups = [group for group in told["not_separable"] if not named or set(group) & set(named)]
+    alike = [name for group in groups for name in group]
     return Outcome(case, moved, told["verdict"], tuple(named), tuple(dict.fromkeys(alike)))
 
 

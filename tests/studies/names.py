@@ -1,4 +1,8 @@
-"""The map from truths to names that count as right, and the range of each plant's command."""
+"""The map from truths to names that count as right, and the range of each plant's command.
+
+A name is right where it describes what was done in the skeleton's own equations, in the words of the plant's page.
+Where the page has no place for it, *unexplained* is right.
+"""
 
 from __future__ import annotations
 
@@ -12,28 +16,70 @@ RANGES: Mapping[str, tuple[float, float, bool]] = {
 }
 """By plant: the command's ends, and whether the output is the integral of something."""
 
-RIGHT: Mapping[str, frozenset[str]] = {
-    name: frozenset(right.split())
-    for name, right in {
-        "nothing": "",
-        "friction_rise": "friction coulomb seal_friction uneven_drag",
-        "breakaway_rise": "friction coulomb seal_friction",
-        "play": "backlash",
-        "magnetic_hysteresis": "hysteresis",
-        "slower_pilot": "pilot_rate rate_limit stage_rate coil_lag spool_frequency rotor_frequency",
-        "damping_change": "spool_damping rotor_damping viscous",
-        "edge_worn": "deadband dead_band leakage curve_exponent first_flow flow_range curve_width curve_centre",
-        "leakage": "leakage piston_leakage internal_leakage closed_pressure",
-        "supply_sag": "supply_droop supply_pressure",
-        "zero_shift": "load_force load curve_centre sensor_offset asymmetry",
-        "gain_loss": "full_flow rated_flow pressure_span supply_pressure asymmetry",
-        "mass_change": "mass",
-        "sensor_lag": "sensor_lag turbine_lag",
-        "stroke_stop": "end_stop saturation",
-        "orifice_clogged": "orifice turbulent_loss full_flow rated_flow pressure_span saturation",
-        "asymmetry": "asymmetry uneven_drag",
-        "stiction_one_side": "asymmetry uneven_drag friction",
-        "cogging_rise": "periodic_disturbance load_force resonance",
-        "coupling_soft": "resonance backlash",
-    }.items()
+UNEXPLAINED = "unexplained"
+"""Right where the page has no place for what was done: then nothing is to be named."""
+
+_SPOOL = "spool_damping spool_frequency"  # 2·ζ/ω is what damping changes: both names are that
+_PILOT = "pilot_rate rate_limit spool_frequency spool_damping"  # the stages before the spool's place
+_FLOW_CEILING = "supply_droop saturation"  # the flow is the lesser of two: the supply only lowers its ceiling
+
+_RIGHT: Mapping[str, str] = {
+    # what is the same in all skeletons, then what one of them does in another way: `skeleton.change`
+    "friction_rise": "friction",
+    "breakaway_rise": "friction",
+    "stiction_one_side": "friction asymmetry",
+    "play": "backlash",
+    "axis_screw.play": UNEXPLAINED,  # the page of the axis has no play
+    "axis_two_mass.play": UNEXPLAINED,
+    "magnetic_hysteresis": "hysteresis",
+    "slower_pilot": _PILOT + " coil_lag",
+    "efc_flow_path.slower_pilot": "coil_lag",  # nothing but the coil is slower
+    "efc_two_orifices.slower_pilot": "coil_lag",
+    "cylinder_elastic.slower_pilot": "coil_lag " + _SPOOL,
+    "cylinder_four_edges.slower_pilot": "coil_lag " + _SPOOL,
+    "damping_change": _SPOOL,
+    "hpv41_loop.damping_change": _SPOOL + " resonance",  # a pilot that rings more
+    "hpv41_pilot_pressure.damping_change": _SPOOL + " resonance",
+    "efc_flow_path.damping_change": "rotor_damping rotor_frequency",
+    "efc_two_orifices.damping_change": "rotor_damping rotor_frequency",
+    "axis_screw.damping_change": "viscous",
+    "axis_two_mass.damping_change": "viscous",
+    "edge_worn": "deadband dead_band leakage curve_exponent first_flow flow_range curve_width curve_centre",
+    "leakage": "leakage closed_pressure internal_leakage piston_leakage",
+    "supply_sag": "supply_droop",
+    "hpv41_curved.supply_sag": _FLOW_CEILING,
+    "hpv41_loop.supply_sag": _FLOW_CEILING,
+    "hpv41_pilot_pressure.supply_sag": _FLOW_CEILING,
+    "zero_shift": "load_force",
+    "efc_flow_path.zero_shift": "load_force curve_centre",
+    "efc_two_orifices.zero_shift": "load_force curve_centre",
+    "gain_loss": "full_flow asymmetry",  # `asymmetry` has a gain of both sides
+    "hpv41_pilot_pressure.gain_loss": "full_flow asymmetry dead_band deadband",  # it shortens the way of the spool
+    "efc_flow_path.gain_loss": "curve_centre curve_width asymmetry",  # the same torque needs more current
+    "efc_two_orifices.gain_loss": "curve_centre curve_width asymmetry",
+    "cylinder_elastic.gain_loss": "first_flow flow_range deadband asymmetry",
+    "cylinder_four_edges.gain_loss": "first_flow flow_range deadband asymmetry",
+    "axis_screw.gain_loss": "asymmetry mass viscous",  # only force over mass and over drag is in the page
+    "axis_two_mass.gain_loss": "asymmetry mass viscous",
+    "mass_change": "mass",
+    "sensor_lag": "sensor_lag",
+    "stroke_stop": "end_stop saturation",
+    "hpv41_loop.orifice_clogged": _PILOT,  # it is the pilot's
+    "hpv41_pilot_pressure.orifice_clogged": _PILOT + " asymmetry",  # on one side
+    "efc_flow_path.orifice_clogged": "supply_droop pressure_span saturation",  # a filter between pump and port
+    "efc_two_orifices.orifice_clogged": "pressure_span curve_centre",  # the outlet of the rail
+    "cylinder_elastic.orifice_clogged": "rated_flow asymmetry saturation",  # that of both return edges
+    "cylinder_four_edges.orifice_clogged": "rated_flow asymmetry",  # both edges of the supply
+    "hpv41_curved.asymmetry": "asymmetry",
+    "hpv41_pilot_pressure.asymmetry": "asymmetry",
+    "axis_screw.asymmetry": "asymmetry friction",  # Coulomb friction that is greater forwards
+    "axis_two_mass.asymmetry": "asymmetry friction",
+    "cylinder_elastic.asymmetry": "asymmetry coulomb",
+    "cogging_rise": "periodic_disturbance " + UNEXPLAINED,  # by place, where the page has one by the clock
+    "coupling_soft": "resonance",
 }
+
+
+def right_names(skeleton: str, change: str) -> frozenset[str]:
+    """What counts as right of a change of a skeleton; nothing of the unit as it is."""
+    return frozenset(_RIGHT.get(f"{skeleton}.{change}", _RIGHT.get(change, "")).split())

@@ -267,7 +267,7 @@ def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
         _masses(p, s, dt, False)
     s[13] = s[8] - s[9] * p.sensor_lag_s
     for k in range(command.size):
-        out[0, k], out[1, k], out[2, k] = 1.0e3 * s[13], 1.0e-5 * s[5], 1.0e-5 * s[6]
+        out[0, k], out[1, k], out[2, k] = 1.0e3 * (s[13] - 0.5 * p.stroke_m), 1.0e-5 * s[5], 1.0e-5 * s[6]
         for _ in range(substeps):
             _spool(p, s, command[k], thrust, dt)
             thrust = _pressures(p, s, dt)
