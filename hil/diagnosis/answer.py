@@ -40,6 +40,7 @@ from hil.diagnosis.happened import Happened
 from hil.diagnosis.kept_back import fit_kept_back, kept_back, predicted
 from hil.diagnosis.locate import StageShare, Where, locate, stages
 from hil.diagnosis.measures import LAW_TOLERANCE, excess, share_left
+from hil.diagnosis.named import predicted as predicted_change
 from hil.diagnosis.never_worse import why_not_better
 from hil.diagnosis.next_test import Span, next_test
 from hil.diagnosis.pictures import spectra, strips
@@ -124,7 +125,7 @@ class Answer:
         proposed = self.named if self.named.terms or self.has_drifted else nominal
         if self.verdict == "unexplained" or proposed is nominal:
             return nominal, _rounded(before, before, most), "nothing is named that it would have to hold"
-        residuals = predicted(self.problem, proposed, self.kept)
+        residuals = self._predicted(proposed)
         after = fit_kept_back(self.problem, residuals, self.kept)
         why = why_not_better(self.problem, nominal.residuals, residuals, self.kept)
         if not why and (after < before or self._misses(proposed) > self._misses(nominal)):
@@ -133,9 +134,15 @@ class Answer:
             return nominal, _rounded(before, before, most), why
         return proposed, _rounded(before, after, most), ""
 
+    def _predicted(self, f: Fitted) -> Array:
+        """Residuals where no fit has looked."""
+        if self.changed is None:
+            return predicted(self.problem, f, self.kept)
+        return predicted_change(self.changed, f, self.kept)
+
     def _misses(self, f: Fitted) -> float:
         """The squared error of a free simulation of the recordings as they are, coloured noise and all."""
-        errors = (e.telling(output_of(self.problem, f, e) - e.output) for e in self.problem.as_recorded)
+        errors = (e.telling(output_of(self.problem, f, e) - e.output) for e in self.problem.experiments)
         return sum(float(error @ error) for error in errors)
 
     def _judged(self) -> list[Judged]:
@@ -419,7 +426,7 @@ class Answer:
     def _fits(self, drawn: Sequence[Strip]) -> dict[str, Fit]:
         """Of every recording, from the simulations that the report draws."""
         found = {}
-        for e, strip in zip(self.problem.as_recorded, drawn, strict=True):
+        for e, strip in zip(self.problem.experiments, drawn, strict=True):
             keep = e.told
             nominal = fit_percent(e.output[keep], strip.nominal[keep])
             after = fit_percent(e.output[keep], strip.corrected[keep])
@@ -435,7 +442,7 @@ class Answer:
         share = self._left_by(self.events[-1]) if self.events else self.choice.left
         parts = enumerate(problem.output_slices())
         after = np.concatenate([problem.errors(i, r[part])[e.told] for (i, part), e in
-                                zip(parts, problem.as_recorded, strict=True)])  # fmt: skip
+                                zip(parts, problem.experiments, strict=True)])  # fmt: skip
         before = np.concatenate([strip.off(strip.nominal) for strip in drawn])
         rms, nominal = (float(np.sqrt(max(float(np.mean(x**2)) - noise.std**2, 0.0))) for x in (after, before))
         open_question = self.verdict in OPEN

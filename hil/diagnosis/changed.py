@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.diagnosis.problem import Problem
+from hil.cores import spread
+from hil.diagnosis.problem import COARSER, Problem
 from hil.diagnosis.skeleton.gate import Later, later_of
-from hil.diagnosis.skeleton.rows import Rows
+from hil.diagnosis.skeleton.rows import Rows, answers, samples_in
 from hil.diagnosis.skeleton.table import Table
+from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
 # An alarm of one recording within so many times the threshold is unsure.
@@ -24,7 +27,7 @@ class Changed:
     """Later recordings beside what is known of before.
 
     Attributes:
-        problem: the question, with the recordings as they are.
+        problem: the question.
         table: of the recordings of before. `rows`: the later ones, in the rows of that table.
     """
 
@@ -58,46 +61,45 @@ class Changed:
         """How many rows tell as much as one."""
         return max(self.table.before.least, 1.0)
 
-    @cached_property
-    def judged(self) -> Problem:
-        """The question without the skeleton misfit, on the scale of what that leaves of recordings not fitted."""
-        misfit, floors = self.table.before.misfit, self.table.floors
-        predicted = misfit.scaled(self.rows) @ misfit.coefficients
-        one = math.sqrt(self.rows.samples * self.as_one)
-        moved, scales, inner = [], [], []
-        for k, e in enumerate(self.problem.experiments):
-            at, count = self._rows(k, 0), len(e.output)
-            moved.append(replace(e, output=e.output + floors["output"] * self._at_samples(predicted[at], count)))
-            scales.append(floors["output"] * one * self._at_samples(self.later.std[at], count))
-            inner.append({
-                s.name: floors[s.name] * one * float(np.median(self.later.std[own]))
-                for place, s in enumerate(self.problem.plant.observed, 1)
-                if len(own := self._rows(k, place))
-            })  # fmt: skip
-        return replace(
-            self.problem, experiments=tuple(moved), scales=tuple(scales), observed_noise=tuple(inner),
-            recorded=self.problem.experiments,
-        )  # fmt: skip
-
-    def _rows(self, recording: int, channel: int) -> NDArray[np.int64]:
-        return np.flatnonzero((self.rows.recording == recording) & (self.rows.channel == channel))
-
-    def chi2(self, residuals: Array) -> float:
-        """χ² of the rows: what white noise does within them is taken out of that of the samples."""
-        n = self.rows.samples
-        white = (n - 1.0) / n / self.as_one  # of n samples in a row, over the variance of what is left in it
-        within = white * float(np.sum(1.0 / np.square(self.later.std[self.rows.valid])))
-        return max(float(residuals @ residuals) - within, 1e-9)
-
     @property
     def count(self) -> float:
-        """So many independent rows there are."""
+        """So many independent rows there are: χ² that the remainder leaves."""
         return max(float(np.count_nonzero(self.rows.valid)) / self.as_one, 1.0)
 
-    def _at_samples(self, rows: Array, count: int) -> Array:
-        """Values of rows at the samples of a recording, shape (count,)."""
-        middle = (np.arange(len(rows)) + 0.5) * self.rows.samples - 0.5
-        return np.interp(np.arange(count), middle, rows)
+    def residuals(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> Array:
+        """What a changed model leaves of the rows, without the skeleton misfit; shape (n,).
+
+        Over the scale of the left-out remainder and the root of how many rows tell as much as one, so that an unchanged
+        unit leaves `count`; 0 where nothing was measured.
+        """
+        change = np.nan_to_num(self._answers(parameters, effects) - self._nominal)
+        return self._weight * (self.later.left + change)
+
+    @cached_property
+    def _weight(self) -> Array:
+        return np.where(self.rows.valid, 1.0 / (math.sqrt(self.as_one) * self.later.std), 0.0)
+
+    @cached_property
+    def _nominal(self) -> Array:
+        return self._answers(self.problem.model.values, self.problem.model.active_effects)
+
+    def _answers(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> Array:
+        model, table, experiments = self.problem.model, self.table, self.problem.experiments
+        self.problem.work.simulated(len(experiments), sum(e.drive.inputs.shape[1] for e in experiments))
+        parts = spread(
+            lambda e: answers(model, e, table.floors, table.row_s, parameters, effects, COARSER), experiments
+        )
+        return np.concatenate([rows for channels in parts for rows in channels.values()])
+
+    def folds(self, of_residuals: NDArray[np.int64]) -> NDArray[np.int64]:
+        """The fold of every row, shape (n,), from those of the residuals of the question."""
+        found = np.zeros(len(self.rows.recording), dtype=np.int64)
+        for k, (e, part) in enumerate(zip(self.problem.experiments, self.problem.output_slices(), strict=True)):
+            own = self.rows.recording == k
+            for channel in np.unique(self.rows.channel[own]):
+                at = np.flatnonzero(own & (self.rows.channel == channel))
+                found[at] = of_residuals[part][np.arange(len(at)) * samples_in(self.table.row_s, e)]
+        return found
 
     def unsure(self) -> str:
         """In words what one recording alone leaves open; empty where nothing."""

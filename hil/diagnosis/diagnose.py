@@ -135,8 +135,8 @@ def _beyond_noise(problem: Problem, asked: Question) -> Changed | None:
 def _judged(changed: Changed) -> tuple[Happened, list[str]]:
     """One gate before any name."""
     if not changed.is_alarm:
-        return Happened((), changed.judged, unchanged(changed)), []
-    return Happened((), changed.judged, named(changed)), [said for said in [changed.unsure()] if said]
+        return Happened((), changed.problem, unchanged(changed)), []
+    return Happened((), changed.problem, named(changed)), [said for said in [changed.unsure()] if said]
 
 
 def _searched(problem: Problem, checked: Checked, kept: Sequence[Experiment]) -> tuple[Happened, list[str]]:

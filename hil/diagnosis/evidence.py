@@ -66,7 +66,7 @@ def judge(problem: Problem, fitted: Fitted) -> Judged:
 def held_out_fit(problem: Problem, residuals: Array, held_out: Mask) -> float:
     """Fit % of the output over the samples kept back, every recording's mean taken off by itself."""
     errors, spreads = 0.0, 0.0
-    for i, (e, part) in enumerate(zip(problem.as_recorded, problem.output_slices(), strict=True)):
+    for i, (e, part) in enumerate(zip(problem.experiments, problem.output_slices(), strict=True)):
         kept = held_out[part] & e.told
         if not kept.any():
             continue

@@ -22,7 +22,7 @@ def strips(problem: Problem, used: Fitted) -> tuple[Strip, ...]:
     """Every recording with the nominal and the corrected simulation."""
     found = []
     effects = list(problem.model.active_effects)
-    for e, noise in zip(problem.as_recorded, problem.noises, strict=True):
+    for e, noise in zip(problem.experiments, problem.noises, strict=True):
         nominal = e.respond(problem.plant, problem.model.values, effects, factor=problem.factor)[0]
         corrected = output_of(problem, used, e)
         found.append(Strip(e.name, e.time_s, e.on_grid_input(), _shown(e), nominal, corrected, noise.std))
@@ -41,7 +41,7 @@ def _shown(e: Experiment) -> Array:
 def spectra(problem: Problem, nominal: Fitted, used: Fitted) -> tuple[Spectrum, ...]:
     """Amplitude spectra of the residuals, with the harmonics of the command where it has few lines."""
     found = []
-    parts = zip(problem.as_recorded, problem.noises, problem.output_slices(), strict=True)
+    parts = zip(problem.experiments, problem.noises, problem.output_slices(), strict=True)
     for i, (e, noise, part) in enumerate(parts):
         step_s = e.interval_s
         frequency, before = _amplitudes(problem.errors(i, nominal.residuals[part]), step_s)

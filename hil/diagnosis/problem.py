@@ -43,9 +43,6 @@ class Problem:
             anything that they say.
         refuted: terms, by name and hook, that the recordings refute: they are not looked for.
         work: how far the diagnosis is, and how long it may go on.
-        scales: standard deviations of each output's samples, where they are another's than the noise: those of what a
-            skeleton misfit leaves; shape (n,) each. Empty otherwise.
-        recorded: the recordings as they are, where what a skeleton misfit foresees was taken out of `experiments`.
         step: in which the output is read, where only when it passes from step to step is to count: errors are what
             rounding cannot have done, over the noise that the model was identified with. 0 otherwise.
     """
@@ -57,8 +54,6 @@ class Problem:
     factor: float = 1.0
     following: bool = False
     beyond: float = 1.0
-    scales: tuple[Array, ...] = ()
-    recorded: tuple[Experiment, ...] = ()
     step: float = 0.0
     refuted: frozenset[tuple[str, str]] = frozenset()
     work: Work = field(default_factory=Work, compare=False)
@@ -67,11 +62,6 @@ class Problem:
     def plant(self) -> Plant:
         """The model's plant."""
         return self.model.definition
-
-    @property
-    def as_recorded(self) -> tuple[Experiment, ...]:
-        """The recordings as they are."""
-        return self.recorded or self.experiments
 
     @cached_property
     def base(self) -> tuple[Parameter, ...]:
@@ -115,7 +105,7 @@ class Problem:
     @cached_property
     def start_slopes(self) -> tuple[Array | None, ...]:
         """Of each whitened output in what its first reading got wrong (see `hil.identification.first_reading`)."""
-        if self.following or self.scales:  # the start is forgotten, or what is left says nothing of it
+        if self.following:  # the start is forgotten
             return (None,) * len(self.experiments)
         model, found = self.model, []
         for e, noise, interval_s in zip(self.experiments, self.noises, self.intervals_s, strict=True):
@@ -160,8 +150,6 @@ class Problem:
     def _weighted(self, i: int, e: Experiment, error: Array) -> Array:
         """Errors of the output of experiment i over what noise makes of them, or rounding and noise, shape (n,)."""
         noise = self.noises[i]
-        if self.scales:
-            return e.telling(error / self.scales[i])
         if self.step <= 0.0:
             return white(e, error, noise, self.intervals_s[i])
         return e.telling(beyond_rounding(error, self.step) / (self.model.noise or noise).std)
@@ -171,8 +159,7 @@ class Problem:
 
         Whitening keeps the size of white noise; coloured noise stays whitened.
         """
-        own = self.scales[i] if self.scales else self.noises[i].std
-        error: Array = residuals * own + (self.experiments[i].output - self.as_recorded[i].output)
+        error: Array = residuals * self.noises[i].std
         return error
 
     def traces(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> list[Array]:

@@ -100,10 +100,8 @@ def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
     products = Products(rows, scaled(rows, rms), fold, rms)
     left, leverage = np.zeros(len(fold)), np.zeros(len(fold))
     for k in products.folds:
-        without = products.fitted([other for other in products.folds if other != k])
         own = fold == k
-        part = _some(rows, own)
-        left[own], leverage[own] = without.leaves(part, products.d[own])
+        left[own], leverage[own] = products.without(k, products.ridge).leaves(_some(rows, own), products.d[own])
     scale = remainder(rows, left, leverage, known)
     std = scale.std_of(rows, leverage)
     g, information = _blocks(rows, left, std, known)
@@ -113,8 +111,9 @@ def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
     levers = [float(np.mean(leverage[(fold == k) & rows.valid])) for k in products.folds]
     beyond = [float(np.mean(np.square(values[known]))) for values in (left, rows.misfit)]
     return Before(
-        products.fitted(products.folds), scale, count, float(np.median(count[live])) if live.any() else 1.0, total,
-        max(levers), (), beyond[0] / max(beyond[1], 1e-12), beyond[1] - 1.0 / rows.samples,
+        products.fitted(products.folds, products.ridge), scale, count,
+        float(np.median(count[live])) if live.any() else 1.0, total, max(levers), (),
+        beyond[0] / max(beyond[1], 1e-12), beyond[1] - 1.0 / rows.samples,
     )  # fmt: skip
 
 

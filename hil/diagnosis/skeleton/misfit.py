@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -14,8 +15,8 @@ from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
 
-# Ridge over columns whose rms is one on the recordings of before.
-RIDGE = 55.0
+# Ridges over columns whose rms is one on the recordings of before: the more a model leaves, the more it takes.
+RIDGES = tuple(55.0 * 10.0**k for k in range(7))
 # Cosines that describe how the left-out variance depends on the state, their width in standard deviations of
 # it, and the ridge over them.
 _WAVES, _WIDTH, _SMOOTH = 200, 2.5, 30.0
@@ -36,11 +37,13 @@ class Misfit:
         coefficients: of the columns over their rms, shape (columns,).
         directions: in which columns the recordings of before tell something, shape (k, columns), scaled so that the
             leverage of a row d is (d·d)/λ − Σ (direction·d)².
+        ridge: λ.
     """
 
     rms: Array
     coefficients: Array
     directions: Array
+    ridge: float
 
     def scaled(self, rows: Rows) -> Array:
         """The columns over their rms, shape (n, columns)."""
@@ -51,7 +54,7 @@ class Misfit:
         d = self.scaled(rows) if scaled is None else scaled
         left = np.where(rows.valid, rows.misfit - d @ self.coefficients, 0.0)
         seen = d @ self.directions.T
-        leverage = np.einsum("ij,ij->i", d, d) / RIDGE - np.einsum("ij,ij->i", seen, seen)
+        leverage = np.einsum("ij,ij->i", d, d) / self.ridge - np.einsum("ij,ij->i", seen, seen)
         return left, np.maximum(leverage, 0.0)
 
 
@@ -101,17 +104,44 @@ class Products:
         own: Array = self.d[self._is(k)]
         return own
 
-    def fitted(self, folds: list[int]) -> Misfit:
+    def fitted(self, folds: Sequence[int], ridge: float) -> Misfit:
         """The misfit of these folds."""
-        count = self.d.shape[1]
-        gram = sum((self._gram[k] for k in folds), np.zeros((count, count)))
-        moment = sum((self._moment[k] for k in folds), np.zeros(count))
-        sizes, vectors = np.linalg.eigh(gram)
-        sizes = np.maximum(sizes, 0.0)
-        coefficients = vectors @ ((vectors.T @ moment) / (sizes + RIDGE))
-        gains = 1.0 / RIDGE - 1.0 / (sizes + RIDGE)
-        telling = sizes > 0.01 * RIDGE
-        return Misfit(self.rms, coefficients, (vectors[:, telling] * np.sqrt(gains[telling])).T)
+        sizes, vectors, along = self._axes(tuple(folds))
+        gains = 1.0 / ridge - 1.0 / (sizes + ridge)
+        telling = sizes > 0.01 * ridge
+        directions = (vectors[:, telling] * np.sqrt(gains[telling])).T
+        return Misfit(self.rms, vectors @ (along / (sizes + ridge)), directions, ridge)
+
+    def without(self, k: int, ridge: float) -> Misfit:
+        """The misfit of all other folds."""
+        return self.fitted([other for other in self.folds if other != k], ridge)
+
+    @cached_property
+    def ridge(self) -> float:
+        """That with which folds are predicted best from the others."""
+        return min(RIDGES, key=self._missed)
+
+    def _missed(self, ridge: float) -> float:
+        """What is left of folds that were not fitted, as the remainder is modelled: by its logarithm in every row."""
+        left = np.concatenate([
+            self.rows.misfit[own] - self.d[own] @ self.without(k, ridge).coefficients
+            for k in self.folds if (own := self._is(k)).any()
+        ])  # fmt: skip
+        return float(np.sum(log_power(left, self.rows.samples)))
+
+    @cached_property
+    def _known_axes(self) -> dict[tuple[int, ...], tuple[Array, Array, Array]]:
+        return {}
+
+    def _axes(self, folds: tuple[int, ...]) -> tuple[Array, Array, Array]:
+        """Sizes and directions of what the columns do in these folds, and the misfit along them."""
+        if folds not in self._known_axes:
+            count = self.d.shape[1]
+            gram = sum((self._gram[k] for k in folds), np.zeros((count, count)))
+            moment = sum((self._moment[k] for k in folds), np.zeros(count))
+            sizes, vectors = np.linalg.eigh(gram)
+            self._known_axes[folds] = np.maximum(sizes, 0.0), vectors, vectors.T @ moment
+        return self._known_axes[folds]
 
 
 @dataclass(frozen=True)
@@ -139,6 +169,12 @@ class Remainder:
         return made
 
 
+def log_power(left: Array, samples: int) -> Array:
+    """Logarithm of squares of rows, those of nothing but luck no less than white noise makes usual; shape (n,)."""
+    found: Array = np.log(left**2 + 0.5 / samples)
+    return found
+
+
 def remainder(rows: Rows, left: Array, leverage: Array, known: Mask) -> Remainder:
     """Fit the scale of what is left of recordings that were not fitted."""
     white = 1.0 / rows.samples
@@ -147,7 +183,7 @@ def remainder(rows: Rows, left: Array, leverage: Array, known: Mask) -> Remainde
     penalty = _SMOOTH * np.eye(columns.shape[1])
     penalty[-2:, -2:] *= 1e-3
     power = left[known] ** 2
-    coefficients = np.linalg.solve(columns.T @ columns + penalty, columns.T @ np.log(power + 0.5 * white))
+    coefficients = np.linalg.solve(columns.T @ columns + penalty, columns.T @ log_power(left[known], rows.samples))
     made = Remainder(mean, np.asarray(std, dtype=np.float64), np.asarray(coefficients, dtype=np.float64), white)
     over = power / made.std_of(rows, leverage)[known] ** 2
     made = replace(made, factor=float(np.mean(np.minimum(over, _OUTLIER))))

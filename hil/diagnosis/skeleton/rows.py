@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from hil.diagnosis.skeleton.columns import Column
 from hil.identification.experiment import Experiment
 from hil.identification.time_constant import time_constant_s
 from hil.physics.model import Model
+from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
 # Rows in a time constant of the plant, and rows in a block: a stretch that its memory does not reach across.
@@ -21,7 +23,7 @@ _IN_TIME_CONSTANT, IN_BLOCK = 15.0, 100
 _IN_RECORDING, _MOST = 2000, 8000
 # Delays at which the state is looked at, in rows.
 _LAGS = (2, 8, 32)
-# A plant that adds up its errors is compared by what they grow in so many rows.
+# A plant that adds up its errors, and has no observer, is compared by what they grow in so many rows.
 _GROWTH = 10
 _COARSER = 0.5
 
@@ -98,44 +100,79 @@ class _Channel:
     place: int
 
 
+def answers(
+    model: Model, e: Experiment, floors: Mapping[str, float], length_s: float,
+    parameters: Mapping[str, float], effects: Sequence[ActiveEffect], factor: float = 1.0,
+) -> Mapping[str, Array]:  # fmt: skip
+    """The rows of a recording as simulated, by channel, in units of the noise floor.
+
+    A plant with an observer, which adds up its errors, is led back to the recording: what is wrong at a moment shows at
+    that moment, and the simulation is where the unit is.
+
+    Args:
+        model: the nominal model.
+        e: the recording.
+        floors: noise of each channel, by name.
+        length_s: of a row.
+        parameters: of the simulation.
+        effects: those that are switched on in it.
+        factor: of the plant's sub-steps.
+    """
+    found = _simulated(model, e, parameters, effects, factor)
+    return {name: _rows(model, e, found[k], length_s) / floors[name] for name, k in _channels(model, e, floors).items()}
+
+
+def _simulated(
+    model: Model, e: Experiment, parameters: Mapping[str, float], effects: Sequence[ActiveEffect], factor: float
+) -> Array:
+    plant = model.definition
+    with np.errstate(all="ignore"):
+        found: Array = e.respond(plant, parameters, effects, factor=factor, following=plant.observer is not None)
+    return found
+
+
+def _channels(model: Model, e: Experiment, floors: Mapping[str, float]) -> Mapping[str, int]:
+    """The places of what is compared of a recording: its output and the inner signals that it has."""
+    names = ["output", *(s.name for s in model.definition.observed)]
+    return {name: k for k, name in enumerate(names) if name in floors and (k == 0 or name in e.observed)}
+
+
+def _rows(model: Model, e: Experiment, values: Array, length_s: float) -> Array:
+    """Means of a signal; what they have grown by, where errors add up and no observer leads back."""
+    plant, rows = model.definition, _means(values, samples_in(length_s, e))
+    return rows if plant.observer is not None or plant.forgets(model.values) else _grown(rows)
+
+
+def samples_in(length_s: float, e: Experiment) -> int:
+    """Samples of a recording in a row."""
+    return max(1, round(length_s / e.interval_s))
+
+
 def _of_recording(
     model: Model, e: Experiment, columns: Sequence[Column], floors: Mapping[str, float], length_s: float
 ) -> list[_Channel]:
-    plant, count = model.definition, max(1, round(length_s / e.interval_s))
-    adds_up = not plant.forgets(model.values)
-
-    def simulated(column: Column | None, factor: float) -> Array:
+    simulated = partial(answers, model, e, floors, length_s)
+    nominal, coarse = (simulated(model.values, model.active_effects, factor) for factor in (1.0, _COARSER))
+    sampled = _simulated(model, e, model.values, model.active_effects, 1.0)
+    changes: dict[str, list[NDArray[np.float32]]] = {name: [] for name in nominal}
+    for column in columns:
         parameters, effects = dict(model.values), list(model.active_effects)
-        if column is not None:
-            column.apply(parameters, effects)
-        rows: Array = e.respond(plant, parameters, effects, factor=factor)
-        return rows
-
-    nominal, coarse = simulated(None, 1.0), simulated(None, _COARSER)
-    names = ["output", *(s.name for s in plant.observed)]
-    used = [k for k, name in enumerate(names) if name in floors and (k == 0 or name in e.observed)]
-
-    def means(values: Array) -> Array:
-        made = _means(values, count)
-        return _grown(made) if adds_up else made
-
-    def change(column: Column) -> list[NDArray[np.float32]]:
-        with np.errstate(all="ignore"):
-            moved = simulated(column, _COARSER) - coarse
-        return [np.nan_to_num(means(moved[k]) / floors[names[k]]).astype(np.float32) for k in used]
-
-    changes = [change(column) for column in columns]
-    state = _state(_means(e.on_grid_input(), count), _means(nominal[0], count))
+        column.apply(parameters, effects)
+        for name, rows in simulated(parameters, effects, _COARSER).items():
+            changes[name].append(np.nan_to_num(rows - coarse[name]).astype(np.float32))
+    samples, places = samples_in(length_s, e), _channels(model, e, floors)
+    state = _state(_means(e.on_grid_input(), samples), floors["output"] * nominal["output"])
     found = []
-    for at, k in enumerate(used):
-        measured = e.output if k == 0 else e.observed[names[k]]
-        tells = e.told if k == 0 else e.inner_tells(names[k])
-        valid = _means(tells.astype(float), count) > 0.5
-        misfit = np.where(valid, means(np.where(tells, nominal[k] - measured, 0.0)) / floors[names[k]], 0.0)
-        own = np.zeros((len(state), len(names)))
+    for name, k in places.items():
+        measured = e.output if k == 0 else e.observed[name]
+        tells = e.told if k == 0 else e.inner_tells(name)
+        valid = _means(tells.astype(float), samples) > 0.5
+        recorded = _rows(model, e, np.where(tells, measured, sampled[k]), length_s)
+        misfit = np.where(valid, nominal[name] - recorded / floors[name], 0.0)
+        own = np.zeros((len(state), 1 + len(model.definition.observed)))
         own[:, k] = 1.0
-        rows = np.array([c[at] for c in changes]) if changes else np.zeros((0, len(misfit)), np.float32)
-        found.append(_Channel(misfit, rows, np.hstack([state, own]), valid, k))
+        changed = np.array(changes[name]) if columns else np.zeros((0, len(misfit)), np.float32)
+        found.append(_Channel(misfit, changed, np.hstack([state, own]), valid, k))
     return found
 
 

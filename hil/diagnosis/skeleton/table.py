@@ -24,7 +24,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-_VERSION = 2
+_VERSION = 3
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
 # The largest array that is unpacked; a table has 1 MB.
@@ -60,8 +60,9 @@ class Table:
         return {
             "version": _VERSION, "library": self.library, "row_s": self.row_s, "floors": dict(self.floors),
             "columns": [[c.name, c.hook, {k: float(v) for k, v in c.values.items()}] for c in self.columns],
-            "scale": [r.white, r.factor, r.whole], "least": b.least, "leverage": b.leverage, "reach": list(b.reach),
-            "left": b.left, "beyond_noise": b.beyond_noise, "arrays": {k: _packed(v) for k, v in packed.items()},
+            "scale": [r.white, r.factor, r.whole], "ridge": m.ridge, "least": b.least,
+            "leverage": b.leverage, "reach": list(b.reach), "left": b.left,
+            "beyond_noise": b.beyond_noise, "arrays": {k: _packed(v) for k, v in packed.items()},
         }  # fmt: skip
 
 
@@ -99,7 +100,7 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
     every = [Column(str(n), str(h), {str(k): float(v) for k, v in values.items()}) for n, h, values in kept["columns"]]
     can_be = _changes(model)
     there = np.array([(c.name, c.hook, *sorted(c.values)) in can_be for c in every], dtype=np.bool_)
-    misfit = Misfit(a["rms"][there], a["coefficients"][there], a["directions"][:, there])
+    misfit = Misfit(a["rms"][there], a["coefficients"][there], a["directions"][:, there], float(kept["ridge"]))
     before = Before(
         misfit, Remainder(a["mean"], a["std"], a["log_variance"], white, factor, whole), a["count_as_one"][there],
         float(kept["least"]), a["information"][there], float(kept["leverage"]), tuple(map(float, kept["reach"])),

@@ -10,6 +10,8 @@ from hil.physics.linear import delay_steps, delayed, first_order, second_order
 from hil.physics.plant import Hook, Parameter, Plant, Signal
 
 _EDGE_DROP_BAR = 35.0  # over one edge at rated flow
+# Slower than anything that a cylinder is driven with, faster than a wrong flow needs to carry it out of its stroke.
+_OBSERVER_RAD_S = 2.0
 
 
 def equations(current: Any, x: Any, c: Any, hook: Any) -> Any:
@@ -129,6 +131,11 @@ def initial(p: Mapping[str, float], _inputs: tuple[float, ...], output: float) -
     return {"place": start, "before": start, "lvdt": start, "pressure_a": pressure_a, "pressure_b": pressure_b}
 
 
+def observer(_p: Mapping[str, float], interval_s: float) -> dict[str, float]:
+    """The piston and what the LVDT has of it are moved together."""
+    return dict.fromkeys(("place", "before", "lvdt"), _OBSERVER_RAD_S * interval_s)
+
+
 PLANT = Plant(
     name="hydraforce-open-loop",
     title="HydraForce SP08-47C with cylinder and LVDT, open loop",
@@ -185,6 +192,7 @@ PLANT = Plant(
     coefficients=coefficients,
     sub_step_s=0.0005,
     initial=initial,
+    observer=observer,
     source="Gunay: Mathematical modelling and analysis of cartridge proportional valve, 2017; currents, hysteresis: "
     "data sheet of the SP08-47D; Merritt: Hydraulic Control Systems, 1967, ch. 5 and 6",
 )  # fmt: skip
