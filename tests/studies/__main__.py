@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import track
 
-from tests.studies.cases import Case, Outcome, cases_of, examined, skeletons
+from tests.studies.cases import Case, Outcome, cases_of, examined, seal, skeletons
 from tests.studies.table import as_json, as_text
 
 
@@ -23,11 +23,16 @@ def main(
     only: str = typer.Option("", help="Skeletons that take part, separated by commas; all if empty."),
     jobs: int = typer.Option(2, min=1, help="Processes."),
     out: Path = typer.Option(Path("proof-wrong"), help="Folder for recordings and answers; a stopped study goes on."),
+    only_seal: bool = typer.Option(False, "--seal", help="Print the hash of all truths, and do nothing else."),
     in_json: bool = typer.Option(False, "--json", help="Print counts with exact intervals as JSON."),
 ) -> None:
     """Count alarms on unchanged units, and changes that are noticed, named rightly and named wrongly."""
     chosen = [name for name in skeletons() if not only or name in only.split(",")]
-    found = _all(cases_of(chosen, units, changes, seed), jobs, out)
+    drawn = cases_of(chosen, units, changes, seed)
+    if only_seal:
+        print(seal(drawn))
+        return
+    found = _all(drawn, jobs, out)
     if in_json:
         print(json.dumps(as_json(found)))
     else:

@@ -98,6 +98,12 @@ def cases_of(names: Sequence[str], units: int, changes: int, seed: int) -> list[
     return [list(_of_unit(name, unit, changes, seed)) for unit in range(units) for name in names]
 
 
+def seal(units: Sequence[Sequence[Case]]) -> str:
+    """A hash of all truths: what every unit is, and what is asked of it."""
+    truths = [(skeleton(cases[0].skeleton).draw(cases[0].rng("unit")), *cases) for cases in units]
+    return hashlib.sha256(repr(truths).encode()).hexdigest()
+
+
 def _of_unit(name: str, unit: int, changes: int, seed: int) -> Iterator[Case]:
     yield Case(name, unit, NOTHING, 0.0, seed)
     possible = sorted(skeleton(name).CHANGES)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tests.studies.cases import NOTHING, Case, Outcome, cases_of, skeleton, skeletons
+from tests.studies.cases import NOTHING, Case, Outcome, cases_of, seal, skeleton, skeletons
 from tests.studies.excitation import OTHER, USUAL
 from tests.studies.names import RANGES, right_names
 from tests.studies.table import as_json
@@ -49,6 +49,11 @@ def test_a_unit_is_the_same_in_all_its_cases_and_its_changes_are_drawn_evenly() 
     assert first.change == NOTHING and len(changed) == 2 and all(0.3 <= case.wanted <= 10.0 for case in changed)
     drawn = {case.rng("unit").random() for case in (first, *changed)}
     assert len(drawn) == 1 and len({case.rng("after").random() for case in (first, *changed)}) == 3
+
+
+def test_a_seal_is_that_of_its_truths() -> None:
+    one, other = (cases_of(["axis_screw"], 2, 1, seed) for seed in (7, 8))
+    assert seal(one) == seal(one) != seal(other)
 
 
 def test_what_is_counted() -> None:
