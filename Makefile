@@ -73,9 +73,9 @@ papers: $(STAMP)  ## the papers' numbers beside those of the commands: pages, pi
 notebooks: $(STAMP)  ## whether the notebooks still print what is kept in them
 	$(BIN)/pytest -m slow tests/unit/test_notebooks.py
 
-proof: $(STAMP)  ## the concealment proof (CASES=20); SKELETON=wrong (CASES=3 units of each, JSON=1): units of another structure
+proof: $(STAMP)  ## the concealment proof (CASES=20); SKELETON=wrong (CASES=3 units of each, SEED=1, JSON=1): units of another structure
 ifeq ($(SKELETON),wrong)
-	$(BIN)/python -m tests.studies --units $(or $(CASES),3) --out $(or $(OUT),proof-wrong) $(if $(JSON),--json)
+	$(BIN)/python -m tests.studies --units $(or $(CASES),3) --seed $(or $(SEED),1) --out $(or $(OUT),proof-wrong) $(if $(JSON),--json)
 else
 	$(BIN)/python -m tests.proof --cases $(or $(CASES),20) --out $(or $(OUT),proof)
 endif

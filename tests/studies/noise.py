@@ -1,4 +1,4 @@
-"""How often the noise of an identification is right: `python -m tests.noise_study --seeds 40`.
+"""How often the noise of an identification is right: `python -m tests.studies.noise --seeds 40`.
 
 A throttle flap is driven by steps, in three recordings of 20 s at 200 samples a second, and identified by a plant that
 has its structure, or lacks the friction of the unit. The command rests for 6 s of each recording, or never for long.
