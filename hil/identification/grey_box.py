@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -25,10 +25,18 @@ from hil.identification.fit import fit_percent
 from hil.identification.free import all_values, check_free, moved, moved_effects, unknown_of
 from hil.identification.gaps import bridged
 from hil.identification.lines import common_line, line_at
-from hil.identification.looks import believed, doubts, look, one_frequency
+from hil.identification.looks import (
+    LINEAR,
+    believed,
+    doubts,
+    fastest_pole_rad_s,
+    fastest_shown_rad_s,
+    look,
+    one_frequency,
+)
 from hil.identification.noise import COVERED, Measured, channel_floor, measured_noise, resolution
 from hil.identification.residuals import Residuals
-from hil.identification.structure import choose_structure
+from hil.identification.structure import StructureChoice, choose_structure
 from hil.identification.systematic import Systematic, systematic
 from hil.identification.witnesses import witnesses
 from hil.physics.model import Covariance, Model, Value, load_model, typical_model
@@ -201,7 +209,8 @@ def _fitted(
     model: Model, experiments: Sequence[Experiment], also_free: Sequence[str], said: tuple[str, ...], tick: Tick
 ) -> GreyBoxFit:
     weights = [1.0 / max(channel_floor(e.told_output), _resolution(e.output)) for e in experiments]
-    model, note = _with_structure(model, experiments, weights)
+    choice = _structure_of(model, experiments, weights)
+    model, note = (model, ()) if choice is None else (_of_structure(model, choice), (choice.sentence,))
     plant = model.definition
     names = [p.name for p in plant.parameters if _is_free(model, p) or p.name in also_free]
     names += [name for name in dict.fromkeys(also_free) if "." in name]
@@ -220,21 +229,61 @@ def _fitted(
 
     other, said_of_others = elsewhere(found, at, fit_at)
     beside = replace(beside, model=beside.model + other, notes=(*beside.notes, *said_of_others))
+    if choice is not None:
+        of_form = np.diag([choice.form_std(u.name) ** 2 for u in found.unknowns])
+        beside = replace(beside, model=beside.model + of_form, notes=(*beside.notes, *_other_forms(choice)))
+    if model.plant == LINEAR:
+        beside = replace(beside, notes=(*_real_pairs(found, beside.model), *beside.notes))
     return _result(model, plant, found, used, (*said, *note), beside)
 
 
-def _with_structure(
-    model: Model, experiments: Sequence[Experiment], weights: Sequence[float]
-) -> tuple[Model, tuple[str, ...]]:
-    """The model with a structure chosen, if its plant has several and none was chosen before."""
+def _structure_of(model: Model, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice | None:
+    """The structure that experiments support, if the plant has several and none was chosen before.
+
+    A pole faster than samples can show may stand for samples that were read at the end of their interval: then that is
+    tried, unless the recordings declare it.
+    """
     plant = model.definition
     if not plant.structures or _structure(model) is not None:
-        return model, ()
+        return None
     choice = choose_structure(plant, experiments, weights)
-    chosen = choice.chosen
-    values = {name: Value(value, model.parameters[name].unit) for name, value in chosen.values.items()}
-    origin = {**model.origin, "structure": chosen.structure.name}
-    return replace(model, parameters=values, origin=origin), (choice.sentence,)
+    if model.plant != LINEAR or any(e.reading_known for e in experiments):
+        return choice
+    if fastest_pole_rad_s(choice.chosen.values) <= fastest_shown_rad_s(experiments):
+        return choice
+    other = choose_structure(plant, [e.reading_at(1.0) for e in experiments], weights)
+    is_plainer = len(other.chosen.structure.free) <= len(choice.chosen.structure.free)
+    return other if is_plainer and other.chosen.mean_square <= choice.chosen.mean_square else choice
+
+
+def _of_structure(model: Model, choice: StructureChoice) -> Model:
+    values = {name: Value(value, model.parameters[name].unit) for name, value in choice.chosen.values.items()}
+    return replace(model, parameters=values, origin={**model.origin, "structure": choice.chosen.structure.name})
+
+
+def _real_pairs(found: Estimate, beside: Array) -> Iterator[str]:
+    """Time constants of pairs of poles that are real: what everybody reads, where the pair's own numbers say little."""
+    at = {u.name: k for k, u in enumerate(found.unknowns)}
+    for pair in ("pair1", "pair2"):
+        places = [at[name] for name in (f"{pair}_time", f"{pair}_damping") if name in at]
+        if len(places) < 2 or (damping := float(found.values[places[1]])) <= 1.0:
+            continue
+        time_s, root = float(found.values[places[0]]), math.sqrt(damping**2 - 1.0)
+        own = (found.told.whole + beside)[np.ix_(places, places)]
+        texts = []
+        for sign in (1.0, -1.0):
+            slope = np.array([damping + sign * root, time_s * (1.0 + sign * damping / root)])
+            width = COVERED * math.sqrt(float(slope @ own @ slope))
+            texts.append(f"{time_s * (damping + sign * root):.{_places(width)}f} ± {width:.{_places(width)}f} s")
+        yield f"the poles of {pair} are real, with time constants of {' and '.join(texts)}"
+
+
+def _other_forms(choice: StructureChoice) -> tuple[str, ...]:
+    """What is said where other forms are as probable as the chosen one."""
+    rivals = [f"'{t.structure.name}' {100.0 * share:.0f} %" for t, share in choice.probable if t is not choice.chosen]
+    if not rivals:
+        return ()
+    return (f"intervals hold the choice of the form; also probable are {', '.join(rivals)}",)
 
 
 def _structure(model: Model) -> Structure | None:

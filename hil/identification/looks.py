@@ -27,7 +27,7 @@ from hil.record.recording import Array
 _SAME_FREQUENCY, _LEAST_PERIODS, _LINE_WIDTH, _ALL_POWER = 1.05, 3, 3, 0.999  # of a command that is one sine
 _GROWS, _LEAST_GROWN = 2.0, 40  # times from quarter to quarter: an integrator's grows by 3/2 or less; samples
 _TOLD = 3.0  # standard deviations
-_LINEAR = "transfer-function"
+LINEAR = "transfer-function"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,14 +94,14 @@ def doubts(model: Model, experiments: Sequence[Experiment], fits: Mapping[str, f
         if fit < 0.0
     ]
     away = [sentence for e in experiments for sentence in _runs_away(model, e)]
-    at_once = told_of_what_follows_at_once(model, experiments) if model.plant == _LINEAR else ()
+    at_once = told_of_what_follows_at_once(model, experiments) if model.plant == LINEAR else ()
     beyond = _beyond_nyquist(model, experiments)
     return (*below, *away, *at_once, *beyond, *_integrates(model), *runs_the_other_way(model))
 
 
 def _runs_away(model: Model, e: Experiment) -> list[str]:
     """What is said of a response that grows and grows while its command does not: faster than any integrator's."""
-    if model.plant != _LINEAR or len(e.output) < _LEAST_GROWN:
+    if model.plant != LINEAR or len(e.output) < _LEAST_GROWN:
         return []
 
     def sizes(values: Array) -> Array:
@@ -151,12 +151,21 @@ def _in_a_loop(e: Experiment) -> list[str]:
     ]
 
 
+def fastest_shown_rad_s(experiments: Sequence[Experiment]) -> float:
+    """The fastest pole that samples so far apart can show."""
+    return math.pi / min(e.interval_s for e in experiments)
+
+
+def fastest_pole_rad_s(values: Mapping[str, float]) -> float:
+    """Of a transfer function by its parameters; 0 for one without poles."""
+    return float(np.abs(from_parameters(values).poles).max(initial=0.0))
+
+
 def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> tuple[str, ...]:
-    fastest_s = min(e.interval_s for e in experiments)
-    limit = math.pi / fastest_s
+    fastest_s, limit = min(e.interval_s for e in experiments), fastest_shown_rad_s(experiments)
     corners = {name: v.value for name, v in model.parameters.items() if v.unit == "rad/s" and v.std is not None}
-    if model.plant == _LINEAR:
-        corners = {"a pole": float(np.abs(from_parameters(model.values).poles).max(initial=0.0))}
+    if model.plant == LINEAR:
+        corners = {"a pole": fastest_pole_rad_s(model.values)}
     shown = f"what samples {fastest_s:.3g} s apart can show ({limit:.4g} rad/s)"
     beyond = [f"{name} at {value:.4g} rad/s" for name, value in corners.items() if value > limit]
     return tuple(f"{what} lies beyond {shown}: it is no measurement" for what in beyond)
@@ -164,7 +173,7 @@ def _beyond_nyquist(model: Model, experiments: Sequence[Experiment]) -> tuple[st
 
 def runs_the_other_way(model: Model) -> tuple[str, ...]:
     """What is said of a transfer function with a gain below zero, beyond its uncertainty."""
-    gains = [model.parameters[name] for name in ("gain", "integrator_gain")] if model.plant == _LINEAR else []
+    gains = [model.parameters[name] for name in ("gain", "integrator_gain")] if model.plant == LINEAR else []
     if not any(gain.value < -_TOLD * gain.std for gain in gains if gain.std):
         return ()
     return ("the output falls where the input rises: is its sign right, or that of the input?",)

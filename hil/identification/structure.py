@@ -7,17 +7,19 @@ by stretches of the recordings that were left out of the fit.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.identification.estimate import Estimate, Unknown, estimate, side_by_side
-from hil.identification.evidence import VERY_STRONG, bic, simplest_good
+from hil.identification.evidence import VERY_STRONG, bic, odds, simplest_good
 from hil.identification.experiment import Experiment
 from hil.identification.first_reading import start_slope, with_free_start
 from hil.physics.plant import Parameter, Plant, Structure
+from hil.physics.transfer_function import from_parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -26,6 +28,7 @@ _TRIAL_TIMES = 6
 _MOST_JUDGED = 6
 _SEARCH_EVALUATIONS = 25
 _REFINED_EVALUATIONS = 60
+_EXCLUDED = 2.0 * math.log(20.0)  # difference of BIC beyond which a form is excluded, as 95 % exclude a value
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +38,7 @@ class Tried:
     Attributes:
         values: every parameter of the plant.
         bic: smaller is better.
+        mean_square: of the weighted residuals.
         held_out: root mean square error on stretches that were left out, in noise standard deviations; NaN
             where the criterion alone ruled the structure out.
     """
@@ -42,6 +46,7 @@ class Tried:
     structure: Structure
     values: Mapping[str, float]
     bic: float
+    mean_square: float
     held_out: float
 
 
@@ -51,6 +56,27 @@ class StructureChoice:
 
     chosen: Tried
     tried: tuple[Tried, ...]
+
+    @property
+    def probable(self) -> tuple[tuple[Tried, float], ...]:
+        """The forms that evidence does not exclude, each with its probability; the chosen one is always among them."""
+        least = min(t.bic for t in self.tried)
+        near = [t for t in self.tried if t.bic <= least + _EXCLUDED or t is self.chosen]
+        return tuple(zip(near, odds([t.bic for t in near]).tolist(), strict=True))
+
+    def form_std(self, name: str) -> float:
+        """By how much a free parameter depends on the form: root mean square distance in forms that have it free too.
+
+        The lag is a real pole's, which other forms may have as one of a pair: of theirs the nearest counts.
+        """
+        own = self.chosen.values[name]
+        having = [
+            (min(values, key=lambda value: abs(value - own)), share)
+            for t, share in self.probable
+            if (values := _real_times_s(t.values) if name == "lag_time" else _free_value(t, name))
+        ]
+        total = sum(share for _, share in having)
+        return math.sqrt(sum(share * (value - own) ** 2 for value, share in having) / total) if having else 0.0
 
     @property
     def sentence(self) -> str:
@@ -64,6 +90,16 @@ class StructureChoice:
             f"{text}: on stretches left out it errs by {self.chosen.held_out:.3g} noise standard deviations, "
             f"'{best.structure.name}' by {best.held_out:.3g}"
         )
+
+
+def _real_times_s(values: Mapping[str, float]) -> list[float]:
+    """Time constants of the poles of a transfer function that hardly oscillate."""
+    poles = from_parameters(values).poles
+    return [-1.0 / pole.real for pole in poles if abs(pole.imag) < -pole.real]
+
+
+def _free_value(tried: Tried, name: str) -> list[float]:
+    return [tried.values[name]] if name in tried.structure.free else []
 
 
 def choose_structure(plant: Plant, experiments: Sequence[Experiment], weights: Sequence[float]) -> StructureChoice:
@@ -91,7 +127,7 @@ def _chosen(search: _Search) -> StructureChoice:
     least = min((found.residuals for _, found in fitted.values()), key=lambda r: float(r @ r))
     count = independent(least)
     tried = [
-        Tried(s, values, _bic(found, count), float("nan"))
+        Tried(s, values, _bic(found, count), found.chi2 / len(found.residuals), float("nan"))
         for s, (values, found) in zip(search.plant.structures, fitted.values(), strict=True)
     ]
     return _judged(search, sorted(tried, key=lambda t: t.bic))
@@ -111,10 +147,7 @@ def _judged(search: _Search, tried: list[Tried]) -> StructureChoice:
     if len(near) == 1:
         return StructureChoice(tried[0], tuple(tried))
     errors = [search.left_out(t) for t in near]
-    judged = [
-        Tried(t.structure, t.values, t.bic, float(np.sqrt(np.mean(error))))
-        for t, error in zip(near, errors, strict=True)
-    ]
+    judged = [replace(t, held_out=float(np.sqrt(np.mean(error)))) for t, error in zip(near, errors, strict=True)]
     chosen = simplest_good(errors, [(len(t.structure.free), t.bic) for t in near])
     return StructureChoice(judged[chosen], (*judged, *tried[len(near) :]))
 

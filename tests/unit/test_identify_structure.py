@@ -9,7 +9,7 @@ from hil.identification.evidence import simplest_good
 from hil.identification.experiment import experiment
 from hil.identification.grey_box import fit_plant, starting_model
 from hil.identification.noise import white_floor
-from hil.identification.structure import choose_structure
+from hil.identification.structure import StructureChoice, Tried, choose_structure
 from hil.physics.compose import plant
 from hil.physics.model import load_model, save_model
 from hil.physics.simulate import Drive, simulate
@@ -132,3 +132,44 @@ def test_the_simplest_that_predicts_as_well_is_taken():
     assert simplest_good([best, close, poor], [(3,), (2,), (1,)]) == 1
     assert simplest_good([best, close, poor], [(1,), (2,), (3,)]) == 0
     assert simplest_good([best, best * 1.005], [(2,), (1,)]) == 1  # under one per cent worse
+
+
+def fitted(model, noise=0.02, bits=5):
+    return fit_plant(starting_model("transfer-function"), [experiment(measured(model, noise, bits=bits), PLANT, "valve",
+                                                                      "pressure")])  # fmt: skip
+
+
+def test_real_poles_are_told_as_time_constants():
+    found = fitted(transfer_function([4.0], np.polymul([0.9, 1.0], [0.2, 1.0])))
+    assert found.model.origin["structure"] == "2 poles"
+    (said,) = [note for note in found.notes if "are real, with time constants of" in note]
+    slow, slow_width, fast, fast_width = (float(text) for text in re.findall(r"[\d.]+(?= ±| s)", said))
+    assert abs(slow - 0.9) < slow_width < 0.1 and abs(fast - 0.2) < fast_width < 0.1
+
+
+def form(name, bic, **values):
+    structure = next(one for one in PLANT.structures if one.name == name)
+    return Tried(structure, PLANT.typical | values, bic, 1.0, 1.0)
+
+
+def test_intervals_hold_forms_that_are_as_probable():
+    plain = form("1 pole", 2.0 * np.log(3.0), lag_time=0.14)
+    late = form("1 pole, dead time", 0.0, lag_time=0.10, dead_time=0.04)
+    pair = form("2 poles", 0.0, pair1_time=0.06, pair1_damping=1.25)  # real poles, of 0.12 and 0.03 s
+    excluded = form("3 poles", 7.0, lag_time=9.0, pair1_time=0.5, pair1_damping=0.1)
+    choice = StructureChoice(plain, (late, pair, plain, excluded))
+    assert [share for _, share in choice.probable] == pytest.approx([3.0 / 7.0, 3.0 / 7.0, 1.0 / 7.0])
+    assert choice.form_std("lag_time") == pytest.approx(np.sqrt(3.0 / 7.0 * (0.04**2 + 0.02**2)))
+    assert StructureChoice(plain, (plain,)).form_std("lag_time") == 0.0
+
+
+def test_samples_that_are_read_late_are_no_pole_that_nobody_sees():
+    step = np.where(np.arange(80) < 10, 0.0, 5.0)
+    rng = np.random.default_rng(3)
+    level = 3.0 + 2.0 * lfilter([1.0 - np.exp(-1.0 / 15.0)], [1.0, -np.exp(-1.0 / 15.0)], step)
+    columns = {"valve [V]": step, "pressure [bar]": level + 0.02 * rng.standard_normal(len(level))}
+    found = fit_plant(starting_model("transfer-function"), [experiment(recording("r", np.arange(80.0), columns), PLANT,
+                                                                      "valve", "pressure")])  # fmt: skip
+    lag = found.model.parameters["lag_time"]
+    assert found.model.origin["structure"] == "1 pole" and abs(lag.value - 15.0) < 1.96 * lag.std < 0.5
+    assert not any("beyond what samples" in note for note in found.notes)
