@@ -1,4 +1,4 @@
-"""Which findings rest on samples that are no measurements: those are not given, and the reader is told."""
+"""Which findings rest on what nobody measured, or on when it was: not given or less sure, and the reader is told."""
 
 from __future__ import annotations
 
@@ -10,12 +10,16 @@ from typing import Any
 import numpy as np
 
 from hil.errors import InputError
+from hil.record.frozen import frozen_channels
+from hil.record.late_exchanges import late_exchanges, longest_exchange_s, with_supposed_times
 from hil.record.likeness import Likeness
-from hil.record.measurement import Findings, Measured
+from hil.record.measurement import Findings, Limit, Measured
 from hil.record.recording import Recording
 from hil.record.unmeasured import sentence, supposed, unmeasured
 
 _UNTOLD = Likeness(reason="it rests on samples that are no measurements")
+_EVENLY = 3.0**-0.5  # standard deviation of a moment anywhere within a time, in halves of that
+_MOSTLY = math.sqrt(2.0)  # a standard uncertainty that grows by more comes from what was added
 _ROUNDING = 1e-9  # relative: two evaluations of the same numbers agree better than that
 
 
@@ -24,11 +28,53 @@ def measured_findings(evaluate: Callable[[Recording], Findings], recording: Reco
 
     It is asked twice, with two different suppositions in their place. A value that depends on the supposition rests on
     what nobody measured and is not given; of two uncertainties the larger is given, of two bounds ("above 4.9 Hz") the
-    weaker.
+    weaker. Where exchanges with a device took too long it is asked again with other times, and what values differ by
+    is a part of their uncertainty. A channel that stood frozen is told in a note.
 
     Raises:
         InputError: the recording does not hold what the evaluation needs.
     """
+    found = _timed(lambda one: _measured(evaluate, one), recording)
+    return replace(found, notes=(*frozen_channels(recording), *found.notes))
+
+
+def _timed(evaluate: Callable[[Recording], Findings], recording: Recording) -> Findings:
+    """What it finds, with what exchanges that took too long leave open of every value."""
+    found, late = evaluate(recording), late_exchanges(recording)
+    if not late.any():
+        return found
+    supposed_findings = [_tried(evaluate, with_supposed_times(recording, when)) for when in ("early", "late")]
+    others = [{} if isinstance(one, InputError) else {m.name: m for m in one.measured} for one in supposed_findings]
+    measured = tuple(_less_sure(m, [other.get(m.name) for other in others]) for m in found.measured)
+    pairs = zip(found.measured, measured, strict=True)
+    if open_ := [m.name for m, kept in pairs if m.value is not None and _outweighs(kept, m)]:
+        note = (
+            f"In {np.count_nonzero(late)} of {len(recording)} samples an exchange with the device took up to "
+            f"{longest_exchange_s(recording):.2g} s longer than usual. When it acted or measured within that is not "
+            f"known, which is in the uncertainty of: {', '.join(open_)}."
+        )
+        found = replace(found, notes=(note, *found.notes))
+    return replace(found, measured=measured)
+
+
+def _outweighs(kept: Measured, before: Measured) -> bool:
+    """Whether a value is not given any more, or lateness is what its uncertainty mostly comes from."""
+    return kept.value is None or (kept.std or 0.0) > _MOSTLY * (before.std or 0.0)
+
+
+def _less_sure(found: Measured, others: Sequence[Measured | None]) -> Measured:
+    """A value with the others that a supposition of its times gives."""
+    for other in others:
+        if other is None or found.relation != "=" or other.relation != "=" or None in (found.value, other.value):
+            found = _weaker(found, other)
+    if found.value is None or found.std is None or found.relation != "=":
+        return found
+    apart = max(abs(other.value - found.value) for other in others if other is not None and other.value is not None)
+    std = math.hypot(found.std, _EVENLY * apart)
+    return replace(found, std=std).judged(Limit(found.low, found.high))
+
+
+def _measured(evaluate: Callable[[Recording], Findings], recording: Recording) -> Findings:
     lacking = unmeasured(recording)
     if not lacking:
         return evaluate(recording)

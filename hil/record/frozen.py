@@ -1,0 +1,70 @@
+"""Channels that stand still for a while where their own noise says that they cannot: a sensor or device that repeats.
+
+A channel that rests on one code of its converter, or is held at zero below a cut-off, does so wherever it rests. One
+that is noisy at rest stands still only when nobody measures it.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.record.recording import Array, Recording
+from hil.signals.rounding import rounding_step
+from hil.signals.runs import runs
+from hil.units import behind_a_number
+
+_BY_CHANCE = 1e-3  # so often a run of equal readings may come by chance in a whole recording
+_AROUND = 4  # how long the stretches are with which a run is compared, in its own length
+_CODES = 2.0  # between readings at rest, at least: how often less noise moves them depends on where in a code it is
+_MOST = 20  # of the longest runs of a channel; one that has more of them rests like that
+_TURNS = 1.0 / 3.0  # of readings at rest are turning points where they are noise; of white noise two thirds
+
+
+def frozen_channels(recording: Recording) -> tuple[str, ...]:
+    """A sentence for each time that a channel stood frozen while the command stood, and was read on afterwards."""
+    outputs = {*recording.meta.get("outputs", ()), recording.meta.get("roles", {}).get("command")}
+    others = set((recording.meta.get("sampling", {}).get("delay_channels") or {}).values())
+    driven = [recording.channels[name].values for name in outputs if name in recording.channels]
+    at_rest = np.logical_and.reduce([np.diff(values) == 0.0 for values in driven]) if driven else np.zeros(0, bool)
+    read = [name for name in recording.channels if name not in outputs | others] if at_rest.any() else []
+    return tuple(
+        _sentence(recording, name, first, stop)
+        for name in read
+        for first, stop in _frozen(recording.channels[name].values, at_rest)
+    )
+
+
+def _frozen(values: Array, at_rest: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """(first, one past the last) reading of each run that chance does not explain."""
+    finite = np.isfinite(values)
+    steps, code = np.diff(np.where(finite, values, np.nan)), rounding_step(values[finite])
+    found = []
+    for first, last in sorted(runs(steps == 0.0), key=lambda run: run[0] - run[1])[:_MOST]:
+        is_within = last < len(steps) and at_rest[first : last + 1].all()  # the reading behind it counts too
+        if is_within and _is_frozen(steps, code, at_rest, first, last):
+            found.append((first, last + 1))
+    return sorted(found)
+
+
+def _is_frozen(steps: Array, code: float, at_rest: NDArray[np.bool_], first: int, last: int) -> bool:
+    rest = at_rest.copy()
+    rest[first:last] = False
+    others, same = steps[rest & np.isfinite(steps)], last - first
+    if len(others) < same or np.median(np.abs(others)) < _CODES * code:
+        return False
+    if np.mean(np.diff(np.sign(others[others != 0.0])) != 0.0) < _TURNS:
+        return False
+    around = np.append(0, np.cumsum(others == 0.0))
+    width = min(_AROUND * same, len(others))
+    likely = (float(np.max(around[width:] - around[:-width])) + 1.0) / (width + 1.0)
+    return bool(len(steps) * likely**same < _BY_CHANCE)
+
+
+def _sentence(recording: Recording, name: str, first: int, stop: int) -> str:
+    channel, time_s = recording.channels[name], recording.time_s[first:stop]
+    return (
+        f"'{name}' stood at {channel.values[first]:.6g}{behind_a_number(channel.unit)} in {stop - first} samples, "
+        f"{time_s[0]:.3f} … {time_s[-1]:.3f} s, and changes with each one elsewhere at rest: a sensor, device or link "
+        f"that repeated itself. What is read there was not measured."
+    )
