@@ -24,7 +24,7 @@ from hil.session.preload import preload
 from hil.session.procedure import load_procedure
 from hil.session.setting import parse_settings, split_assignments
 
-HEAVY = ("scipy.signal", "scipy.stats", "scipy.ndimage", "alembic", "control")  # seconds, for what a run does without
+HEAVY = ("scipy.signal", "scipy.stats", "scipy.ndimage", "pandas", "control")  # seconds, for what a run does without
 OF_THE_SIMULATION = ("sim_devices", "hil.physics.compose", "hil_core_", "numba")
 
 

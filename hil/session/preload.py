@@ -10,7 +10,7 @@ import ast
 import importlib
 import importlib.util
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import suppress
 from pathlib import Path
 from types import ModuleType
@@ -20,27 +20,29 @@ from hil.kernel import compile_kernels
 from hil.units import units_ready
 
 _LATER_ANYHOW = ("numpy.fft", "numpy.polynomial", "numpy.random")  # numpy imports them when they are asked for
-_NEVER_WHILE_DRIVEN = frozenset({"control"})  # exports only; takes seconds
+# Exports, pictures and text files of others: half a second each, and nothing of ours wants them while it drives.
+_NEVER_WHILE_DRIVEN = frozenset({"control", "matplotlib", "pandas"})
 
 
 def preload(run: Callable[..., Any]) -> None:
     """Import whatever the modules of a procedure import anywhere, also within functions, and compile all kernels.
 
-    The procedure's own package is followed, and this program; of other packages what is named there is imported.
+    The procedure's own package is followed, and this program; of other packages what is named there is imported, but
+    what this program itself names only for pictures and files.
 
     Args:
         run: a function of the procedure.
     """
-    followed = {run.__module__.partition(".")[0], __name__.partition(".")[0]}
+    followed = {_package(run.__module__), _package(__name__)}
     todo, seen = [run.__module__], set[str]()
     while todo:
         name = todo.pop()
-        if name in seen or name.partition(".")[0] in _NEVER_WHILE_DRIVEN:
+        if name in seen:
             continue
         seen.add(name)
         module = _imported(name)
-        if module is not None and name.partition(".")[0] in followed:
-            todo += _imports_of(module)
+        if module is not None and _package(name) in followed:
+            todo += _imports_of(module, _NEVER_WHILE_DRIVEN if _package(name) == _package(__name__) else ())
     for name in _LATER_ANYHOW:
         _imported(name)
     units_ready()
@@ -54,16 +56,22 @@ def _imported(name: str) -> ModuleType | None:
     return None
 
 
-def _imports_of(module: ModuleType) -> Iterator[str]:
+def _package(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def _imports_of(module: ModuleType, left_out: Collection[str] = ()) -> Iterator[str]:
     """What a module imports, wherever it does; of `from a import b` both `a` and `a.b`, which may be a module too."""
     path = Path(getattr(module, "__file__", None) or "")
     if path.suffix != ".py":
         return
     for node in _statements(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
+            yield from (alias.name for alias in node.names if _package(alias.name) not in left_out)
         elif isinstance(node, ast.ImportFrom):
             start = importlib.util.resolve_name("." * node.level + (node.module or ""), module.__package__)
+            if _package(start) in left_out:
+                continue
             yield start
             whole = _imported(start)
             parts = {alias.name: getattr(whole, alias.name, None) for alias in node.names}
@@ -73,9 +81,12 @@ def _imports_of(module: ModuleType) -> Iterator[str]:
 
 
 def _statements(tree: ast.AST) -> Iterator[ast.AST]:
-    """Every node but those that only type checkers see."""
-    for node in ast.iter_child_nodes(tree):
+    """Every statement but those that only type checkers see."""
+    todo = [tree]
+    while todo:
+        node = todo.pop()
         yield node
         if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
             continue
-        yield from _statements(node)
+        for part in ("body", "orelse", "finalbody", "handlers", "cases"):
+            todo += getattr(node, part, ())
