@@ -16,6 +16,7 @@ Run = tuple[int, int]
 # such a run in one of so many recordings.
 STALE_RUN = 4
 _CHANCE_RUNS = 1e-4
+_BESIDE = 50  # samples on either side of a run: a channel with few levels shows its value there too
 LEAST_SPELLS = 3  # fewer may be anything
 _LONE_S, _LONE_SAMPLES = 1.0, 50  # a single run so long is a recorder that stopped
 _SAME_RUN, _FEWEST_RUNS = 0.95, 20  # share of equal runs of repeats, of a channel held between slower samples
@@ -27,7 +28,8 @@ def without_stale(e: Experiment) -> tuple[Experiment, list[Run]]:
     Samples that are ignored already are not looked at.
     """
     told = np.flatnonzero(e.told)
-    repeated = [(int(told[first]), int(told[last - 1]) + 1) for first, last in _stale_runs(e.told_output)]
+    every = [(int(told[first]), int(told[last - 1]) + 1) for first, last in _stale_runs(e.told_output)]
+    repeated = [(start, stop) for start, stop in every if start > 0 or stop > _first_move(e)]
     if len(repeated) < LEAST_SPELLS and not any(_is_long(e, start, stop) for start, stop in repeated):
         return e, []
     stale = np.zeros(len(e.output), dtype=np.bool_)
@@ -79,6 +81,12 @@ def same_again(steps: Array, floor: float) -> float:
     return float(moving.min()) / (2.0 * np.sqrt(np.pi) * floor) if moving.size and floor > 0.0 else 1.0
 
 
+def _first_move(e: Experiment) -> int:
+    """The sample at which an input moves first: a recording may begin with one value of a unit that rests."""
+    moved = np.any(np.diff(e.drive.inputs) != 0.0, axis=0)
+    return int(np.argmax(moved)) + 1 if e.grid_s is None and moved.any() else 0
+
+
 def _is_long(e: Experiment, start: int, stop: int) -> bool:
     return bool(stop - start >= _LONE_SAMPLES and e.time_s[stop - 1] - e.time_s[start] >= _LONE_S)
 
@@ -95,5 +103,12 @@ def _stale_runs(values: Array) -> list[Run]:
     return [
         (start, stop + 1)
         for start, stop in runs(steps == 0.0)
-        if stop - start >= least - 1 and values[start] not in ends
+        if stop - start >= least - 1 and values[start] not in ends and not _by_itself(values, start, stop)
     ]
+
+
+def _by_itself(values: Array, start: int, stop: int) -> bool:
+    """Whether chance may make a run, the values beside it being what they are."""
+    beside = np.concatenate([values[max(start - _BESIDE, 0) : start], values[stop + 1 : stop + 1 + _BESIDE]])
+    chance = float(np.mean(beside == values[start])) if beside.size else 0.0
+    return bool(len(values) * chance ** (stop - start) > _CHANCE_RUNS)

@@ -40,6 +40,25 @@ def test_a_short_run_alone_is_nothing() -> None:
     assert without_stale(bound(nominal(), made))[1] == ()
 
 
+def test_a_unit_that_rests_before_the_first_command_repeats_one_value() -> None:
+    made = records(seed=23)
+    command, flow = (made[1].channels[name].values for name in ("command", "flow"))
+    command[: 2 * SECOND], flow[: 2 * SECOND] = command[0], flow[0]
+    assert without_stale(bound(nominal(), made))[1] == ()
+    flow[5 * SECOND : 7 * SECOND] = flow[5 * SECOND]
+    assert [s.start_s for s in without_stale(bound(nominal(), made))[1]] == [5.0]
+
+
+def test_a_channel_that_comes_back_to_few_values_repeats_them_by_itself() -> None:
+    """A counter's speed has few levels; resampled it shows some between, and its finest step is none of them."""
+    made = records(seed=23)
+    flow, rng = made[1].channels["flow"].values, np.random.default_rng(8)
+    flow[:] = np.round(flow) + rng.integers(-1, 2, len(flow))
+    between = rng.random(len(flow)) < 0.3
+    flow[between] += 0.01 * rng.integers(1, 50, int(between.sum()))
+    assert without_stale(bound(nominal(), made))[1] == ()
+
+
 @pytest.mark.parametrize("at", ["where it was", "at its lowest"])
 def test_the_noise_of_a_channel_that_stands_still_for_long_is_that_of_the_rest(at: str) -> None:
     values = noisy()
