@@ -38,6 +38,10 @@ _UPLOADS = "/diagnose/"
 _SMALL, _LARGE = 1 << 20, 256 << 20
 _ALL, _ACTS, _LOGINS = Rate(1000.0, 400.0), Rate(60.0, 10.0), Rate(5.0, 0.25)
 _LOGIN_WAITS_S = 20.0
+_NEW_BROWSERS, _TRIES = (
+    Rate(3.0, 0.05),
+    Rate(3.0, 0.0),
+)  # for a name at one address, and of each
 _SAFE = ("GET", "HEAD", "OPTIONS")
 
 
@@ -60,6 +64,7 @@ class Access:
         self.seat = seat or Seat()
         self._sessions = Sessions()
         self._all, self._acts, self._logins = Limiter(_ALL), Limiter(_ACTS), Limiter(_LOGINS)
+        self._new_browsers, self._tries = Limiter(_NEW_BROWSERS), Limiter(_TRIES)
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """An ASGI call."""
@@ -132,7 +137,7 @@ class Access:
         self.seat.seen(session.id)
         path = request.url.path
         if path == "/login":
-            return await self._login(request) if request.method == "POST" else _login_page(request)
+            return await self._login(request) if request.method == "POST" else self._keep(_login_page(request), session)
         if path == "/logout" and request.method == "POST":
             return self._logout(session)
         if path == "/seat":
@@ -185,6 +190,8 @@ class Access:
         # A name is slowed at that address alone, and not at a browser that has logged in with it before.
         at = session.id if session.name == name else _address(request)
         wait_s = self._logins.wait_s(f"{at} {name:.64}", _LOGIN_WAITS_S)
+        if wait_s != 0.0 and self._is_new_browser(request, name):
+            wait_s = self._new_browsers.wait_s(f"{at} {name:.64}", _LOGIN_WAITS_S)
         if wait_s is None:
             return _login_page(request, marked("Too many tries; wait a minute."), 429)
         await asyncio.sleep(wait_s)
@@ -194,6 +201,14 @@ class Access:
             return _login_page(request, marked("No account with that name and password."), 401)
         self._audit.write(name, "logs in", {"address": _address(request), "role": account.role})
         return self._keep(RedirectResponse(_next(request), 303), self._sessions.begun(name, account))
+
+    def _is_new_browser(self, request: Request, name: str) -> bool:
+        """Whether it was shown the page and has hardly tried: who tries passwords beside it shall not keep it out.
+
+        Few such are let through: whoever takes the page for every try gains no more than that.
+        """
+        session = self._sessions.read(request.cookies.get(self._where.cookie, ""))
+        return session is not None and self._tries.admits(f"{session.id} {name:.64}")
 
     def _logout(self, session: Session) -> Response:
         self.seat.leave(session.id)

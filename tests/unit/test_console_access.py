@@ -239,6 +239,28 @@ def test_owner_at_the_address_of_who_tries_passwords_logs_in_at_once(
     assert owner.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303
 
 
+def test_a_new_browser_at_the_address_of_who_tries_passwords_logs_in_at_once(
+    accounts: Accounts, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waited: list[float] = []
+
+    async def waits(seconds: float) -> None:
+        waited.append(seconds)
+
+    monkeypatch.setattr("hil.console.access.asyncio.sleep", waits)
+    stranger = Browser(console(accounts))
+    while stranger.ask("/login", {"name": "otto", "password": "wrong"})[0] != 429:
+        pass
+    owner = Browser(stranger.app)
+    assert owner.ask("/login")[0] == 200 and owner.cookie
+    assert owner.ask("/login", {"name": "otto", "password": PASSWORD})[0] == 303 and waited[-1] == 0.0
+    for _ in range(9):  # who takes the page for each try is slowed all the same
+        stranger.cookie = ""
+        stranger.ask("/login")
+        last = stranger.ask("/login", {"name": "otto", "password": "wrong"})[0]
+    assert last == 429
+
+
 def test_who_floods_slows_nobody_else_at_the_same_address(accounts: Accounts, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(access, "_ALL", Rate(20.0, 0.0))
     monkeypatch.setattr(access, "_ACTS", Rate(3.0, 0.0))
