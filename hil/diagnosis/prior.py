@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +20,8 @@ from hil.record.recording import Array
 _DRIFT_SHARE = 0.005
 # A parameter has a part in a direction that leads along it by more than this share of what it does along any.
 _HAS_A_PART = 0.03
+# A number in a file that is less than this share of another one was not rounded from it.
+_LESS = 0.999
 
 
 @dataclass(frozen=True)
@@ -57,7 +60,23 @@ class Prior:
         told = [known.names.index(self._names[k]) for k in at]
         covariance = np.zeros((len(self.base), len(self.base)))
         covariance[np.ix_(at, at)] = np.array(known.matrix)[np.ix_(told, told)]
+        for k, name in enumerate(self._names):
+            if self._is_typed(name, math.sqrt(covariance[k, k])):
+                covariance[k, :] = covariance[:, k] = 0.0
+                covariance[k, k] = (self.model.parameters[name].std or 0.0) ** 2
         return covariance
+
+    def _is_typed(self, name: str, known: float) -> bool:
+        """Whether somebody typed a standard uncertainty into the model file: identification stated another one.
+
+        Where the file does not keep what it stated, one that is less than the covariance's: it never states less.
+        """
+        std, stated = self.model.parameters[name].std, self.model.origin.get("std")
+        if std is None or not math.isfinite(std):
+            return False
+        if not isinstance(stated, Mapping):
+            return std < _LESS * known
+        return not math.isclose(std, stated.get(name) or 0.0, rel_tol=1.0 - _LESS)
 
     @cached_property
     def _names(self) -> list[str]:

@@ -1,0 +1,42 @@
+"""How far base parameters may wander: what identification found of them, or what somebody typed into the file."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.diagnosis.prior import Prior
+from hil.physics.compose import plant
+from hil.physics.model import Covariance, Model, typical_model
+
+AXIS = plant("linear-axis")
+FOUND = Covariance(("mass", "viscous"), ((4.0, 3.0), (3.0, 9.0)))
+
+
+def prior(mass_std: float | None, origin: dict[str, Any]) -> Prior:
+    model: Model = typical_model(AXIS.name)
+    mass = replace(model.parameters["mass"], std=mass_std)
+    made = replace(model, parameters={**model.parameters, "mass": mass}, covariance=FOUND, origin=origin)
+    return Prior(made, tuple(p for p in AXIS.parameters if p.name in FOUND.names))
+
+
+def shape(of: Prior) -> Any:
+    """Without the drift that every parameter may have."""
+    return of.covariance - np.diag([0.5**2, 1.0**2])
+
+
+@pytest.mark.parametrize(("std", "origin"), [(None, {}), (5.0, {"std": {"mass": 5.0, "viscous": None}}), (5.0, {})])
+def test_what_identification_printed_is_no_prior(std: float | None, origin: dict[str, Any]) -> None:
+    """Its interval holds what the model lacks too; another recording would move the value by less."""
+    assert shape(prior(std, origin)) == pytest.approx(np.array(FOUND.matrix))
+
+
+@pytest.mark.parametrize(
+    ("std", "origin"),
+    [(50.0, {"std": {"mass": None}}), (50.0, {"std": {"mass": 5.0}}), (0.1, {"std": {"mass": 5.0}}), (0.1, {})],
+)
+def test_a_typed_std_takes_the_place_of_the_covariance(std: float, origin: dict[str, Any]) -> None:
+    assert shape(prior(std, origin)) == pytest.approx(np.array([[std**2, 0.0], [0.0, 9.0]]))
