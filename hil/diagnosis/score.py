@@ -130,7 +130,7 @@ class Table:
             "noise_chi2": round(self.chi2, 1),
             "count": round(self.noise.count, 1),
             "samples": round(self.noise.samples, 1),
-            "names": self.noise.names,
+            "searched": self.noise.names,
             "criteria": {name: getattr(CRITERIA, name) for name in Criteria.__slots__},
             "rows": [
                 {"name": r.label, "causes": r.causes, "unknowns": r.unknowns, "left": round(r.left, 1),

@@ -1,4 +1,4 @@
-"""The criterion of `hil.diagnosis.verdict` beside today's decision, from the fits that its search has made."""
+"""The one score beside today's decision, from the fits that its search has made."""
 
 from __future__ import annotations
 
@@ -7,48 +7,40 @@ from typing import Any
 
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.happened import Happened
-from hil.diagnosis.measures import is_another
+from hil.diagnosis.measures import CONSISTENT_EXCESS, is_another
+from hil.diagnosis.score import Hypothesis, Noise, Table, table
 from hil.diagnosis.search.fitted import Fitted
-from hil.diagnosis.verdict import Hypothesis, Kind, Weighed, anything, marginal, question, verdict_of, weighed
 from hil.diagnosis.yardsticks import LISTED
 from hil.signals.colour import colour_factor
 
 
 def shadow(found: Happened) -> dict[str, Any]:
-    """The verdict by one score, as `diagnosis.json` holds it.
+    """The verdict by the score, as `diagnosis.json` holds it.
 
-    Events that were taken out of the recordings before are no part of the question; they stand beside every answer.
+    Events that were taken out of the recordings before are no part of the question; they stand beside every answer. A
+    law whose shape tells it from another one, and has ended there, is none.
     """
     choice, problem = found.choice, found.problem
     fits = [there(f) for f in (choice.chosen, *choice.candidates, *choice.descriptions, *choice.pairs)]
     least = min((choice.baseline, *fits), key=lambda f: f.chi2)
-    causes = {t.told: len(t.unknowns) for t in choice.terms if t.kind == "effect"}
-    asked = question(problem.size, choice.baseline.chi2, least.chi2, causes, colour_factor(least.residuals))
-    taken_out = [e.told for e in found.events if e is not choice.events]
-    ranked = weighed(asked, [h.beside(taken_out) for h in (
-        Hypothesis(frozenset({"nothing"}), (), choice.baseline.chi2, 0, 0),
-        anything(asked),
-        *(as_hypothesis(f) for f in fits if f.terms),
-        *(_events(e) for e in (choice.events, choice.part) if e is not None),
-    )])  # fmt: skip
-    return {**as_dict(ranked), "noise_chi2": round(asked.count, 1), "nominal_chi2": round(asked.nominal_chi2, 1),
-            "samples": round(asked.samples, 1), "causes": asked.terms}  # fmt: skip
+    names = {t.told for t in choice.terms if t.kind == "effect"}
+    samples = problem.size / colour_factor(least.residuals)
+    noise = Noise(problem.size, 1.0, 1.0 + CONSISTENT_EXCESS, samples, len(names))
+    taken_out = [e for e in found.events if e is not choice.events]
+    hypotheses = [
+        Hypothesis((), choice.baseline.chi2),
+        *(as_hypothesis(f) for f in fits if f.terms and not is_another(f)),
+        *(Hypothesis((e.name,), e.chi2, 1, e.unknowns) for e in (choice.events, choice.part) if e is not None),
+    ]
+    return as_dict(table(noise, [beside(h, taken_out) for h in hypotheses]))
 
 
-def as_dict(ranked: Sequence[Weighed]) -> dict[str, Any]:
-    """The verdict, names with their marginal probabilities, and the table that it comes from."""
-    best = ranked[0].hypothesis
+def as_dict(printed: Table) -> dict[str, Any]:
+    """The verdict, names with their probabilities, and the table that it comes from."""
+    names = printed.first.hypothesis.names
     return {
-        "verdict": verdict_of(best),
-        "names": list(best.names),
-        "probabilities": [round(marginal(ranked, name), 4) for name in best.names],
-        "hypotheses": [
-            {
-                "name": w.hypothesis.label, "unknowns": w.hypothesis.unknowns, "chi2": round(w.hypothesis.chi2, 1),
-                "causes": w.hypothesis.causes, "evidence": round(w.score, 2), "probability": round(w.probability, 4),
-            }
-            for w in ranked[:LISTED]
-        ],
+        "verdict": printed.first.verdict, "names": list(names),
+        "probabilities": [round(printed.chance(name), 4) for name in names], **printed.as_dict(LISTED),
     }  # fmt: skip
 
 
@@ -58,14 +50,14 @@ def there(f: Fitted) -> Fitted:
 
 
 def as_hypothesis(f: Fitted) -> Hypothesis:
-    """An explanation; something unknown where it fits only with a shape that its name does not have."""
-    added = sum(term.kind == "effect" for term in f.terms)
-    if is_another(f):
-        return Hypothesis(frozenset({"unknown"}), (), f.chi2, f.unknowns, added)
-    kinds: frozenset[Kind] = frozenset({"effects"} if f.names else {"parameters"})
-    changed = [t.name for t, v in zip(f.terms, f.values, strict=True) if not t.effect_name(v)]
-    return Hypothesis(kinds, tuple(dict.fromkeys(f.names)), f.chi2, f.unknowns, added, tuple(changed))
+    """An explanation; a freed parameter is a cause too."""
+    changed = tuple(t.name for t, v in zip(f.terms, f.values, strict=True) if not t.effect_name(v))
+    names = tuple(dict.fromkeys(f.names))
+    return Hypothesis(names, f.chi2, len(names) + len(changed), f.unknowns, changed)
 
 
-def _events(events: Events) -> Hypothesis:
-    return Hypothesis(frozenset({"events"}), (events.name,), events.chi2, events.unknowns, 1)
+def beside(h: Hypothesis, events: Sequence[Events]) -> Hypothesis:
+    """The same where these events, with what each shows as, were taken out of the recordings before."""
+    hidden = {name for e in events for name in e.told}
+    names = (*dict.fromkeys(e.name for e in events), *(name for name in h.names if name not in hidden))
+    return Hypothesis(names, h.chi2, h.causes, h.unknowns, h.changed)
