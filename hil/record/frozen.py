@@ -17,12 +17,13 @@ from hil.units import behind_a_number
 _BY_CHANCE = 1e-3  # so often a run of equal readings may come by chance in a whole recording
 _AROUND = 4  # how long the stretches are with which a run is compared, in its own length
 _CODES = 2.0  # between readings at rest, at least: how often less noise moves them depends on where in a code it is
+_FEWEST = 20  # readings at rest that tell how a channel rests
 _MOST = 20  # of the longest runs of a channel; one that has more of them rests like that
 _TURNS = 1.0 / 3.0  # of readings at rest are turning points where they are noise; of white noise two thirds
 
 
 def frozen_channels(recording: Recording) -> tuple[str, ...]:
-    """A sentence for each time that a channel stood frozen while the command stood, and was read on afterwards."""
+    """A sentence for each time that a channel stood frozen: within a standing command, or across a change of it."""
     outputs = {*recording.meta.get("outputs", ()), recording.meta.get("roles", {}).get("command")}
     others = set((recording.meta.get("sampling", {}).get("delay_channels") or {}).values())
     driven = [recording.channels[name].values for name in outputs if name in recording.channels]
@@ -42,16 +43,28 @@ def _frozen(values: Array, at_rest: NDArray[np.bool_]) -> list[tuple[int, int]]:
     found = []
     for first, last in sorted(runs(steps == 0.0), key=lambda run: run[0] - run[1])[:_MOST]:
         is_within = last < len(steps) and at_rest[first : last + 1].all()  # the reading behind it counts too
-        if is_within and _is_frozen(steps, code, at_rest, first, last):
+        if (is_within or _is_across(values, at_rest, first, last)) and _is_frozen(steps, code, at_rest, first, last):
             found.append((first, last + 1))
     return sorted(found)
+
+
+def _is_across(values: Array, at_rest: NDArray[np.bool_], first: int, last: int) -> bool:
+    """Whether the command changes well within a run, at a value on which the channel does not rest elsewhere.
+
+    A rest is left by the change of the command, or soon after; zero flow within an overlap comes again.
+    """
+    margin = max(2, (last - first) // _AROUND)
+    if not first or at_rest[first + margin : last - margin].all():
+        return False
+    rests = runs((values[1:] == values[first]) & (values[:-1] == values[first]))
+    return all(stop - start < margin for start, stop in rests if start != first)
 
 
 def _is_frozen(steps: Array, code: float, at_rest: NDArray[np.bool_], first: int, last: int) -> bool:
     rest = at_rest.copy()
     rest[first:last] = False
     others, same = steps[rest & np.isfinite(steps)], last - first
-    if len(others) < same or np.median(np.abs(others)) < _CODES * code:
+    if len(others) < min(same, _FEWEST) or np.median(np.abs(others)) < _CODES * code:
         return False
     if np.mean(np.diff(np.sign(others[others != 0.0])) != 0.0) < _TURNS:
         return False

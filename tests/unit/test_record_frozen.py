@@ -47,6 +47,13 @@ def test_another_channel_than_the_response_is_told_too() -> None:
     assert sentence.startswith("'supply' stood")
 
 
+def test_a_channel_that_is_frozen_to_the_end_is_told() -> None:
+    spool = response(0.2, CODE, 3)
+    spool[HELD + 2 :] = spool[HELD + 2]
+    (sentence,) = said(response(0.2, CODE), spool=spool)
+    assert sentence.startswith("'spool' stood") and "5.960 s" in sentence
+
+
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("noise", [0.0, 0.01, 0.1, 0.3, 0.6, 1.0])  # of a code
 @pytest.mark.parametrize("code", [0.1, 1.0])
@@ -59,6 +66,9 @@ def test_rest_below_a_cut_off_a_slow_instrument_and_no_noise_are_no_frozen_chann
     cut_off[cut_off < 1.0] = 0.0
     slow = np.repeat(response(0.2, CODE)[::10], 10)
     assert said(cut_off) == () and said(slow) == () and said(response(0.0, 0.0)) == ()
+    overlap = response(0.2, CODE)  # no flow and no noise below a threshold, whatever the command does
+    overlap[:10] = overlap[HELD - 20 : HELD + 20] = 0.0
+    assert said(overlap) == ()
     stuck = response(0.0, CODE)  # a cylinder that sticks and slips, read by an encoder
     stuck[FROZEN] = stuck[FROZEN.start]
     assert said(stuck) == ()
