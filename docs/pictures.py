@@ -1,7 +1,7 @@
-"""Make the pictures of the console that the documentation shows: `python -m docs.pictures`, from the project's folder.
+"""Make the pictures that the documentation shows: `python -m docs.pictures`, from the project's folder.
 
-A console is started in a folder of its own, on the simulated HPV41 by the wall clock, and used in headless Chromium as
-the tutorial describes it.
+The page of `hil demo` is photographed; a console is started in a folder of its own, on the simulated HPV41 by the wall
+clock, and used as the tutorial describes it, both in headless Chromium.
 """
 
 from __future__ import annotations
@@ -13,11 +13,14 @@ from pathlib import Path
 from PIL import Image
 from playwright.sync_api import Browser, Page
 
+from hil.session.demo import demonstrate
 from tests.chromium import chromium
-from tests.consoles import console, real_time_bench, until
+from tests.consoles import console, real_time_bench
+from tests.waits import until
 
 PICTURES = Path(__file__).parent / "pictures"
 _SIZE = {"width": 1180, "height": 760}
+_PAGE = {"width": 1100, "height": 866}  # a page's head and its first drawing
 _PATIENCE_MS = 120_000
 _LIMITS = "\n[acceptance.step_response]\nrise = { high = 900.0 }\nsettling = { high = 2000.0 }\n"
 
@@ -25,12 +28,21 @@ _LIMITS = "\n[acceptance.step_response]\nrise = { high = 900.0 }\nsettling = { h
 def main() -> None:
     """Make all of them."""
     PICTURES.mkdir(exist_ok=True)
+    with tempfile.TemporaryDirectory(prefix="hil-demo-") as folder, chromium() as browser:
+        demo(browser, demonstrate(Path(folder) / "demo", "backlash", lambda _done, _text: None).report)
     with tempfile.TemporaryDirectory(prefix="hil-lab-") as folder, chromium() as browser:
         bench = real_time_bench(Path(folder), "hpv41")
         text = bench.read_text(encoding="utf-8").replace("[conditions]", f"{_LIMITS}\n[conditions]", 1)
         bench.write_text(text, encoding="utf-8")
         with console(Path(folder)) as lab:
             day(browser, lab.address)
+
+
+def demo(browser: Browser, report: Path) -> None:
+    """The first screen of what `hil demo` writes."""
+    page = browser.new_page(viewport=_PAGE)
+    page.goto(report.as_uri())
+    taken(page, "demo")
 
 
 def day(browser: Browser, address: str) -> None:
@@ -44,35 +56,35 @@ def day(browser: Browser, address: str) -> None:
     page.click("#rehearse")
     page.wait_for_selector("#planned canvas")
     page.locator("#planned").scroll_into_view_if_needed()
-    taken(page, "rehearsed")
+    taken(page, "console-rehearsed")
     run()
     until(lambda: page.evaluate("bode.length") >= 9, 120.0, 0.2)
     page.click("[data-window='0']")
     page.set_viewport_size({**_SIZE, "height": 1180})
-    taken(page, "live")
+    taken(page, "console-live")
     page.set_viewport_size(_SIZE)
     beside = context.new_page()
     beside.goto("/bench")
     beside.wait_for_selector("#lines .tag.good")
-    taken(beside, "bench")
+    taken(beside, "console-bench")
     beside.close()
     page.keyboard.press("F12")
     page.wait_for_selector("#stop .confirmed")
     page.wait_for_selector("#verdict:not([hidden])")
-    taken(page, "stopped")
+    taken(page, "console-stopped")
     for _ in range(2):
         prepared(page, "step_response")()
         page.wait_for_selector("#verdict.good")
-    taken(page, "verdict")
+    taken(page, "console-verdict")
     page.goto("/results")
-    taken(page, "results")
+    taken(page, "console-results")
     dark = browser.new_context(
         viewport={"width": 400, "height": 780}, base_url=address, color_scheme="dark", locale="en-GB"
     )
     telephone = dark.new_page()
     telephone.goto("/bench?bench=hpv41&lang=de")
     telephone.wait_for_selector("#lines tr")
-    taken(telephone, "telephone")
+    taken(telephone, "console-telephone")
 
 
 def prepared(page: Page, procedure: str, **settings: str) -> Callable[[], None]:
@@ -92,7 +104,7 @@ def prepared(page: Page, procedure: str, **settings: str) -> Callable[[], None]:
 def taken(page: Page, name: str) -> None:
     """A picture in few colours, so that it is small."""
     page.wait_for_timeout(700)
-    path = PICTURES / f"console-{name}.png"
+    path = PICTURES / f"{name}.png"
     page.screenshot(path=path)
     with Image.open(path) as picture:
         picture.convert("RGB").quantize(96, dither=Image.Dither.NONE).save(path, optimize=True)

@@ -37,6 +37,11 @@ def test_generated_pages_are_up_to_date(name: str) -> None:
     assert written == program("generate").pages()[name], "run: python docs/generate.py"
 
 
+@pytest.mark.parametrize("name", sorted(path.stem for path in DOCS.glob("*.py")))
+def test_programs_of_the_documentation_are_loaded(name: str) -> None:
+    assert callable(program(name).main)
+
+
 def anchors(page: Path) -> set[str]:
     headings = re.findall(r"^#+ +(.*)$", page.read_text(encoding="utf-8"), re.MULTILINE)
     return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
