@@ -94,7 +94,7 @@ LIES: dict[str, Lie] = {
     ),
     "says for ever where it stood first": Lie(frozen_answers=True),
     "answers for another unit": Lie(answers_for=1),
-    "sticks after 40 commands": Lie(sticks_after=40),
+    "sticks after 12 commands": Lie(sticks_after=12),
     "creeps home when nothing is said": Lie(creeps=True),
     "ignores the safe command": Lie(drives=lambda _d, _i, told: told or None),
     "forgets when somebody connects": Lie(on_connect=_forgotten),

@@ -53,6 +53,14 @@ def bench_text(bench: str, *changes: tuple[str, str]) -> str:
     return text
 
 
+def answered(text: str, answers: tuple[tuple[str, str], ...] = ANSWERS) -> str:
+    """A bench file whose links wait so long for answers, unless it says how long."""
+    if "timeout_s" not in text:
+        for driver, patient in answers:
+            text = text.replace(driver, patient)
+    return text
+
+
 def moved(text: str, folder: Path) -> str:
     """A bench file with every address at a place of its own: a free port, a name in a folder, a bus of that name."""
     text = re.sub(r"127\.0\.0\.1:\d+", lambda _: f"127.0.0.1:{free_port()}", text)
@@ -69,12 +77,8 @@ def served(
 
     Links wait for `answers`, unless the changes say how long.
     """
-    text = bench_text(bench, *changes)
-    if "timeout_s" not in text:
-        for driver, patient in answers:
-            text = text.replace(driver, patient)
     path = folder / f"{bench}.toml"
-    path.write_text(moved(text, folder), encoding="utf-8")
+    path.write_text(moved(answered(bench_text(bench, *changes), answers), folder), encoding="utf-8")
     file = read_bench(path)
     devices = serve(file, folder, quirks or {})
     try:

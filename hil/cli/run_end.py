@@ -137,7 +137,7 @@ def _said_when_slow() -> Iterator[None]:
     """What the command still does is said when that takes longer than a glance: the run itself is over."""
     from hil.stderr import write
 
-    text = "hil: the run is over and its folder is closed; it is being entered into the archive …\n"
+    text = "100%  the run is over and its folder is closed; it is being entered into the archive …\n"
     timer = threading.Timer(_SLOW_S, write, (text, 0.0))
     timer.daemon = True
     timer.start()

@@ -88,7 +88,7 @@ CAUGHT = {
     "saturates at 60 %, repeats what it was told": "an_input_sees_what_it_drives",
     "says for ever where it stood first": "drives_what_it_is_told",
     "answers for another unit": "drives_what_it_is_told",
-    "sticks after 40 commands": "obeys_every_command",
+    "sticks after 12 commands": "obeys_every_command",
     "creeps home when nothing is said": "obeys_every_command",
     "ignores the safe command": "goes_to_its_safe_value_when_told",
     "forgets when somebody connects": "stands_while_the_link_is_opened_again",

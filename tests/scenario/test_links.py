@@ -22,12 +22,13 @@ from hil.record.recording import Array, Recording
 from hil.session.procedure import load_procedure
 from hil.signals.sine_fit import sine_fit
 from tests import link_page
-from tests.links import CALM, devices_of, moved, served
+from tests.links import CALM, answered, bench_text, devices_of, moved, served
 from tests.simulated import FLOW, SPOOL, hpv41
 
 BENCHES = ["hpv41-modbus-tcp", "hpv41-modbus-rtu", "hpv41-serial", "hpv41-canopen", "hpv41-mixed"]
 FREQUENCY_HZ = 1.0
 RATE_HZ = 20.0
+JUDGED = ("block_s = 0.1", "block_s = 0.5")  # how often inputs are is not what is tried, and asks for a fast host
 SECONDS = 3.5
 SETTLE_S = 0.5
 STALLED_RAD = 0.04  # standard uncertainty beyond which the host, not the link, decides what is measured
@@ -105,7 +106,7 @@ def linked(file: BenchFile, folder: Path, rate_hz: float = RATE_HZ) -> tuple[Res
 
 @pytest.mark.parametrize("bench", BENCHES)
 def test_response_over_a_link_is_the_direct_one(bench: str, tmp_path: Path) -> None:
-    with served(bench, tmp_path, *CALM) as (file, _):
+    with served(bench, tmp_path, *CALM, JUDGED) as (file, _):
         found, recording, rate_hz = linked(file, tmp_path)
     name = recording.meta["roles"]["response"]
     assert abs(found.value - direct(name, rate_hz)) < found.allowed
@@ -119,7 +120,7 @@ def test_response_over_a_link_is_the_direct_one(bench: str, tmp_path: Path) -> N
 
 def test_delay_of_a_slow_device_is_taken_out(tmp_path: Path) -> None:
     rate_hz = 12.5
-    changes = (*CALM, ("sample_rate_hz = 20", "sample_rate_hz = 12.5"))
+    changes = (*CALM, JUDGED, ("sample_rate_hz = 20", "sample_rate_hz = 12.5"))
     with served("hpv41-modbus-tcp", tmp_path, *changes, quirks={"io": {"late_s": 0.02}}) as (file, _):
         found, _, rate_hz = linked(file, tmp_path, rate_hz)
     plain = direct("flow", rate_hz)
@@ -130,7 +131,7 @@ def test_delay_of_a_slow_device_is_taken_out(tmp_path: Path) -> None:
 
 def test_devices_are_served_in_a_process_of_their_own(tmp_path: Path) -> None:
     path = tmp_path / "bench.toml"
-    path.write_text(moved(benches()["hpv41-mixed"].read_text(encoding="utf-8"), tmp_path), encoding="utf-8")
+    path.write_text(moved(answered(bench_text("hpv41-mixed", *CALM)), tmp_path), encoding="utf-8")
     with devices_of(path) as (process, told):
         daq = read_bench(path).open()
         block = joined(list(daq.play(Waveform(50.0, {"command": np.full(10, 30.0)}))))

@@ -397,4 +397,4 @@ def test_a_run_that_is_entered_slowly_says_so(
 
     monkeypatch.setattr("hil.archive.pending.enter_or_keep", slowly)
     entered(str(tmp_path), tmp_path / "run")
-    assert "hil: the run is over and its folder is closed; it is being entered into the archive" in "".join(said)
+    assert "100%  the run is over and its folder is closed; it is being entered into the archive" in "".join(said)

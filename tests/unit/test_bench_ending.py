@@ -302,6 +302,5 @@ def test_command_leaves_with_the_status_of_the_end(stubborn: str, tmp_path: Path
     assert left.returncode == 128 + signal.SIGTERM, left.stderr
     said = [line for line in left.stderr.splitlines() if line.startswith("hil: ")]
     kept = f"what was recorded is kept in {tmp_path / 'run'}"
-    assert said[0] == f"hil: stopped; outputs are safe (read back); {kept}", left.stderr
-    assert all("being entered into the archive" in line for line in said[1:]), left.stderr  # a busy machine
+    assert said == [f"hil: stopped; outputs are safe (read back); {kept}"], left.stderr
     assert json.loads((tmp_path / "run" / "end.json").read_text())["outcome"].startswith("Terminated: SIGTERM")

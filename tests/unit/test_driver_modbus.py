@@ -245,8 +245,8 @@ def test_late_answer_is_never_taken_for_the_next_one(tmp_path: Any) -> None:
         assert link.read()["ai0"] == pytest.approx(-5.0, abs=1e-3)
         link.close()
 
-        bare = ModbusSerialClient(served.where, timeout=1.0, retries=0)
-        served.behaviour.quirks = late
+        bare = ModbusSerialClient(served.where, timeout=2.0, retries=0)
+        served.behaviour.quirks = Quirks(late_s=3.0, answers=1)
         with pytest.raises(ModbusIOException):
             bare.read_input_registers(0)
         terminals.drive({"ao0": 5.0})

@@ -32,6 +32,7 @@ pytestmark = pytest.mark.xdist_group("waits for lines")  # for clocks: on one wo
 Patch = pytest.MonkeyPatch
 
 WAITED_FOR_S = 5.0
+_TRIES = 3  # a busy machine may be too late to show one
 
 
 @dataclass(frozen=True, slots=True)
@@ -187,5 +188,12 @@ def test_break_is_noticed(broken: Broken, monkeypatch: pytest.MonkeyPatch, tmp_p
     with monkeypatch.context() as patch:
         _impatient(patch)
         broken.plant(patch)
-        with pytest.raises((AssertionError, IndexError, OSError, pytest.fail.Exception)):
-            broken.test(patch, tmp_path)
+        assert any(_is_noticed(broken, patch, tmp_path) for _ in range(_TRIES))
+
+
+def _is_noticed(broken: Broken, patch: Patch, folder: Path) -> bool:
+    try:
+        broken.test(patch, folder)
+    except (AssertionError, IndexError, OSError, pytest.fail.Exception):
+        return True
+    return False
