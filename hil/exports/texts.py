@@ -43,15 +43,16 @@ def function_text(linear: TransferFunction, name: str, form: str) -> str:
 
 def model_text(model: Model, name: str, form: str) -> str:
     """A model: its transfer function where it is one, else its parameters and effects."""
+    simulated = model.origin.get(SIMULATED)
     if model.plant == PLANT:
-        return functions_text([function_of(model, name)], form)
+        return functions_text([function_of(model, name)], form, simulated=simulated)
     rows = list(parameter_rows(model))
     if form == "json":
         parts = [{"name": n, "value": value, "std": std, "unit": unit} for n, value, std, unit in rows]
-        return _dumped({"schema": PARAMETERS_SCHEMA, "plant": model.plant, "parameters": parts})
+        return _dumped({"schema": PARAMETERS_SCHEMA, SIMULATED: simulated, "plant": model.plant, "parameters": parts})
     if form == "csv":
-        return csv_text(("name", "value", "std", "unit"), rows)
-    title = f"Parameters of {model.plant}: value, standard uncertainty, unit."
+        return csv_text(("name", "value", "std", "unit", SIMULATED), ((*row, simulated) for row in rows))
+    title = marked(f"Parameters of {model.plant}: value, standard uncertainty, unit.", simulated=simulated)
     if form == "python":
         body = "".join(f"    {n!r}: ({value!r}, {std!r}, {unit!r}),\n" for n, value, std, unit in rows)
         return f'"""{title}"""\n\nPLANT = {model.plant!r}\nPARAMETERS = {{\n{body}}}\n'

@@ -29,9 +29,9 @@ def values_csv(results: Results) -> str:
     return csv_text(VALUE_HEADS, _value_rows(results))
 
 
-def curve_csv(curve: Curve) -> str:
-    """A curve, columns headed `name [unit]` as in a recording."""
-    return csv_text(_heads(curve), curve.rows)
+def curve_csv(curve: Curve, *, simulated: bool | None = None) -> str:
+    """A curve, columns headed `name [unit]` as in a recording, and whether it is of a simulated valve."""
+    return csv_text((*_heads(curve), VALUE_HEADS[-1]), ((*row, simulated) for row in curve.rows))
 
 
 def csv_text(heads: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -51,7 +51,7 @@ def write_csv(results: Results, path: Path) -> tuple[Path, ...]:
     """
     texts = {path: values_csv(results)}
     for name, curve in _by_file_name(results.curves).items():
-        texts[path.with_name(f"{path.stem}_{name}.csv")] = curve_csv(curve)
+        texts[path.with_name(f"{path.stem}_{name}.csv")] = curve_csv(curve, simulated=results.simulated)
     for target, text in texts.items():
         _write(target, text.encode())
     return tuple(texts)

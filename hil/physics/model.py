@@ -19,6 +19,7 @@ from hil.physics.compose import kernel, plant
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect
 from hil.record.plain import plain
+from hil.record.simulated import SIMULATED, marked
 from hil.untrusted import parse_json, read_small
 from hil.version import PROGRAM, made_by
 
@@ -115,7 +116,8 @@ class Model:
         rows = [_row(name, value) for name, value in self.parameters.items()]
         for effect in self.effects:
             rows += [_row(f"{effect.name}.{name}", value) for name, value in effect.parameters.items()]
-        return table_html(("parameter", "value", "unit"), rows, f"{self.plant}: {self.input} → {self.output}")
+        caption = marked(f"{self.plant}: {self.input} → {self.output}", simulated=self.origin.get(SIMULATED))
+        return table_html(("parameter", "value", "unit"), rows, caption)
 
     def told_unit(self, unit: str) -> str:
         """A unit of its plant's page for a reader: that of its own channels where the plant takes any."""

@@ -20,7 +20,7 @@ from hil.record.plain import plain
 from hil.record.reading import Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
-from hil.record.simulated import is_simulated
+from hil.record.simulated import SIMULATED, is_simulated, marked
 from hil.session.responses import holds_responses, speaks_of
 from hil.session.sources import Source, read_source
 
@@ -155,7 +155,8 @@ def identified(
         fitted = fit_tables(tables, input_name[0] if input_name else "", output_name, orders)
         name = " + ".join(table.name for table in tables)
         fits = {name: fitted.fit.fit_percent}
-        return Identified(fitted.model, fitted.summary(), (), tuple(tables), fits, fitted.notes, simulated)
+        model, text = _with_origin(fitted.model, fitted.summary(), simulated=simulated)
+        return Identified(model, text, (), tuple(tables), fits, fitted.notes, simulated)
     if not orders.are_open:
         raise SettingError(
             "poles, zeros and dead time are asked for where a frequency response is fitted; from samples in time they "
@@ -175,7 +176,16 @@ def identified(
     paths = {one.name: str(Path(one.name).resolve()) for one in recordings if Path(one.name).exists()}
     model = replace(found.model, origin={**found.model.origin, "paths": paths})
     model = replace(model, skeleton=table_of(model, [e for e in experiments if not e.stands_still]).as_dict())
-    return Identified(model, found.summary(), tuple(experiments), (), dict(found.fits), found.notes, simulated)
+    model, text = _with_origin(model, found.summary(), simulated=simulated)
+    return Identified(model, text, tuple(experiments), (), dict(found.fits), found.notes, simulated)
+
+
+def _with_origin(model: Model, text: str, *, simulated: bool) -> tuple[Model, str]:
+    """The model and what is printed of it, which both say where a simulated valve was recorded."""
+    if not simulated:
+        return model, text
+    head, line, rest = text.partition("\n")
+    return replace(model, origin={**model.origin, SIMULATED: True}), f"{marked(head, simulated=True)}{line}{rest}"
 
 
 def bound(recording: Recording, plant: Plant, input_name: Sequence[str] = (), output_name: str = "") -> Experiment:

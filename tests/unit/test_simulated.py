@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 import sqlite3
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ from hil.bench.read import read_bench
 from hil.bench.rehearsal import twin_of
 from hil.bench.rig import conditions_of
 from hil.cli.app import main
+from hil.findings.tables import write_csv
 from hil.record.conditions import oil_contradiction
 from hil.record.header import read_header
 from hil.record.simulated import is_simulated
@@ -135,6 +137,15 @@ def test_models_beside_a_simulated_run_say_it(
     found = hil.identify(run, "brevini-hpv41", page=page)
     assert found.as_dict()["simulated"] is True
     assert 'data-across="SIMULATED"' in page.read_text(encoding="utf-8")
+    assert found.text.splitlines()[0] == "brevini-hpv41 (SIMULATED)" and "(SIMULATED)" in found.model._repr_html_()
+    hil.save_model(found.model, model)
+    assert "(SIMULATED)" in said(capsys, monkeypatch, "export", model, "--to", "matlab").splitlines()[0]
+    assert said(capsys, monkeypatch, "export", model, "--to", "csv").splitlines()[1].endswith(",True")
+
+
+def test_every_table_of_results_says_it_in_each_row(run: Path, tmp_path: Path) -> None:
+    for written in write_csv(results_of_run(run), tmp_path / "values.csv"):
+        assert {row["simulated"] for row in csv.DictReader(written.read_text("utf-8").splitlines())} == {"True"}
 
 
 def test_a_diagnosis_and_a_difference_say_it_in_the_line_of_the_verdict(
