@@ -48,10 +48,9 @@ def named(changed: Changed) -> Choice:
     left = next(row.left for row in scores.rows if not row.is_open and by_label.get(_named(row)) is best)
     chances = {name: scores.chance(name) for key in by_label for name in key}
     told = verdict(scores, is_alarm=True)
-    first = _named(scores.first)
     shown = [evaluated(problem, f) for f in (best, *(f for f in ranked if f is not best))]
     return Choice(
-        told, shown[0], nominal, nominal, tuple(shown), tuple((first[0], n) for n in names if first and n != first[0]),
+        told, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in names[1:]),
         terms, left / max(whole, 1e-9), alike=tuple(names), chances=chances,
     )  # fmt: skip
 

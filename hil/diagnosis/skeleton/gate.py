@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import ndtri, stdtr
 
 from hil.diagnosis.skeleton.misfit import Mask, Misfit, Products, Remainder, remainder, rms_of, scaled
 from hil.diagnosis.skeleton.rows import Rows
@@ -27,6 +28,7 @@ class Before:
         misfit: fitted to all recordings of before. `remainder`: the scale of what it leaves of others.
         count_as_one: of every column, so many rows of what is left tell as much as one, shape (columns,).
         least: those at the least. `information`: of every column in the recordings of before, shape (columns,).
+        blocks: so many of them tell how many rows count as one, shape (columns,): what shows in few is not known.
         leverage: mean of the recordings of before, each without itself, the greatest.
         reach: z that an unchanged unit reached in pseudo-tests, each recording of before taken as the later one.
         left: variance that the skeleton misfit leaves of recordings that were not fitted, over that of the nominal one.
@@ -38,6 +40,7 @@ class Before:
     count_as_one: Array
     least: float
     information: Array
+    blocks: Array
     leverage: float
     reach: tuple[float, ...]
     left: float
@@ -54,7 +57,8 @@ class Later:
     """Later recordings on the scale of before.
 
     Attributes:
-        z: by how many standard deviations the column that shows it best is there in every part of the recordings.
+        z: by how many standard deviations of a normal distribution the column that shows it best is there in every part
+            of the recordings.
         column: its place. `leverage`: mean of the recordings. `alone`: whether there is only one recording.
         left: what the skeleton misfit leaves in every row. `std`: its scale. Shape (n,).
         every: z of every column over all of the recordings, shape (columns,).
@@ -107,12 +111,13 @@ def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
     g, information = _blocks(rows, left, std, known)
     total = information.sum(axis=1)
     count = (g**2).sum(axis=1) / np.maximum(total, 1e-9)
+    blocks = total**2 / np.maximum((information**2).sum(axis=1), 1e-30)
     live = total > _ENOUGH * np.median(total)
     levers = [float(np.mean(leverage[(fold == k) & rows.valid])) for k in products.folds]
     beyond = [float(np.mean(np.square(values[known]))) for values in (left, rows.misfit)]
     return Before(
         products.fitted(products.folds, products.ridge), scale, count,
-        float(np.median(count[live])) if live.any() else 1.0, total, max(levers), (),
+        float(np.median(count[live])) if live.any() else 1.0, total, np.maximum(blocks, 1.0), max(levers), (),
         beyond[0] / max(beyond[1], 1e-12), beyond[1] - 1.0 / rows.samples,
     )  # fmt: skip
 
@@ -148,7 +153,14 @@ def _z(before: Before, g: Array, information: Array) -> Array:
     enough = _ENOUGH * np.median(total)
     live = (total > enough) & (before.information > enough)
     spread = np.sqrt(np.maximum(before.count_as_one, before.least) * np.maximum(total, 1e-9))
-    return np.where(live, g.sum(axis=1) / spread, 0.0)
+    return np.where(live, _normal(g.sum(axis=1) / spread, before.blocks), 0.0)
+
+
+def _normal(z: Array, blocks: Array) -> Array:
+    """What is as improbable of a normal distribution as z, whose scale was learned from so many blocks (Student)."""
+    tail = np.maximum(stdtr(blocks, -np.abs(z)), np.finfo(np.float64).tiny)
+    found: Array = -np.sign(z) * ndtri(tail)
+    return found
 
 
 def _blocks(rows: Rows, left: Array, std: Array, use: Mask) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-_VERSION = 3
+_VERSION = 4
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
 # The largest array that is unpacked; a table has 1 MB.
@@ -56,6 +56,7 @@ class Table:
         packed = {
             "rms": m.rms, "coefficients": m.coefficients, "directions": m.directions, "mean": r.mean, "std": r.std,
             "log_variance": r.coefficients, "count_as_one": b.count_as_one, "information": b.information,
+            "blocks": b.blocks,
         }  # fmt: skip
         return {
             "version": _VERSION, "library": self.library, "row_s": self.row_s, "floors": dict(self.floors),
@@ -103,8 +104,8 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
     misfit = Misfit(a["rms"][there], a["coefficients"][there], a["directions"][:, there], float(kept["ridge"]))
     before = Before(
         misfit, Remainder(a["mean"], a["std"], a["log_variance"], white, factor, whole), a["count_as_one"][there],
-        float(kept["least"]), a["information"][there], float(kept["leverage"]), tuple(map(float, kept["reach"])),
-        float(kept["left"]), float(kept["beyond_noise"]),
+        float(kept["least"]), a["information"][there], a["blocks"][there], float(kept["leverage"]),
+        tuple(map(float, kept["reach"])), float(kept["left"]), float(kept["beyond_noise"]),
     )  # fmt: skip
     columns = tuple(c for c, is_there in zip(every, there, strict=True) if is_there)
     return Table(columns, str(kept["library"]), dict(kept["floors"]), float(kept["row_s"]), before)
