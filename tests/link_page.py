@@ -41,6 +41,9 @@ WHOLE = {
     "frequencies": (0.1, 0.3, 0.5, 0.7, 1.1, 1.5, 2.1, 2.9, 3.7, 4.9), "amplitudes": (20.0,), "biases": (50.0,),
     "rate_hz": 100.0, **FORM,
 }  # fmt: skip
+WAITS = tuple(
+    (f'driver = "{name}"\n', f'driver = "{name}"\ntimeout_s = 1.0\n') for name in ("modbus", "ascii_module", "scpi")
+)
 RATE_HZ = 1000.0  # of the direct test, in virtual time
 RESUMED = 4  # so often a run is begun or resumed
 CLEAR = 2.0  # standard uncertainties beyond which a deviation is named
@@ -109,7 +112,7 @@ def direct(response: str, folder: Path, settings: Mapping[str, Any] = MappingPro
 def over(bench: str, folder: Path, settings: Mapping[str, Any] = MappingProxyType(WHOLE)) -> Seen:
     """The same over the links of a bench, its devices in a process of their own."""
     text = benches()[bench].read_text(encoding="utf-8")
-    for old, new in PATIENT:
+    for old, new in (*PATIENT, *WAITS):
         text = text.replace(old, new)
     path = folder / "linked.toml"
     path.write_text(moved(text, folder), encoding="utf-8")
