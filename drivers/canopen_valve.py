@@ -16,6 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._can import bus_fault, close_bus, open_bus
 from drivers._edge import edge, wire_log
+from drivers._read_back import ReadBackTimes
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.canopen import dictionary, variable
@@ -173,7 +174,9 @@ class CanopenValveLink:
         self._pdo: bytes | None = None
         self._emergency: tuple[int, int] | None = None
         self._beat_s: float | None = None
-        self._quiet_until_s = 0.0
+        self._quiet_until_s = self._compared_s = 0.0
+        self._counts: int | None = None
+        self._read_back_times = ReadBackTimes()
         bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         self._network = CanopenNetwork(bus, settings.address, wire_log("canopen_valve", settings.address))
         self._closed = False
@@ -202,17 +205,22 @@ class CanopenValveLink:
         counts = max(-FULL, min(FULL, round(values["set point"] * FULL / 100.0)))
         self._send(0x700 + MASTER, b"\x05")
         self._send(0x500 + self._settings.node, struct.pack("<Hhh", CLIMB[-1], counts, 0))
+        self._counts = counts
 
     def read(self) -> dict[str, float]:
         """Ask with SYNC for status and actual value; by SDO for the value of a valve that is not ours to command.
 
         Raises:
-            LinkError: no answer, the valve is not active any more, or it has sent an emergency.
+            LinkError: no answer, the valve is not active any more, has sent an emergency, or holds another set point.
         """
         if not self._commands:
             return {"actual value": 100.0 * self._signed(0x6301, 1) / FULL}
+        begun_s = time.monotonic()
         status, actual = self._synchronised()
         self._look_at(status)
+        self._read_back_times.took(time.monotonic() - begun_s)
+        if self._counts is not None and self._read_back_times.is_due(self._compared_s):
+            self._compare(self._counts)
         return {"actual value": 100.0 * actual / FULL}
 
     def close(self) -> None:
@@ -227,6 +235,15 @@ class CanopenValveLink:
             self._network.disconnect()
         if self._network.bus is not None:
             close_bus(self._network.bus, self._settings.timeout_s)
+
+    def _compare(self, sent: int) -> None:
+        """Raise `LinkError` where the valve holds another set point than the one that it was sent last."""
+        stands, self._compared_s = self._signed(0x6300, 1), time.monotonic()
+        if abs(stands - sent) > 1:
+            raise LinkError(
+                f"the set point stands at {100.0 * stands / FULL:.4g} %, {100.0 * sent / FULL:.4g} % was sent: another "
+                "program on the bus drives this valve, or it does not obey"
+            )
 
     def _recognise(self) -> None:
         """See that a valve is there, and make it operational."""
