@@ -54,6 +54,7 @@ class Experiment:
         gain_stds: what calibrations state, as a relative standard uncertainty of the slope, by inner signal, `"output"`
             and `""` for the command. The stated uncertainty is taken to belong to the largest reading.
         is_timed: whether the bench that made the recording timed its samples: their unit of time is no heading.
+        stated_units: names of channels whose unit its user stated, `time` for that of the stamps: it is no mistake.
         ripples: what the command's dither adds to `drive.inputs` of a plant that rectifies it, at even phases, shape
             (PHASES, inputs, FINER * (m + n)), from m samples before the first on, in which the command stood as
             in the first; None where there is none.
@@ -78,6 +79,7 @@ class Experiment:
     command_is_known: bool = False
     gain_stds: Mapping[str, float] = field(default_factory=dict)
     is_timed: bool = False
+    stated_units: frozenset[str] = frozenset()
     ripples: Array | None = None
 
     def respond(
@@ -329,6 +331,7 @@ def experiment(
         recording.time_s, drive, grid_s, output, observed, at is not None, ignored if ignored.any() else None,
         read_s=read_s, gain_stds=stated, silent=silent,
         ripples=ripples, skew_s=skew_s, is_timed="sampling" in recording.meta,
+        stated_units=frozenset(recording.meta.get("stated_units", ())),
     )  # fmt: skip
 
 

@@ -107,6 +107,12 @@ def pairs(option: str, texts: Sequence[str], example: str) -> dict[str, str]:
     return {left.strip(): right.strip() for left, _, right in (text.rpartition("=") for text in texts)}
 
 
+def with_stated_units(recording: Recording, reading: Reading) -> Recording:
+    """The recording with the names of what its user has stated the unit of: nobody needs to doubt that."""
+    stated = sorted({reading.renamed.get(name, name) for name in reading.units})
+    return replace(recording, meta={**recording.meta, "stated_units": stated}) if stated else recording
+
+
 def as_said(recording: Recording, reading: Reading) -> Recording:
     """A run of our own with the names, units and interval that its user says.
 

@@ -15,7 +15,7 @@ from hil.catalog import tables
 from hil.errors import FileError, StorageError, reason
 from hil.record import exchange
 from hil.record.assemble import assemble
-from hil.record.named import as_said
+from hil.record.named import as_said, with_stated_units
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
@@ -84,7 +84,8 @@ def read_any(path: str | Path, reading: Reading = AS_IT_IS) -> Recording | Respo
     """
     path = Path(path)
     try:
-        return _read_any(path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path), reading)
+        found = _read_any(path if path.exists() or len(path.parts) > 1 else tables().get(path.name, path), reading)
+        return with_stated_units(found, reading) if isinstance(found, Recording) else found
     except _DAMAGED as error:  # whatever a reader stumbles over in a file that was cut off or made by hand
         raise FileError(f"{path}: cannot be read, it is damaged or no recording: {reason(error)}") from error
 

@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import track
 
 from tests.studies.cases import Case, Outcome, cases_of, examined, seal, skeletons
-from tests.studies.table import as_json, as_text
+from tests.studies.table import as_json, as_text, draw
 
 
 def main(
@@ -24,6 +24,7 @@ def main(
     jobs: int = typer.Option(2, min=1, help="Processes."),
     out: Path = typer.Option(Path("proof-wrong"), help="Folder for recordings and answers; a stopped study goes on."),
     only_seal: bool = typer.Option(False, "--seal", help="Print the hash of all truths, and do nothing else."),
+    plot: Path | None = typer.Option(None, help="Draw naming over the size of the change into this file (.svg)."),
     in_json: bool = typer.Option(False, "--json", help="Print counts with exact intervals as JSON."),
 ) -> None:
     """Count alarms on unchanged units, and changes that are noticed, named rightly and named wrongly."""
@@ -33,6 +34,8 @@ def main(
         print(seal(drawn))
         return
     found = _all(drawn, jobs, out)
+    if plot is not None:
+        draw(found, plot)
     if in_json:
         print(json.dumps(as_json(found)))
     else:

@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
+from pathlib import Path
 from typing import Any
 
 from tests.proof.score.rates import Rate
 from tests.studies.cases import NOTHING, Outcome
+
+_SAID: dict[str, Callable[[Outcome], bool]] = {
+    "not noticed": lambda one: not one.is_alarm,
+    "wrong name": lambda one: one.is_wrong,
+    "no name": lambda one: one.is_alarm and not one.is_wrong and not one.is_in_set,
+    "right in the set": lambda one: one.is_in_set and not one.is_right,
+    "right first": lambda one: one.is_right,
+}
 
 BANDS = (0.0, 1.0, 3.0, float("inf"))
 """Borders of d between which changes are counted together."""
@@ -27,6 +36,24 @@ def as_json(found: Sequence[Outcome]) -> dict[str, Any]:
         }
         for name, rows in _groups(found)
     }
+
+
+def draw(found: Sequence[Outcome], path: Path) -> None:
+    """A figure: every change over its d, by what was said of it."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 2.4), layout="constrained")
+    axis = figure.subplots()
+    changed = [one for one in found if one.case.change != NOTHING and not one.error]
+    for place, is_so in enumerate(_SAID.values()):
+        sizes = [one.moved for one in changed if is_so(one)]
+        axis.plot(sizes, [place] * len(sizes), "o", color="0.2", alpha=0.5)
+        axis.text(30.0, place, str(len(sizes)), va="center")
+    axis.set_xscale("log")
+    axis.set_xlim(0.01, 20.0)
+    axis.set_yticks(range(len(_SAID)), list(_SAID))
+    axis.set_xlabel("d: change over noise and what the model left before (rms)")
+    figure.savefig(path, metadata={"Date": None})
 
 
 def _groups(found: Sequence[Outcome]) -> Iterable[tuple[str, list[Outcome]]]:

@@ -14,10 +14,13 @@ from hil.errors import FileError
 from hil.identification.content import content_of
 from hil.identification.experiment import experiment, for_model
 from hil.identification.grey_box import fit_plant
+from hil.identification.mistaken.time_unit import wrong_time
 from hil.identification.mistaken.unit import unit_factors
 from hil.physics.compose import plant
 from hil.physics.model import Model, typical_model
 from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.named import with_stated_units
+from hil.record.reading import Reading
 from hil.record.recording import Recording, recording
 from tests.concealed import DURATION_S, NOISE, PLANT, RATE_HZ, bound, changed, noise, nominal, records, with_rows
 
@@ -117,6 +120,9 @@ def test_an_axis_that_moves_many_times_as_much_as_it_can_is_refused(factor: floa
     check(model, [for_model(model, made)])
     with pytest.raises(FileError, match=rf"by {factor:g} \(or 'position \[m\]' divided by it\)"):
         check(model, [for_model(model, *scaled([made], "position", factor))])
+    (large,) = scaled([made], "position", factor)
+    stated = with_stated_units(large, Reading(units={"force": "N", "position": "m"}))
+    check(model, [for_model(model, stated)])
 
 
 @pytest.mark.parametrize("factor", [1000.0, 60.0])
@@ -125,6 +131,8 @@ def test_a_time_in_a_wrong_unit_is_refused(effects: Sequence[ActiveEffect], fact
     made = stretched([with_rows(each, slice(1200)) for each in records(effects, seed=27)], factor)
     with pytest.raises(FileError, match=rf"time divided by {factor:g}; it looks like a wrong unit of time"):
         check(nominal(), bound(nominal(), made))
+    stated = [with_stated_units(each, Reading(units={"time": "s"})) for each in made]
+    assert wrong_time(nominal(), bound(nominal(), stated)) == []
 
 
 @pytest.mark.parametrize("effects", [(), (STICKING,), (SLUGGISH,)], ids=["healthy", "sticking", "sluggish"])

@@ -124,7 +124,10 @@ def test_a_wrong_unit_is_refused_and_a_unit_of_another_size_is_told_of() -> None
     assert found.fits["steps"] > 90.0
     tenth = with_values(made_steps(), flow=lambda r: 0.1 * r.values("flow"))
     found = fit_plant(start, bound(start, [with_values(tenth, flow=lambda r: r.values("flow") * 70.0 / 55.0)]))
-    assert any("wrong unit. Other values of the plant fit it as it is" in note for note in found.notes)
+    assert any(
+        "wrong unit. If it is right, --unit 'flow=l/min' says so. Other values of the plant fit it as it is" in note
+        for note in found.notes
+    )
 
 
 def test_stale_and_held_samples_are_left_out_and_said() -> None:

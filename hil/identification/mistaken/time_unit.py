@@ -24,6 +24,7 @@ def wrong_time(model: Model, experiments: Sequence[Experiment]) -> list[Suspicio
     of the rate are common, so that the model has to fit much better besides. A model that knows no intervals, being no
     unit's, has to fit well with another time and hardly at all with this one.
     """
+    experiments = [e for e in experiments if "time" not in e.stated_units]
     known = [float(interval_s) for interval_s in model.origin.get("intervals_s") or ()]
     if not known:
         return [one for e in experiments if (one := _fits_in_another_time(model, e))]

@@ -74,12 +74,15 @@ def wrong_unit(model: Model, e: Experiment, simulated: Array) -> Suspicion | Non
     of_moves, fit_of_moves = moves(simulated, e.output)
     level, fit_of_level = times(simulated, e.output)  # small moves may be smaller for a reason, a level hardly is
     also_moves = abs(of_moves / level - 1.0) < _ALSO_MOVES if level else False
-    for slope, fit in ((of_moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0)):
+    name = split_heading(e.output_heading)[0]
+    slopes = ((of_moves, fit_of_moves), (level, fit_of_level if also_moves else 0.0))
+    for slope, fit in () if name in e.stated_units else slopes:
         beyond_effects = also_moves and not led_back and not _TOO_SMALL < slope < _TOO_LARGE
         factor = _unit_factor(e.output_heading, slope, np.inf if beyond_effects else _FACTOR_TOLERANCE)
         if factor and fit > GOOD_FIT:
             found = f"channel '{e.output_heading}' is {slope:.3g} times what {spoken_of(model)} gives"
-            sentence = f"{e.name}: {found}; a factor near {factor:.4g} looks like a wrong unit"
+            looks = f"a factor near {factor:.4g} looks like a wrong unit"
+            sentence = f"{e.name}: {found}; {looks}. {_if_right(e.output_heading)}"
             return Suspicion(e.name, sentence, fit)
     return _fits_in_another_unit(model, e, before)
 
@@ -88,15 +91,31 @@ def _fits_in_another_unit(model: Model, e: Experiment, before: float) -> Suspici
     tried = [
         _in_another_unit(model, e, channel, k)
         for channel in range(len(e.drive.inputs) + 1)
+        if split_heading(_heading(model, e, channel))[0] not in e.stated_units
         for k in unit_factors(_unit_of(model, e, channel))
     ]
+    if not tried:
+        return None
     best = max(tried, key=lambda found: np.nan_to_num(found.fit, nan=-np.inf))
     if not best.fit > _enough(model, before, best.factor):
         return None
     first, *others = [found for found in tried if found.factor == best.factor and found.fit >= best.fit - _SAME_FIT]
     also = "".join(f" (or '{other.channel}' {other.how} by it)" for other in others)
     only = f"fits {spoken_of(model)} only when {first.how} by {first.factor:.4g}{also}; it looks like a wrong unit"
-    return Suspicion(e.name, f"{e.name}: channel '{first.channel}' {only}", first.fit)
+    return Suspicion(e.name, f"{e.name}: channel '{first.channel}' {only}. {_if_right(first.channel)}", first.fit)
+
+
+def _if_right(heading: str) -> str:
+    """What a user does who knows better."""
+    name, unit = split_heading(heading)
+    return f"If it is right, --unit '{name}={unit}' says so"
+
+
+def _heading(model: Model, e: Experiment, channel: int) -> str:
+    """Of an input, in their order; of the output after them."""
+    if channel == len(e.drive.inputs):
+        return e.output_heading
+    return model.definition.inputs[channel].heading if channel else e.input
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,9 +133,8 @@ def _in_another_unit(model: Model, e: Experiment, channel: int, factor: float) -
     if channel < len(e.drive.inputs):
         inputs = e.drive.inputs.copy()
         inputs[channel] *= factor
-        heading = model.definition.inputs[channel].heading if channel else e.input
         read = replace(e, drive=replace(e.drive, inputs=inputs))
-        return _InAnotherUnit(heading, "multiplied", factor, fit_but_for_gain(model, read))
+        return _InAnotherUnit(_heading(model, e, channel), "multiplied", factor, fit_but_for_gain(model, read))
     # a loop that starts at its first reading starts somewhere else
     begins = replace(e.drive, first_output=e.drive.first_output / factor)
     read = replace(e, drive=begins, output=e.output / factor)
