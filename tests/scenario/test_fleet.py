@@ -22,7 +22,8 @@ CLUSTER = """
 import json, subprocess, sys
 from distributed import LocalCluster
 if __name__ == "__main__":
-    with LocalCluster(n_workers=1, threads_per_worker=1, dashboard_address=None, host="127.0.0.1") as cluster:
+    one = {"n_workers": 1, "threads_per_worker": 1, "processes": False}  # this process is the worker
+    with LocalCluster(**one, protocol="tcp://", dashboard_address=None, host="127.0.0.1") as cluster:
         done = subprocess.run([sys.executable, "-m", "hil", *sys.argv[1:], "--scheduler", cluster.scheduler_address])
     sys.exit(done.returncode)
 """
