@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from hil.diagnosis.diagnosis import Asked
-from hil.diagnosis.skeleton.table import Table, library_of, read_table, table_of
+from hil.diagnosis.skeleton.table import VERSION, Table, library_of, read_table, table_of
 from hil.errors import FileError, SettingError, reason
 from hil.identification.content import is_of_its_origin
 from hil.identification.experiment import Experiment
@@ -60,13 +60,13 @@ def question_of(
         return Question("left_out", why)
     if before:
         return Question("changed", "recordings of before were given", table_of(model, before))
-    if model.skeleton is None:
+    if model.skeleton is None or model.skeleton.get("version") != VERSION:
+        keeps = "nothing" if model.skeleton is None else "what another version of the program understands"
+        why = f"the model file keeps {keeps} of the recordings that it was identified from"
         if wanted:
-            raise SettingError(
-                "--question changed: the model file keeps nothing of the recordings that it was identified from; give "
-                "them as --before RECORDING…, or identify it anew"
-            )
-        return Question("left_out", "the model file keeps nothing of the recordings that it was identified from")
+            raise SettingError(f"--question changed: {why}; give them as --before RECORDING…, or identify it anew")
+        limited = () if model.skeleton is None else (f"{why}; whether it has changed since tells --before RECORDING…",)
+        return Question("left_out", why, None, limited)
     try:
         table = read_table(model.skeleton, model)
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, zlib.error) as error:

@@ -24,7 +24,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-_VERSION = 4
+VERSION = 4
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
 # The largest array that is unpacked; a table has 1 MB.
@@ -59,7 +59,7 @@ class Table:
             "blocks": b.blocks,
         }  # fmt: skip
         return {
-            "version": _VERSION, "library": self.library, "row_s": self.row_s, "floors": dict(self.floors),
+            "version": VERSION, "library": self.library, "row_s": self.row_s, "floors": dict(self.floors),
             "columns": [[c.name, c.hook, {k: float(v) for k, v in c.values.items()}] for c in self.columns],
             "scale": [r.white, r.factor, r.whole], "ridge": m.ridge, "least": b.least,
             "leverage": b.leverage, "reach": list(b.reach), "left": b.left,
@@ -92,10 +92,8 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
     """The table of a model file; columns that the library has no more are left out.
 
     Raises:
-        KeyError, ValueError, TypeError: it is none.
+        KeyError, ValueError, TypeError: it is none of this version.
     """
-    if kept["version"] != _VERSION:
-        raise ValueError(f"version {kept['version']}")
     a = {name: _unpacked(value) for name, value in kept["arrays"].items()}
     white, factor, whole = map(float, kept["scale"])
     every = [Column(str(n), str(h), {str(k): float(v) for k, v in values.items()}) for n, h, values in kept["columns"]]
@@ -112,8 +110,8 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
 
 
 def library_of(model: Model) -> str:
-    """A checksum of what the library can change in a model."""
-    return hashlib.sha256(repr(sorted(_changes(model))).encode()).hexdigest()[:16]
+    """A checksum of what the library can change in a model, and of how that is kept."""
+    return hashlib.sha256(repr((VERSION, sorted(_changes(model)))).encode()).hexdigest()[:16]
 
 
 def _changes(model: Model) -> set[tuple[str, ...]]:
