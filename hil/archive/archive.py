@@ -100,8 +100,8 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
         asked = wanted.with_only_columns(RunRow.id, RunRow.folder, *(getattr(RunRow, name) for name in _TOLD))
         found = session.execute(asked.order_by(RunRow.started_utc, RunRow.id))
         return [
-            Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(_TOLD, told, strict=True)))
-            for key, folder, *told in found
+            Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(_TOLD, columns, strict=True)))
+            for key, folder, *columns in found
         ]
 
 
@@ -217,10 +217,10 @@ def _asked(search: Search) -> Select[Any]:
 
 
 def _row(entry: Entry) -> RunRow:
-    told = {name: getattr(entry, name) for name in _TOLD}
+    columns = {name: getattr(entry, name) for name in _TOLD}
     values = [ValueRow(**{name: getattr(value, name) for name in _OF_VALUE}) for value in entry.values]
     stated = [CalibrationRow(**{name: getattr(one, name) for name in OF_CALIBRATION}) for one in entry.calibrations]
-    return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, calibrations=stated, **told)
+    return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, calibrations=stated, **columns)
 
 
 _TOLD = (

@@ -43,11 +43,11 @@ class Begun:
 def mark_begun(place: Place, folder: Path) -> None:
     """Keep, outside the archive, that a run begins there; a mark that cannot be written hinders no run."""
     with suppress(OSError):
-        told = {"archive": str(place), "run": str(folder.resolve()), "pid": os.getpid()}
+        content = {"archive": str(place), "run": str(folder.resolve()), "pid": os.getpid()}
         path = _mark(folder)
         path.parent.mkdir(parents=True, exist_ok=True)
         with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as file:
-            file.write(json.dumps(told))
+            file.write(json.dumps(content))
 
 
 def forget_begun(folder: Path) -> None:
@@ -61,10 +61,10 @@ def begun_in(place: Place) -> Iterator[Begun]:
     with suppress(OSError):
         for path in sorted(_mark(Path()).parent.glob("*.json")):
             with suppress(OSError, FileError, ValueError, KeyError, TypeError):
-                told = read_json(path)
-                folder = Path(told["run"])
-                if told["archive"] in (str(place), place.url):  # earlier versions wrote the address as it was
-                    yield Begun(folder, path, (folder / END_FILE).exists() or not lives(int(told["pid"])))
+                content = read_json(path)
+                folder = Path(content["run"])
+                if content["archive"] in (str(place), place.url):  # earlier versions wrote the address as it was
+                    yield Begun(folder, path, (folder / END_FILE).exists() or not lives(int(content["pid"])))
 
 
 def _mark(folder: Path) -> Path:

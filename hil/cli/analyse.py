@@ -82,9 +82,9 @@ def compose(
     api.save_model(made, out)
     linear = linear_of(dynamics, "the dynamics")
     text = f"{out}: {made.input} → {made.output}\n  dynamics {formula(linear)}"
-    told = {"file": str(out), "input": made.input, "output": made.output, "numerator": linear.numerator.tolist(),
+    document = {"file": str(out), "input": made.input, "output": made.output, "numerator": linear.numerator.tolist(),
             "denominator": linear.denominator.tolist(), "dead_time_s": linear.dead_time_s}  # fmt: skip
-    _show({"schema": "hil.composed/1", **told}, text, as_json)
+    _show({"schema": "hil.composed/1", **document}, text, as_json)
 
 
 @group.command("corners")

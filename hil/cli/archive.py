@@ -38,8 +38,8 @@ def rebuild(
     count, left_out = rebuilt(place, [*([place.folder] if place.folder else []), *folders])
     for sentence in left_out:
         typer.echo(f"left out: {sentence}", err=True)
-    told = {"schema": "hil.rebuilt/1", "archive": str(place), "runs": count, "left_out": left_out}
-    printed(told, f"{place}: {count} runs", as_json)
+    document = {"schema": "hil.rebuilt/1", "archive": str(place), "runs": count, "left_out": left_out}
+    printed(document, f"{place}: {count} runs", as_json)
 
 
 @group.command()
@@ -118,9 +118,9 @@ def _text(found: Sequence[Instrument], day: dt.date, undated: int, unread: int) 
 
 def _row(one: Instrument, day: dt.date) -> tuple[str, ...]:
     stated, left = one.calibration, one.calibration.days_left(day)
-    told = "" if left is None else f"{left} overdue" if left < 0 else str(left)
+    days = "" if left is None else f"{left} overdue" if left < 0 else str(left)
     date, due = _day(stated.date) or "not stated", _day(stated.due) or "not stated"
-    return one.bench, stated.channel, stated.instrument, stated.serial, date, due, told
+    return one.bench, stated.channel, stated.instrument, stated.serial, date, due, days
 
 
 def _overdue_lines(one: Instrument) -> list[str]:

@@ -31,6 +31,6 @@ def command(
     check_file(out, responses)
     mean = api.average(responses, normalised=normalised, reading=reading, part=part)
     api.write(mean, out)
-    told = {"file": out, "frequencies": len(mean), "unit": mean.unit, "assumed": mean.meta["assumed"]}
+    document = {"file": out, "frequencies": len(mean), "unit": mean.unit, "assumed": mean.meta["assumed"]}
     words = f"{out}: {len(mean)} frequencies, {mean.meta['assumed'][0]}"
-    printed({"schema": "hil.averaged/1", **told}, words, as_json)
+    printed({"schema": "hil.averaged/1", **document}, words, as_json)

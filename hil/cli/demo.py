@@ -30,6 +30,6 @@ def command(
     concealed = f"concealed in the second recordings: {conceal}"
     words = "\n".join([identified.summary(), concealed, diagnosis.as_text(), *reports, f"report: {done.report}"])
     tests = {name: outcome.folder for name, outcome in done.tests.items()}
-    told = {"tests": tests, "concealed": conceal, "model": out / "nominal.json", "fits": identified.fits}
-    told |= {"diagnosis": diagnosis.as_dict(), "report": done.report}
-    printed({"schema": "hil.demo/1", **told}, words, as_json)
+    document = {"tests": tests, "concealed": conceal, "model": out / "nominal.json", "fits": identified.fits}
+    document |= {"diagnosis": diagnosis.as_dict(), "report": done.report}
+    printed({"schema": "hil.demo/1", **document}, words, as_json)

@@ -22,8 +22,8 @@ def command(
 
     path = description_file(model)
     with each_told(path):
-        told = read_description(path)
+        description = read_description(path)
     named = path.stem if path == descriptions().get(path.stem) else path.name  # as a bench file beside it says it
-    typer.echo("\n".join(page(named, told)))
+    typer.echo("\n".join(page(named, description)))
     if left := gaps(read_text(path)):
         typer.echo(f"\n{left} gap{'s are' if left > 1 else ' is'} still marked in {path}")

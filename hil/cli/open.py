@@ -37,10 +37,10 @@ def command(
         _ask(f"{file}: {error}{signer}", "--most MB" if most is None else "")
         runs = list(lay_out(content, out))
     files = sorted(path for path in out.iterdir() if path.is_file())
-    told = {"file": file, "sentence": found.sentence, "signer": found.signer, "runs": runs, "files": files}
+    document = {"file": file, "sentence": found.sentence, "signer": found.signer, "runs": runs, "files": files}
     laid_out = [*(f"run: {run}" for run in runs), *(f"file: {path}" for path in files)]
     words = "\n".join([*laid_out, f"{file}: {found.sentence}: {found.signer}"])
-    printed({"schema": "hil.opened/1", **told}, words, as_json)
+    printed({"schema": "hil.opened/1", **document}, words, as_json)
 
 
 def _ask(sentence: str, option: str) -> None:

@@ -37,8 +37,8 @@ def command(
         found = probe.who(chosen, progress)
     typer.echo(_as_json(kind, address, found) if as_json else "\n".join(map(_line, found)), nl=bool(found) or as_json)
     if not found:
-        said = ", ".join(f"{name} = {value}" for name, value in chosen if name not in ("address", "units"))
-        raise LinkError(f"{address}: nobody answers ({said}); check wiring, power and these settings")
+        listed = ", ".join(f"{name} = {value}" for name, value in chosen if name not in ("address", "units"))
+        raise LinkError(f"{address}: nobody answers ({listed}); check wiring, power and these settings")
 
 
 def _line(found: Found) -> str:

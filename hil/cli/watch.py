@@ -142,8 +142,8 @@ def _kept(stream: IO[str]) -> Callable[[float, Sequence[Reading]], None]:
 
 
 def _cell(reading: Reading) -> str:
-    told = reading.value is not None and math.isfinite(reading.value) and not reading.state.startswith("stale")
-    return f"{reading.value:.9g}" if told else ""
+    is_known = reading.value is not None and math.isfinite(reading.value) and not reading.state.startswith("stale")
+    return f"{reading.value:.9g}" if is_known else ""
 
 
 def _as_json(bench: str, readings: Sequence[Reading]) -> str:

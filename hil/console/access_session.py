@@ -54,10 +54,10 @@ class Sessions:
         from itsdangerous import BadData
 
         try:
-            told = self._signer.loads(cookie, max_age=LASTS_S)
+            payload = self._signer.loads(cookie, max_age=LASTS_S)
         except BadData:
             return None
-        return Session(*map(str, told)) if isinstance(told, list) and len(told) == 3 else None
+        return Session(*map(str, payload)) if isinstance(payload, list) and len(payload) == 3 else None
 
 
 def account_of(session: Session, accounts: Accounts) -> Account | None:

@@ -52,7 +52,7 @@ def _listening(host: str, port: int) -> socket.socket:
     try:
         made = socket.create_server((host, port), family=socket.AF_INET6 if ":" in host else socket.AF_INET)
     except (OSError, OverflowError) as error:
-        said = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
-        raise SettingError(f"--port {port} on {host}: {said}; say another --port") from None
+        reason = os.strerror(error.errno) if isinstance(error, OSError) and error.errno else str(error)
+        raise SettingError(f"--port {port} on {host}: {reason}; say another --port") from None
     made.set_inheritable(False)
     return made

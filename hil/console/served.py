@@ -54,8 +54,8 @@ def serve(state: Path, bench: str, path: Path, quirks: list[str]) -> Served:
         raise SettingError(f"the devices of bench '{bench}' are served already; end them first")
     log = folder / f"{bench}.log"
     made = start(f"devices-{bench}", ["devices", str(path), *(f"--quirk={quirk}" for quirk in quirks)], log)
-    told = {"bench": bench, "pid": made.process.pid, "quirks": quirks}
-    (folder / f"{bench}.json").write_text(json.dumps(told), encoding="utf-8")
+    content = {"bench": bench, "pid": made.process.pid, "quirks": quirks}
+    (folder / f"{bench}.json").write_text(json.dumps(content), encoding="utf-8")
     return Served(bench, made.process.pid, tuple(quirks), log)
 
 
@@ -64,8 +64,10 @@ def served(state: Path) -> list[Served]:
     found = []
     for path in sorted((state / "devices").glob("*.json")):
         with suppress(OSError, FileError, ValueError, KeyError, TypeError):
-            told = read_untrusted_json(path.parent, path.name)
-            found.append(Served(str(told["bench"]), int(told["pid"]), tuple(told["quirks"]), path.with_suffix(".log")))
+            content = read_untrusted_json(path.parent, path.name)
+            found.append(
+                Served(str(content["bench"]), int(content["pid"]), tuple(content["quirks"]), path.with_suffix(".log"))
+            )
     return found
 
 

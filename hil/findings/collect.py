@@ -52,8 +52,8 @@ def findings_of(results: Results) -> Findings:
 def measured_of(found: Value) -> Measured:
     """A value as its evaluation gave it."""
     given = {field.name for field in fields(Measured)}
-    told = {key: value for key, value in found if key in given}
-    return Measured(**{**told, "unit": "" if found.unit == PURE else found.unit})
+    named = {key: value for key, value in found if key in given}
+    return Measured(**{**named, "unit": "" if found.unit == PURE else found.unit})
 
 
 def _likeness(found: Likeness | None) -> LikenessOf | None:

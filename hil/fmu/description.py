@@ -45,11 +45,11 @@ def description(variables: Variables, source: Source, version: FmiVersion) -> by
     for name in ("logStatusError", "logEvents"):
         SubElement(categories, "Category", name=name)
     SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(_STOP_S), stepSize=repr(variables.step_s))
-    told = list(_told(variables, source))
+    entries = list(_told(variables, source))
     if version == "2":  # where importers ask the independent variable for a start value, which it may not have
-        told = [one for one in told if one.attributes["causality"] != "independent"]
-    _variables(SubElement(root, "ModelVariables"), told, version)
-    _structure(SubElement(root, "ModelStructure"), told, version)
+        entries = [one for one in entries if one.attributes["causality"] != "independent"]
+    _variables(SubElement(root, "ModelVariables"), entries, version)
+    _structure(SubElement(root, "ModelStructure"), entries, version)
     indent(root)
     made: bytes = tostring(root, encoding="UTF-8", xml_declaration=True)
     return made + b"\n"
@@ -83,12 +83,12 @@ def _units(parent: Element, variables: Variables) -> None:
             factor, offset, powers = in_base_units(unit)
         except UnitError:  # known by its name alone
             continue
-        told = {name: str(power) for name, power in powers.items()}
+        entries = {name: str(power) for name, power in powers.items()}
         if factor != 1.0:
-            told["factor"] = repr(factor)
+            entries["factor"] = repr(factor)
         if offset:
-            told["offset"] = repr(offset)
-        SubElement(element, "BaseUnit", told)
+            entries["offset"] = repr(offset)
+        SubElement(element, "BaseUnit", entries)
 
 
 def _told(variables: Variables, source: Source) -> Iterator[_Told]:

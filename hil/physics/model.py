@@ -164,8 +164,8 @@ class Model:
 
 
 def _row(name: str, value: Value) -> tuple[str, str, str]:
-    told = "" if value.std is None else f" ± {2.0 * value.std:.2g}"
-    return name, f"{value.value:.6g}{told}", value.unit
+    interval = "" if value.std is None else f" ± {2.0 * value.std:.2g}"
+    return name, f"{value.value:.6g}{interval}", value.unit
 
 
 def typical_model(name: str) -> Model:

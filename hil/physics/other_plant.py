@@ -32,11 +32,11 @@ def other_plants(model_plant: str, recorded: Iterable[tuple[str, Mapping[str, An
         model_plant: name of the model's plant.
         recorded: (name, header) of each recording.
     """
-    told = [(name, plant_of_run(meta)) for name, meta in recorded]
+    plants = [(name, plant_of_run(meta)) for name, meta in recorded]
     return [
         f"{name} is a run of the plant {own}, the model is of {model_plant}: what a verdict names may be nothing but "
         "the difference between the two plants."
-        for name, own in told
+        for name, own in plants
         if own and own != base_plant(model_plant) and not (_is_general(own) or _is_general(model_plant))
     ]
 

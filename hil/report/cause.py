@@ -19,9 +19,11 @@ _WHOSE = {
 
 def cause_sentences(cause: Cause) -> list[str]:
     """What was found, or that nothing was; then by which command and in which time."""
-    said = _("{answer} This took {seconds} s of {budget} s at most. `{command}` looks again, for as long as it needs.")
+    sentence = _(
+        "{answer} This took {seconds} s of {budget} s at most. `{command}` looks again, for as long as it needs."
+    )
     return [_answer(cause)] if not cause.command else [
-        said.format(answer=_answer(cause), seconds=f"{cause.seconds:.0f}", budget=f"{cause.budget_s:.3g}",
+        sentence.format(answer=_answer(cause), seconds=f"{cause.seconds:.0f}", budget=f"{cause.budget_s:.3g}",
                     command=cause.command)
     ]  # fmt: skip
 
@@ -35,10 +37,10 @@ def _answer(cause: Cause) -> str:
         found = "; ".join(_found(one) for one in weighty[:_MOST])
         more = len(cause.found) - len(weighty[:_MOST])
         found += _("; {n} smaller").format(n=more) if more > 0 else ""
-        said = _("What differs from {beside}: {found}.").format(beside=beside, found=found)
+        sentence = _("What differs from {beside}: {found}.").format(beside=beside, found=found)
         several = [_("Together they describe the answer; one by itself need not be so.")] if len(weighty) > 1 else []
         part = [_("This does not explain all of it.")] if _is_part(cause) else []
-        return " ".join((said, *several, *part))
+        return " ".join((sentence, *several, *part))
     if cause.verdict in ("consistent", "unchanged"):
         return _("The cause cannot be told: the recorded answer agrees with {beside} within its noise.").format(
             beside=beside
@@ -80,13 +82,13 @@ def _is_weighty(one: Found) -> bool:
 def _found(one: Found) -> str:
     """`leakage 80.0 → 100.003 ± 0.015 ml/min (the valve's, 12 % of the change)`."""
     sizes = [_size(one.before, one.before_std, ""), _size(one.after, one.after_std, one.unit)]
-    told = " → ".join(size for size in sizes if size)
+    change = " → ".join(size for size in sizes if size)
     beside = [_(_WHOSE[one.of])] if one.of in _WHOSE else []
     if one.alike:
         names = ", ".join(_(quantity_words(name)) for name in one.alike)
         beside.append(_("or {names}: these data do not tell which").format(names=names))
-    said = f"{_(quantity_words(one.name))} {told}".rstrip()
-    return f"{said} ({', '.join(beside)})" if beside else said
+    sentence = f"{_(quantity_words(one.name))} {change}".rstrip()
+    return f"{sentence} ({', '.join(beside)})" if beside else sentence
 
 
 def _size(value: float | None, std: float | None, unit: str) -> str:

@@ -57,10 +57,10 @@ def origin_facts(origins: Sequence[Origin]) -> list[tuple[str, str]]:
 def _told(one: Origin) -> str:
     valve = one.about.get("valve")
     serial = valve.get("serial") if isinstance(valve, Mapping) else None
-    told = [str(text) for text in (serial, one.about.get("bench"), _date(one.about.get("started_utc"))) if text]
+    facts = [str(text) for text in (serial, one.about.get("bench"), _date(one.about.get("started_utc"))) if text]
     if one.sha256:
-        told.append(_("SHA-256 of {file}").format(file=one.sealed) + f" {one.sha256}")
-    return "; ".join(told) or _("nothing is known of it")
+        facts.append(_("SHA-256 of {file}").format(file=one.sealed) + f" {one.sha256}")
+    return "; ".join(facts) or _("nothing is known of it")
 
 
 def _date(text: Any) -> str:

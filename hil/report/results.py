@@ -108,12 +108,12 @@ def _how_far(m: Measured) -> str:
     if m.std == 0.0:
         return _("it is {where}").format(where=where)
     width = f"{number(_expanded(m), 2)} {unit_text(m.unit)}".rstrip()
-    said = (
+    note = (
         _("it is {where}, but the uncertainty is {width}")
         if m.verdict == "cannot tell"
         else _("it is {where}, and the uncertainty is {width}")
     )
-    return said.format(where=where, width=width)
+    return note.format(where=where, width=width)
 
 
 def result_groups(measured: Iterable[Measured]) -> list[dict[str, Any]]:

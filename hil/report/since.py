@@ -19,13 +19,13 @@ def since_sentences(found: Since) -> list[str]:
         figures = ", ".join(_change(*pair) for pair in found.moved[:_MOST])
         more = len(found.moved) - _MOST
         figures += _(" and {n} more").format(n=more) if more > 0 else ""
-        said = _("Since the run of this unit on {when} ({verdict}): {figures}.").format(
+        sentence = _("Since the run of this unit on {when} ({verdict}): {figures}.").format(
             when=when, verdict=_verdict(found), figures=figures
         )
     else:
-        said = _("Since the run of this unit on {when} ({verdict}) no value changed beyond its uncertainty.").format(
-            when=when, verdict=_verdict(found)
-        )
+        sentence = _(
+            "Since the run of this unit on {when} ({verdict}) no value changed beyond its uncertainty."
+        ).format(when=when, verdict=_verdict(found))
     instruments = (
         _("Both were measured with the same instruments.")
         if found.same_instruments
@@ -35,7 +35,7 @@ def since_sentences(found: Since) -> list[str]:
         "{same} other values did not change beyond their uncertainty, {untold} cannot be compared. {instruments} "
         "`hil diff {run} RUN --model MODEL.json` looks for the cause, in the valve or in the bench."
     ).format(same=found.same, untold=found.untold, instruments=instruments, run=found.run)
-    return [said, rests]
+    return [sentence, rests]
 
 
 def _change(then: Measured, now: Measured) -> str:

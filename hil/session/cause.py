@@ -67,8 +67,8 @@ def cause_of(recording: Recording, folder: Path, earlier: Path | None, budget_s:
         found = Cause(asked.told, asked.since, "", (), "", "", 0.0, budget_s)
         try:
             with terminable():
-                answer, said = _answered(asked.arguments, begun_s + budget_s, budget_s, progress)
-            found = _read(found, answer, said)
+                answer, line = _answered(asked.arguments, begun_s + budget_s, budget_s, progress)
+            found = _read(found, answer, line)
         except KeyboardInterrupt:
             found = replace(found, reason="stopped by the operator")
         except TimeoutError:
@@ -82,10 +82,10 @@ def _question(recording: Recording, folder: Path, earlier: Path | None, place: P
     model = _type_model(recording, place)
     budget = ("--budget", f"{_SEARCHING * budget_s:g}", "--json")
     if earlier is not None:
-        told = ("diff", str(earlier), str(folder), "--model", model)
-        return _Question((*told, *budget), _typed(told, place), earlier.name)
-    told = ("diagnose", "--model", model, str(folder), "--out")
-    return _Question((*told, str(place / "diagnosis"), *budget), _typed((*told, "DIR"), place), "")
+        arguments = ("diff", str(earlier), str(folder), "--model", model)
+        return _Question((*arguments, *budget), _typed(arguments, place), earlier.name)
+    arguments = ("diagnose", "--model", model, str(folder), "--out")
+    return _Question((*arguments, str(place / "diagnosis"), *budget), _typed((*arguments, "DIR"), place), "")
 
 
 def _typed(arguments: Sequence[str], place: Path) -> str:
@@ -117,13 +117,13 @@ def _answered(
     lines: queue.SimpleQueue[str] = queue.SimpleQueue()
     printed: list[str] = []
     readers = [_reader(process.stderr, lines.put), _reader(process.stdout, printed.append)]
-    said, begun_s = "", until_s - budget_s
+    line, begun_s = "", until_s - budget_s
     try:
         while process.poll() is None:
             if (now_s := time.monotonic()) >= until_s:
                 raise TimeoutError
             with suppress(queue.Empty):
-                said = lines.get(timeout=_LOOKS_S)
+                line = lines.get(timeout=_LOOKS_S)
             gone_s = now_s - begun_s
             text = f"verdict written; looking for the cause, {gone_s:.0f} of {budget_s:.0f} s; Ctrl-C leaves it out"
             progress(min(gone_s / budget_s, 1.0), text)
@@ -133,11 +133,11 @@ def _answered(
         for reader in readers:
             reader.join()
     while not lines.empty():
-        said = lines.get()
+        line = lines.get()
     try:
-        return json.loads("".join(printed)), said.strip()
+        return json.loads("".join(printed)), line.strip()
     except ValueError:
-        return None, said.strip()
+        return None, line.strip()
 
 
 def _reader(stream: IO[str] | None, take: Callable[[str], None]) -> threading.Thread:

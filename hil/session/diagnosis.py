@@ -53,10 +53,10 @@ def bound_to(
     """
     command = inputs[0] if inputs and inputs[0] else split_heading(model.input)[0]
 
-    bound, said = experiments_of(
+    bound, warnings = experiments_of(
         model, recordings, lambda _: command, lambda one: for_model(model, one, inputs, output), computing_s
     )
-    return bound, (*other_plants(model.plant, ((one.name, one.meta) for one in recordings)), *said)
+    return bound, (*other_plants(model.plant, ((one.name, one.meta) for one in recordings)), *warnings)
 
 
 def diagnosed(
@@ -93,8 +93,8 @@ def diagnosed(
 
 def _warned(found: Diagnosed, origins: Sequence[Origin]) -> Diagnosed:
     """The diagnosis with a warning, before all others, of a model of another plant."""
-    said = other_plants(found.diagnosis.plant, ((one.name, one.about) for one in origins))
-    return replace(found, diagnosis=replace(found.diagnosis, warnings=(*said, *found.diagnosis.warnings)))
+    warnings = other_plants(found.diagnosis.plant, ((one.name, one.about) for one in origins))
+    return replace(found, diagnosis=replace(found.diagnosis, warnings=(*warnings, *found.diagnosis.warnings)))
 
 
 def of_origins(found: Diagnosed, origins: Sequence[Origin] = ()) -> Diagnosed:

@@ -137,5 +137,5 @@ def _fmu(variables: Variables, out: Path, how: Simulation) -> Exported:
         part.replace(out)
     finally:
         part.unlink(missing_ok=True)
-    told = len(variables.parameters)
-    return Exported("", out, variables.plant.title, told, built.platforms, difference, built.notes)
+    count = len(variables.parameters)
+    return Exported("", out, variables.plant.title, count, built.platforms, difference, built.notes)

@@ -55,8 +55,10 @@ class Identified:
         """A page with the model beside all that it was fitted to. Raises `StorageError`."""
         from hil.report.fit_page import write_fit_page
 
-        said = {name: f"fit {fit:.2f} %" for name, fit in self.fits.items()}
-        write_fit_page(self.model, (*self.experiments, *self.tables), said, self.notes, path, simulated=self.simulated)
+        captions = {name: f"fit {fit:.2f} %" for name, fit in self.fits.items()}
+        write_fit_page(
+            self.model, (*self.experiments, *self.tables), captions, self.notes, path, simulated=self.simulated
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values, schema `hil.identified/1`."""
@@ -73,8 +75,8 @@ class Identified:
 
     def _repr_html_(self) -> str:
         fits = ", ".join(f"{name} {fit:.2f} %" for name, fit in self.fits.items())
-        said = "".join(f"<li>{escape(note)}</li>" for note in self.notes)
-        return f"{self.model._repr_html_()}<p>fit: {escape(fits)}</p><ul>{said}</ul>"
+        items = "".join(f"<li>{escape(note)}</li>" for note in self.notes)
+        return f"{self.model._repr_html_()}<p>fit: {escape(fits)}</p><ul>{items}</ul>"
 
 
 def read_for(
@@ -165,11 +167,11 @@ def identified(
     start = starting_model(plant, free)
     recordings = [one for one in read if isinstance(one, Recording)]
     plant_of = start.definition
-    experiments, said = experiments_of(
+    experiments, assumed = experiments_of(
         start, recordings, lambda one: _channels(one, plant_of, input_name, output_name)[0][0],
         lambda one: bound(one, plant_of, input_name, output_name),
     )  # fmt: skip
-    for note in (*said, *(note for one in experiments for note in one.notes)):
+    for note in (*assumed, *(note for one in experiments for note in one.notes)):
         notes(note)
     is_long = sum(len(one.output) for one in experiments) >= _LONG
     found = fit_plant(start, experiments, free, progress if is_long else lambda _done, _text: None)

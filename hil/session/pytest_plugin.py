@@ -122,10 +122,10 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Draw the seed, once for the whole session; a worker of pytest-xdist takes the one that was drawn for all."""
-    told = getattr(config, "workerinput", {}).get(_SEED)
-    asked = config.getoption("--hil-seed") if told is None else told
-    if told is not None:
-        config.option.hil_seed = told
+    shared = getattr(config, "workerinput", {}).get(_SEED)
+    asked = config.getoption("--hil-seed") if shared is None else shared
+    if shared is not None:
+        config.option.hil_seed = shared
     elif asked == "random":
         config.option.hil_seed = str(secrets.randbelow(_MOST))
     elif asked and not (asked.isdecimal() and int(asked) < _MOST):

@@ -77,8 +77,10 @@ def rehearse(
 def _shown(run: Path, earlier: Recording | None) -> Rehearsal:
     recording = read(run)
     before_s = earlier.duration_s if earlier else 0.0
-    said = [event["details"] for event in recording.meta["events"] if event["event"] == "indicate"]
-    return Rehearsal(recording.duration_s - before_s, tuple(dict.fromkeys(str(details["text"]) for details in said)))
+    indicated = [event["details"] for event in recording.meta["events"] if event["event"] == "indicate"]
+    return Rehearsal(
+        recording.duration_s - before_s, tuple(dict.fromkeys(str(details["text"]) for details in indicated))
+    )
 
 
 def _reason(run: Path, error: Exception) -> str:

@@ -77,8 +77,8 @@ def responses_of_run(path: Path) -> dict[str, ResponseTable]:
     found = response_tables(measured_findings(procedure.evaluate, recording), str(path))
     roles = recording.meta.get("roles", {})
     origin = {SIMULATED: is_simulated(recording.meta)}
-    said = {**origin, "roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
-    return {label: replace(table, meta=said) for label, table in found.items()}
+    meta = {**origin, "roles": roles, "assumed": ["the frequency response as its procedure measured it"]}
+    return {label: replace(table, meta=meta) for label, table in found.items()}
 
 
 def speaks_of(path: Path, inputs: Sequence[str], output: str) -> bool:

@@ -82,12 +82,12 @@ def _measured(evaluate: Callable[[Recording], Findings], recording: Recording) -
     if isinstance(near, InputError):
         raise near
     found = _common(near, Findings() if isinstance(far, InputError) else far)
-    said = [f"{sentence(recording, name, mask)}." for name, mask in lacking.items()]
+    notes = [f"{sentence(recording, name, mask)}." for name, mask in lacking.items()]
     if gone := [m.name for m, kept in zip(near.measured, found.measured, strict=True) if kept.value != m.value]:
-        said.append(f"Not given, or as a bound only, because they rest on these samples: {', '.join(gone)}.")
+        notes.append(f"Not given, or as a bound only, because they rest on these samples: {', '.join(gone)}.")
     if curves := [name for name, curve in near.curves.items() if not _same(curve, found.curves.get(name))]:
-        said.append(f"Not drawn for the same reason, wholly or in part: {', '.join(curves)}.")
-    return replace(found, notes=(*said, *found.notes))
+        notes.append(f"Not drawn for the same reason, wholly or in part: {', '.join(curves)}.")
+    return replace(found, notes=(*notes, *found.notes))
 
 
 def _tried(evaluate: Callable[[Recording], Findings], recording: Recording) -> Findings | InputError:

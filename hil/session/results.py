@@ -144,8 +144,8 @@ def _with_assumed(found: Findings, procedure: Procedure, recording: Recording) -
     """The findings with a note on the settings that had to be assumed."""
     if not (unstated := _unstated(procedure, recording)):
         return found
-    told = ", ".join(f"{name} = {_typed(setting)}" for name, setting in unstated.items())
-    note = f"The header of this run does not state these settings, so the defaults of today were taken: {told}."
+    listed = ", ".join(f"{name} = {_typed(setting)}" for name, setting in unstated.items())
+    note = f"The header of this run does not state these settings, so the defaults of today were taken: {listed}."
     return replace(found, notes=(*found.notes, note))
 
 

@@ -25,14 +25,14 @@ def broken_off(folder: Path, procedure: Procedure, bench: BenchFile) -> Recordin
     if not procedure.resumable:
         raise SettingError(f"procedure '{procedure.name}' cannot be resumed; run it again")
     earlier = read(folder)
-    told = earlier.meta
-    if told.get("procedure") != procedure.name:
-        raise SettingError(f"{folder}: a run of '{told.get('procedure')}', not of '{procedure.name}'")
-    if told.get("bench_file") != bench.text:
+    meta = earlier.meta
+    if meta.get("procedure") != procedure.name:
+        raise SettingError(f"{folder}: a run of '{meta.get('procedure')}', not of '{procedure.name}'")
+    if meta.get("bench_file") != bench.text:
         raise SettingError(
             f"{folder}: recorded with another bench file than {bench.path}; its copy stands in run.json, bench_file"
         )
-    if told.get("outcome") == "completed":
+    if meta.get("outcome") == "completed":
         raise FileError(f"{folder}: this run was completed; there is nothing to resume")
     return earlier
 

@@ -33,8 +33,8 @@ class Setting:
         if not _has_numbers(self.type):
             return ""
         suffix = next((unit for ending, unit in _ENDINGS.items() if self.name.endswith(ending)), "")
-        told = _IN_UNIT.search(self.meaning)
-        return suffix or (told[1] if told else "")
+        match = _IN_UNIT.search(self.meaning)
+        return suffix or (match[1] if match else "")
 
     def parsed(self, given: Any) -> Any:
         """A value of the declared type, from text (`5,10,20`, `yes`, `[[0, 1], [2, 3]]`) or from a value.

@@ -76,9 +76,9 @@ def tables_of(sources: Iterable[Source], reading: Reading = AS_IT_IS, part: str 
 
 def notes_on(read: Sequence[Recording | ResponseTable], experiments: Iterable[Experiment] = ()) -> list[str]:
     """What was assumed or changed when these were read and used, a sentence each, none twice."""
-    said = []
+    notes = []
     for one in read:
         missing = [f"no unit is stated for '{name}', taken as 1" for name in one.meta.get("units_missing", ())]
-        told = [*one.meta.get("assumed", ()), *one.meta.get("unmeasured", ()), *missing]
-        said += [f"{one.name}: {sentence}" for sentence in told]
-    return list(dict.fromkeys([*said, *(note for e in experiments for note in e.notes)]))
+        sentences = [*one.meta.get("assumed", ()), *one.meta.get("unmeasured", ()), *missing]
+        notes += [f"{one.name}: {sentence}" for sentence in sentences]
+    return list(dict.fromkeys([*notes, *(note for e in experiments for note in e.notes)]))

@@ -150,9 +150,9 @@ def whitener_of(rest: Array, orders: tuple[int, ...] = (1, 2, 4, 8, 16)) -> Arra
         lagged = np.array([float(centred[: n - k] @ centred[k:]) for k in range(order + 1)])
         weights = solve_toeplitz(lagged[:-1], lagged[1:])
         left = float(lagged[0] - weights @ lagged[1:])
-        told = n * np.log(max(left, 1e-12 * power)) + order * np.log(n)
-        if told < score:
-            best, score = np.concatenate(([1.0], -weights)), told
+        cost = n * np.log(max(left, 1e-12 * power)) + order * np.log(n)
+        if cost < score:
+            best, score = np.concatenate(([1.0], -weights)), cost
     return best
 
 

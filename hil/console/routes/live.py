@@ -60,10 +60,10 @@ def _told(console: Console, name: str) -> dict[str, Any]:
     """State, last words and verdict of a run."""
     started = console.started.get(name)
     status = started.exit_status if started else None
-    said = started.last_line.removeprefix("hil: ") if started else ""
-    told: dict[str, Any] = {
+    message = started.last_line.removeprefix("hil: ") if started else ""
+    state: dict[str, Any] = {
         "run": name,
-        "text": said,
+        "text": message,
         "share": None,
         "left": "",
         "exit_status": status,
@@ -80,15 +80,15 @@ def _told(console: Console, name: str) -> dict[str, Any]:
         if started is None:
             raise
         if status is None:
-            return {**told, "state": "starting"}
+            return {**state, "state": "starting"}
         if status < 0 or status >= _SIGNALS:
-            return {**told, "state": "ended", "outcome": "stopped; nothing was driven"}
-        return {**told, "state": "refused", "outcome": said}
+            return {**state, "state": "ended", "outcome": "stopped; nothing was driven"}
+        return {**state, "state": "refused", "outcome": message}
     done = progress_of(folder)
     evaluating = run.state == "ended" and done is not None and lives(done.pid)
     looks_at_it = {"state": "evaluating"} if evaluating else {}
     return {
-        **told, **_progress(done), **run.told, "ending": ending_of(folder), **looks_at_it, **_verdict(folder),
+        **state, **_progress(done), **run.told, "ending": ending_of(folder), **looks_at_it, **_verdict(folder),
         "report": is_regular(folder, "report.html"),
     }  # fmt: skip
 
