@@ -40,6 +40,7 @@ def as_json(found: Sequence[Outcome]) -> dict[str, Any]:
 
 def draw(found: Sequence[Outcome], path: Path) -> None:
     """A figure: every change over its d, by what was said of it."""
+    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 2.4), layout="constrained")
@@ -53,7 +54,8 @@ def draw(found: Sequence[Outcome], path: Path) -> None:
     axis.set_xlim(0.01, 20.0)
     axis.set_yticks(range(len(_SAID)), list(_SAID))
     axis.set_xlabel("d: change over noise and what the model left before (rms)")
-    figure.savefig(path, metadata={"Date": None})
+    with rc_context({"svg.fonttype": "none"}):
+        figure.savefig(path)
 
 
 def _groups(found: Sequence[Outcome]) -> Iterable[tuple[str, list[Outcome]]]:
