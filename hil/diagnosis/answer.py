@@ -49,7 +49,6 @@ from hil.diagnosis.search.around import around
 from hil.diagnosis.search.fitted import Fitted, change_without, output_of
 from hil.diagnosis.search.polish import roughly
 from hil.diagnosis.search.terms import Term
-from hil.diagnosis.shadow import shadow
 from hil.diagnosis.wording import (
     drifted,
     headline,
@@ -198,7 +197,6 @@ class Answer:
             warnings=self._all_warnings(changed),
             false_alarms=self._false_alarms(),
             seconds=round(seconds, 3),
-            shadow=shadow(self.found),
             strips=drawn,
             spectra=spectra(problem, nominal, self.used),
             question=self.asked.asked,

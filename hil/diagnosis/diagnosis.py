@@ -184,7 +184,6 @@ class Diagnosis:
     Attributes:
         chain: (hook, stage) in order of the signal. `stage_shares`: as in `Left.stages`, for the nominal model.
         kept_back: what `held_out` was judged on.
-        shadow: the verdict by one score beside this one (see `hil.diagnosis.score`); it decides nothing.
         question: what was asked, and `why_asked`. `gate`: the statistic that says whether the unit has changed, where
             the model left more than noise. `left_out`: the other question's answer, where *changed* was asked.
         corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations and their samples.
@@ -214,7 +213,6 @@ class Diagnosis:
     warnings: tuple[str, ...]
     false_alarms: FalseAlarms
     seconds: float
-    shadow: Mapping[str, Any] = field(default_factory=dict)
     strips: tuple[Strip, ...] = ()
     spectra: tuple[Spectrum, ...] = ()
     question: Asked = "left_out"
@@ -269,7 +267,6 @@ class Diagnosis:
             "seconds": self.seconds,
             "work": dict(self.work),
             SIMULATED: self.simulated,
-            "shadow": dict(self.shadow),
         }
 
     def as_text(self) -> str:

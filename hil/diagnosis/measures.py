@@ -140,16 +140,6 @@ def are_themselves(f: Fitted) -> bool:
     return all(is_itself(f, term) for term in f.terms)
 
 
-def is_another(f: Fitted) -> bool:
-    """Whether a shape that tells an effect from others has ended where the effect would be another one."""
-    return any(
-        u.at_bound(value) and _room(u, value, telling) < 0.5 * (u.high - u.low)
-        for term, own in zip(f.terms, f.values, strict=True)
-        for u, value in zip(term.unknowns, own, strict=True)
-        if (telling := dict(term.telling).get(u.name))
-    )
-
-
 def _room(u: Unknown, value: float, telling: str) -> float:
     """How far a shape is from where it would be that of another effect."""
     return u.high - value if telling == "upper end" else min(value - u.low, u.high - value)

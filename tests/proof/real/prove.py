@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -49,7 +48,6 @@ class Outcome:
         left: share of the misfit that stays.
         seen, unseen: fits on what was used and on what was kept back; None where nothing was.
         uneven: recordings with uneven time stamps.
-        by_score: verdict and names by the one score that stands beside the decision.
         seconds: of the diagnosis. `failure`: why there is no diagnosis.
     """
 
@@ -64,7 +62,6 @@ class Outcome:
     unseen: Fits | None = None
     uneven: int = 0
     warnings: tuple[str, ...] = ()
-    by_score: str = ""
     seconds: float = 0.0
     failure: str = ""
 
@@ -106,13 +103,8 @@ def _proved(real: RealSet, folder: Path) -> Outcome:
         real, said.verdict, tuple(e.name for e in said.effects), described, effects,
         _free(plant, corrected), said.left.share, _mean([_kept_back(models, e, 0) for e in used]), _mean(kept_back),
         sum(not r.is_even() for r in fitted), said.warnings,
-        _by_score(said.shadow), seconds,
+        seconds,
     )  # fmt: skip
-
-
-def _by_score(shadow: Mapping[str, Any]) -> str:
-    names = " + ".join(name.replace("_", " ") for name in shadow["names"])
-    return f"{shadow['verdict'].replace('_', ' ')}{': ' if names else ''}{names}"
 
 
 def fitted_by_hand(real: RealSet, nominal: Model, used: Sequence[Experiment]) -> Model:

@@ -11,7 +11,7 @@ from .prove import Fits, Outcome
 
 HEADINGS = (
     "set", "known to be left out", "verdict", "effects in the corrected model", "fitted part", "kept back", "reference",
-    "s", "by the score",
+    "s",
 )  # fmt: skip
 START, STOP = "<!-- measured: python -m tests.proof.real --page -->", "<!-- end of what was measured -->"
 
@@ -23,11 +23,10 @@ def cells(outcome: Outcome) -> tuple[str, ...]:
     reference = f"{said} ({outcome.real.reference_of})"
     known = ", ".join(name.replace("_", " ") for name in outcome.real.left_out)
     if outcome.failure:
-        return (outcome.real.name, known, f"failed: {outcome.failure}", "", "", "", reference, "", "")
+        return (outcome.real.name, known, f"failed: {outcome.failure}", "", "", "", reference, "")
     return (
         outcome.real.name, known, outcome.verdict.replace("_", " "), _effects(outcome), _fits(outcome.seen),
         _fits(outcome.unseen), reference, f"{outcome.seconds:.0f}",
-        outcome.by_score,
     )  # fmt: skip
 
 
