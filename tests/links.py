@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import random
 import re
 import signal
 import socket
 import subprocess
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from hil.bench.read import BenchFile, read_bench
 from hil.bench.twin import serve
 from tests.waits import PATIENCE_S
 
+_ANY = random.SystemRandom()  # workers that share a seed must not ask for the same
 SELDOM = tuple((f"sample_rate_hz = {rate_hz}\n", "sample_rate_hz = 20\n") for rate_hz in (50, 100))
 # What a link waits for an answer, and how often it is asked, where that is not what is tried: a busy computer is slow.
 ANSWERS = (
@@ -39,9 +41,12 @@ CALM = (
 
 
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
+    """A port that nobody has, below those that the system gives to connections: one of these may be gone soon."""
+    while True:
+        port = _ANY.randrange(15_000, 32_000)
+        with suppress(OSError), socket.socket() as probe:
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def bench_text(bench: str, *changes: tuple[str, str]) -> str:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import socket
 import subprocess
 import tempfile
 import time
@@ -12,6 +11,8 @@ import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+
+from tests.links import free_port
 
 _PLACES = ("/usr/lib/postgresql", "/usr/local/pgsql")
 _START_S = 600.0
@@ -33,7 +34,7 @@ def served(programs: Path) -> Iterator[str]:
     folder = Path(tempfile.mkdtemp(prefix="hil-pg-"))
     if user:
         shutil.chown(folder, **user)
-    port = _free_port()
+    port = free_port()
     options = ["-A", "trust", "-U", "hil", "-E", "UTF8", "--no-sync", "-D", str(folder / "data")]
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": folder, **user}
     subprocess.run([programs / "initdb", *options], check=True, **quiet)
@@ -70,10 +71,3 @@ def _wait(port: int, server: subprocess.Popen[bytes]) -> None:
         else:
             return
     raise RuntimeError(f"PostgreSQL did not start within {_START_S:g} s")
-
-
-def _free_port() -> int:
-    with socket.socket() as found:
-        found.bind(("127.0.0.1", 0))
-        port: int = found.getsockname()[1]
-        return port

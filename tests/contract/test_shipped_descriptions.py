@@ -25,6 +25,7 @@ pytestmark = pytest.mark.xdist_group(
 
 NAMES = sorted(descriptions())
 DRIVES, OBEYS, GOES_SAFE = "drives_what_it_is_told", "obeys_every_command", "goes_to_its_safe_value_when_told"
+_TRIES = 3  # a busy computer is late now and then
 WATCHDOG, READS = "has_the_watchdog_that_it_promises", "reads_what_is_there"
 WATCHDOG_S = 1.5
 
@@ -203,9 +204,10 @@ def _asked(name: str) -> list[str]:
 def test_a_device_that_is_as_described_passes(name: str) -> None:
     for check in sorted({LIES[lie].check for lie in _asked(name)}):
         with examined(name, None) as subject:
-            verdict, text = verdict_of(CHECKS[check], subject)
-            if verdict == "broken":
-                verdict, text = verdict_of(CHECKS[check], subject)  # a busy computer is late now and then
+            for _ in range(_TRIES):
+                verdict, text = verdict_of(CHECKS[check], subject)
+                if verdict == "passed":
+                    break
         assert verdict == "passed", f"{check}: {text}"
 
 

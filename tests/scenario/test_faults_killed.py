@@ -64,7 +64,8 @@ def test_killed(tmp_path: Path) -> None:
         word = told(folder)  # when nothing late can come any more
     assert after_s is not None
     assert "watchdog" not in err  # a reader of the pipe does not wait for it
-    assert word["why"] == "ended without making its outputs safe" and "safe_after_s" in word
+    silent = "gave no sign of life for 1 s while outputs were driven, and was killed"  # on a busy machine before we did
+    assert word["why"] in ("ended without making its outputs safe", silent) and "safe_after_s" in word
     recording = read_recording(folder)
     assert "not closed" in recording.meta["incomplete"]
     assert recording.values("command")[-1] == 40.0

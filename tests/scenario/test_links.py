@@ -134,7 +134,7 @@ def test_devices_are_served_in_a_process_of_their_own(tmp_path: Path) -> None:
     path.write_text(moved(answered(bench_text("hpv41-mixed", *CALM)), tmp_path), encoding="utf-8")
     with devices_of(path) as (process, told):
         daq = read_bench(path).open()
-        block = joined(list(daq.play(Waveform(50.0, {"command": np.full(10, 30.0)}))))
+        block = joined(list(daq.play(Waveform(10.0, {"command": np.full(10, 30.0)}))))
         daq.close()
     assert [line.partition(" at ")[0] for line in told[:3]] == [
         "valve: canopen_valve", "meter: modbus", "module: ascii_module",
