@@ -258,7 +258,7 @@ def _refuse_contradiction(name: str, clock: Column, time_s: Array, columns: Sequ
         FileError: how long the two say that it took, and what settles it.
     """
     label = clock.name_and_unit[0]
-    if clock.is_dated or reading.time or label in reading.units or "time" in reading.units:
+    if not len(time_s) or clock.is_dated or reading.time or label in reading.units or "time" in reading.units:
         return
     for beside in columns:
         if not beside.is_dated or len(beside.values) != len(time_s):
@@ -312,13 +312,13 @@ def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken],
         in_one_piece = np.array_equal(one.time_s, base.time_s[first : first + count])
         return one.table == base.table and 2 * count < len(base.time_s) and in_one_piece and is_even(one.time_s)
 
+    brief = [one for one in taken if is_brief(one)]
     said = [
         f"left out, {len(one.time_s)} samples beside {len(base.time_s)} of {base.column.name_and_unit[0]}: "
         f"{one.column.heading}"
-        for one in taken
-        if is_brief(one)
+        for one in brief
     ]
-    return [one for one in taken if not is_brief(one)], said
+    return [one for one in taken if one not in brief], said
 
 
 def _check_stamps(name: str, one: _Taken, place: Callable[[int], str] | None) -> None:

@@ -81,6 +81,14 @@ def test_two_clocks_of_different_units_are_refused_until_somebody_says(tmp_path:
         assert read(tmp_path, heading, stamps, reading).duration_s == pytest.approx(5.95)
 
 
+def test_two_clocks_without_a_sample_are_a_file_without_one(tmp_path: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    empty = {"Test_Time [s]": np.zeros(0), "DateTime": np.zeros(0, dtype="M8[ns]"), "u [V]": np.zeros(0)}
+    pandas.DataFrame(empty).to_parquet(tmp_path / "x.parquet")
+    with pytest.raises(FileError, match="no signal with a time was found"):
+        read_recording(tmp_path / "x.parquet")
+
+
 def test_stamps_that_are_shown_to_the_minute_contradict_nothing(tmp_path: Path) -> None:
     start = datetime(2025, 6, 5, 9, 0, 57)
     moments = [start + timedelta(seconds=STEP_S * i) for i in range(COUNT)]
