@@ -66,6 +66,11 @@ class Changed:
         """So many independent rows there are: χ² that the remainder leaves."""
         return max(float(np.count_nonzero(self.rows.valid)) / self.as_one, 1.0)
 
+    @property
+    def left_as_it_was(self) -> Array:
+        """What `residuals` are of the unit as it was, which nothing need be simulated for; shape (n,)."""
+        return self._weight * self.later.left
+
     def residuals(self, parameters: Mapping[str, float], effects: Sequence[ActiveEffect]) -> Array:
         """What a changed model leaves of the rows, without the skeleton misfit; shape (n,).
 

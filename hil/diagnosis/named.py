@@ -11,7 +11,7 @@ from hil.cores import spread
 from hil.diagnosis.changed import Changed
 from hil.diagnosis.decide import Choice
 from hil.diagnosis.kept_back import NOTHING, KeptBack
-from hil.diagnosis.score import Hypothesis, Noise, Row, Table, table, verdict
+from hil.diagnosis.score import Hypothesis, Noise, Table, table, verdict
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.diagnosis.yardsticks import AT_A_GLANCE, ROUGHLY, Effort
@@ -40,12 +40,13 @@ def named(changed: Changed) -> Choice:
     problem.work.at(0.2, "fitting what may have changed")
     fits = _fitted(changed, terms)
     scores = _scores(changed, fits, len({term.label for term in terms}))
-    by_label = {_hypothesis(f).names or _hypothesis(f).changed: f for f in reversed(fits)}
-    ranked = [by_label[key] for row in scores.rows if not row.is_open and (key := _named(row)) in by_label]
-    best = by_label.get(_named(scores.first), ranked[0])
-    names = list(dict.fromkeys(name for row in scores.ambiguous for name in _named(row)))
-    whole = next(row.left for row in scores.rows if not row.is_open and not _named(row))
-    left = next(row.left for row in scores.rows if not row.is_open and by_label.get(_named(row)) is best)
+    by_label = {_causes(_hypothesis(f)): f for f in reversed(fits)}
+    ranked = [by_label[key] for row in scores.rows if not row.is_open and (key := _causes(row.hypothesis)) in by_label]
+    best = by_label.get(_causes(scores.first.hypothesis), ranked[0])
+    names = list(dict.fromkeys(name for row in scores.ambiguous for name in _causes(row.hypothesis)))
+    whole = next(row.left for row in scores.rows if not row.is_open and not _causes(row.hypothesis))
+    closed = (row for row in scores.rows if not row.is_open)
+    left = next(row.left for row in closed if by_label.get(_causes(row.hypothesis)) is best)
     chances = {name: scores.chance(name) for key in by_label for name in key}
     told = verdict(scores, is_alarm=True)
     shown = [evaluated(problem, f) for f in (best, *(f for f in ranked if f is not best))]
@@ -70,7 +71,7 @@ def predicted(changed: Changed, f: Fitted, kept: KeptBack) -> Array:
 def _scores(changed: Changed, fits: Sequence[Fitted], names: int) -> Table:
     """Every cause, nothing, and each with something unknown beside it."""
     noise = Noise(changed.count, *_SCALE, changed.count, names)
-    r = changed.residuals(changed.problem.model.values, changed.problem.model.active_effects)
+    r = changed.left_as_it_was
     return table(noise, [Hypothesis((), float(r @ r)), *map(_hypothesis, fits)])
 
 
@@ -79,8 +80,8 @@ def _hypothesis(f: Fitted) -> Hypothesis:
     return Hypothesis(f.names, f.chi2, 1, f.unknowns, changed)
 
 
-def _named(row: Row) -> tuple[str, ...]:
-    return (*row.hypothesis.names, *row.hypothesis.changed)
+def _causes(h: Hypothesis) -> tuple[str, ...]:
+    return (*h.names, *h.changed)
 
 
 def _fitted(changed: Changed, terms: Sequence[Term]) -> list[Fitted]:
