@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -11,6 +12,7 @@ from types import FrameType
 HALT = getattr(signal, "SIGUSR1", signal.SIGTERM)
 """Delivers a stop that was asked for from outside (see `hil.safety.operator`)."""
 
+_AGAIN_S = 0.01
 _NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGQUIT", "SIGBREAK", "SIGUSR1")
 _SIGNALS = [getattr(signal, name) for name in _NAMES if hasattr(signal, name)]
 
@@ -102,6 +104,8 @@ class _Requests:
             self._raise(self.came[0])
 
     def _on_signal(self, number: int, _frame: FrameType | None) -> None:
+        if number == HALT and HALT in self.came:
+            return  # the same stop once more
         self.came.append(number)
         if self.cut and number == HALT:
             raise Halted
@@ -116,8 +120,25 @@ class _Requests:
         raise error
 
     def send_halt(self) -> bool:
-        """Interrupt the main thread, also where it waits; whether anybody listens there and a signal can be sent."""
+        """Interrupt the main thread, also where it waits; whether anybody listens there and a signal can be sent.
+
+        A signal that comes just before a wait begins does not end that wait: it is sent until it was heard.
+        """
+        came = self.came
+        is_sent = self._send_halt(came)
+        if is_sent:
+            threading.Thread(target=self._halt_until_heard, args=(came,), name="hil-halt", daemon=True).start()
+        return is_sent
+
+    def _halt_until_heard(self, came: list[int]) -> None:
+        while HALT not in came and self._send_halt(came):
+            time.sleep(_AGAIN_S)
+
+    def _send_halt(self, came: list[int]) -> bool:
+        """To the section whose signals are `came`, not to a later one."""
         with self.giving_back:
+            if came is not self.came:
+                return False
             main = threading.main_thread().ident
             if HALT not in self._before or main is None or not hasattr(signal, "pthread_kill"):
                 return False

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -44,60 +44,60 @@ def later(after_s: float, do: Callable[[], object]) -> threading.Thread:
     return thread
 
 
+class Pressing(Remote):
+    """Somebody presses stop as soon as it stands at a level, however late a busy computer brings it there.
+
+    Attributes:
+        asked_s: when that was.
+    """
+
+    def __init__(self, operator: Operator, is_there: Callable[[float], bool], deaf: bool = False) -> None:
+        super().__init__(deaf)
+        self._operator, self._is_there = operator, is_there
+        self.asked_s = 0.0
+
+    def drive(self, values: Mapping[str, float]) -> None:
+        super().drive(values)
+        if not self.asked_s and self._is_there(self.at):
+            self.asked_s = time.monotonic()
+            self._operator.ask("stop")
+
+    @property
+    def safe_s(self) -> float:
+        """How long after that it was told to be safe."""
+        return min(at_s for at_s, value in self.given if at_s > self.asked_s and value == 0.0) - self.asked_s
+
+
 def halted(
-    remote: Remote, ramps: dict[str, float], operator: Operator, samples: int, after_s: float,
-    press: Callable[[], object], latch: Latch | None = None,
-) -> tuple[Outputs, float]:  # fmt: skip
-    """What is known of the output after a run at 5 V that somebody stopped, and how long the run took."""
-    begun_s = time.monotonic()
+    remote: Remote, ramps: dict[str, float], operator: Operator, samples: int, latch: Latch | None = None
+) -> Outputs:
+    """What is known of the output after a run at 5 V that somebody stopped."""
     try:
         with terminable(), guarded(remote, ramps, operator, latch) as guard:
-            timer = later(after_s, press)  # once there is something to stop
             list(guard.play(Waveform(RATE_HZ, {"valve": np.full(samples, 5.0)})))
     except Halted:
-        timer.join()
-        return guard.known, time.monotonic() - begun_s
+        return guard.known
     raise AssertionError("the run was not stopped")
-
-
-def stopped_in_a_block(ramps: dict[str, float]) -> tuple[Remote, float, Outputs, list[tuple[float, bool]], Latch]:
-    """Driven at 5 V in blocks of seconds, stopped in the middle of one: when it was asked, and what was told."""
-    remote, operator, latch = Remote(), Operator(), Latch()
-    asked_s: list[float] = []
-    told: list[tuple[float, bool]] = []
-    operator.tell = lambda known: told.append((time.monotonic(), known.are_safe))
-
-    def press() -> None:
-        asked_s.append(time.monotonic())
-        operator.ask("stop")
-
-    known, _ = halted(remote, ramps, operator, 2000, 0.2, press, latch)
-    return remote, asked_s[0], known, told, latch
 
 
 @pytest.mark.parametrize("ramps", [{}, RAMP], ids=["jump", "ramp"])
 def test_stop_cuts_a_block_and_jumps(ramps: dict[str, float]) -> None:
-    remote, asked_s, known, told, latch = stopped_in_a_block(ramps)
-    after = [(at_s - asked_s, value) for at_s, value in remote.given if at_s > asked_s + 0.03]
-    assert {value for _, value in after} <= {0.0, 5.0}, "no ramp"
-    safe_s = min(at_s for at_s, value in remote.given if at_s > asked_s and value == 0.0) - asked_s
-    assert safe_s < BUSY_S, "not at the end of the block"
-    assert told[0][1] and told[0][0] - asked_s < BUSY_S
+    operator, latch = Operator(), Latch()
+    told: list[tuple[float, bool]] = []
+    operator.tell = lambda known: told.append((time.monotonic(), known.are_safe))
+    remote = Pressing(operator, lambda level: level == 5.0)
+    known = halted(remote, ramps, operator, 2000, latch)
+    assert {value for _, value in remote.given} <= {0.0, 5.0}, "no ramp"
+    assert remote.safe_s < BUSY_S, "not at the end of the block"
+    assert told[0][1] and told[0][0] - remote.asked_s < BUSY_S
     assert known.are_safe and not latch.trips
 
 
 def test_stop_on_the_way_down_makes_it_a_jump() -> None:
-    remote, operator, asked_s = Remote(), Operator(), list[float]()
-
-    def press() -> None:
-        while not (remote.given and 0.0 < remote.at < 5.0):
-            time.sleep(0.005)
-        asked_s.append(time.monotonic())
-        operator.ask("stop")
-
-    known, _ = halted(remote, RAMP, operator, 10, 0.1, press)
-    safe_s = min(at_s for at_s, value in remote.given if at_s > asked_s[0] and value == 0.0) - asked_s[0]
-    assert safe_s < BUSY_S, "the ramp would have taken ten seconds"
+    operator = Operator()
+    remote = Pressing(operator, lambda level: 0.0 < level < 5.0)
+    known = halted(remote, RAMP, operator, 10)
+    assert remote.safe_s < BUSY_S, "the ramp would have taken ten seconds"
     assert known.are_safe and remote.at == 0.0
 
 
@@ -107,13 +107,14 @@ def test_stop_ends_an_endless_loop() -> None:
     def run() -> None:
         with terminable(), guarded(remote, {}, operator) as guard:
             list(guard.play(Waveform(RATE_HZ, {"valve": np.full(10, 5.0)})))
+            timers.append(later(0.1, lambda: operator.ask("stop")))
             while True:
                 pass
 
-    timer = later(0.6, lambda: operator.ask("stop"))
+    timers: list[threading.Thread] = []
     with pytest.raises(Halted):
         run()
-    timer.join()
+    timers[0].join()
     assert remote.at == 0.0 and 5.0 in [value for _, value in remote.given]
 
 
@@ -159,10 +160,10 @@ def test_run_in_another_thread_is_stopped_at_its_next_block() -> None:
 
 
 def test_stop_is_told_what_cannot_be_confirmed() -> None:
-    remote, operator = Remote(deaf=True), Operator()
+    operator = Operator()
     told: list[str] = []
     operator.tell = lambda known: told.append(known.known["valve"].state)
-    known, _ = halted(remote, {}, operator, 300, 0.3, lambda: operator.ask("stop"))
+    known = halted(Pressing(operator, lambda level: level == 5.0, deaf=True), {}, operator, 300)
     assert told[0] == "driven" and not known.settled
 
 
