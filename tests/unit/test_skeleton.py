@@ -13,9 +13,9 @@ import pytest
 from hil.diagnosis.diagnose import diagnose
 from hil.diagnosis.diagnosis import Diagnosis
 from hil.diagnosis.question import question_of
-from hil.diagnosis.skeleton.gate import ALARM, later_of
+from hil.diagnosis.skeleton.gate import ALARM, before_of, later_of
 from hil.diagnosis.skeleton.misfit import scattered
-from hil.diagnosis.skeleton.rows import rows_of
+from hil.diagnosis.skeleton.rows import Rows, row_s, rows_of
 from hil.diagnosis.skeleton.table import Table, read_table, table_of
 from hil.errors import FileError, SettingError
 from hil.identification.content import content_of, is_of_its_origin
@@ -126,6 +126,26 @@ def test_a_plant_that_adds_up_its_errors_is_led_back_to_the_recording() -> None:
 def test_a_cylinder_adds_up_its_errors() -> None:
     cylinder = plant("hydraforce-open-loop")
     assert not cylinder.forgets(cylinder.typical)
+
+
+def test_rows_of_a_plant_that_adds_up_are_as_short_as_its_observer_asks() -> None:
+    """Its step response ends at the stop after 13 s; rows of nearly a second heard no change."""
+    cylinder = plant("hydraforce-open-loop")
+    current, place = 0.6 * np.sign(np.sin(TIME_S)), np.zeros(len(TIME_S))
+    e = experiment(recording("a", TIME_S, {"current [A]": current, "position [mm]": place}), cylinder)
+    assert row_s(typical_model(cylinder.name), [e]) == pytest.approx(0.5 / 15.0)
+
+
+def test_each_channel_has_a_skeleton_misfit_of_its_own() -> None:
+    """What misleads the output one way may mislead a pressure the other way."""
+    count, rng = 2400, np.random.default_rng(3)
+    changes = rng.standard_normal((5, count)).astype(np.float32)
+    place = np.arange(count)
+    channel, recorded_in = place // 400 % 2, place // 800
+    misfit = np.where(channel == 0, 30.0, -30.0) * changes[0] + rng.standard_normal(count)
+    state = rng.standard_normal((count, 3))
+    rows = Rows(misfit, changes, state, recorded_in, channel, place // 100, np.ones(count, dtype=np.bool_), 1)
+    assert before_of(rows).left < 0.01
 
 
 def test_no_alarm_below_what_recordings_of_before_reach_themselves(table: Table) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtri, stdtr
 
-from hil.diagnosis.skeleton.misfit import Mask, Misfit, Products, Remainder, remainder, rms_of, scaled
+from hil.diagnosis.skeleton.misfit import Mask, Misfit, Remainder, learned, leaves, remainder
 from hil.diagnosis.skeleton.rows import Rows
 from hil.record.recording import Array
 
@@ -25,7 +25,8 @@ class Before:
     """What is known of the unit that the model was identified from.
 
     Attributes:
-        misfit: fitted to all recordings of before. `remainder`: the scale of what it leaves of others.
+        misfits: of each channel, fitted to all recordings of before.
+        remainder: the scale of what they leave of others.
         count_as_one: of every column, so many rows of what is left tell as much as one, shape (columns,).
         least: those at the least. `information`: of every column in the recordings of before, shape (columns,).
         blocks: so many of them tell how many rows count as one, shape (columns,): what shows in few is not known.
@@ -35,7 +36,7 @@ class Before:
         beyond_noise: variance of the rows that the nominal model leaves beyond white noise, over the noise's variance.
     """
 
-    misfit: Misfit
+    misfits: tuple[Misfit, ...]
     remainder: Remainder
     count_as_one: Array
     least: float
@@ -81,7 +82,7 @@ def before_of(rows: Rows) -> Before:
     for k in np.unique(fold):
         others = np.where(fold == k, -1, fold)
         if len(np.unique(others[others >= 0])) > 1:
-            reach.append(later_of(_learned(rows, others), _some(rows, fold == k)).z)
+            reach.append(later_of(_learned(rows, others), rows.some(fold == k)).z)
     return replace(learned, reach=tuple(reach))
 
 
@@ -100,12 +101,12 @@ def _folds(rows: Rows) -> NDArray[np.int64]:
 
 def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
     known = rows.valid & (fold >= 0)
-    rms = rms_of(rows, known)
-    products = Products(rows, scaled(rows, rms), fold, rms)
     left, leverage = np.zeros(len(fold)), np.zeros(len(fold))
-    for k in products.folds:
-        own = fold == k
-        left[own], leverage[own] = products.without(k, products.ridge).leaves(_some(rows, own), products.d[own])
+    misfits = []
+    for channel in np.unique(rows.channel[known]):
+        own = rows.channel == channel
+        misfit, left[own], leverage[own] = learned(rows.some(own), fold[own])
+        misfits.append(misfit)
     scale = remainder(rows, left, leverage, known)
     std = scale.std_of(rows, leverage)
     g, information = _blocks(rows, left, std, known)
@@ -113,10 +114,10 @@ def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
     count = (g**2).sum(axis=1) / np.maximum(total, 1e-9)
     blocks = total**2 / np.maximum((information**2).sum(axis=1), 1e-30)
     live = total > _ENOUGH * np.median(total)
-    levers = [float(np.mean(leverage[(fold == k) & rows.valid])) for k in products.folds]
+    levers = [float(np.mean(leverage[(fold == k) & rows.valid])) for k in np.unique(fold[known])]
     beyond = [float(np.mean(np.square(values[known]))) for values in (left, rows.misfit)]
     return Before(
-        products.fitted(products.folds, products.ridge), scale, count,
+        tuple(misfits), scale, count,
         float(np.median(count[live])) if live.any() else 1.0, total, np.maximum(blocks, 1.0), max(levers), (),
         beyond[0] / max(beyond[1], 1e-12), beyond[1] - 1.0 / rows.samples,
     )  # fmt: skip
@@ -124,7 +125,7 @@ def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
 
 def later_of(before: Before, rows: Rows) -> Later:
     """The statistic of later recordings: no single one of them makes it; halves where there is only one."""
-    left, leverage = before.misfit.leaves(rows)
+    left, leverage = leaves(before.misfits, rows)
     std = before.remainder.std_of(rows, leverage)
     g, information = _blocks(rows, left, std, rows.valid)
     owner = _owners(rows)
@@ -173,11 +174,3 @@ def _blocks(rows: Rows, left: Array, std: Array, use: Mask) -> tuple[Array, Arra
 
 def _firsts(block: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.flatnonzero(np.diff(block, prepend=-1)).astype(np.int64)
-
-
-def _some(rows: Rows, own: Mask) -> Rows:
-    return Rows(
-        rows.misfit[own], rows.changes[:, own], rows.state[own], rows.recording[own], rows.channel[own],
-        rows.block[own],
-        rows.valid[own], rows.samples,
-    )  # fmt: skip

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -30,9 +30,10 @@ _FARTHEST = 30.0
 
 @dataclass(frozen=True)
 class Misfit:
-    """A linear model of the misfit of before.
+    """A linear model of the misfit of one channel before: a wrong structure need not mislead all of them alike.
 
     Attributes:
+        channel: its place.
         rms: of every column on the recordings of before; 0 of those that do nothing there. Shape (columns,).
         coefficients: of the columns over their rms, shape (columns,).
         directions: in which columns the recordings of before tell something, shape (k, columns), scaled so that the
@@ -40,6 +41,7 @@ class Misfit:
         ridge: λ.
     """
 
+    channel: int
     rms: Array
     coefficients: Array
     directions: Array
@@ -56,6 +58,31 @@ class Misfit:
         seen = d @ self.directions.T
         leverage = np.einsum("ij,ij->i", d, d) / self.ridge - np.einsum("ij,ij->i", seen, seen)
         return left, np.maximum(leverage, 0.0)
+
+
+def leaves(misfits: Iterable[Misfit], rows: Rows) -> tuple[Array, Array]:
+    """What the misfits of all channels leave, as in `Misfit.leaves`; nothing of a channel that has none."""
+    left, leverage = np.zeros(len(rows.misfit)), np.zeros(len(rows.misfit))
+    for of in misfits:
+        own = rows.channel == of.channel
+        left[own], leverage[own] = of.leaves(rows.some(own))
+    return left, leverage
+
+
+def learned(rows: Rows, fold: NDArray[np.int64]) -> tuple[Misfit, Array, Array]:
+    """The misfit of one channel; what is left of each fold by a fit of the others, and their leverage.
+
+    Args:
+        rows: of that channel.
+        fold: of each row, −1 for those that are in none.
+    """
+    rms = rms_of(rows, rows.valid & (fold >= 0))
+    products = Products(rows, scaled(rows, rms), fold, rms)
+    left, leverage = np.zeros(len(fold)), np.zeros(len(fold))
+    for k in products.folds:
+        own = fold == k
+        left[own], leverage[own] = products.without(k, products.ridge).leaves(rows.some(own), products.d[own])
+    return products.fitted(products.folds, products.ridge), left, leverage
 
 
 def scaled(rows: Rows, rms: Array) -> Array:
@@ -75,6 +102,7 @@ class Products:
     """Inner products of the columns and of the misfit, fold by fold: what every fit without some of them needs.
 
     Attributes:
+        rows: of one channel.
         d: scaled columns, shape (n, columns). `fold`: of each row, −1 for those that are in none.
     """
 
@@ -110,7 +138,7 @@ class Products:
         gains = 1.0 / ridge - 1.0 / (sizes + ridge)
         telling = sizes > 0.01 * ridge
         directions = (vectors[:, telling] * np.sqrt(gains[telling])).T
-        return Misfit(self.rms, vectors @ (along / (sizes + ridge)), directions, ridge)
+        return Misfit(int(self.rows.channel[0]), self.rms, vectors @ (along / (sizes + ridge)), directions, ridge)
 
     def without(self, k: int, ridge: float) -> Misfit:
         """The misfit of all other folds."""
@@ -118,8 +146,8 @@ class Products:
 
     @cached_property
     def ridge(self) -> float:
-        """That with which folds are predicted best from the others."""
-        return min(RIDGES, key=self._missed)
+        """That with which folds are predicted best from the others; the largest where there are none."""
+        return min(reversed(RIDGES), key=self._missed)
 
     def _missed(self, ridge: float) -> float:
         """What is left of folds that were not fitted, as the remainder is modelled: by its logarithm in every row."""

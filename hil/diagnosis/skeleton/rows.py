@@ -17,8 +17,8 @@ from hil.physics.model import Model
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
-# Rows in a time constant of the plant, and rows in a block: a stretch that its memory does not reach across.
-_IN_TIME_CONSTANT, IN_BLOCK = 15.0, 100
+# Rows in the time that a simulation remembers, and rows in a block: a stretch that its memory does not reach across.
+_IN_MEMORY, IN_BLOCK = 15.0, 100
 # Rows of one recording where the plant does not settle, and of all recordings together at most.
 _IN_RECORDING, _MOST = 2000, 8000
 # Delays at which the state is looked at, in rows.
@@ -51,13 +51,28 @@ class Rows:
     valid: NDArray[np.bool_]
     samples: int
 
+    def some(self, own: NDArray[np.bool_]) -> Rows:
+        """Some of them."""
+        return Rows(
+            self.misfit[own], self.changes[:, own], self.state[own], self.recording[own], self.channel[own],
+            self.block[own], self.valid[own], self.samples,
+        )  # fmt: skip
+
 
 def row_s(model: Model, experiments: Sequence[Experiment]) -> float:
-    """The length of a row in s: a small part of the plant's time constant."""
+    """The length of a row in s: a small part of the time that the simulation remembers."""
     longest = max(experiments, key=lambda e: e.duration_s)
-    settles_s = time_constant_s(model, longest)
-    own = settles_s / _IN_TIME_CONSTANT if settles_s > 0.0 else longest.duration_s / _IN_RECORDING
+    memory_s = _memory_s(model, longest)
+    own = memory_s / _IN_MEMORY if memory_s > 0.0 else longest.duration_s / _IN_RECORDING
     return max(own, sum(e.duration_s for e in experiments) / _MOST, max(e.interval_s for e in experiments))
+
+
+def _memory_s(model: Model, e: Experiment) -> float:
+    """The plant's time constant, or the observer's where it never settles but at an end; 0 where there is none."""
+    plant = model.definition
+    if plant.observer is not None:
+        return e.interval_s / max(plant.observer(model.values, e.interval_s).values())
+    return time_constant_s(model, e) if plant.forgets(model.values) else 0.0
 
 
 def rows_of(

@@ -24,7 +24,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-VERSION = 4
+VERSION = 5
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
 # The largest array that is unpacked; a table has 1 MB.
@@ -52,17 +52,21 @@ class Table:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values, arrays in single precision, compressed, in base 64."""
-        b, m, r = self.before, self.before.misfit, self.before.remainder
+        b, r = self.before, self.before.remainder
         packed = {
-            "rms": m.rms, "coefficients": m.coefficients, "directions": m.directions, "mean": r.mean, "std": r.std,
-            "log_variance": r.coefficients, "count_as_one": b.count_as_one, "information": b.information,
-            "blocks": b.blocks,
+            "mean": r.mean, "std": r.std, "log_variance": r.coefficients, "count_as_one": b.count_as_one,
+            "information": b.information, "blocks": b.blocks,
         }  # fmt: skip
         return {
             "version": VERSION, "library": self.library, "row_s": self.row_s, "floors": dict(self.floors),
             "columns": [[c.name, c.hook, {k: float(v) for k, v in c.values.items()}] for c in self.columns],
-            "scale": [r.white, r.factor, r.whole], "ridge": m.ridge, "least": b.least,
-            "leverage": b.leverage, "reach": list(b.reach), "left": b.left,
+            "misfits": [
+                {"channel": m.channel, "ridge": m.ridge, "rms": _packed(m.rms),
+                 "coefficients": _packed(m.coefficients), "directions": _packed(m.directions)}
+                for m in b.misfits
+            ],
+            "scale": [r.white, r.factor, r.whole], "least": b.least, "leverage": b.leverage,
+            "reach": list(b.reach), "left": b.left,
             "beyond_noise": b.beyond_noise, "arrays": {k: _packed(v) for k, v in packed.items()},
         }  # fmt: skip
 
@@ -99,9 +103,13 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
     every = [Column(str(n), str(h), {str(k): float(v) for k, v in values.items()}) for n, h, values in kept["columns"]]
     can_be = _changes(model)
     there = np.array([(c.name, c.hook, *sorted(c.values)) in can_be for c in every], dtype=np.bool_)
-    misfit = Misfit(a["rms"][there], a["coefficients"][there], a["directions"][:, there], float(kept["ridge"]))
+    misfits = tuple(
+        Misfit(int(m["channel"]), _unpacked(m["rms"])[there], _unpacked(m["coefficients"])[there],
+               _unpacked(m["directions"])[:, there], float(m["ridge"]))
+        for m in kept["misfits"]
+    )  # fmt: skip
     before = Before(
-        misfit, Remainder(a["mean"], a["std"], a["log_variance"], white, factor, whole), a["count_as_one"][there],
+        misfits, Remainder(a["mean"], a["std"], a["log_variance"], white, factor, whole), a["count_as_one"][there],
         float(kept["least"]), a["information"][there], a["blocks"][there], float(kept["leverage"]),
         tuple(map(float, kept["reach"])), float(kept["left"]), float(kept["beyond_noise"]),
     )  # fmt: skip
