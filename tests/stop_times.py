@@ -74,7 +74,7 @@ def stops(count: int, how: How, viewers: int, told: Callable[[Stopped], None] = 
 
 
 def _stopped(run: Path, how: How, look: Callable[[], float], console: subprocess.Popen[bytes] | None) -> Stopped:
-    _wait(lambda: look() > DRIVEN_PERCENT, "the output was never driven")
+    _wait(lambda: look() > DRIVEN_PERCENT and (run / "control.json").exists(), f"{run.name} never drove its output")
     control = json.loads((run / "control.json").read_text())
     time.sleep(0.15)
     if how == "hung":
@@ -85,8 +85,11 @@ def _stopped(run: Path, how: How, look: Callable[[], float], console: subprocess
     answers: list[tuple[float, dict[str, Any]]] = []
 
     def press() -> None:
-        answers.append((time.monotonic(), posted(control["stop_url"], {"token": control["token"]})[1]))
-        answers.append((time.monotonic(), {}))
+        try:
+            answer = posted(control["stop_url"], {"token": control["token"]})[1]
+        except (OSError, ValueError, IndexError) as error:  # hung up on
+            answer = {"state": f"no answer ({error!r})", "by": "nobody"}
+        answers.append((time.monotonic(), answer))
 
     pressing = threading.Thread(target=press)
     begun_s = time.monotonic()
@@ -101,7 +104,7 @@ def _stopped(run: Path, how: How, look: Callable[[], float], console: subprocess
         elif not safe_s:
             safe_s = now_s
     pressing.join()
-    return Stopped(safe_s - begun_s, answers[1][0] - begun_s, answers[0][1])
+    return Stopped(safe_s - begun_s, answers[0][0] - begun_s, answers[0][1])
 
 
 def _drive(path: Path, runs: Path, count: int) -> None:
@@ -112,16 +115,18 @@ def _drive(path: Path, runs: Path, count: int) -> None:
     preload(load_procedure("jog").run)
     for number in range(count):
         out = runs / f"run-{number}"
-        while _forked(lambda out=out: _driven(path, out)) not in (HALTED, -signal.SIGKILL):
+        while (status := _forked(lambda out=out: _driven(path, out))) not in (HALTED, -signal.SIGKILL):
+            print(f"{out.name} was not stopped, it ended with status {status}: once more", file=sys.stderr)
             shutil.rmtree(out, ignore_errors=True)
-            time.sleep(0.1)  # the watchdog of a run that was killed keeps the bench until nothing late can come
+        if status != HALTED:  # its watchdog has the bench until nothing late can come
+            _wait((out / "watchdog.json").exists, f"the watchdog of {out.name} said no last word")
 
 
 def _driven(path: Path, out: Path) -> int:
     """Stand at 40 % until somebody presses stop; the exit status."""
     from hil.bench.open import open_rig
     from hil.bench.read import read_bench
-    from hil.errors import HilError, InUseError
+    from hil.errors import HilError
     from hil.safety.interrupt import Halted, terminable
     from hil.safety.operator import Operator
 
@@ -132,8 +137,7 @@ def _driven(path: Path, out: Path) -> int:
     except Halted:
         return HALTED
     except HilError as error:
-        if not isinstance(error, InUseError):
-            print(f"again, since {error}", file=sys.stderr)
+        print(f"{out.name}: {error}", file=sys.stderr)
         return error.exit_status
 
 

@@ -23,7 +23,7 @@ from hil.bench.stop.listener import Listener
 from hil.safety.operator import Asked
 from hil.safety.outputs import Output, State
 from tests.stops import SAFE, listening, posted, sent, stopped, tell_safe
-from tests.waits import PATIENCE_S
+from tests.waits import PATIENCE_S, until
 
 REAL_ANSWER_S = module.ANSWER_S
 
@@ -213,6 +213,17 @@ def test_answer_under_way_is_sent_when_the_listener_closes() -> None:
                 time.sleep(0.005)
             listener._desk.tell(SAFE, "run")
         assert waiting.result()["state"] == "confirmed"
+
+
+def test_stop_that_waits_when_the_listener_closes_is_answered() -> None:
+    """Another program has taken the bench: nobody here will ever confirm it."""
+    answers = list[dict[str, object]]()
+    with listening() as (listener, wishes):
+        waiting = threading.Thread(target=lambda: answers.append(stopped(listener)), daemon=True)
+        waiting.start()
+        until(lambda: wishes)
+    waiting.join(30.0)
+    assert [answer["state"] for answer in answers] == ["unconfirmed"]
 
 
 def test_set_forward_clock_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:

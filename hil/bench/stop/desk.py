@@ -110,16 +110,25 @@ class Desk:
         with self._lock:
             self._told = Told({**self._told.outputs, **outputs}, by, time.monotonic())
             done, self._waiting = (self._waiting, []) if self._told.is_final else ([], self._waiting)
-        for future in done:
-            if future.set_running_or_notify_cancel():
-                future.set_result(self._told)
+        self._answer(done)
 
     def forget(self) -> None:
         """What the run said does not count any more: it is dead, and what it sent may still be on its way."""
         with self._lock:
             self._told = Told(self._nothing, "watchdog", time.monotonic())
 
+    def close(self) -> None:
+        """Nobody will tell more: who still waits is answered with what is known."""
+        with self._lock:
+            waiting, self._waiting = self._waiting, []
+        self._answer(waiting)
+
     def give_up(self, waiting: Future[Told]) -> None:
         """Nobody waits for this one any more."""
         with self._lock:
             self._waiting = [future for future in self._waiting if future is not waiting]
+
+    def _answer(self, waiting: list[Future[Told]]) -> None:
+        for future in waiting:
+            if future.set_running_or_notify_cancel():
+                future.set_result(self._told)

@@ -53,7 +53,8 @@ class Listener:
         self._thread.start()
 
     def close(self) -> None:
-        """End it; answers that are under way are given a moment."""
+        """End it; who waits is answered with what is known, and answers that are under way are given a moment."""
+        self._desk.close()
         self._ended.set()
         with suppress(RuntimeError):  # its loop is between two lives
             if self._wake is not None:
