@@ -13,9 +13,9 @@ from drivers._can import close_bus, open_bus
 from drivers._edge import edge, wire_log
 from drivers._node_objects import NodeObjects
 from drivers._pdo_mapping import configure, pdos_for, with_sync
-from drivers._read_back import ReadBackTimes
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
+from hil.daq.device_link import ReadBackTimes
 from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of, variable
 from hil.errors import HardwareError, LinkError, SettingError
 from hil.units import behind_a_number

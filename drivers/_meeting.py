@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import Protocol
 
 from hil.daq.channel import Wiring
+from hil.daq.device_link import DeviceLink
 from hil.errors import LinkError
 
 
@@ -74,6 +75,10 @@ class MeetingLine(Protocol):
     def is_hung_up(self) -> bool:
         """Whether the other side has closed it."""
 
+    @property
+    def is_clean(self) -> bool:
+        """Whether the next answer can only be that to the next request."""
+
     def meet(self) -> None:
         """Connect where it is not, and ask who answers."""
 
@@ -81,10 +86,10 @@ class MeetingLine(Protocol):
         """Close it."""
 
 
-class OnALine:
+class OnALine(DeviceLink):
     """A link on a line that may be connected anew: by a fault, or because the device hangs up while it idles.
 
-    A link gives its `_line`, and makes its device ready.
+    A link gives its `_line`.
     """
 
     _line: MeetingLine
@@ -107,5 +112,6 @@ class OnALine:
             self._line.meeting.refuse_a_stranger()
             self._make_ready()
 
-    def _make_ready(self) -> None:
-        raise NotImplementedError
+    @property
+    def _is_clean(self) -> bool:
+        return self._line.is_clean

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from pydantic import ConfigDict, Field, FiniteFloat, PositiveFloat, PositiveInt
 
 from drivers._edge import edge
 from drivers._line import Line, answering
 from drivers._meeting import OnALine
-from drivers._read_back import ReadBackTimes
 from drivers._templates import Numbers, filled, matched, names_safe, remedy
-from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Wiring
 from hil.description.named import Described, description_of
 from hil.description.text import ENDS, TextDescription, TextTerminal
@@ -81,37 +78,14 @@ class TextLink(OnALine):
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         told = told_of(settings)
         self._check_level(settings, wiring)
-        self._talk = talk = told.text
-        self._numbers = Numbers(talk.decimal, talk.no_measurement)
-        self._watchdog = DeviceWatchdog(settings.watchdog_s)
-        self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
-        whole = told.whole
+        whole, self._talk = told.whole, told.text
+        self._numbers = Numbers(self._talk.decimal, self._talk.no_measurement)
         self._outputs = {c.terminal: whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: whole[c.terminal] for c in wiring.inputs.values()}
-        self._safe = {c.terminal: c.safe for c in wiring.outputs.values()}
-        self._armed = told.watchdog
-        self._driven: dict[str, float] = {}
-        self._before: set[str] = set()
-        self._looked_at = wiring.looked_at
-        self.unmeasured: dict[str, str] = {}
-        self._checked_s = time.monotonic()
-        self._read_back_times = ReadBackTimes()
-        self._line = answering(
-            lambda: Line(
-                settings.address, settings.baud, ENDS[talk.end], settings.timeout_s, settings.longest_reply_s,
-                driver="text", echo=settings.echo or talk.echo, pause_s=max(settings.pause_s, talk.pause_s),
-                answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
-            ), talk.hello, settings.startup_s, wiring,
-        )  # fmt: skip
-        try:
-            wiring.refuse_another(self.identity)
-            if self.identity or (talk.hello and not wiring.only_safe):
-                self._recognise()
-            with wiring.forgiving():
-                self._make_ready()
-        except BaseException:
-            self.close()
-            raise
+        self._settings, self._armed = settings, told.watchdog
+        close = {name: max(t.close or 0.0, _RESOLUTION * max(map(abs, t.range))) for name, t in self._outputs.items()}
+        super().__init__(wiring, settings.watchdog_s, close=close)
+        self._open()
 
     def standing(self) -> dict[str, float]:
         """Where outputs stand, of those that can be asked."""
@@ -119,36 +93,6 @@ class TextLink(OnALine):
         if unknown := [name for name, value in stands.items() if not math.isfinite(value)]:
             raise self._line.failed(f"no number in where {', '.join(unknown)} stands")
         return stands
-
-    def drive(self, values: Mapping[str, float]) -> None:
-        """Set the outputs one after the other; where the device replies, it must."""
-        lines = {name: self._line_of(name, value) for name, value in values.items()}
-        if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
-            for line in lines.values():
-                self._line.tell(line)
-        self._watchdog_has_not_expired()
-        for name, line in lines.items():
-            self._tell(line, self._outputs[name].reply)
-        self._no_error(lines.values())
-        self._driven.update(values)
-
-    def read(self) -> dict[str, float]:
-        """Every input, NaN where it has no measurement; now and then whether outputs stand where they were driven."""
-        self._watchdog_has_not_expired()
-        begun_s = time.monotonic()
-        readings = self._asked(self._inputs)
-        self._read_back_times.took(time.monotonic() - begun_s)
-        self.unmeasured = {name: f"the device answers {self._said[self._inputs[name].ask]!r}"
-                           for name, value in readings.items() if math.isnan(value)}  # fmt: skip
-        for name, value in readings.items():
-            if math.isnan(value) and name not in self._before and not self._looked_at:
-                raise LinkError(
-                    f"{name} reads no measurement from the first on: a dead sensor, or look at its description"
-                )
-            self._before.add(name)
-        if self._driven and self._read_back_times.is_due(self._checked_s):
-            self._outputs_stand()
-        return readings
 
     def close(self) -> None:
         """Close the line."""
@@ -165,14 +109,25 @@ class TextLink(OnALine):
                     f"so that {level:g} {channel.unit} is safe"
                 )
 
-    def _recognise(self) -> None:
+    def _identified(self) -> str:
+        told, talk = self._settings, self._talk
+        self._line = answering(
+            lambda: Line(
+                told.address, told.baud, ENDS[talk.end], told.timeout_s, told.longest_reply_s, driver="text",
+                echo=told.echo or talk.echo, pause_s=max(told.pause_s, talk.pause_s),
+                answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
+            ), talk.hello, told.startup_s, self._wiring,
+        )  # fmt: skip
+        return self.identity
+
+    def _recognise(self, identity: str) -> None:
+        if not identity and (not self._talk.hello or self._wiring.only_safe):
+            return
         self._watchdog.heard()
-        if matched(self._talk.identity, self.identity, self._numbers) is None:
-            raise LinkError(f"to {self._talk.hello} it says '{self.identity}', not '{self._talk.identity}'")
+        if matched(self._talk.identity, identity, self._numbers) is None:
+            raise LinkError(f"to {self._talk.hello} it says '{identity}', not '{self._talk.identity}'")
 
     def _make_ready(self) -> None:
-        if not self._outputs:
-            return
         for line in self._talk.setup:
             self._tell(line, "")
         numbers = {name: self._number_of(name, value) for name, value in self._safe.items()}
@@ -181,6 +136,27 @@ class TextLink(OnALine):
             if armed is not None and all(name in numbers for name in names_safe(line)):
                 self._tell(filled(line, self._numbers, self.watchdog_s or 0.0, numbers), armed.reply)
         self._no_error(self._talk.setup)
+
+    def _tell_blindly(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            self._line.tell(self._line_of(name, value))
+
+    def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        """One after the other; where the device replies, it must."""
+        lines = {name: self._line_of(name, value) for name, value in values.items()}
+        for name, line in lines.items():
+            self._tell(line, self._outputs[name].reply)
+        self._no_error(lines.values())
+        for name, line in lines.items():
+            told = self._outputs[name]
+            sent = matched(told.tell, line, self._numbers)  # as it was rounded
+            yield name, values[name] if sent is None else told.slope * sent + told.offset
+
+    def _measured(self) -> dict[str, float]:
+        readings = self._asked(self._inputs)
+        said = {name: self._said[told.ask] for name, told in self._inputs.items()}
+        return {name: self._none(name, f"the device answers {said[name]!r}") if math.isnan(value) else value
+                for name, value in readings.items()}  # fmt: skip
 
     def _line_of(self, name: str, value: float) -> str:
         return filled(self._outputs[name].tell, self._numbers, value=self._number_of(name, value))
@@ -232,19 +208,3 @@ class TextLink(OnALine):
         """What of an answer is this terminal's; empty where there is no such field."""
         fields = [answer] if told.field is None else answer.split(self._talk.separator)
         return fields[at] if (at := told.field or 0) < len(fields) else ""
-
-    def _outputs_stand(self) -> None:
-        self._checked_s = time.monotonic()
-        for name, stands in self.standing().items():
-            told, driven = self._outputs[name], self._driven.get(name, stands)
-            sent = matched(told.tell, self._line_of(name, driven), self._numbers)  # as it was rounded
-            wanted = driven if sent is None else told.slope * sent + told.offset
-            if abs(stands - wanted) > max(told.close or 0.0, _RESOLUTION * max(map(abs, told.range))):
-                raise LinkError(
-                    f"{name} stands at {stands:.6g} {told.unit}, not at {wanted:.6g} as it was driven: the device "
-                    f"restarted, somebody else uses it, or it rounds: then say close in its description"
-                )
-
-    def _watchdog_has_not_expired(self) -> None:
-        if self._driven:
-            self._watchdog.check()

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 import re
-import time
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
@@ -19,8 +18,6 @@ from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 from drivers._edge import edge
 from drivers._line import Line
 from drivers._meeting import OnALine
-from drivers._read_back import ReadBackTimes
-from drivers._watchdog import DeviceWatchdog
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.ascii_module import ModuleDescription
@@ -39,6 +36,7 @@ _INPUT_TYPES = {
     "0D": "±20 mA",
 }
 _FORMATS = {0: "engineering units", 1: "% of full scale", 2: "hexadecimal", 3: "ohms"}
+_CLOSE_V = 2e-3  # two of the steps in which it is told
 
 
 class Settings(Described):
@@ -117,101 +115,45 @@ class AsciiModuleLink(OnALine):
     _line: Line
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        self._model = _told(settings)
-        self._number = self._model.numbers
-        self._watchdog = DeviceWatchdog(settings.watchdog_s, "module")
-        self.watchdog_s, self.keep_alive_s = self._watchdog.time_s, self._watchdog.keep_alive_s
-        self._line = Line(
-            settings.address, settings.baud, "\r", settings.timeout_s, settings.longest_reply_s,
-            driver="ascii_module", echo=settings.echo, pause_s=settings.pause_s,
-        )  # fmt: skip
-        self._at = f"{settings.module:02X}"
+        self._settings, self._model = settings, _told(settings)
+        self._number, self._at = self._model.numbers, f"{settings.module:02X}"
         self._inputs = [channel.terminal for channel in wiring.inputs.values()]
         self._outputs = [channel.terminal for channel in wiring.outputs.values()]
-        self._driven: dict[str, float] = {}
-        self._checked_s = time.monotonic()
-        self._read_back_times = ReadBackTimes()
-        try:
-            self._recognise(wiring)
-            with wiring.forgiving():
-                self._make_ready()
-        except BaseException:
-            self.close()
-            raise
+        close = dict.fromkeys(self._outputs, _CLOSE_V)
+        super().__init__(wiring, settings.watchdog_s, close=close, device="module")
+        self._open()
 
     def standing(self) -> dict[str, float]:
         """What the outputs were told last, or have from power-on, read back."""
-        return {name: self._read_back(name) for name in self._outputs}
-
-    def drive(self, values: Mapping[str, float]) -> None:
-        """Set the outputs one after the other; the module acknowledges each."""
-        requests = {name: f"#%C{self._number[name]}{value:+07.3f}" for name, value in values.items()}
-        if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
-            for request in requests.values():
-                self._line.tell(request.replace("%", self._at))
-        self._watchdog_has_not_expired()
-        for name, request in requests.items():
-            self._done(request)
-            self._driven[name] = float(request[-7:])
-
-    def read(self) -> dict[str, float]:
-        """All inputs in one answer, and now and then whether outputs still have what they were told.
-
-        An input is infinite where the module says that it is beyond its range.
-        """
-        self._watchdog_has_not_expired()
-        begun_s, readings = time.monotonic(), dict[str, float]()
-        if self._inputs:
-            text = self._ask("#%", ">")
-            numbers = [self._reading(part, text) for part in re.findall("[+-][^+-]*|^[^+-]+", text)]
-            if len(numbers) != len(self._number):
-                raise self._line.failed(f"{len(numbers)} readings of {len(self._number)}: '{text}'")
-            readings = {name: numbers[self._number[name]] for name in self._inputs}
-        self._read_back_times.took(time.monotonic() - begun_s)
-        if self._driven and self._read_back_times.is_due(self._checked_s):
-            self.check_outputs()
-        return readings
-
-    def check_outputs(self) -> None:
-        """See that outputs were told last what we told them.
-
-        Raises:
-            LinkError: one does not.
-        """
-        self._checked_s = time.monotonic()
-        for name, driven in self._driven.items():
-            stands = self._read_back(name)
-            if abs(stands - driven) > 2e-3:
-                raise LinkError(
-                    f"{name} was last told {stands:.4g} V, not {driven:.4g} as it was driven: the module restarted, or "
-                    f"another master writes to it"
-                )
+        return {name: self._told_last(name) for name in self._outputs}
 
     def close(self) -> None:
         """Close the line."""
         self._line.close()
 
-    def _make_ready(self) -> None:
-        if self.watchdog_s is not None and self._outputs:
-            self._done(f"$%X{round(10.0 * self.watchdog_s):04d}")
+    def _identified(self) -> str:
+        told = self._settings
+        self._line = Line(
+            told.address, told.baud, "\r", told.timeout_s, told.longest_reply_s, driver="ascii_module",
+            echo=told.echo, pause_s=told.pause_s,
+        )  # fmt: skip
+        try:
+            return self._name()
+        except LinkError:  # what an earlier program left on the line may have come in between
+            return "" if self._wiring.only_safe else self._name()
 
     def _name(self) -> str:
         """What the module says that it is, and where."""
         return f"{self._ask('$%M', '!%')} at {self._at}"
 
-    def _recognise(self, wiring: Wiring) -> None:
-        try:
-            identity = self._name()
-        except LinkError:  # what an earlier program left on the line may have come in between
-            if wiring.only_safe:
-                return
-            identity = self._name()
+    def _recognise(self, identity: str) -> None:
+        if not identity:
+            return
         if identity != f"{self._model.module_name} at {self._at}":
             name = identity.removesuffix(f" at {self._at}")
             raise LinkError(f"module {self._at} is a '{name}', not a {self._model.module_name}")
-        wiring.refuse_another(identity)
         self._line.meeting.met(identity, self._name)
-        if wiring.only_safe:  # what is asked besides may go unanswered, and a safe value shall not wait for it
+        if self._wiring.only_safe:  # what is asked besides may go unanswered, and a safe value shall not wait for it
             return
         if self._inputs:
             self._check_settings()
@@ -223,6 +165,33 @@ class AsciiModuleLink(OnALine):
                     f"{output} is of output type {kind}, not {wanted} ({low:g} … {high:+g} V): set it with "
                     f"$AA7CnR{wanted}"
                 )
+
+    def _make_ready(self) -> None:
+        if self.watchdog_s is not None:
+            self._done(f"$%X{round(10.0 * self.watchdog_s):04d}")
+
+    def _tell_blindly(self, values: Mapping[str, float]) -> None:
+        for name, value in values.items():
+            self._line.tell(self._request(name, value).replace("%", self._at))
+
+    def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        """One after the other; the module acknowledges each."""
+        for name, value in values.items():
+            self._done(request := self._request(name, value))
+            yield name, float(request[-7:])
+
+    def _request(self, name: str, value: float) -> str:
+        return f"#%C{self._number[name]}{value:+07.3f}"
+
+    def _measured(self) -> dict[str, float]:
+        """All in one answer; infinite where the module says that it is beyond its range."""
+        if not self._inputs:
+            return {}
+        text = self._ask("#%", ">")
+        numbers = [self._reading(part, text) for part in re.findall("[+-][^+-]*|^[^+-]+", text)]
+        if len(numbers) != len(self._number):
+            raise self._line.failed(f"{len(numbers)} readings of {len(self._number)}: '{text}'")
+        return {name: numbers[self._number[name]] for name in self._inputs}
 
     def _check_settings(self) -> None:
         """See that inputs are read in volts, as their terminals say: the module tells numbers without a unit."""
@@ -247,7 +216,7 @@ class AsciiModuleLink(OnALine):
             raise self._line.failed(f"'{part}' in the answer '{text}' is no reading of the form +00.000")
         return float(part)
 
-    def _read_back(self, name: str) -> float:
+    def _told_last(self, name: str) -> float:
         text = self._ask(f"$%6C{self._number[name]}", "!%")
         if not _VALUE.fullmatch(text):
             raise self._line.failed(f"'{text}' is no read-back of the form +00.000")
@@ -268,10 +237,6 @@ class AsciiModuleLink(OnALine):
             raise self._line.failed(f"'{answer}' is no answer to {request}")
         self._watchdog.heard()
         return answer.removeprefix(begins)
-
-    def _watchdog_has_not_expired(self) -> None:
-        if self._driven:
-            self._watchdog.check()
 
 
 def _in_words(text: str | None) -> str:

@@ -16,8 +16,8 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
 from drivers._can import bus_fault, close_bus, open_bus
 from drivers._edge import edge, wire_log
-from drivers._read_back import ReadBackTimes
 from hil.daq.channel import Terminal, Wiring
+from hil.daq.device_link import ReadBackTimes
 from hil.daq.polled import PolledDaq
 from hil.description.canopen import dictionary, variable
 from hil.errors import DeviceLostError, FileError, LinkError

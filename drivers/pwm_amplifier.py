@@ -7,7 +7,7 @@ a real one, put the numbers of its manual in their place and, from the manual ag
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from drivers._described_modbus import model_of
 from drivers._edge import edge
@@ -15,12 +15,13 @@ from drivers.modbus import LineSettings, ModbusLink, Model, line_faults, line_ne
 from hil.daq.channel import OutputChannel, Terminal, Wiring
 from hil.daq.polled import PolledDaq
 from hil.description.named import Described, description_of
-from hil.errors import LinkError, SettingError
+from hil.errors import SettingError
 
 DESCRIPTION = "pwm-amplifier"
 """What it has beside carrier and dither: set current, measured current and voltage, watchdog, faults."""
 CARRIER = 1
 """First of three holding registers: carrier [Hz], dither [0.1 Hz], its peak [mA]."""
+_MODULATION = ("carrier", "dither", "peak of the dither")
 _CARRIER_HZ, _DITHER_HZ, _DITHER_A = (100.0, 5000.0), (10.0, 500.0), (0.0, 0.5)
 
 
@@ -64,18 +65,21 @@ class PwmAmplifierLink(ModbusLink):
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         self._modulation = [count for channel in wiring.outputs.values() for count in modulation(channel)]
         super().__init__(settings, wiring, _model())
-        try:
-            if self._modulation:
-                self._ask(16, CARRIER, values=self._modulation)
-        except BaseException:
-            self.close()
-            raise
 
-    def _outputs_stand(self) -> None:
-        """Twice a second: the current, carrier and dither are still as they were set, and no fault is reported."""
-        super()._outputs_stand()
-        if self._ask(3, CARRIER, count=len(self._modulation)) != self._modulation:
-            raise LinkError("carrier and dither are not as they were set: it restarted, or another master writes to it")
+    def _opened(self, identity: str) -> None:
+        super()._opened(identity)
+        if self._modulation:
+            self._ask(16, CARRIER, values=self._modulation)
+
+    def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        """The current; carrier and dither stand as they were set when it was opened."""
+        yield from super()._put(values)
+        yield from zip(_MODULATION, self._modulation, strict=False)
+
+    def _held(self) -> dict[str, float]:
+        """The current, and counts of carrier and dither."""
+        counts = self._ask(3, CARRIER, count=len(self._modulation)) if self._modulation else []
+        return {**super()._held(), **dict(zip(_MODULATION, counts, strict=False))}
 
 
 def modulation(channel: OutputChannel) -> list[int]:

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
@@ -18,7 +17,6 @@ from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 from drivers._edge import edge
 from drivers._line import Line, answering
 from drivers._meeting import OnALine
-from drivers._read_back import ReadBackTimes
 from drivers._templates import Numbers, filled, matched, remedy
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.polled import PolledDaq
@@ -114,46 +112,17 @@ class ScpiLink(OnALine):
         LinkError: what answers is no SCPI instrument.
     """
 
-    watchdog_s: float | None = None
-    keep_alive_s: float | None = None
-
     _line: Line
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        told = description_of(settings, "scpi")
-        self._step, self._setup = settings.step, told.text.setup
+        self._settings, told = settings, description_of(settings, "scpi")
+        self._talk = told.text
         self._written = Numbers(told.text.decimal, told.text.no_measurement)
-        self._line = answering(
-            lambda: Line(
-                settings.address, settings.baud, ENDS[settings.end], settings.timeout_s, settings.longest_reply_s,
-                driver="scpi", echo=settings.echo or told.text.echo, pause_s=max(settings.pause_s, told.text.pause_s),
-            ), "*CLS;*IDN?", settings.startup_s, wiring,
-        )  # fmt: skip
         self._outputs = {c.terminal: told.whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: told.whole[c.terminal] for c in wiring.inputs.values()}
-        self.unmeasured: dict[str, str] = {}
-        self._driven: dict[str, float] = {}
-        self._checked_s = time.monotonic()
-        self._read_back_times = ReadBackTimes()
-        try:
-            if self.identity or not wiring.only_safe:
-                self._recognise(told.text.identity)
-            wiring.refuse_another(self.identity)
-            with wiring.forgiving():
-                self._make_ready()
-        except BaseException:
-            self.close()
-            raise
-
-    def _make_ready(self) -> None:
-        if self._outputs and self._setup:
-            self._asked(list(self._setup))
-
-    def _recognise(self, wanted: str) -> None:
-        if self.identity.count(",") != 3:
-            raise LinkError(f"'{self.identity}' is not the identity of a SCPI instrument (maker,model,serial,version)")
-        if matched(wanted, self.identity, self._written) is None:
-            raise LinkError(f"it says that it is '{self.identity}', not '{wanted}'")
+        self._elsewhere = f"{self._elsewhere}, or it sets in steps: then say step (now {settings.step:g})"
+        super().__init__(wiring, close=dict.fromkeys(self._outputs, max(_RESOLUTION, settings.step)))
+        self._open()
 
     def standing(self) -> dict[str, float]:
         """Where the outputs stand, as the instrument tells."""
@@ -162,44 +131,50 @@ class ScpiLink(OnALine):
             raise self._line.failed(f"no number in where outputs stand: {list(stands.values())}")
         return stands
 
-    def drive(self, values: Mapping[str, float]) -> None:
-        """Set the outputs in one message, and see that the instrument has taken it."""
-        told = [self._line_of(self._outputs[terminal], value) for terminal, value in values.items()]
-        if not self._line.is_clean:  # a safe value shall not wait: sent at once, and once more with an answer
-            self._line.tell(";:".join(told))
-        self._asked(told)
-        self._driven.update(values)
-
-    def read(self) -> dict[str, float]:
-        """Measure every input, in one message, and now and then see that outputs stand where they were driven.
-
-        A reading without a measurement is NaN, an overload infinite.
-        """
-        begun_s = time.monotonic()
-        readings = self._numbers(self._inputs)
-        self._read_back_times.took(time.monotonic() - begun_s)
-        self.unmeasured = {name: f"the instrument answers {self._said[self._inputs[name].ask]}"
-                           for name, value in readings.items() if math.isnan(value)}  # fmt: skip
-        if self._driven and self._read_back_times.is_due(self._checked_s):
-            self._outputs_stand()
-        return readings
-
     def close(self) -> None:
         """Close the line."""
         self._line.close()
 
-    def _outputs_stand(self) -> None:
-        self._checked_s = time.monotonic()
-        for name, stands in self.standing().items():
-            driven = self._driven.get(name, stands)
-            if abs(stands - driven) > max(_RESOLUTION, self._step):
-                raise LinkError(
-                    f"{name} stands at {stands:.4g}, not at {driven:.4g} as it was driven: the instrument restarted, "
-                    f"somebody else uses it, or it sets in steps: then say step (now {self._step:g})"
-                )
+    def _identified(self) -> str:
+        told, talk = self._settings, self._talk
+        self._line = answering(
+            lambda: Line(
+                told.address, told.baud, ENDS[told.end], told.timeout_s, told.longest_reply_s, driver="scpi",
+                echo=told.echo or talk.echo, pause_s=max(told.pause_s, talk.pause_s),
+            ), "*CLS;*IDN?", told.startup_s, self._wiring,
+        )  # fmt: skip
+        return self.identity
 
-    def _line_of(self, output: TextTerminal, value: float) -> str:
-        return filled(output.tell, self._written, value=(value - output.offset) / output.slope)
+    def _recognise(self, identity: str) -> None:
+        if not identity and self._wiring.only_safe:
+            return
+        if identity.count(",") != 3:
+            raise LinkError(f"'{identity}' is not the identity of a SCPI instrument (maker,model,serial,version)")
+        if matched(self._talk.identity, identity, self._written) is None:
+            raise LinkError(f"it says that it is '{identity}', not '{self._talk.identity}'")
+
+    def _make_ready(self) -> None:
+        if self._talk.setup:
+            self._asked(list(self._talk.setup))
+
+    def _tell_blindly(self, values: Mapping[str, float]) -> None:
+        self._line.tell(";:".join(self._lines_of(values)))
+
+    def _put(self, values: Mapping[str, float]) -> Iterable[tuple[str, float]]:
+        """In one message; the instrument says whether it has taken it."""
+        self._asked(self._lines_of(values))
+        return values.items()
+
+    def _measured(self) -> dict[str, float]:
+        """In one message; an overload is infinite."""
+        readings = self._numbers(self._inputs)
+        self.unmeasured = {name: f"the instrument answers {self._said[self._inputs[name].ask]}"
+                           for name, value in readings.items() if math.isnan(value)}  # fmt: skip
+        return readings
+
+    def _lines_of(self, values: Mapping[str, float]) -> list[str]:
+        told = ((self._outputs[name], value) for name, value in values.items())
+        return [filled(o.tell, self._written, value=(value - o.offset) / o.slope) for o, value in told]
 
     def _numbers(self, places: Mapping[str, TextTerminal]) -> dict[str, float]:
         """The values of terminals, asked in one message; those that share a question ask it once."""

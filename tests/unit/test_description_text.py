@@ -127,7 +127,7 @@ def test_what_is_told_and_asked_is_what_the_file_says(tmp_path: Path) -> None:
         assert device.lines == ["M?", "L?"]  # two terminals, one question
         device.mbar = "-2400"
         link._checked_s = 0.0  # as after half a second
-        with pytest.raises(LinkError, match=r"set stands at -2.4 V, not at -2.5 as it was driven"):
+        with pytest.raises(LinkError, match=r"set stands at -2.4 V, not at -2.5 V as it was driven"):
             link.read()
 
 

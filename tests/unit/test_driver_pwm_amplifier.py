@@ -137,7 +137,7 @@ def test_restart_at_zero_current_is_noticed_by_its_dither() -> None:
     with linked() as (link, amplifier):
         link.drive({"current": 0.0})
         amplifier.restart()
-        with pytest.raises(LinkError, match="carrier and dither are not as they were set: it restarted"):
+        with pytest.raises(LinkError, match="dither stands at 0, not at 1250 as it was driven"):
             _read_until_looked_at(link)
 
 

@@ -137,15 +137,15 @@ def test_watchdog_of_the_module_makes_safe_by_itself_and_the_driver_notices() ->
         assert side.standing("ao0") == 0.0
         with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s"):
             link.read()
-        link.check_outputs()  # the module tells what it was sent last; only the driver's own clock gives it away
+        link._outputs_stand()  # the module tells what it was sent last; only the driver's own clock gives it away
 
 
 def test_another_master_is_noticed() -> None:
     with module() as (link, served, _):
         link.drive({"ao0": 5.0})
         served._device.answer_to("#01C0+01.000")
-        with pytest.raises(LinkError, match="ao0 was last told 1 V, not 5 as it was driven"):
-            link.check_outputs()
+        with pytest.raises(LinkError, match="ao0 stands at 1 V, not at 5 V as it was driven"):
+            link._outputs_stand()
 
 
 def test_output_that_is_set_to_give_a_current_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -83,7 +83,7 @@ def test_a_float_in_another_byte_order_is_no_measurement(data: str) -> None:
         assert math.isnan(link.read()["t"]) and math.isnan(link.read()["t"])
         link.close()
         again = opened(line, Model({"t": gauge()}), wired("t"))
-        with pytest.raises(LinkError, match=r"t reads .* degC, no measurement: .* check word_order \(now big\)"):
+        with pytest.raises(LinkError, match=r"t reads no measurement .* degC: .* check word_order \(now big\)"):
             again.read()
         again.close()
 
@@ -144,7 +144,7 @@ def test_outputs_in_two_registers_are_driven_and_read_back(form: Any) -> None:
         assert link.standing() == {"p": -123.5, "q": 7.0}
         device.holding[9] ^= 0x4000
         link._checked_s = 0.0  # as after half a second
-        with pytest.raises(LinkError, match=r"p stands at .* bar, not at -123.5 as it was driven"):
+        with pytest.raises(LinkError, match=r"p stands at .* bar, not at -123.5 bar as it was driven"):
             link.read()
         link.close()
 

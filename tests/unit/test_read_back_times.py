@@ -6,8 +6,8 @@ import time
 
 import pytest
 
-from drivers._read_back import ReadBackTimes
 from drivers.modbus import LineSettings, ModbusLink
+from hil.daq.device_link import ReadBackTimes
 from tests.foreign_line import ForeignLine, Tables
 from tests.modbus_pair import MODEL, WIRING
 
