@@ -59,6 +59,7 @@ from hil.bench.stop.control import withdraw
 from hil.bench.stop.desk import Desk
 from hil.bench.stop.listener import Listener
 from hil.errors import HardwareError, HilError, InUseError, reason
+from hil.record.durable import write_whole
 from hil.safety.latch import state_path
 from hil.safety.operator import Asked
 from hil.safety.outputs import outputs_in, record_of
@@ -366,11 +367,10 @@ def _write(places: tuple[Path, Path], told: Mapping[str, object]) -> None:
         try:
             if path is places[-1]:
                 path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(content, encoding="utf-8")
+            write_whole(path, content)
             break
-        except OSError:  # no folder, or no room in it: half a report is none
-            with suppress(OSError):
-                path.unlink()
+        except OSError:  # no folder, or no room in it
+            continue
 
 
 def _tell(text: str) -> None:

@@ -9,6 +9,7 @@ from typing import Any, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, ValidationError
 
 from hil.errors import FileError, StorageError
+from hil.record.durable import write_whole
 from hil.record.measurement import Relation, Verdict
 from hil.untrusted import read_untrusted_json
 
@@ -257,7 +258,7 @@ def write_results(results: Results, folder: Path) -> None:
     """
     path = folder / RESULTS_FILE
     try:
-        path.write_text(results.as_json(), encoding="utf-8")
+        write_whole(path, results.as_json())
     except OSError as error:
         raise StorageError(f"{path}: cannot be written: {error.strerror}; the samples are kept") from error
 

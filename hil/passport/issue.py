@@ -35,6 +35,7 @@ from hil.passport.sign import signed
 from hil.passport.unit import Unit, read_unit_runs
 from hil.passport.verify import Soundness, Trust, verify
 from hil.physics.other_plant import other_plants
+from hil.record.durable import write_whole
 from hil.record.plain import plain
 from hil.version import PROGRAM
 
@@ -181,10 +182,8 @@ def _mark(unit: Unit) -> str:
 
 
 def _written(content: bytes, out: Path) -> None:
-    part = out.with_name(f"{out.name}.part")
     try:
-        part.write_bytes(content)
-        part.replace(out)
+        write_whole(out, content)
     except OSError as error:
         raise StorageError(
             f"{out}: the passport cannot be written: {error.strerror}; the runs are as they were"

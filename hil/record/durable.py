@@ -29,6 +29,26 @@ def sync_file(descriptor: int) -> None:
     os.fsync(descriptor)
 
 
+def write_whole(path: Path, content: bytes | str, mode: int = 0o666) -> None:
+    """Put a file in its place, on the disk itself, whole or not at all; raises `OSError`.
+
+    A link, a pipe or a socket of that name is replaced, never written through: in a folder that somebody else made it
+    would lead anywhere.
+    """
+    part = path.with_name(f"{path.name}.{os.getpid()}.part")
+    part.unlink(missing_ok=True)
+    try:
+        descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), mode)
+        with open(descriptor, "wb") as file:  # noqa: PTH123  # a descriptor, not a path
+            file.write(content.encode() if isinstance(content, str) else content)
+            file.flush()
+            sync_file(file.fileno())
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+
+
 def is_deleted(file: FileIO) -> bool:
     """Whether an open file has no name any more: it can be written on, and is lost when it is closed."""
     return os.fstat(file.fileno()).st_nlink == 0

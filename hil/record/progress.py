@@ -14,6 +14,7 @@ from hil.errors import FileError
 from hil.untrusted import read_untrusted_json
 
 PROGRESS_FILE = "progress.json"
+_FLAGS = os.O_WRONLY | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
 _SCHEMA = "hil.progress/1"
 _EVERY_S = 0.5
 _BYTES = 4096  # one page, which is read as it was written; a file that is renamed may wait for the disk
@@ -74,7 +75,7 @@ class _Kept:
         told = {"schema": _SCHEMA, "share": round(share, 4), "text": text[:_LONGEST], "pid": os.getpid()}
         with suppress(OSError):
             if self._handle < 0:
-                self._handle = os.open(self._path, os.O_WRONLY | os.O_CREAT, 0o644)
+                self._handle = os.open(self._path, _FLAGS, 0o644)
             os.pwrite(self._handle, json.dumps(told, ensure_ascii=False).encode().ljust(_BYTES), 0)
 
     def withdraw(self) -> None:

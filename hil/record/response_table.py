@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from hil.errors import FileError, StorageError, UnitError
 from hil.record import heading as headings
 from hil.record.columns import Column, Table
+from hil.record.durable import write_whole
 from hil.record.recording import Array
 from hil.units import convert
 
@@ -179,11 +181,12 @@ def write_response_table(table: ResponseTable, path: Path) -> None:
         columns[f"gain std [{unit}]"] = table.gain_std * (_DB if table.in_db else size)
     if table.phase_std_rad is not None:
         columns["phase std [deg]"] = np.degrees(table.phase_std_rad)
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(np.column_stack(list(columns.values())).tolist())
     try:
-        with path.open("w", encoding="utf-8", newline="") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(columns)
-            writer.writerows(np.column_stack(list(columns.values())).tolist())
+        write_whole(path, text.getvalue())
     except OSError as error:
         raise StorageError(f"{path}: cannot be written: {error.strerror or error}") from error
 

@@ -15,7 +15,7 @@ from typing import Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, Field
 
 from hil.errors import FileError, StorageError
-from hil.record.durable import sync_file, sync_folder
+from hil.record.durable import sync_folder, write_whole
 from hil.record.header import END_FILE, HEADER_FILE, read_end, read_stated, sha256_of
 from hil.record.measurement import FINDINGS_FILE, Limit
 from hil.record.samples import ROWS_FILE
@@ -59,13 +59,8 @@ def seal_folder(folder: Path, limits: Mapping[str, Limit]) -> None:
     seal = Seal(
         limits=dict(limits), sha256={name: sha256_of(path) for name, path in files_of(folder) if name not in recorded}
     )
-    part = folder / f"{SEAL_FILE}.part"
     try:
-        with part.open("wb") as file:
-            file.write(seal.model_dump_json(indent=1).encode() + b"\n")
-            file.flush()
-            sync_file(file.fileno())
-        part.replace(folder / SEAL_FILE)
+        write_whole(folder / SEAL_FILE, seal.model_dump_json(indent=1) + "\n")
         sync_folder(folder)
     except OSError as error:
         raise StorageError(

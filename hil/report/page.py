@@ -11,6 +11,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from hil.errors import StorageError
 from hil.language.words import _, plural, spoken
+from hil.record.durable import write_whole
 from hil.report.number import limits_text, number, unit_text, with_uncertainty
 from hil.version import __version__
 
@@ -22,10 +23,8 @@ def write_page(template: str, path: Path, *, simulated: bool = False, **values: 
         StorageError: the page cannot be written.
     """
     text = render(template, simulated=simulated, **values)
-    part = path.with_name(f"{path.name}.part")
     try:
-        part.write_text(text, encoding="utf-8")
-        part.replace(path)
+        write_whole(path, text)
     except OSError as error:
         raise StorageError(f"{path}: the report cannot be written: {error.strerror}; the recording is kept") from error
 

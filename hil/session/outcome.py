@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hil.errors import StorageError
+from hil.record.durable import write_whole
 from hil.record.measurement import FINDINGS_FILE, Findings, is_accepted
 
 REPORT_FILE = "report.html"
@@ -35,6 +36,6 @@ def write_findings(findings: Findings, folder: Path) -> None:
     """
     path = folder / FINDINGS_FILE
     try:
-        path.write_text(json.dumps(findings.as_dict(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+        write_whole(path, json.dumps(findings.as_dict(), indent=1, ensure_ascii=False) + "\n")
     except OSError as error:
         raise StorageError(f"{path}: cannot be written: {error.strerror}; the samples are kept") from error

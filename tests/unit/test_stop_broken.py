@@ -14,9 +14,10 @@ from typing import Any
 import pytest
 
 from hil.bench import watchdog
-from hil.bench.stop import control, listener
+from hil.bench.stop import listener
 from hil.bench.stop.desk import Desk, Told
 from hil.bench.stop.listener import Listener
+from hil.record import durable
 from hil.safety import guard, operator
 from hil.safety.guard import Guard
 from hil.safety.operator import Operator
@@ -108,7 +109,7 @@ def _dying(patch: Patch) -> None:
 
 def _readable(patch: Patch) -> None:
     opened = os.open
-    patch.setattr(control.os, "open", lambda path, flags, _mode=0, **more: opened(path, flags, 0o644, **more))
+    patch.setattr(durable.os, "open", lambda path, flags, _mode=0, **more: opened(path, flags, 0o644, **more))
 
 
 def _ramping(patch: Patch) -> None:

@@ -1,6 +1,7 @@
 """Files of others: regular files below a root, text of bounded size and depth."""
 
 import os
+import shutil
 import socket
 import time
 from pathlib import Path
@@ -8,6 +9,12 @@ from pathlib import Path
 import pytest
 
 from hil.errors import FileError
+from hil.passport.issue import Wanted, issue
+from hil.passport.key import signing_key
+from hil.record.measurement import FINDINGS_FILE
+from hil.record.seal import SEAL_FILE
+from hil.session.outcome import REPORT_FILE
+from hil.session.results import report_again
 from hil.untrusted import (
     MOST_LEVELS,
     is_regular,
@@ -18,6 +25,15 @@ from hil.untrusted import (
     read_untrusted,
     read_untrusted_json,
 )
+from tests.passports import run_of
+
+
+def begins(text: str) -> str:
+    """The name of a case whose text is long."""
+    return repr(text[:12])
+
+
+WRITTEN = ("results.json", FINDINGS_FILE, REPORT_FILE, SEAL_FILE)
 
 
 @pytest.fixture
@@ -87,7 +103,9 @@ def test_open_untrusted_refuses_what_is_too_large(root: Path) -> None:
         open_untrusted(root, "sparse", 1 << 50)
 
 
-@pytest.mark.parametrize("text", ["[" * 100_000, '{"a":' * 100_000, "[" * 65 + "]" * 65, '{"a":' * 65 + "1" + "}" * 65])
+@pytest.mark.parametrize(
+    "text", ["[" * 100_000, '{"a":' * 100_000, "[" * 65 + "]" * 65, '{"a":' * 65 + "1" + "}" * 65], ids=begins
+)
 def test_parse_json_refuses_depth(text: str) -> None:
     with pytest.raises(FileError, match="here: JSON nested more than 64 deep"):
         parse_json(text, "here")
@@ -108,6 +126,7 @@ def test_parse_json_says_what_is_no_json(text: bytes) -> None:
     "text",
     ["a." * 50_000 + "a = 1", "[" + "a." * 50_000 + "a]", "x = [1]\n" + '"a". ' * 50_000 + "a = 1",
      "x = {" + "'a'." * 50_000 + "a = 1}"],
+    ids=begins,
 )  # fmt: skip
 def test_parse_toml_refuses_a_dotted_key_at_once(text: str) -> None:
     begun = time.process_time()
@@ -116,13 +135,17 @@ def test_parse_toml_refuses_a_dotted_key_at_once(text: str) -> None:
     assert time.process_time() - begun < 2  # 200 s in the parser
 
 
-@pytest.mark.parametrize("text", ["a = " + "[" * 100_000, "a = " + "{a = " * 100_000, "a=" + "[" * 65 + "]" * 65])
+@pytest.mark.parametrize(
+    "text", ["a = " + "[" * 100_000, "a = " + "{a = " * 100_000, "a=" + "[" * 65 + "]" * 65], ids=begins
+)
 def test_parse_toml_refuses_depth(text: str) -> None:
     with pytest.raises(FileError, match="here: TOML nested more than 64 deep"):
         parse_toml(text, "here")
 
 
-@pytest.mark.parametrize("text", ["a" * 200_000, '"' * 200_001, "a " * 100_000, "'a' " * 50_000, "a = " + "1" * 5000])
+@pytest.mark.parametrize(
+    "text", ["a" * 200_000, '"' * 200_001, "a " * 100_000, "'a' " * 50_000, "a = " + "1" * 5000], ids=begins
+)
 def test_parse_toml_is_quick_with_what_is_none(text: str) -> None:
     begun = time.process_time()
     with pytest.raises(FileError, match=r"^here: "):
@@ -138,3 +161,34 @@ def test_read_json_waits_for_no_pipe(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     with pytest.raises(FileError, match="a pipe"):
         read_json(tmp_path / "pipe")
+
+
+@pytest.mark.parametrize("partly", [False, True], ids=["in its place", "while it is written"])
+def test_report_again_writes_through_no_link_and_into_no_pipe(
+    tmp_path: Path, partly: bool, stranger: Path, unprinted: None
+) -> None:
+    """A run folder of somebody else: its names lead to files of who evaluates it, or nowhere."""
+    own = tmp_path / "own file"
+    own.write_text("mine")
+    links, pipes = run_of(tmp_path), tmp_path / "pipes"
+    (links / SEAL_FILE).unlink()
+    shutil.copytree(links, pipes)
+    for name in WRITTEN[:-1] if not partly else WRITTEN:  # the seal is read too, and refused
+        for place in (f"{name}.part", f"{name}.{os.getpid()}.part") if partly else (name,):
+            for folder in (links, pipes):
+                (folder / place).unlink(missing_ok=True)
+            (links / place).symlink_to(own)
+            os.mkfifo(pipes / place)
+    for folder in (links, pipes):
+        report_again(folder)
+        assert all(is_regular(folder, name) for name in WRITTEN)
+    assert own.read_text() == "mine"
+
+
+def test_passport_is_not_written_through_a_link(tmp_path: Path, stranger: Path) -> None:
+    own = tmp_path / "own file"
+    own.write_text("mine")
+    (tmp_path / "unit.pdf").symlink_to(own)
+    (tmp_path / "unit.pdf.part").symlink_to(own)
+    issue([run_of(tmp_path)], tmp_path / "unit.pdf", signing_key(None), Wanted(identify=False))
+    assert own.read_text() == "mine" and is_regular(tmp_path, "unit.pdf")

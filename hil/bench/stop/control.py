@@ -15,6 +15,7 @@ from typing import Any
 
 from hil.bench.stop.desk import By
 from hil.bench.stop.press import StopSwitch
+from hil.record.durable import write_whole
 
 CONTROL_FILE = "control.json"
 SCHEMA = "hil.control/1"
@@ -106,7 +107,7 @@ def published(
     path = run / CONTROL_FILE
     if control is not None:
         try:
-            _write(path, json.dumps(control.as_dict(run), indent=1) + "\n")
+            write_whole(path, json.dumps(control.as_dict(run), indent=1) + "\n", 0o600)
         except OSError as error:
             note("no stop from a console", why=f"{path}: cannot be written: {error.strerror}")
     try:
@@ -121,13 +122,3 @@ def withdraw(run: Path) -> None:
     """Take the file away: nobody listens there any more."""
     with suppress(OSError):
         (run / CONTROL_FILE).unlink()
-
-
-def _write(path: Path, text: str) -> None:
-    part = path.with_suffix(".part")
-    with suppress(FileNotFoundError):
-        part.unlink()
-    descriptor = os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        file.write(text)
-    part.replace(path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,6 +9,7 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import FileError, StorageError
+from hil.record.durable import write_whole
 from hil.safety.interrupt import Halted
 from hil.untrusted import read_untrusted_json
 
@@ -61,11 +61,9 @@ class StopSwitch:
         """
         made = Press(at_utc=datetime.now(UTC), account=account, runs=runs)
         path = self.folder / _FILE
-        part = path.with_suffix(f".{os.getpid()}.part")
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            part.write_text(made.model_dump_json(), encoding="utf-8")
-            part.replace(path)
+            write_whole(path, made.model_dump_json())
         except OSError as error:
             raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
         return made
