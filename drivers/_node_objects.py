@@ -79,10 +79,6 @@ class NodeObjects:
         whole = (int(count) & ~mask | int(part) << lowest & mask) & (1 << width) - 1
         return whole - (1 << width) if form.islower() and whole >> width - 1 else whole
 
-    def asked(self, told: CanopenTerminal) -> float:
-        """What the terminal's object says."""
-        return self.value(told, self.count(told.place))
-
     def value(self, told: CanopenTerminal, count: float) -> float:
         """The terminal's value by what its object says."""
         return float(told.slope * self.part(told, count) + told.offset)

@@ -17,7 +17,7 @@ from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 from drivers._can import bus_fault, close_bus, open_bus
 from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.device_link import ReadBackTimes
+from hil.daq.device_link import DeviceLink
 from hil.daq.polled import PolledDaq
 from hil.description.canopen import dictionary, variable
 from hil.errors import DeviceLostError, FileError, LinkError
@@ -25,6 +25,7 @@ from hil.extras import is_installed
 
 PROFILE = 408
 FULL = 16384  # ±100 %
+_CLOSE = 1.01 * 100.0 / FULL
 MASTER = 127  # node that sends our heartbeat
 CLIMB = (0x0000, 0x0001, 0x0003, 0x0007)  # control words from INIT over DISABLED and HOLD to ACTIVE
 STATES = {
@@ -147,7 +148,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 
 @edge
-class CanopenValveLink:
+class CanopenValveLink(DeviceLink):
     """A valve on CANopen (see `hil.daq.link.Link`).
 
     The set point goes out in RPDO 4 with the control word; SYNC asks for status word and actual value, which come
@@ -162,66 +163,23 @@ class CanopenValveLink:
         LinkError: it is no valve of this profile, or does not become active.
     """
 
+    _forgiving = False  # one that is not active obeys no set point
+
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        import canopen
-
-        from drivers._canopen_network import CanopenNetwork
-
-        self.watchdog_s: float | None = settings.watchdog_s
-        self.keep_alive_s: float | None = settings.watchdog_s / 4.0
         self._settings = settings
-        self._commands = bool(wiring.outputs)
+        self._commands = self._closed = False
         self._pdo: bytes | None = None
         self._emergency: tuple[int, int] | None = None
         self._beat_s: float | None = None
-        self._quiet_until_s = self._compared_s = 0.0
-        self._counts: int | None = None
-        self._read_back_times = ReadBackTimes()
-        bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
-        self._network = CanopenNetwork(bus, settings.address, wire_log("canopen_valve", settings.address))
-        self._closed = False
-        try:
-            self._network.connect()
-            self._node = self._network.add_node(settings.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
-            self._node.sdo.RESPONSE_TIMEOUT = settings.timeout_s
-            for base, heard in ((0x080, self._on_emergency), (0x180, self._on_pdo), (0x700, self._on_heartbeat)):
-                self._network.subscribe(base + settings.node, heard)
-            self._recognise()
-            self.identity = self._told_identity()
-            self._refuse_another(wiring)
-            if self._commands:
-                self._configure()
-                self._activate([c.safe for c in wiring.outputs.values()])
-        except BaseException:
-            self.close()
-            raise
+        super().__init__(
+            wiring, settings.watchdog_s, close={"set point": _CLOSE}, device="valve",
+            longest_reply_s=settings.longest_reply_s,
+        )  # fmt: skip
+        self._open()
 
     def standing(self) -> dict[str, float]:
         """Where the set point stands."""
         return {"set point": 100.0 * self._signed(0x6300, 1) / FULL}
-
-    def drive(self, values: Mapping[str, float]) -> None:
-        """Send the set point, and our heartbeat."""
-        counts = max(-FULL, min(FULL, round(values["set point"] * FULL / 100.0)))
-        self._send(0x700 + MASTER, b"\x05")
-        self._send(0x500 + self._settings.node, struct.pack("<Hhh", CLIMB[-1], counts, 0))
-        self._counts = counts
-
-    def read(self) -> dict[str, float]:
-        """Ask with SYNC for status and actual value; by SDO for the value of a valve that is not ours to command.
-
-        Raises:
-            LinkError: no answer, the valve is not active any more, has sent an emergency, or holds another set point.
-        """
-        if not self._commands:
-            return {"actual value": 100.0 * self._signed(0x6301, 1) / FULL}
-        begun_s = time.monotonic()
-        status, actual = self._synchronised()
-        self._look_at(status)
-        self._read_back_times.took(time.monotonic() - begun_s)
-        if self._counts is not None and self._read_back_times.is_due(self._compared_s):
-            self._compare(self._counts)
-        return {"actual value": 100.0 * actual / FULL}
 
     def close(self) -> None:
         """Leave the valve at its fail-safe position, and the bus."""
@@ -236,37 +194,32 @@ class CanopenValveLink:
         if self._network.bus is not None:
             close_bus(self._network.bus, self._settings.timeout_s)
 
-    def _compare(self, sent: int) -> None:
-        """Raise `LinkError` where the valve holds another set point than the one that it was sent last."""
-        stands, self._compared_s = self._signed(0x6300, 1), time.monotonic()
-        if abs(stands - sent) > 1:
-            raise LinkError(
-                f"the set point stands at {100.0 * stands / FULL:.4g} %, {100.0 * sent / FULL:.4g} % was sent: another "
-                "program on the bus drives this valve, or it does not obey"
-            )
-
-    def _recognise(self) -> None:
-        """See that a valve is there, and make it operational."""
+    def _identified(self) -> str:
         import canopen
 
+        from drivers._canopen_network import CanopenNetwork
+
+        told = self._settings
+        bus = open_bus(told.address, told.bitrate, told.timeout_s)
+        self._network = CanopenNetwork(bus, told.address, wire_log("canopen_valve", told.address))
+        self._network.connect()
+        self._node = self._network.add_node(told.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
+        self._node.sdo.RESPONSE_TIMEOUT = told.timeout_s
+        for base, heard in ((0x080, self._on_emergency), (0x180, self._on_pdo), (0x700, self._on_heartbeat)):
+            self._network.subscribe(base + told.node, heard)
         try:
             profile = self._unsigned(0x1000, 0) & 0xFFFF
         except canopen.SdoCommunicationError:
-            raise DeviceLostError(f"node {self._settings.node} on {self._settings.address} does not answer") from None
+            raise DeviceLostError(f"node {told.node} on {told.address} does not answer") from None
         if profile != PROFILE:
-            raise LinkError(f"node {self._settings.node} is of device profile {profile}, not {PROFILE}")
-        for sub, what in ((1, "vendor"), (2, "product")) if self._settings.eds else ():
-            of_file = variable(dictionary(self._settings.eds), (0x1018, sub))
+            raise LinkError(f"node {told.node} is of device profile {profile}, not {PROFILE}")
+        for sub, what in ((1, "vendor"), (2, "product")) if told.eds else ():
+            of_file = variable(dictionary(told.eds), (0x1018, sub))
             wanted = of_file.default if of_file is not None else None
             if wanted and (said := self._unsigned(0x1018, sub)) != wanted:
-                raise LinkError(f"node {self._settings.node} is of {what} {said:#x}, its file is of {wanted:#x}")
-
-    def _refuse_another(self, wiring: Wiring) -> None:
-        try:
-            wiring.refuse_another(self.identity)
-        except DeviceLostError:
-            self._commands = False  # it is not ours to step down either
-            raise
+                raise LinkError(f"node {told.node} is of {what} {said:#x}, its file is of {wanted:#x}")
+        self.identity = self._told_identity()
+        return self.identity
 
     def _told_identity(self) -> str:
         told = []
@@ -274,6 +227,27 @@ class CanopenValveLink:
             for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
                 told.append(f"{what} {self._unsigned(0x1018, sub):#x}")
         return f"node {self._settings.node}, {', '.join(told)}" if told else ""
+
+    def _make_ready(self) -> None:
+        self._commands = True  # before, it may be another one, which is not ours to step down
+        self._configure()
+        self._activate(list(self._safe.values()))
+
+    def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        """Send the set point, and our heartbeat."""
+        counts = max(-FULL, min(FULL, round(values["set point"] * FULL / 100.0)))
+        self._send(0x700 + MASTER, b"\x05")
+        self._send(0x500 + self._settings.node, struct.pack("<Hhh", CLIMB[-1], counts, 0))
+        self._watchdog.heard()
+        yield "set point", 100.0 * counts / FULL
+
+    def _measured(self) -> dict[str, float]:
+        """By SYNC with the status; by SDO of a valve that is not ours to command."""
+        if not self._commands:
+            return {"actual value": 100.0 * self._signed(0x6301, 1) / FULL}
+        status, actual = self._synchronised()
+        self._look_at(status)
+        return {"actual value": 100.0 * actual / FULL}
 
     def _configure(self) -> None:
         """Heartbeats both ways, TPDO 1 by SYNC, the functions of the valve that the bench file names."""
@@ -332,10 +306,6 @@ class CanopenValveLink:
 
     def _synchronised(self) -> tuple[int, int]:
         """Status word and actual value of this SYNC."""
-        wait_s = self._quiet_until_s - time.monotonic()
-        if wait_s > 0.0:  # a late answer to an earlier SYNC looks like one to this
-            time.sleep(wait_s)
-        self._quiet_until_s = 0.0
         network = self._network
         with network.changed:
             self._pdo, network.failure = None, None
@@ -343,18 +313,20 @@ class CanopenValveLink:
             network.changed.wait_for(lambda: self._pdo is not None or network.failure, self._settings.timeout_s)
             if self._pdo is None:
                 network.check_readable()
-                self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
-                raise LinkError(f"no actual value within {self._settings.timeout_s:g} s of SYNC{self._heard()}")
+                raise self._failed(f"no actual value within {self._settings.timeout_s:g} s of SYNC{self._heard()}")
             data = self._pdo
         if len(data) != 4:
             raise LinkError(f"TPDO 1 has {len(data)} bytes, not 4: another program changed its mapping")
         return struct.unpack("<Hh", data)
 
-    def _look_at(self, status: int) -> None:
-        """Raise `LinkError` unless the valve is active and obeys the bus."""
+    def _look(self) -> None:
         if self._emergency is not None:
             (code, register), self._emergency = self._emergency, None
             raise LinkError(f"emergency {code:#06x}, error register {register:#04x}{_EMERGENCIES.get(code, '')}")
+
+    def _look_at(self, status: int) -> None:
+        """Raise `LinkError` unless the valve is active and obeys the bus."""
+        self._look()
         if status & 0x10:
             raise LinkError("the valve is switched to local operation and does not obey the bus")
         if status & 0b1111 != 0b1111:

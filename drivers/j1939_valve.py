@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import time
 from collections import deque
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Literal
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
@@ -19,12 +19,16 @@ from drivers._address_claim import CLAIM_WAIT_S, CLAIMED, REQUEST, AddressClaim,
 from drivers._can import bus_fault, close_bus, gone, heard, open_bus
 from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
+from hil.daq.device_link import DeviceLink
 from hil.daq.polled import PolledDaq
 from hil.errors import LinkError
 
 COMMAND, ESTIMATED = 0xFE30, 0xFE10
 """Parameter groups of valve 0: its command, and the flow that it estimates. Valve n has the n-th after them."""
 BLOCK, EXTEND, RETRACT = 0, 1, 2
+_DIRECTIONS = {BLOCK: 0.0, EXTEND: 1.0, RETRACT: -1.0, 3: math.nan}  # the last one floats
+_IN_WORDS = {0.0: "block", 1.0: "extend", -1.0: "retract"}
+_OUT, _EVERY_S = "flow command", 0.1
 PER_BIT = 0.4  # % of the command
 _FAIL_SAFE = {"block": 0b00, "float": 0b01}
 _ERROR, _LARGEST = 14, 0xFA
@@ -109,7 +113,7 @@ def command_frame(percent: float, fail_safe: Literal["block", "float"]) -> bytes
 
 
 @edge
-class J1939ValveLink:
+class J1939ValveLink(DeviceLink):
     """A valve on J1939 (see `hil.daq.link.Link`). Its flow is estimated by itself, not measured.
 
     Opened without its command it sends nothing. The valve tells its flow each 100 ms without being asked, so a reading
@@ -122,33 +126,22 @@ class J1939ValveLink:
     reading_age_s = 0.05
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        self.watchdog_s: float | None = settings.watchdog_s
-        self.keep_alive_s: float | None = min(0.1, settings.watchdog_s / 3.0)
         self._settings = settings
         self._command_id = 3 << 26 | COMMAND + settings.valve << 8 | settings.source
         self._group = ESTIMATED + settings.valve
-        self._told, self._told_s = 0.0, time.monotonic()
+        self._commanded_s = time.monotonic()
         self._latest: bytes | None = None
-        self._came_s = self._quiet_until_s = 0.0
-        name = default_name() if settings.name is None else settings.name
-        self._claim = AddressClaim(settings.source, name)
-        self._name, self._names_device = name, ""
+        self._came_s = 0.0
+        self._name, self._names_device = default_name() if settings.name is None else settings.name, ""
+        self._claim = AddressClaim(settings.source, self._name)
         self._sent: deque[tuple[int, bytes]] = deque(maxlen=_ECHOES)
         self._log = wire_log("j1939_valve", settings.address)
-        self._bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         self._commands = bool(wiring.outputs)
-        if not self._commands:  # who only listens needs no address
-            return
-        try:
-            self._send(*self._claim.claim())
-            until_s = time.monotonic() + CLAIM_WAIT_S
-            while (left_s := until_s - time.monotonic()) > 0.0:
-                self._heard(left_s)
-            self._address_is_ours()
-            self._send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
-        except BaseException:
-            self.close()
-            raise
+        super().__init__(
+            wiring, settings.watchdog_s, device="valve", longest_reply_s=settings.longest_reply_s, told_each_s=_EVERY_S
+        )
+        self.keep_alive_s = min(_EVERY_S, settings.watchdog_s / 3.0)
+        self._open()
 
     @property
     def identity(self) -> str:
@@ -162,50 +155,65 @@ class J1939ValveLink:
             LinkError: it says nothing, or that it has an error.
         """
         self._receive(0.0)
-        if self._latest is None or self._came_s <= self._told_s:
+        if self._latest is None or self._came_s <= self._commanded_s:
             self._latest = None
             self._receive(self._settings.timeout_s)
         self._address_is_ours()
-        if self._latest is None or time.monotonic() - self._came_s > self._settings.timeout_s:
-            raise LinkError(f"no estimated flow of valve {self._settings.valve} for {self._settings.timeout_s:g} s")
-        self._estimated(self._latest)  # an error that it reports is raised
-        return {"flow command": 0.0 if self._latest[2] & 0x0F == BLOCK else math.nan}
-
-    def drive(self, values: Mapping[str, float]) -> None:
-        """Send the flow command. Nothing acknowledges it but the flow that the valve then estimates."""
-        while self._heard(0.0) is not None:  # who asks for our address is answered in a pause too
-            pass
-        self._address_is_ours()
-        self._told, self._told_s = values["flow command"], time.monotonic()
-        self._send(self._command_id, command_frame(values["flow command"], self._settings.fail_safe))
-
-    def read(self) -> dict[str, float]:
-        """The flow that the valve has estimated last, NaN when it says that it estimates none.
-
-        Raises:
-            LinkError: it is too old, the valve reports an error, or must have gone to its fail-safe state meanwhile.
-        """
-        silent_s = time.monotonic() - self._told_s
-        if self._told and silent_s > self._settings.watchdog_s:
-            raise LinkError(f"no command was sent for {silent_s:.3g} s: the valve has gone to its fail-safe state")
-        wait_s = self._quiet_until_s - time.monotonic()
-        if wait_s > 0.0:  # what is late on its way says nothing about now
-            time.sleep(wait_s)
-            self._receive(0.0)
-            self._latest = None
-        self._quiet_until_s = 0.0
-        self._receive(0.0)
-        self._address_is_ours()
-        if self._latest is None:
-            self._receive(self._settings.timeout_s)
-        if self._latest is None or time.monotonic() - self._came_s > self._settings.timeout_s:
-            self._quiet_until_s = time.monotonic() + self._settings.longest_reply_s
-            raise LinkError(f"no estimated flow of valve {self._settings.valve} for {self._settings.timeout_s:g} s")
-        return {"estimated flow": self._estimated(self._latest)}
+        said = self._fresh(LinkError)
+        self._estimated(said)  # an error that it reports is raised
+        return {_OUT: 0.0 if said[2] & 0x0F == BLOCK else math.nan}
 
     def close(self) -> None:
         """Leave the bus."""
         close_bus(self._bus, self._settings.timeout_s)
+
+    def _identified(self) -> str:
+        told = self._settings
+        self._bus = open_bus(told.address, told.bitrate, told.timeout_s)
+        if self._commands:  # who only listens needs no address
+            self._send(*self._claim.claim())
+            until_s = time.monotonic() + CLAIM_WAIT_S
+            while (left_s := until_s - time.monotonic()) > 0.0:
+                self._heard(left_s)
+            self._address_is_ours()
+            self._send(_PRIORITY << 26 | REQUEST << 8 | told.device << 8 | told.source, CLAIMED_GROUP)
+        return ""
+
+    def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        """Nothing acknowledges a command but the state and the flow that the valve then tells."""
+        self._look()  # who asks for our address is answered in a pause too
+        frame, self._commanded_s = command_frame(values[_OUT], self._settings.fail_safe), time.monotonic()
+        self._send(self._command_id, frame)
+        self._watchdog.heard()
+        yield _OUT, _DIRECTIONS[frame[2] & 0x0F]
+
+    def _look(self) -> None:
+        self._receive(0.0)
+        self._address_is_ours()
+
+    def _measured(self) -> dict[str, float]:
+        """The flow that it has estimated last, NaN when it says that it estimates none."""
+        if self._latest is None:
+            self._receive(self._settings.timeout_s)
+        return {"estimated flow": self._estimated(self._fresh(self._failed))}
+
+    def _held(self) -> dict[str, float]:
+        """Which way it is told to go; how far it does not say."""
+        state = self._latest[2] & 0x0F if self._latest else _ERROR
+        return {_OUT: _DIRECTIONS[state]} if state in _DIRECTIONS else {}
+
+    def _named(self, _name: str, level: float) -> str:
+        return _IN_WORDS.get(level, "float")
+
+    def _forget(self) -> None:
+        self._receive(0.0)
+        self._latest = None
+
+    def _fresh(self, failed: Callable[[str], LinkError]) -> bytes:
+        """What the valve said last, if that is not too old."""
+        if self._latest is None or time.monotonic() - self._came_s > self._settings.timeout_s:
+            raise failed(f"no estimated flow of valve {self._settings.valve} for {self._settings.timeout_s:g} s")
+        return self._latest
 
     def _receive(self, wait_s: float) -> None:
         """Take in every message that has come; wait for the first estimate so long if there is none."""

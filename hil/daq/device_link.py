@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 from hil.daq.channel import Wiring
 from hil.errors import LinkError
@@ -74,6 +74,17 @@ class ReadBackTimes:
         return time.monotonic() - checked_s > (_LATEST_S if slow else _EVERY_S)
 
 
+def stands_as_driven(at: float, driven: Sequence[float], within: float) -> bool:
+    """Whether an output stands where it was driven: the one place where both meet.
+
+    Args:
+        at: where the device holds it; NaN, at no number, is nowhere that it was driven.
+        driven: where it was driven of late; nothing is known of one that was not.
+        within: how far from there it may be.
+    """
+    return not driven or min(driven) - within <= at <= max(driven) + within
+
+
 class DeviceLink(ABC):
     """A device on its link (see `hil.daq.link.Link`): opened, made ready, driven, read, compared.
 
@@ -110,7 +121,7 @@ class DeviceLink(ABC):
         self._units = {c.terminal: c.unit for c in wiring.outputs.values()}
         self._told = dict(self._safe)
         self._driven: dict[str, list[tuple[float, float]]] = {}
-        self._away_s: dict[str, float] = {}
+        self._away_s: dict[str, tuple[float, float]] = {}
         self._told_each_s, self._longest_reply_s = told_each_s, longest_reply_s
         self._quiet_until_s = 0.0
         self._seen: set[str] = set()
@@ -188,12 +199,12 @@ class DeviceLink(ABC):
 
     def read(self) -> Mapping[str, float]:
         """Every input, NaN where it has no measurement; now and then also whether outputs still stand as driven."""
+        self._look()
         self._refuse_after_silence()
         if (wait_s := self._quiet_until_s - time.monotonic()) > 0.0:  # what is late on its way says nothing about now
             time.sleep(wait_s)
             self._forget()
         self._quiet_until_s = 0.0
-        self._look()
         begun_s, self.unmeasured = time.monotonic(), {}
         readings = self._measured()
         self._seen |= readings.keys()
@@ -240,15 +251,18 @@ class DeviceLink(ABC):
             self._watchdog.check()
 
     def _outputs_stand(self) -> None:
-        """The one place where what was driven meets what stands."""
         self._look_at_outputs()
         self._checked_s = now_s = time.monotonic()
+        patience_s = max(self._longest_reply_s, 3.0 * self._told_each_s) if self._told_each_s else 0.0
         for name, stands in self._held().items():
-            recent = self._driven[name] = self._recent(name)
-            within, levels = self._close.get(name, 0.0), [level for _, level in recent]
-            if not levels or min(levels) - within <= stands <= max(levels) + within:
-                self._away_s.pop(name, None)
-            elif not self._told_each_s or now_s - self._away_s.setdefault(name, now_s) >= self._longest_reply_s:
+            levels = [level for _, level in self._recent(name)]
+            first_s, last_s = self._away_s.get(name, (now_s, -math.inf))
+            if stands_as_driven(stands, levels, self._close.get(name, 0.0)):
+                if now_s - last_s > patience_s:  # one who pulls now and then is found too
+                    self._away_s.pop(name, None)
+                continue
+            self._away_s[name] = first_s, now_s
+            if now_s - first_s >= patience_s:
                 raise LinkError(
                     f"{name} stands at {self._named(name, stands)}, not at {self._named(name, levels[-1])} as it was "
                     f"driven: {self._elsewhere}"

@@ -194,7 +194,7 @@ def test_an_output_that_stands_elsewhere_and_a_lapsed_watchdog_are_told(tmp_path
         time.sleep(0.06)
         link.read()  # it may have been under way
         time.sleep(1.1)
-        with pytest.raises(LinkError, match=r"set stands at 0 V, not at 3 as it was driven"):
+        with pytest.raises(LinkError, match=r"set stands at 0 V, not at 3 V as it was driven"):
             link.read()
         time.sleep(4.0)
         with pytest.raises(LinkError, match=r"longer than its watchdog of 4 s: the device makes its outputs safe then"):
@@ -295,7 +295,7 @@ def test_an_isobus_valve_by_its_dbc_frame_by_frame(tmp_path: Path) -> None:
             read = link.read()["estimated flow"]
             assert read == value if value is not None else math.isnan(read)
         time.sleep(0.35)
-        link._driven_s = time.monotonic()
+        link._watchdog.heard()
         with pytest.raises(HardwareError, match=r"no EstimatedFlow\.ExtendFlow for 0\.3 s"):
             link.read()
     finally:

@@ -167,6 +167,8 @@ def test_silent_program_is_a_fault_of_the_valve_and_the_driver_says_so(bus: str)
         time.sleep(0.1)  # its emergency is on its way
         with pytest.raises(LinkError, match=r"emergency 0x8130, error register 0x11 \(it missed our heartbeat\)"):
             link.read()
+        with pytest.raises(LinkError, match=r"longer than its watchdog of 1\.5 s: the valve makes its outputs safe"):
+            link.read()
         with pytest.raises(LinkError, match="the valve is in FAULT_HOLD, not ACTIVE"):
             link.read()
 
