@@ -13,7 +13,7 @@ from drivers._edge import edge
 from hil.daq.channel import Wiring
 from hil.daq.device_link import DeviceLink
 from hil.description.can import CanDescription
-from hil.errors import LinkError, SettingError
+from hil.errors import LinkError
 
 _EVERY_S = 0.1  # between commands where neither description nor watchdog says
 
@@ -30,8 +30,9 @@ class CanLink(DeviceLink):
         LinkError: another controller has our address.
     """
 
+    _remedy = ""  # that commands end makes it safe, whatever the bench file says
+
     def __init__(self, settings: BusSettings, wiring: Wiring, told: CanDescription) -> None:
-        _check_level(told, wiring)
         self._settings, self._j1939 = settings, told.j1939
         self._outputs = {c.terminal: told.terminals[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: told.terminals[c.terminal] for c in wiring.inputs.values()}
@@ -45,7 +46,8 @@ class CanLink(DeviceLink):
         self.reading_age_s = max(ages, default=0.0) / 2.0
         self._commanded_s: float | None = None
         super().__init__(
-            wiring, told.watchdog.time_s if told.watchdog else None, longest_reply_s=settings.longest_reply_s,
+            wiring, told.watchdog.time_s if told.watchdog else None,
+            expires_to=told.watchdog.expires_to if told.watchdog else None, longest_reply_s=settings.longest_reply_s,
             close={n: (t.close or 0.0) + 1e-9 * max(map(abs, t.range)) for n, t in self._outputs.items()},
             told_each_s=max((told.about(message).every_s or _EVERY_S for message in backs), default=0.0),
         )  # fmt: skip
@@ -117,12 +119,3 @@ class CanLink(DeviceLink):
 
     def _came_s(self, told: Any) -> float:
         return self._received[told.message].came_s.get(told.signal, -math.inf)
-
-
-def _check_level(told: CanDescription, wiring: Wiring) -> None:
-    for name, channel in wiring.outputs.items():
-        if told.watchdog is not None and abs(told.watchdog.expires_to - channel.safe) > 1e-9:
-            raise SettingError(
-                f"'{name}' is safe at {channel.safe:g} {channel.unit}, but when commands end the device puts it at "
-                f"{told.watchdog.expires_to:g}: connect the valve so that this is safe, or take another device"
-            )

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
-from drivers._can import close_bus, open_bus
-from drivers._edge import edge, wire_log
+from drivers._canopen_node import MASTER, NodeLink
+from drivers._edge import edge
 from drivers._node_objects import NodeObjects
 from drivers._pdo_mapping import configure, pdos_for, with_sync
 from drivers._start_up import once_started
 from hil.daq.channel import Wiring
-from hil.daq.device_link import DeviceLink
-from hil.description.canopen import CanopenDescription, place_of, variable
-from hil.errors import HardwareError, LinkError, SettingError
-
-MASTER = 127  # node that sends our heartbeat
+from hil.description.canopen import CanopenDescription, CanopenTerminal, place_of, variable
+from hil.errors import HardwareError, SettingError
 
 
 class NodeSettings(BaseModel):
@@ -46,7 +42,7 @@ class NodeSettings(BaseModel):
 
 
 @edge
-class CanopenLink(DeviceLink):
+class CanopenLink(NodeLink):
     """A node on CANopen (see `hil.daq.link.Link`).
 
     Outputs go out by PDO, SYNC asks for inputs, which come back by PDO. A node whose inputs alone are read is
@@ -60,11 +56,7 @@ class CanopenLink(DeviceLink):
         LinkError: it is another device than its file says, or its mapping is another and fixed.
     """
 
-    _forgiving = False  # a node that is not operational obeys no PDO
-
     def __init__(self, settings: NodeSettings, wiring: Wiring, told: CanopenDescription) -> None:
-
-        _check_level(settings, told, wiring)
         self._settings, self._description, file = settings, told, told.dictionary
         node = settings.node or file.node_id
         if not node:
@@ -82,11 +74,10 @@ class CanopenLink(DeviceLink):
         self._received = pdos_for(file, self._number, list(driven), "received")
         self._counts: dict[str, float] = {}
         self._objects_held: dict[tuple[int, int], float] = {}
-        self._others_moved, self._closed = False, False
-        self._came: dict[int, bytes] = {}
-        self._emergency: tuple[int, int] | None = None
+        self._others_moved = False
         super().__init__(
-            wiring, settings.watchdog_s if self._outputs else None, device="node",
+            wiring, expires_to=told.watchdog.expires_to if told.watchdog else None, device="node",
+            watchdog_s=settings.watchdog_s if self._outputs else None,
             longest_reply_s=settings.longest_reply_s,
             close={n: (t.close or 0.0) + 1e-6 * max(map(abs, t.range)) for n, t in self._outputs.items()},
         )  # fmt: skip
@@ -94,49 +85,35 @@ class CanopenLink(DeviceLink):
 
     def standing(self) -> dict[str, float]:
         """Where outputs stand, as the node says."""
-        for place in dict.fromkeys(told.place for told in self._outputs.values()):
-            self._objects_held[place] = self._objects.count(place)  # what is not ours there is sent back as it is
+        self._see(self._outputs.values())
         return {n: self._objects.value(told, self._objects_held[told.place]) for n, told in self._outputs.items()}
 
-    def close(self) -> None:
-        """Leave the bus."""
-        if self._closed:
-            return
-        self._closed = True
-        with suppress(Exception):
-            self._network.disconnect()
-        if self._network.bus is not None:
-            close_bus(self._network.bus, self._settings.timeout_s)
+    def _see(self, outputs: Iterable[CanopenTerminal]) -> None:
+        """What stands in objects: what is not ours there is sent back as it is."""
+        for place in dict.fromkeys(told.place for told in outputs):
+            self._objects_held[place] = self._objects.count(place)
+
+    def _see_shared(self) -> None:
+        self._see(told for told in self._outputs.values() if told.field is not None)
 
     def _identified(self) -> str:
-        import canopen
-
-        from drivers._canopen_network import CanopenNetwork
-
-        told, file = self._settings, self._description.dictionary
-        bus = open_bus(told.address, told.bitrate, told.timeout_s)
-        self._network = CanopenNetwork(bus, told.address, wire_log("canopen", told.address))
-        self._network.connect()
-        node = self._network.add_node(self._number, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
-        node.sdo.RESPONSE_TIMEOUT = told.timeout_s
-        self._objects = NodeObjects(self._network, node, file, told.address)
-        self._network.subscribe(0x080 + self._number, self._on_emergency)
-        for pdo in self._sent:
-            self._network.subscribe(pdo.identifier, self._on_pdo)
+        told = self._settings
+        self._connect(told, self._number, "canopen", *(pdo.identifier for pdo in self._sent))
+        self._objects = NodeObjects(self._network, self._node, self._description.dictionary, told.address)
         self.identity = once_started(told.startup_s, self._objects.recognised)
         return self.identity
 
     def _make_ready(self) -> None:
         told = self._description
-        self._network.send_message(0x000, bytes([0x80, self._number]))  # pre-operational
+        self._manage(0x80)
         if self.watchdog_s is not None:
             self._objects.download(0x1016, 1, MASTER << 16 | round(1000.0 * self.watchdog_s), "<I")
         for value in told.setup:
             self._objects.write(place_of(value.object), value.value)
         configure(self._sent, "sent", self._objects.upload, self._objects.download, told.dictionary)
         configure(self._received, "received", self._objects.upload, self._objects.download, told.dictionary)
-        self.standing()
-        self._network.send_message(0x000, bytes([0x01, self._number]))  # operational
+        self._see_shared()
+        self._manage(0x01)
         self._emergency, self._others_moved = None, False
 
     def _put(self, values: Mapping[str, float]) -> list[tuple[str, float]]:
@@ -144,65 +121,29 @@ class CanopenLink(DeviceLink):
         if self._others_moved:
             self._others_moved = False
             with suppress(HardwareError):  # a safe value goes out also where nobody answers
-                self.standing()
+                self._see_shared()
         self._counts |= {name: self._objects.counted(self._outputs[name], value) for name, value in values.items()}
         for name, count in self._counts.items():
             place = self._outputs[name].place
             self._objects_held[place] = self._objects.with_part(
                 self._outputs[name], self._objects_held.get(place, 0), count
             )
-        self._network.send_message(0x700 + MASTER, b"\x05")
+        self._beat()
         driven = {self._outputs[name].place for name in self._counts}
         for pdo in self._received:
             if set(pdo.places) <= driven:
-                self._network.send_message(pdo.identifier, pdo.packed(self._objects_held))
-        self._watchdog.heard()
+                self._send(pdo.identifier, pdo.packed(self._objects_held))
         return [(n, told.slope * self._counts[n] + told.offset) for n, told in self._outputs.items() if n in values]
-
-    def _look(self) -> None:
-        if self._emergency is not None:
-            (code, register), self._emergency = self._emergency, None
-            missed = " (it missed our heartbeat)" if code == 0x8130 else ""
-            raise LinkError(f"emergency {code:#06x}, error register {register:#04x}{missed}")
 
     def _measured(self) -> dict[str, float]:
         """Those of this SYNC; by SDO of a node that is not ours to command, or that sends none with SYNC."""
-        counts = self._synchronised() if self._sent else {}
+        came = self._answers_to_sync({pdo.identifier for pdo in self._sent}) if self._sent else {}
+        counts = {place: value for pdo in self._sent for place, value in pdo.values(came[pdo.identifier]).items()}
         counts |= {place: self._objects.count(place) for place in self._by_sdo}
         whys = {name: self._objects.why_none(told, counts) for name, told in self._inputs.items()}
         return {name: self._none(name, whys[name]) if whys[name] else self._objects.value(told, counts[told.place])
                 for name, told in self._inputs.items()}  # fmt: skip
 
-    def _synchronised(self) -> dict[tuple[int, int], float]:
-        """What the PDOs of this SYNC say."""
-        network, wanted = self._network, {pdo.identifier for pdo in self._sent}
-        with network.changed:
-            self._came.clear()
-            network.failure = None
-            network.send_message(0x080, b"")
-            network.changed.wait_for(lambda: wanted <= set(self._came) or network.failure, self._settings.timeout_s)
-            if missing := wanted - set(self._came):
-                network.check_readable()
-                names = ", ".join(f"{identifier:#05x}" for identifier in sorted(missing))
-                raise self._failed(f"no PDO {names} within {self._settings.timeout_s:g} s of SYNC")
-            came = dict(self._came)
-        return {place: value for pdo in self._sent for place, value in pdo.values(came[pdo.identifier]).items()}
-
-    def _on_pdo(self, identifier: int, data: bytearray, _time_s: float) -> None:
-        with self._network.changed:
-            self._came[identifier] = bytes(data)
-            self._network.changed.notify_all()
-
     def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
-        if len(data) >= 3 and (code := data[0] | data[1] << 8):
-            self._emergency, self._others_moved = (code, data[2]), True
-
-
-def _check_level(settings: NodeSettings, told: CanopenDescription, wiring: Wiring) -> None:
-    for name, channel in wiring.outputs.items():
-        level = told.watchdog.expires_to if told.watchdog else math.nan
-        if settings.watchdog_s is not None and abs(level - channel.safe) > 1e-9:
-            raise SettingError(
-                f"watchdog_s: when it expires the node puts {channel.terminal} at {level:g} {channel.unit}, but "
-                f"'{name}' is safe at {channel.safe:g}: connect the valve so that this is safe, or take watchdog_s away"
-            )
+        super()._on_emergency(_identifier, data, _time_s)
+        self._others_moved |= self._emergency is not None

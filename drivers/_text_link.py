@@ -14,7 +14,7 @@ from drivers._templates import Numbers, filled, matched, names_safe, remedy
 from hil.daq.channel import Wiring
 from hil.description.named import Described, description_of
 from hil.description.text import ENDS, TextDescription, TextTerminal
-from hil.errors import LinkError, SettingError
+from hil.errors import LinkError
 
 _RESOLUTION = 1e-6  # of a number that comes back; coarser devices say `close`
 
@@ -77,14 +77,13 @@ class TextLink(OnALine):
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
         told = told_of(settings)
-        self._check_level(settings, wiring)
         whole, self._talk = told.whole, told.text
         self._numbers = Numbers(self._talk.decimal, self._talk.no_measurement)
         self._outputs = {c.terminal: whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: whole[c.terminal] for c in wiring.inputs.values()}
         self._settings, self._armed = settings, told.watchdog
         close = {name: max(t.close or 0.0, _RESOLUTION * max(map(abs, t.range))) for name, t in self._outputs.items()}
-        super().__init__(wiring, settings.watchdog_s, close=close)
+        super().__init__(wiring, settings.watchdog_s, expires_to=level_of(settings), close=close)
         self._open()
 
     def standing(self) -> dict[str, float]:
@@ -97,17 +96,6 @@ class TextLink(OnALine):
     def close(self) -> None:
         """Close the line."""
         self._line.close()
-
-    @staticmethod
-    def _check_level(settings: Settings, wiring: Wiring) -> None:
-        level = level_of(settings)
-        for name, channel in wiring.outputs.items():
-            if settings.watchdog_s is not None and level is not None and abs(level - channel.safe) > 1e-9:
-                raise SettingError(
-                    f"watchdog_s: when it expires the device puts {channel.terminal} at {level:g} {channel.unit}, but "
-                    f"'{name}' is safe at {channel.safe:g} {channel.unit}; take watchdog_s away, or connect the valve "
-                    f"so that {level:g} {channel.unit} is safe"
-                )
 
     def _identified(self) -> str:
         told, talk = self._settings, self._talk

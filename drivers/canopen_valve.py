@@ -14,10 +14,10 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt
 
-from drivers._can import bus_fault, close_bus, open_bus
-from drivers._edge import edge, wire_log
+from drivers._can import bus_fault
+from drivers._canopen_node import MASTER, NodeLink
+from drivers._edge import edge
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.device_link import DeviceLink
 from hil.daq.polled import PolledDaq
 from hil.description.canopen import dictionary, variable
 from hil.errors import DeviceLostError, FileError, LinkError
@@ -26,7 +26,6 @@ from hil.extras import is_installed
 PROFILE = 408
 FULL = 16384  # ±100 %
 _CLOSE = 1.01 * 100.0 / FULL
-MASTER = 127  # node that sends our heartbeat
 CLIMB = (0x0000, 0x0001, 0x0003, 0x0007)  # control words from INIT over DISABLED and HOLD to ACTIVE
 STATES = {
     0b0000: "NOT_READY or FAULT_INIT", 0b1000: "INIT", 0b1001: "DISABLED", 0b1011: "HOLD", 0b1111: "ACTIVE",
@@ -148,7 +147,7 @@ def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
 
 
 @edge
-class CanopenValveLink(DeviceLink):
+class CanopenValveLink(NodeLink):
     """A valve on CANopen (see `hil.daq.link.Link`).
 
     The set point goes out in RPDO 4 with the control word; SYNC asks for status word and actual value, which come
@@ -163,13 +162,13 @@ class CanopenValveLink(DeviceLink):
         LinkError: it is no valve of this profile, or does not become active.
     """
 
-    _forgiving = False  # one that is not active obeys no set point
+    causes: Mapping[int, str] = {
+        **NodeLink.causes, 0x3000: " (supply voltage)", 0x4200: " (temperature of the electronics)",
+        0x5000: " (hardware)",
+    }  # fmt: skip
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        self._settings = settings
-        self._commands = self._closed = False
-        self._pdo: bytes | None = None
-        self._emergency: tuple[int, int] | None = None
+        self._settings, self._commands = settings, False
         self._beat_s: float | None = None
         super().__init__(
             wiring, settings.watchdog_s, close={"set point": _CLOSE}, device="valve",
@@ -183,30 +182,18 @@ class CanopenValveLink(DeviceLink):
 
     def close(self) -> None:
         """Leave the valve at its fail-safe position, and the bus."""
-        if self._closed:
-            return
-        self._closed = True
         with suppress(Exception):
             if self._commands:
+                self._commands = False
                 self._step_down()
-        with suppress(Exception):
-            self._network.disconnect()
-        if self._network.bus is not None:
-            close_bus(self._network.bus, self._settings.timeout_s)
+        super().close()
 
     def _identified(self) -> str:
         import canopen
 
-        from drivers._canopen_network import CanopenNetwork
-
         told = self._settings
-        bus = open_bus(told.address, told.bitrate, told.timeout_s)
-        self._network = CanopenNetwork(bus, told.address, wire_log("canopen_valve", told.address))
-        self._network.connect()
-        self._node = self._network.add_node(told.node, canopen.ObjectDictionary())  # type: ignore[no-untyped-call]
-        self._node.sdo.RESPONSE_TIMEOUT = told.timeout_s
-        for base, heard in ((0x080, self._on_emergency), (0x180, self._on_pdo), (0x700, self._on_heartbeat)):
-            self._network.subscribe(base + told.node, heard)
+        self._connect(told, told.node, "canopen_valve", 0x180 + told.node)
+        self._network.subscribe(0x700 + told.node, self._on_heartbeat)
         try:
             profile = self._unsigned(0x1000, 0) & 0xFFFF
         except canopen.SdoCommunicationError:
@@ -236,23 +223,25 @@ class CanopenValveLink(DeviceLink):
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Send the set point, and our heartbeat."""
         counts = max(-FULL, min(FULL, round(values["set point"] * FULL / 100.0)))
-        self._send(0x700 + MASTER, b"\x05")
+        self._beat()
         self._send(0x500 + self._settings.node, struct.pack("<Hhh", CLIMB[-1], counts, 0))
-        self._watchdog.heard()
         yield "set point", 100.0 * counts / FULL
 
     def _measured(self) -> dict[str, float]:
         """By SYNC with the status; by SDO of a valve that is not ours to command."""
         if not self._commands:
             return {"actual value": 100.0 * self._signed(0x6301, 1) / FULL}
-        status, actual = self._synchronised()
+        (data,) = self._answers_to_sync({0x180 + self._settings.node}, "actual value").values()
+        if len(data) != 4:
+            raise LinkError(f"TPDO 1 has {len(data)} bytes, not 4: another program changed its mapping")
+        status, actual = struct.unpack("<Hh", data)
         self._look_at(status)
         return {"actual value": 100.0 * actual / FULL}
 
     def _configure(self) -> None:
         """Heartbeats both ways, TPDO 1 by SYNC, the functions of the valve that the bench file names."""
         told, beat_ms = self._settings, round(1000.0 * self._settings.watchdog_s)
-        self._network.send_message(0x000, bytes([0x80, told.node]))  # pre-operational
+        self._manage(0x80)
         self._write(0x1017, 0, max(10, beat_ms // 4), "<H")
         self._write(0x1016, 1, MASTER << 16 | beat_ms, "<I")
         self._write(0x1800, 1, 0x80000180 + told.node, "<I")
@@ -275,7 +264,7 @@ class CanopenValveLink(DeviceLink):
             if percent is not None:
                 self._write(index, 1, round(percent * FULL / 100.0), "<h")
                 self._write(0x6342, 0, 1, "<b")
-        self._network.send_message(0x000, bytes([0x01, told.node]))  # operational
+        self._manage(0x01)
 
     def _activate(self, safe: list[float]) -> None:
         """Reset a fault, then climb state by state, the set point safe."""
@@ -304,26 +293,6 @@ class CanopenValveLink(DeviceLink):
                 raise LinkError(f"the valve stays in {STATES.get(now, f'{now:04b}')}, it should be in {STATES[state]}")
             time.sleep(0.005)
 
-    def _synchronised(self) -> tuple[int, int]:
-        """Status word and actual value of this SYNC."""
-        network = self._network
-        with network.changed:
-            self._pdo, network.failure = None, None
-            self._send(0x080, b"")
-            network.changed.wait_for(lambda: self._pdo is not None or network.failure, self._settings.timeout_s)
-            if self._pdo is None:
-                network.check_readable()
-                raise self._failed(f"no actual value within {self._settings.timeout_s:g} s of SYNC{self._heard()}")
-            data = self._pdo
-        if len(data) != 4:
-            raise LinkError(f"TPDO 1 has {len(data)} bytes, not 4: another program changed its mapping")
-        return struct.unpack("<Hh", data)
-
-    def _look(self) -> None:
-        if self._emergency is not None:
-            (code, register), self._emergency = self._emergency, None
-            raise LinkError(f"emergency {code:#06x}, error register {register:#04x}{_EMERGENCIES.get(code, '')}")
-
     def _look_at(self, status: int) -> None:
         """Raise `LinkError` unless the valve is active and obeys the bus."""
         self._look()
@@ -333,19 +302,11 @@ class CanopenValveLink(DeviceLink):
             name = STATES.get(status & 0b1111, f"{status & 0b1111:04b}")
             raise LinkError(f"the valve is in {name}, not ACTIVE: its set point has no effect")
 
-    def _heard(self) -> str:
-        if self._beat_s is None:
-            return "; it has sent no heartbeat"
-        return f"; its last heartbeat came {time.monotonic() - self._beat_s:.2g} s ago"
-
-    def _on_pdo(self, _identifier: int, data: bytearray, _time_s: float) -> None:
-        with self._network.changed:
-            self._pdo = bytes(data)
-            self._network.changed.notify_all()
-
-    def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
-        if len(data) >= 3 and (code := data[0] | data[1] << 8):
-            self._emergency = code, data[2]
+    def _failed(self, text: str) -> LinkError:
+        beat = "it has sent no heartbeat"
+        if self._beat_s is not None:
+            beat = f"its last heartbeat came {time.monotonic() - self._beat_s:.2g} s ago"
+        return super()._failed(f"{text}; {beat}")
 
     def _on_heartbeat(self, _identifier: int, _data: bytearray, _time_s: float) -> None:
         self._beat_s = time.monotonic()
@@ -364,15 +325,5 @@ class CanopenValveLink(DeviceLink):
         self._sdo("download", index, sub, struct.pack(form, value))
 
     def _sdo(self, kind: str, index: int, sub: int, *data: bytes) -> bytes:
-        return self._network.transfer(self._node, kind, index, sub, *data)
-
-    def _send(self, identifier: int, data: bytes) -> None:
-        self._network.send_message(identifier, data)
-
-
-_EMERGENCIES = {
-    0x8130: " (it missed our heartbeat)",
-    0x3000: " (supply voltage)",
-    0x4200: " (temperature of the electronics)",
-    0x5000: " (hardware)",
-}
+        answer: bytes = self._network.transfer(self._node, kind, index, sub, *data)
+        return answer

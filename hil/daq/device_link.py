@@ -12,7 +12,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
 
 from hil.daq.channel import Wiring
-from hil.errors import LinkError
+from hil.errors import LinkError, SettingError
 from hil.units import behind_a_number
 
 _EVERY_S = 0.5  # another master, or a device that restarted, is noticed so soon
@@ -95,6 +95,7 @@ class DeviceLink(ABC):
     Args:
         wiring: the channels in use.
         watchdog_s: the device makes its outputs safe when it hears nothing for so long; None: it does not.
+        expires_to: where its watchdog puts outputs, if that is always the same and known.
         close: by terminal, how far an output may be held from where it was driven; exactly there if not said.
         device: what it is called in errors.
         longest_reply_s: after an answer that did not come nothing is believed for so long (`_failed`).
@@ -102,17 +103,29 @@ class DeviceLink(ABC):
             for `longest_reply_s`, and what was driven within the time of three messages is no difference. 0: it is
             asked.
 
+    Raises:
+        SettingError: its watchdog would put an output elsewhere than at its safe value.
+
     Attributes:
         unmeasured: why inputs had no measurement when they were read last, by terminal.
     """
 
     _elsewhere = "the device restarted, its watchdog expired, it does not obey, or another program drives it"
+    _remedy = "take watchdog_s away, or "
     _forgiving = True  # whether safe values are told also to a device that could not be made ready
 
     def __init__(
-        self, wiring: Wiring, watchdog_s: float | None = None, *, close: Mapping[str, float] | None = None,
-        device: str = "device", longest_reply_s: float = 0.0, told_each_s: float = 0.0,
+        self, wiring: Wiring, watchdog_s: float | None = None, *, expires_to: float | None = None,
+        close: Mapping[str, float] | None = None, device: str = "device", longest_reply_s: float = 0.0,
+        told_each_s: float = 0.0,
     ) -> None:  # fmt: skip
+        for name, channel in wiring.outputs.items() if watchdog_s is not None and expires_to is not None else ():
+            if abs((expires_to or 0.0) - channel.safe) > 1e-9:
+                raise SettingError(
+                    f"watchdog_s: when it expires the {device} puts {channel.terminal} at {expires_to:g} "
+                    f"{channel.unit}, but '{name}' is safe at {channel.safe:g} {channel.unit}; {self._remedy}connect "
+                    f"the valve so that {expires_to:g} {channel.unit} is safe"
+                )
         self._wiring, self._close = wiring, close or {}
         self._watchdog = DeviceWatchdog(watchdog_s, device)
         self.watchdog_s: float | None = watchdog_s

@@ -205,7 +205,7 @@ def test_outputs_that_would_fall_elsewhere_than_safe_are_refused(tmp_path: Path)
     written(tmp_path, "amplifier.dbc", DBC)
     path = written(tmp_path, "amplifier.toml", AMPLIFIER)
     wiring = Wiring({"u": OutputChannel("u", "set", "voltage", "V", -10.0, 10.0, 5.0)}, {})
-    with pytest.raises(SettingError, match="'u' is safe at 5 V, but when commands end the device puts it at 0"):
+    with pytest.raises(SettingError, match="puts set at 0 V, but 'u' is safe at 5 V; connect"):
         driver.open_link(driver.Settings(model=str(path), address="virtual:none"), wiring)
 
 
