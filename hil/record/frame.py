@@ -35,14 +35,22 @@ def from_memory(source: pd.DataFrame | Mapping[str, Any], reading: Reading = AS_
         reading: what its user says besides.
 
     Raises:
-        FileError: columns of different lengths, or what `assemble` does not take for a recording.
+        FileError: columns of different lengths or without names, or what `assemble` does not take for a recording.
     """
+    if not is_frame(source) and hasattr(source, "to_pandas") and not isinstance(source, Mapping):  # pyarrow, polars
+        source = source.to_pandas()
     if is_frame(source):
         name, columns = "the DataFrame", [Column(str(heading), _plain(source[heading])) for heading in source.columns]
         index = Column(str(source.index.name or "row"), source.index.to_numpy())
         columns = [index, *columns] if index.is_time or index.is_dated else columns
+    elif isinstance(source, Mapping):
+        name = "the arrays"
+        columns = [Column(str(heading), _numbers(np.asarray(values))) for heading, values in source.items()]
     else:
-        name, columns = "the arrays", [Column(str(heading), np.asarray(values)) for heading, values in source.items()]
+        raise FileError(
+            f"a {type(source).__name__}: a recording is a path, a DataFrame, or arrays by name and unit: "
+            "{'time [s]': t, 'command [%]': u, 'flow [l/min]': y}"
+        )
     for column in columns:
         if column.values.ndim != 1:
             shape = "×".join(map(str, column.values.shape)) or "a single value"
@@ -56,8 +64,18 @@ def from_memory(source: pd.DataFrame | Mapping[str, Any], reading: Reading = AS_
 def _plain(series: Any) -> Any:
     """Its values; of a column that pandas keeps in a type of its own, as numbers with NaN."""
     if isinstance(getattr(series, "dtype", None), np.dtype):
-        return series.to_numpy()
+        return _numbers(series.to_numpy())
     try:
         return series.to_numpy(dtype=np.float64, na_value=np.nan)
     except (TypeError, ValueError):
         return series.to_numpy()
+
+
+def _numbers(values: Any) -> Any:
+    """Values of a column of objects as numbers, where they are some: those of a database are such."""
+    if values.dtype.kind != "O" or values.ndim != 1:
+        return values
+    try:
+        return values.astype(np.float64)
+    except (TypeError, ValueError):
+        return values

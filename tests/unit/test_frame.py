@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 import pytest
 
 import hil
@@ -36,6 +38,26 @@ def test_identify_takes_arrays_a_frame_and_its_index_alike() -> None:
     assert {one.values["full_flow"] for one in found} == {found[0].values["full_flow"]}
     true = hil.typical_model("brevini-hpv41").values["full_flow"]
     assert found[0].values["full_flow"] == pytest.approx(true, rel=0.02)
+
+
+def test_read_takes_numbers_that_are_objects_and_tables_of_others() -> None:
+    frame = pd.DataFrame(MEASURED)
+    objects = frame.astype(object)
+    objects["flow [l/min]"] = [Decimal(0), None, *[0.0] * 398]
+    for one in (objects.dropna(), {name: frame[name].astype(object) for name in frame}, pa.Table.from_pandas(frame)):
+        read = hil.read(one)
+        assert isinstance(read, Recording) and set(read.channels) == {"command", "flow"}
+
+
+@pytest.mark.parametrize(
+    ("given", "kind"),
+    [(np.zeros((3, 400)), "ndarray"), ((TIME, COMMAND), "ndarray"), (5, "int"), (None, "NoneType"),
+     (pd.Series(COMMAND), "float")],
+    ids=["matrix", "tuple", "number", "nothing", "series"],
+)  # fmt: skip
+def test_identify_says_how_arrays_are_given(given: Any, kind: str) -> None:
+    with pytest.raises(HilError, match=rf"^a {kind}: a recording is a path, a DataFrame, or arrays by name and unit: "):
+        hil.identify(given, "brevini-hpv41")
 
 
 def test_read_takes_what_a_frame_does_not_say() -> None:
