@@ -21,12 +21,14 @@ from drivers._ni_voltages import Voltages
 from hil.daq.channel import InputChannel, OutputChannel, Terminal, Wiring
 from hil.daq.check import check_waveform, checked_task, coerced_rate
 from hil.daq.contract import CANNOT_BE_ASKED, Block, Promises, ReadBack, Waveform
+from hil.daq.device_link import stands_as_driven
 from hil.errors import DeviceLostError, HardwareError, LinkError, SettingError
 from hil.record.recording import Array
 
 _OVER = 0.024  # M Series boards resolve their ranges with 5 % of over-range, half of it at either end
 _WAIT_S = 2.0  # beyond the time that samples take
 _LEAST = 2  # samples of a buffered task
+_CLOSE = 0.1  # V, or of a line: what a board makes and measures of its own outputs differs by mV
 _Channel = TypeVar("_Channel", OutputChannel, InputChannel)
 _GROUND = "_aignd_vs_aignd"  # within the device: sampled for the sake of its clock when no input is in use
 
@@ -225,6 +227,7 @@ class NiDaq:
                 yield self._block(reading, outputs, first, count, start_s, waveform.rate_hz)
             if samples > len(waveform):
                 self._read(reading, samples - len(waveform), waveform.rate_hz)
+        self._outputs_stand(self._voltages.standing)
 
     def _continuous(self, waveforms: Iterator[Waveform]) -> Iterator[Block]:
         from nidaqmx.constants import AcquisitionType, RegenerationMode
@@ -254,6 +257,7 @@ class NiDaq:
                 following, failure = _next(waveforms)
                 ahead = self._after(outputs, following, rate_hz)
                 self._write(writers, ahead, start=False)
+        self._outputs_stand(self._voltages.standing)
         if failure is not None:
             raise failure
 
@@ -368,12 +372,27 @@ class NiDaq:
         time_s = start_s + (first + np.arange(count)) / rate_hz
         driven = {name: values[first : first + count] for name, values in outputs.items()}
         self.levels = {name: float(values[-1]) for name, values in driven.items()}
+        self._outputs_stand(self._lines.standing)
         self._after_s = float(time_s[-1]) + 1.0 / rate_hz
         clipped = {
             n: np.clip(row, c.low, c.high)
             for (n, c), row in zip(self._sampled.items(), rows, strict=len(self._sampled) > 0)
         }
         return Block(time_s, {**clipped, **self._lines_over(count)}, driven)
+
+    def _outputs_stand(self, standing: Callable[[], Mapping[str, float]]) -> None:
+        """Raise `LinkError` where outputs stand elsewhere: lines after each block, voltages when a task has ended.
+
+        While they are played, the inputs that measure voltages within the board are not free.
+        """
+        with self._told():
+            found = {name: at for name, at in standing().items() if not math.isnan(at)}
+        for name, at in found.items():
+            if not stands_as_driven(at, (self.levels[name],), _CLOSE):
+                raise LinkError(
+                    f"{self._settings.device}: '{name}' stands at {at:.4g}, not at {self.levels[name]:.4g} as it was "
+                    f"driven: it does not obey, or another program drives it"
+                )
 
     def _lines_over(self, count: int) -> dict[str, Array]:
         """Digital inputs over a block that was just read: as known before, and from its last sample on as they are."""

@@ -306,6 +306,24 @@ def test_found_relay_and_input_are_as_they_stand(board: Board) -> None:
     assert daq.levels == {"enable": 1.0} and block.inputs["stop"].tolist() == [1.0, 1.0, 1.0, 1.0]
 
 
+def test_line_that_another_program_switches_ends_the_task(lines: ni.NiDaq, board: Board) -> None:
+    blocks = lines.stream([Waveform(RATE_HZ, {"enable": np.ones(5)})] * 3)
+    next(blocks)
+    board.levels["port1/line1"] = 0.0
+    with pytest.raises(LinkError, match="Dev1: 'enable' stands at 0, not at 1 as it was driven"):
+        list(blocks)
+
+
+def test_voltage_that_does_not_stand_where_it_was_driven_is_told_when_the_task_ends(
+    daq: ni.NiDaq, board: Board
+) -> None:
+    blocks = daq.play(ramp(), 15)
+    assert [len(next(blocks)) for _ in range(2)] == [15, 15]
+    board.levels["ao0"] = 2.3
+    with pytest.raises(LinkError, match=r"'a' stands at 2\.3, not at 2 as it was driven"):
+        list(blocks)
+
+
 def test_line_that_falls_is_seen_at_the_end_of_its_block(lines: ni.NiDaq, board: Board) -> None:
     blocks = lines.play(ramp(), 5)
     assert next(blocks).inputs["stop"].tolist() == [1.0] * 5
