@@ -100,8 +100,7 @@ class CanopenLink(NodeLink):
         told = self._settings
         self._connect(told, self._number, "canopen", *(pdo.identifier for pdo in self._sent))
         self._objects = NodeObjects(self._network, self._node, self._description.dictionary, told.address)
-        self.identity = once_started(told.startup_s, self._objects.recognised)
-        return self.identity
+        return once_started(told.startup_s, self._objects.recognised)
 
     def _make_ready(self) -> None:
         told = self._description

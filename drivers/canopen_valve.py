@@ -205,8 +205,7 @@ class CanopenValveLink(NodeLink):
             wanted = of_file.default if of_file is not None else None
             if wanted and (said := self._unsigned(0x1018, sub)) != wanted:
                 raise LinkError(f"node {told.node} is of {what} {said:#x}, its file is of {wanted:#x}")
-        self.identity = self._told_identity()
-        return self.identity
+        return self._told_identity()
 
     def _told_identity(self) -> str:
         told = []

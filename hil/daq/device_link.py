@@ -111,6 +111,7 @@ class DeviceLink(ABC):
     """
 
     _elsewhere = "the device restarted, its watchdog expired, it does not obey, or another program drives it"
+    _identity = ""
     _remedy = "take watchdog_s away, or "
     _forgiving = True  # whether safe values are told also to a device that could not be made ready
 
@@ -140,6 +141,11 @@ class DeviceLink(ABC):
         self._seen: set[str] = set()
         self.unmeasured: dict[str, str] = {}
         self._read_back_times, self._checked_s = ReadBackTimes(), time.monotonic()
+
+    @property
+    def identity(self) -> str:
+        """What the device says that it is; empty where it does not."""
+        return self._identity
 
     @abstractmethod
     def standing(self) -> Mapping[str, float]:
@@ -229,7 +235,7 @@ class DeviceLink(ABC):
     def _open(self) -> None:
         """The device that is meant is made ready; another one, and one that fails, is let go of."""
         try:
-            identity = self._identified()
+            self._identity = identity = self._identified()
             self._wiring.refuse_another(identity)
             self._recognise(identity)
             if self._wiring.outputs and self._forgiving:
