@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
@@ -11,7 +12,7 @@ from hil.cores import spread
 from hil.diagnosis.changed import Changed
 from hil.diagnosis.decide import Choice
 from hil.diagnosis.kept_back import NOTHING, KeptBack
-from hil.diagnosis.score import Hypothesis, Noise, Table, table, verdict
+from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, Table, table, verdict
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
 from hil.diagnosis.search.terms import Term, all_terms
 from hil.diagnosis.yardsticks import AT_A_GLANCE, ROUGHLY, Effort
@@ -19,10 +20,8 @@ from hil.identification.estimate import estimate
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
-# Terms that are fitted, the best of all starts, from how many starts each, and how many of them further.
+# Terms that are fitted, from how many starts each, and how many of them further.
 _FITTED, _STARTS, _FURTHER = 16, 2, 6
-# The remainder of recordings that were not fitted is so many times what it should be, at the least and at most.
-_SCALE = (0.4, 1.1)
 
 
 def unchanged(changed: Changed) -> Choice:
@@ -39,19 +38,21 @@ def named(changed: Changed) -> Choice:
     terms = all_terms(problem, nominal.residuals)
     problem.work.at(0.2, "fitting what may have changed")
     fits = _fitted(changed, terms)
-    scores = _scores(changed, fits, len({term.label for term in terms}))
+    weighed = _scores(changed, fits, len({term.label for term in terms}))
+    scores = weighed.without("consistent")  # the gate has refuted that
     by_label = {_causes(_hypothesis(f)): f for f in reversed(fits)}
     ranked = [by_label[key] for row in scores.rows if not row.is_open and (key := _causes(row.hypothesis)) in by_label]
     best = by_label.get(_causes(scores.first.hypothesis), ranked[0])
     names = list(dict.fromkeys(name for row in scores.ambiguous for name in _causes(row.hypothesis)))
-    whole = next(row.left for row in scores.rows if not row.is_open and not _causes(row.hypothesis))
+    whole = next(row.left for row in weighed.rows if not row.is_open and not _causes(row.hypothesis))
     closed = (row for row in scores.rows if not row.is_open)
     left = next(row.left for row in closed if by_label.get(_causes(row.hypothesis)) is best)
     chances = {name: scores.chance(name) for key in by_label for name in key}
     told = verdict(scores, is_alarm=True)
+    others = names[1:] or ([UNKNOWN] if told == "unexplained" and names else [])
     shown = [evaluated(problem, f) for f in (best, *(f for f in ranked if f is not best))]
     return Choice(
-        told, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in names[1:]),
+        told, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in others),
         terms, left / max(whole, 1e-9), alike=tuple(names), chances=chances,
     )  # fmt: skip
 
@@ -70,7 +71,8 @@ def predicted(changed: Changed, f: Fitted, kept: KeptBack) -> Array:
 
 def _scores(changed: Changed, fits: Sequence[Fitted], names: int) -> Table:
     """Every cause, nothing, and each with something unknown beside it."""
-    noise = Noise(changed.count, *_SCALE, changed.count, names)
+    factor = changed.table.before.within(len(changed.problem.experiments))
+    noise = Noise(changed.count, 1.0 / factor, factor, changed.count, names)
     r = changed.left_as_it_was
     return table(noise, [Hypothesis((), float(r @ r)), *map(_hypothesis, fits)])
 
@@ -85,15 +87,8 @@ def _causes(h: Hypothesis) -> tuple[str, ...]:
 
 
 def _fitted(changed: Changed, terms: Sequence[Term]) -> list[Fitted]:
-    """The terms that leave least at any of their starts, each at its best; the best of each place first."""
-    starts = [(term, start) for term in terms if not term.by_clock for start in term.starts]
-    left = spread(partial(_left_at, changed), starts)
-    order = np.argsort(left, kind="stable")
-    likely: dict[Term, list[tuple[float, ...]]] = {}
-    for k in order:
-        term, start = starts[k]
-        likely.setdefault(term, []).append(start)
-    tried = [(term, start) for term, own in list(likely.items())[:_FITTED] for start in own[:_STARTS]]
+    """The terms that could leave least from any of their starts, each at its best; the best of each place first."""
+    tried = spread(partial(_nearer, changed), _likely(changed, terms))
     roughly = spread(lambda one: _fit(changed, *one, AT_A_GLANCE), tried)
     first: dict[str, Fitted] = {}
     for f in sorted(roughly, key=lambda f: f.chi2):
@@ -103,9 +98,43 @@ def _fitted(changed: Changed, terms: Sequence[Term]) -> list[Fitted]:
     return sorted((*further, *fits[_FURTHER:]), key=lambda f: f.chi2)
 
 
-def _left_at(changed: Changed, one: tuple[Term, Sequence[float]]) -> float:
-    r = _residuals(changed, *one)
-    return float(r @ r)
+@dataclass(frozen=True, slots=True)
+class _Start:
+    """A start of a term: what it leaves, and the least on the straight line to it from nothing, at which share."""
+
+    term: Term
+    values: tuple[float, ...]
+    left: float
+    least: float
+    share: float
+
+
+def _likely(changed: Changed, terms: Sequence[Term]) -> list[_Start]:
+    """Starts of the terms that could leave least, if all that they do grew with their strength."""
+    starts = [(term, start) for term in terms if not term.by_clock for start in term.starts]
+    likely: dict[Term, list[_Start]] = {}
+    for one in sorted(spread(partial(_start, changed), starts), key=lambda s: s.least):
+        likely.setdefault(one.term, []).append(one)
+    return [one for own in list(likely.values())[:_FITTED] for one in own[:_STARTS]]
+
+
+def _start(changed: Changed, one: tuple[Term, tuple[float, ...]]) -> _Start:
+    r, as_it_was = _residuals(changed, *one), changed.left_as_it_was
+    change = r - as_it_was
+    share = float(np.clip(-(change @ as_it_was) / np.maximum(change @ change, 1e-9), 0.0, 1.0))
+    least = as_it_was + share * change
+    return _Start(*one, float(r @ r), float(least @ least), share)
+
+
+def _nearer(changed: Changed, start: _Start) -> tuple[Term, tuple[float, ...]]:
+    """A start, or where the straight line from nothing to it is lowest, if that leaves less indeed."""
+    term = start.term
+    if term.kind == "parameter":
+        values: tuple[float, ...] = (term.nominal + start.share * (start.values[0] - term.nominal),)
+    else:
+        values = term.scaled(start.values, start.share)
+    r = _residuals(changed, term, values)
+    return term, values if float(r @ r) < start.left else start.values
 
 
 def _residuals(changed: Changed, term: Term, values: Sequence[float]) -> Array:

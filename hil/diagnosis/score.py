@@ -120,6 +120,10 @@ class Table:
         """All rows within the stated odds of the first, that one included."""
         return tuple(r for r in self.rows if r.probability * CRITERIA.odds >= self.first.probability)
 
+    def without(self, told: Verdict) -> Table:
+        """The same without rows that are told so, where something else has refuted them."""
+        return replace(self, rows=_with_odds([r for r in self.rows if r.verdict != told]))
+
     def chance(self, name: str) -> float:
         """How probable it is that a name is there, whatever else is."""
         return sum(r.probability for r in self.rows if name in (*r.hypothesis.names, *r.hypothesis.changed))

@@ -90,3 +90,11 @@ def test_as_dict_says_all_that_the_verdict_is_read_from() -> None:
     assert first["score"] == pytest.approx(score(NOISE, 0.0, 1, 2), abs=0.01)
     assert len(printed["rows"]) == 2
     assert printed["criteria"]["parts"] == 100.0
+
+
+def test_verdict_what_a_gate_has_refuted_does_not_compete() -> None:
+    weighed = of(100.0, law("friction", left=0.0))
+    left = weighed.without("consistent")
+    assert "nothing" not in {row.label for row in left.rows}
+    assert left.first.label == "friction"
+    assert sum(row.probability for row in left.rows) == pytest.approx(1.0)

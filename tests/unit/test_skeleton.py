@@ -31,13 +31,13 @@ TIME_S = np.arange(0.0, 20.0, 0.02)
 FIRST, WORN = 3.0, 8.0
 
 
-def recorded(name: str, coulomb: float, seed: int) -> Experiment:
+def recorded(name: str, coulomb: float, seed: int, rest: float = FLAP.typical["rest"]) -> Experiment:
     rng = np.random.default_rng(seed)
     command = np.repeat(rng.uniform(-15.0, 15.0, 40), len(TIME_S) // 40)
     friction = ActiveEffect(
         "friction", "force", {"coulomb": coulomb, "stiction": 1.2, "stribeck": 0.5, "presliding": 0.01}
     )
-    angle = simulate(FLAP, FLAP.typical, Drive(command[None, :], 2.5, 0.02), [friction])[0]
+    angle = simulate(FLAP, {**FLAP.typical, "rest": rest}, Drive(command[None, :], 2.5, 0.02), [friction])[0]
     angle = angle + 0.003 * rng.standard_normal(len(angle))
     return experiment(recording(name, TIME_S, {"motor command [V]": command, "flap angle [V]": angle}), FLAP)
 
@@ -109,6 +109,19 @@ def test_the_diagnosis_of_a_worn_unit_is_an_alarm(lacking: Model) -> None:
     assert said.gate is not None
     assert said.gate["is_alarm"]
     assert said.corrected_is == "nominal" or said.held_out.corrected > said.held_out.nominal
+
+
+def test_a_small_change_of_a_parameter_is_found_from_starts_that_are_far_too_large(lacking: Model) -> None:
+    """The starts of the place at rest are a quarter of it away, the change a twenty-fifth (a load force was named)."""
+    said = asked(lacking, recorded("later", FIRST, 7, rest=2.6), recorded("again", FIRST, 8, rest=2.6))
+    assert [one.name for one in said.changed_parameters] == ["rest"]
+
+
+def test_the_scale_is_held_within_what_recordings_of_before_say_of_it(table: Table) -> None:
+    """Student's t of two degrees of freedom is 4.303."""
+    known = replace(table.before, reach=(1.0, 1.0, 1.0), uneven=0.3)
+    assert known.within(4) == pytest.approx(np.exp(4.303 * 0.3 * np.sqrt(1 / 3 + 1 / 4)), rel=1e-3)
+    assert replace(known, uneven=0.0).within(4) == 1.0
 
 
 def test_a_plant_that_adds_up_its_errors_is_led_back_to_the_recording() -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import ndtri, stdtr
+from scipy.special import ndtri, stdtr, stdtrit
 
 from hil.diagnosis.skeleton.misfit import Mask, Misfit, Remainder, learned, leaves, remainder
 from hil.diagnosis.skeleton.rows import Rows
@@ -16,6 +17,8 @@ from hil.record.recording import Array
 ALARM = 5.5
 # A column counts where its information is at least this share of the median column's.
 _ENOUGH = 1e-3
+# Nothing left, and the logarithm of a factor that says that nothing is known.
+_TINY, _LOG_FACTOR = 1e-30, 50.0
 # So few recordings of before are dealt into parts, that each can be judged by a fit of the others.
 _FEWEST, _PARTS = 3, 3
 
@@ -32,6 +35,7 @@ class Before:
         blocks: so many of them tell how many rows count as one, shape (columns,): what shows in few is not known.
         leverage: mean of the recordings of before, each without itself, the greatest.
         reach: z that an unchanged unit reached in pseudo-tests, each recording of before taken as the later one.
+        uneven: standard deviation of the logarithm of what is left of each of them, over its scale.
         left: variance that the skeleton misfit leaves of recordings that were not fitted, over that of the nominal one.
         beyond_noise: variance of the rows that the nominal model leaves beyond white noise, over the noise's variance.
     """
@@ -44,6 +48,7 @@ class Before:
     blocks: Array
     leverage: float
     reach: tuple[float, ...]
+    uneven: float
     left: float
     beyond_noise: float
 
@@ -51,6 +56,12 @@ class Before:
     def needed(self) -> float:
         """The z from which later recordings are an alarm: no less than pseudo-tests of before have reached."""
         return max((ALARM, *self.reach))
+
+    def within(self, count: int) -> float:
+        """By which factor what is left of so many unchanged recordings may be off, either way, in 95 % (Student)."""
+        known = len(self.reach)
+        exponent = stdtrit(known - 1, 0.975) * self.uneven * math.sqrt(1.0 / known + 1.0 / count)
+        return math.exp(min(exponent, _LOG_FACTOR))
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,13 +88,13 @@ class Later:
 def before_of(rows: Rows) -> Before:
     """Learn what an unchanged unit leaves, and what pseudo-tests of before reach."""
     fold = _folds(rows)
-    learned = _learned(rows, fold)
+    found = _learned(rows, fold)
     reach = []
     for k in np.unique(fold):
         others = np.where(fold == k, -1, fold)
         if len(np.unique(others[others >= 0])) > 1:
             reach.append(later_of(_learned(rows, others), rows.some(fold == k)).z)
-    return replace(learned, reach=tuple(reach))
+    return replace(found, reach=tuple(reach))
 
 
 def _folds(rows: Rows) -> NDArray[np.int64]:
@@ -114,11 +125,13 @@ def _learned(rows: Rows, fold: NDArray[np.int64]) -> Before:
     count = (g**2).sum(axis=1) / np.maximum(total, 1e-9)
     blocks = total**2 / np.maximum((information**2).sum(axis=1), 1e-30)
     live = total > _ENOUGH * np.median(total)
-    levers = [float(np.mean(leverage[(fold == k) & rows.valid])) for k in np.unique(fold[known])]
+    each = [(fold == k) & rows.valid for k in np.unique(fold[known])]
+    uneven = float(np.std([np.log(_TINY + np.mean(np.square(left[own] / std[own]))) for own in each], ddof=1))
     beyond = [float(np.mean(np.square(values[known]))) for values in (left, rows.misfit)]
     return Before(
         tuple(misfits), scale, count,
-        float(np.median(count[live])) if live.any() else 1.0, total, np.maximum(blocks, 1.0), max(levers), (),
+        float(np.median(count[live])) if live.any() else 1.0, total, np.maximum(blocks, 1.0),
+        max(float(np.mean(leverage[own])) for own in each), (), uneven,
         beyond[0] / max(beyond[1], 1e-12), beyond[1] - 1.0 / rows.samples,
     )  # fmt: skip
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +14,8 @@ from hil.record.recording import Array
 
 Mask = NDArray[np.bool_]
 
-# Ridges over columns whose rms is one on the recordings of before: the more a model leaves, the more it takes.
-RIDGES = tuple(55.0 * 10.0**k for k in range(7))
+# Ridge over columns whose rms is one on the recordings of before.
+_RIDGE = 55.0
 # Cosines that describe how the left-out variance depends on the state, their width in standard deviations of
 # it, and the ridge over them.
 _WAVES, _WIDTH, _SMOOTH = 200, 2.5, 30.0
@@ -37,15 +36,13 @@ class Misfit:
         rms: of every column on the recordings of before; 0 of those that do nothing there. Shape (columns,).
         coefficients: of the columns over their rms, shape (columns,).
         directions: in which columns the recordings of before tell something, shape (k, columns), scaled so that the
-            leverage of a row d is (d·d)/λ − Σ (direction·d)².
-        ridge: λ.
+            leverage of a row d is (d·d)/λ − Σ (direction·d)², λ the ridge.
     """
 
     channel: int
     rms: Array
     coefficients: Array
     directions: Array
-    ridge: float
 
     def scaled(self, rows: Rows) -> Array:
         """The columns over their rms, shape (n, columns)."""
@@ -56,7 +53,7 @@ class Misfit:
         d = self.scaled(rows) if scaled is None else scaled
         left = np.where(rows.valid, rows.misfit - d @ self.coefficients, 0.0)
         seen = d @ self.directions.T
-        leverage = np.einsum("ij,ij->i", d, d) / self.ridge - np.einsum("ij,ij->i", seen, seen)
+        leverage = np.einsum("ij,ij->i", d, d) / _RIDGE - np.einsum("ij,ij->i", seen, seen)
         return left, np.maximum(leverage, 0.0)
 
 
@@ -76,13 +73,33 @@ def learned(rows: Rows, fold: NDArray[np.int64]) -> tuple[Misfit, Array, Array]:
         rows: of that channel.
         fold: of each row, −1 for those that are in none.
     """
-    rms = rms_of(rows, rows.valid & (fold >= 0))
-    products = Products(rows, scaled(rows, rms), fold, rms)
-    left, leverage = np.zeros(len(fold)), np.zeros(len(fold))
-    for k in products.folds:
-        own = fold == k
-        left[own], leverage[own] = products.without(k, products.ridge).leaves(rows.some(own), products.d[own])
-    return products.fitted(products.folds, products.ridge), left, leverage
+    known = rows.valid & (fold >= 0)
+    rms = rms_of(rows, known)
+    d = scaled(rows, rms)
+    channel, left, leverage = int(rows.channel[0]), np.zeros(len(fold)), np.zeros(len(fold))
+    products = {k: _products(d, rows.misfit, known & (fold == k)) for k in np.unique(fold[known])}
+    whole = sum(products.values(), np.zeros((d.shape[1], d.shape[1] + 1)))
+    for k, own in products.items():
+        there = fold == k
+        left[there], leverage[there] = _fitted(channel, rms, whole - own).leaves(rows.some(there), d[there])
+    return _fitted(channel, rms, whole), left, leverage
+
+
+def _products(d: Array, misfit: Array, use: Mask) -> Array:
+    """Inner products of the scaled columns, and in the last column those with the misfit."""
+    own = d[use]
+    found: Array = own.T @ np.column_stack([own, misfit[use]])
+    return found
+
+
+def _fitted(channel: int, rms: Array, products: Array) -> Misfit:
+    """The misfit of the rows that have these products, by ridge regression."""
+    sizes, vectors = np.linalg.eigh(products[:, :-1])
+    sizes = np.maximum(sizes, 0.0)
+    gains = 1.0 / _RIDGE - 1.0 / (sizes + _RIDGE)
+    telling = sizes > 0.01 * _RIDGE
+    directions = (vectors[:, telling] * np.sqrt(gains[telling])).T
+    return Misfit(channel, rms, vectors @ (vectors.T @ products[:, -1] / (sizes + _RIDGE)), directions)
 
 
 def scaled(rows: Rows, rms: Array) -> Array:
@@ -95,81 +112,6 @@ def rms_of(rows: Rows, known: Mask) -> Array:
     """The rms of every column over some rows; 0 of those that do nothing there."""
     found: Array = np.sqrt(np.mean(np.square(rows.changes[:, known], dtype=np.float64), axis=1))
     return np.where(found > _NOTHING, found, 0.0)
-
-
-@dataclass(frozen=True)
-class Products:
-    """Inner products of the columns and of the misfit, fold by fold: what every fit without some of them needs.
-
-    Attributes:
-        rows: of one channel.
-        d: scaled columns, shape (n, columns). `fold`: of each row, −1 for those that are in none.
-    """
-
-    rows: Rows
-    d: Array
-    fold: NDArray[np.int64]
-    rms: Array
-
-    @cached_property
-    def folds(self) -> list[int]:
-        """The numbers of the folds."""
-        return [int(k) for k in np.unique(self.fold) if k >= 0]
-
-    @cached_property
-    def _gram(self) -> dict[int, Array]:
-        return {k: self._of(k).T @ self._of(k) for k in self.folds}
-
-    @cached_property
-    def _moment(self) -> dict[int, Array]:
-        return {k: self._of(k).T @ self.rows.misfit[self._is(k)] for k in self.folds}
-
-    def _is(self, k: int) -> Mask:
-        own: Mask = (self.fold == k) & self.rows.valid
-        return own
-
-    def _of(self, k: int) -> Array:
-        own: Array = self.d[self._is(k)]
-        return own
-
-    def fitted(self, folds: Sequence[int], ridge: float) -> Misfit:
-        """The misfit of these folds."""
-        sizes, vectors, along = self._axes(tuple(folds))
-        gains = 1.0 / ridge - 1.0 / (sizes + ridge)
-        telling = sizes > 0.01 * ridge
-        directions = (vectors[:, telling] * np.sqrt(gains[telling])).T
-        return Misfit(int(self.rows.channel[0]), self.rms, vectors @ (along / (sizes + ridge)), directions, ridge)
-
-    def without(self, k: int, ridge: float) -> Misfit:
-        """The misfit of all other folds."""
-        return self.fitted([other for other in self.folds if other != k], ridge)
-
-    @cached_property
-    def ridge(self) -> float:
-        """That with which folds are predicted best from the others; the largest where there are none."""
-        return min(reversed(RIDGES), key=self._missed)
-
-    def _missed(self, ridge: float) -> float:
-        """What is left of folds that were not fitted, as the remainder is modelled: by its logarithm in every row."""
-        left = np.concatenate([
-            self.rows.misfit[own] - self.d[own] @ self.without(k, ridge).coefficients
-            for k in self.folds if (own := self._is(k)).any()
-        ])  # fmt: skip
-        return float(np.sum(log_power(left, self.rows.samples)))
-
-    @cached_property
-    def _known_axes(self) -> dict[tuple[int, ...], tuple[Array, Array, Array]]:
-        return {}
-
-    def _axes(self, folds: tuple[int, ...]) -> tuple[Array, Array, Array]:
-        """Sizes and directions of what the columns do in these folds, and the misfit along them."""
-        if folds not in self._known_axes:
-            count = self.d.shape[1]
-            gram = sum((self._gram[k] for k in folds), np.zeros((count, count)))
-            moment = sum((self._moment[k] for k in folds), np.zeros(count))
-            sizes, vectors = np.linalg.eigh(gram)
-            self._known_axes[folds] = np.maximum(sizes, 0.0), vectors, vectors.T @ moment
-        return self._known_axes[folds]
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
 
 # Rows in the time that a simulation remembers, and rows in a block: a stretch that its memory does not reach across.
-_IN_MEMORY, IN_BLOCK = 15.0, 100
+_IN_MEMORY, IN_BLOCK = 15.0, 50
 # Rows of one recording where the plant does not settle, and of all recordings together at most.
 _IN_RECORDING, _MOST = 2000, 8000
 # Delays at which the state is looked at, in rows.

@@ -24,7 +24,7 @@ from hil.physics.model import Model
 from hil.record.recording import Array
 from hil.signals.products import one_blas_thread
 
-VERSION = 5
+VERSION = 6
 # Simulated samples that a table may take, and the columns that it has at the least.
 _MOST_SAMPLES, _FEWEST = 3e8, 60
 # The largest array that is unpacked; a table has 1 MB.
@@ -61,12 +61,12 @@ class Table:
             "version": VERSION, "library": self.library, "row_s": self.row_s, "floors": dict(self.floors),
             "columns": [[c.name, c.hook, {k: float(v) for k, v in c.values.items()}] for c in self.columns],
             "misfits": [
-                {"channel": m.channel, "ridge": m.ridge, "rms": _packed(m.rms),
+                {"channel": m.channel, "rms": _packed(m.rms),
                  "coefficients": _packed(m.coefficients), "directions": _packed(m.directions)}
                 for m in b.misfits
             ],
             "scale": [r.white, r.factor, r.whole], "least": b.least, "leverage": b.leverage,
-            "reach": list(b.reach), "left": b.left,
+            "reach": list(b.reach), "uneven": b.uneven, "left": b.left,
             "beyond_noise": b.beyond_noise, "arrays": {k: _packed(v) for k, v in packed.items()},
         }  # fmt: skip
 
@@ -105,13 +105,13 @@ def read_table(kept: Mapping[str, Any], model: Model) -> Table:
     there = np.array([(c.name, c.hook, *sorted(c.values)) in can_be for c in every], dtype=np.bool_)
     misfits = tuple(
         Misfit(int(m["channel"]), _unpacked(m["rms"])[there], _unpacked(m["coefficients"])[there],
-               _unpacked(m["directions"])[:, there], float(m["ridge"]))
+               _unpacked(m["directions"])[:, there])
         for m in kept["misfits"]
     )  # fmt: skip
     before = Before(
         misfits, Remainder(a["mean"], a["std"], a["log_variance"], white, factor, whole), a["count_as_one"][there],
         float(kept["least"]), a["information"][there], a["blocks"][there], float(kept["leverage"]),
-        tuple(map(float, kept["reach"])), float(kept["left"]), float(kept["beyond_noise"]),
+        tuple(map(float, kept["reach"])), float(kept["uneven"]), float(kept["left"]), float(kept["beyond_noise"]),
     )  # fmt: skip
     columns = tuple(c for c, is_there in zip(every, there, strict=True) if is_there)
     return Table(columns, str(kept["library"]), dict(kept["floors"]), float(kept["row_s"]), before)
