@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from pathlib import Path
 
 from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
 
@@ -19,7 +18,6 @@ from drivers._edge import edge
 from drivers._line import Line
 from drivers._meeting import OnALine
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.polled import PolledDaq
 from hil.description.ascii_module import ModuleDescription
 from hil.description.named import Described, description_faults, description_of, ports_of
 from hil.errors import LinkError
@@ -93,12 +91,6 @@ def needs(_settings: Settings) -> tuple[str, ...]:
 def open_link(settings: Settings, wiring: Wiring) -> AsciiModuleLink:
     """The module, recognised, its watchdog armed."""
     return AsciiModuleLink(settings, wiring)
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The module alone as a DAQ."""
-    name = Path(settings.model).stem or "module"
-    return PolledDaq({name: open_link(settings, wiring)}, {name: wiring})
 
 
 @edge

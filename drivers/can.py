@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from pydantic import ConfigDict
 
@@ -11,7 +10,6 @@ from drivers._can import bus_fault
 from drivers._can_frames import BusSettings
 from drivers._can_link import CanLink
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.polled import PolledDaq
 from hil.description.can import CanDescription
 from hil.description.named import Described, description_faults, description_of, expired_levels, ports_of
 
@@ -63,12 +61,6 @@ def watchdog_levels(settings: Settings) -> dict[str, float]:
 def open_link(settings: Settings, wiring: Wiring) -> CanLink:
     """The bus, open; on J1939 our address claimed where there is something to command."""
     return CanLink(settings, wiring, _told(settings))
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The device alone as a DAQ."""
-    name = Path(settings.model).stem or "device"
-    return PolledDaq({name: open_link(settings, wiring)}, {name: wiring})
 
 
 def _told(settings: Settings) -> CanDescription:

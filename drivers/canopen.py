@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from pydantic import ConfigDict
 
 from drivers._can import bus_fault
 from drivers._canopen_link import CanopenLink, NodeSettings
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.polled import PolledDaq
 from hil.description.canopen import CanopenDescription
 from hil.description.named import Described, description_faults, description_of, expired_levels, ports_of
 
@@ -60,12 +58,6 @@ def watchdog_levels(settings: Settings) -> dict[str, float]:
 def open_link(settings: Settings, wiring: Wiring) -> CanopenLink:
     """The node, recognised, its PDOs mapped, operational."""
     return CanopenLink(settings, wiring, _told(settings))
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The node alone as a DAQ."""
-    name = Path(settings.model).stem or "node"
-    return PolledDaq({name: open_link(settings, wiring)}, {name: wiring})
 
 
 def _told(settings: Settings) -> CanopenDescription:

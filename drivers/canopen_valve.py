@@ -18,7 +18,6 @@ from drivers._can import bus_fault
 from drivers._canopen_node import MASTER, NodeLink
 from drivers._edge import edge
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.polled import PolledDaq
 from hil.description.canopen import dictionary, variable
 from hil.errors import DeviceLostError, FileError, LinkError
 from hil.extras import is_installed
@@ -139,11 +138,6 @@ def watchdog_levels(_settings: Settings) -> dict[str, float]:
 def open_link(settings: Settings, wiring: Wiring) -> CanopenValveLink:
     """The valve, active, its set point at the safe value."""
     return CanopenValveLink(settings, wiring)
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The valve alone as a DAQ."""
-    return PolledDaq({"valve": open_link(settings, wiring)}, {"valve": wiring})
 
 
 @edge

@@ -20,7 +20,6 @@ from drivers._can import bus_fault, close_bus, gone, heard, open_bus
 from drivers._edge import edge, wire_log
 from hil.daq.channel import Terminal, Wiring
 from hil.daq.device_link import DeviceLink
-from hil.daq.polled import PolledDaq
 from hil.errors import LinkError
 
 COMMAND, ESTIMATED = 0xFE30, 0xFE10
@@ -98,11 +97,6 @@ def watchdog_levels(settings: Settings) -> dict[str, float]:
 def open_link(settings: Settings, wiring: Wiring) -> J1939ValveLink:
     """The bus, open, our address on it claimed if there is something to command; nothing else is sent before that."""
     return J1939ValveLink(settings, wiring)
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The valve alone as a DAQ."""
-    return PolledDaq({"valve": open_link(settings, wiring)}, {"valve": wiring})
 
 
 def command_frame(percent: float, fail_safe: Literal["block", "float"]) -> bytes:

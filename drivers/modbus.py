@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 from pydantic import ConfigDict, FiniteFloat
@@ -16,14 +15,13 @@ from drivers._modbus_model import PER_SECOND, Model, Step, check_level, levels_o
 from drivers._registers import Flag, Format, Register, WordOrder, float32
 from drivers._stretches import Stretch, stretches
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.polled import PolledDaq
 from hil.description.modbus import ModbusDescription
 from hil.description.named import Described, description_faults, description_of, ports_of
 
 __all__ = [
     "Flag", "Format", "LineSettings", "ModbusLink", "Model", "Register", "Settings", "Step", "Stretch", "WordOrder",
     "check_level", "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
-    "open_daq", "open_link", "stretches", "terminals",
+    "open_link", "stretches", "terminals",
 ]  # fmt: skip
 PROBES = "modbus"
 _NOTHING = Model({})
@@ -119,12 +117,6 @@ def not_read_back(settings: Settings) -> set[str]:
 def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
     """The device, connected, its watchdog armed."""
     return ModbusLink(settings, wiring, _model(settings))
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The device alone as a DAQ."""
-    name = Path(settings.model).stem or "device"
-    return PolledDaq({name: open_link(settings, wiring)}, {name: wiring})
 
 
 def _told(settings: Settings) -> ModbusDescription:

@@ -13,7 +13,6 @@ from drivers._described_modbus import model_of
 from drivers._edge import edge
 from drivers.modbus import LineSettings, ModbusLink, Model, line_faults, line_needs
 from hil.daq.channel import OutputChannel, Terminal, Wiring
-from hil.daq.polled import PolledDaq
 from hil.description.named import Described, description_of
 from hil.errors import SettingError
 
@@ -47,11 +46,6 @@ def needs(settings: Settings) -> tuple[str, ...]:
 def open_link(settings: Settings, wiring: Wiring) -> PwmAmplifierLink:
     """The amplifier, its watchdog armed, carrier and dither set."""
     return PwmAmplifierLink(settings, wiring)
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The amplifier alone as a DAQ."""
-    return PolledDaq({"amplifier": open_link(settings, wiring)}, {"amplifier": wiring})
 
 
 @edge

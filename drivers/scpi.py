@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from pathlib import Path
 from typing import Any, Literal
 
 from pydantic import ConfigDict, Field, PositiveFloat, PositiveInt
@@ -19,7 +18,6 @@ from drivers._line import Line, answering
 from drivers._meeting import OnALine
 from drivers._templates import Numbers, filled, matched, remedy
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.polled import PolledDaq
 from hil.description.named import Described, description_faults, description_of, ports_of
 from hil.description.text import ENDS, TextTerminal
 from hil.errors import LinkError
@@ -91,12 +89,6 @@ def not_read_back(settings: Settings) -> set[str]:
 def open_link(settings: Settings, wiring: Wiring) -> ScpiLink:
     """The instrument, identified, its error queue empty."""
     return ScpiLink(settings, wiring)
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The instrument alone as a DAQ."""
-    name = Path(settings.model).stem or "instrument"
-    return PolledDaq({name: open_link(settings, wiring)}, {name: wiring})
 
 
 @edge

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from drivers._text_link import Settings, TextLink, level_of, told_of
 from hil.daq.channel import Terminal, Wiring
-from hil.daq.polled import PolledDaq
 from hil.description.named import description_faults, ports_of
 
 
@@ -53,12 +51,6 @@ def watchdog_levels(settings: Settings) -> dict[str, float]:
 def open_link(settings: Settings, wiring: Wiring) -> TextLink:
     """The device, recognised, set up, its watchdog armed."""
     return TextLink(settings, wiring)
-
-
-def open_daq(settings: Settings, wiring: Wiring) -> PolledDaq:
-    """The device alone as a DAQ."""
-    name = Path(settings.model).stem or "device"
-    return PolledDaq({name: open_link(settings, wiring)}, {name: wiring})
 
 
 def _is_armed(settings: Settings) -> bool:

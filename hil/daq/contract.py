@@ -9,7 +9,8 @@ A driver (`drivers/NAME.py`) or simulated device (`sim_devices/NAME.py`) provide
     Settings                                  what its table in the bench file may say (pydantic)
     faults(settings) -> [(place, text)]       what is wrong with them beyond their types: keys, and a remedy
     terminals(settings) -> {name: Terminal}   what it has to connect to; opens nothing
-    open_daq(settings, wiring) -> Daq         the device, open, every output where it was found
+    open_link(settings, wiring) -> Link       a device that the host asks over a link, open (see `hil.daq.link`); or
+    open_daq(settings, wiring) -> Daq         one that times itself, open; every output is left where it was found
 
 It may provide more, by which `hil check` warns and a run is refused before anything is opened:
 

@@ -13,7 +13,16 @@ from hil.daq.address import Port
 from hil.daq.channel import Wiring
 from hil.daq.contract import Daq
 from hil.daq.link import Link
+from hil.daq.polled import PolledDaq
 from hil.errors import HardwareError
+
+
+def opened_alone(module: ModuleType, settings: BaseModel, wiring: Wiring) -> Daq:
+    """A device as a DAQ by itself: as its driver makes one, else its link in a loop."""
+    if hasattr(module, "open_daq"):
+        daq: Daq = module.open_daq(settings, wiring)
+        return daq
+    return PolledDaq({"device": module.open_link(settings, wiring)}, {"device": wiring})
 
 
 @dataclass(slots=True)
@@ -49,8 +58,8 @@ class Pin:
         return link
 
     def daq(self, wiring: Wiring) -> Daq:
-        """The device alone as a DAQ, as its driver makes it. Raises as `link`."""
-        daq: Daq = self.module.open_daq(self._found(), self._known(wiring))
+        """The device alone as a DAQ. Raises as `link`."""
+        daq = opened_alone(self.module, self._found(), self._known(wiring))
         for identity in getattr(daq, "identities", {}).values():
             self._recognise(daq, identity, wiring)
         return daq

@@ -7,6 +7,7 @@ import time
 from contextlib import suppress
 
 from hil.daq.conformance.subject import Broken, LeftOut, Subject, agree, expect
+from hil.daq.pin import opened_alone
 from hil.errors import HardwareError
 from hil.units import check_unit
 
@@ -33,7 +34,7 @@ def says_soon_that_nobody_is_there(subject: Subject) -> None:
         raise LeftOut("real hardware is there")
     begun_s = time.monotonic()
     try:
-        link = subject.module.open_daq(subject.elsewhere, subject.wiring)
+        link = opened_alone(subject.module, subject.elsewhere, subject.wiring)
     except HardwareError:
         taken_s = time.monotonic() - begun_s
         expect(taken_s < LONGEST_S, f"it took {taken_s:.1f} s to say so")
