@@ -109,8 +109,8 @@ def command(
             typer.echo(_rehearsed(rehearsed), err=as_json)
         if rehearse_only:
             return None
-        understood = _understood(chosen, given, judged_by)
-        typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}{understood}", err=as_json)
+        inputs = understood(chosen, given, judged_by)
+        typer.echo(f"{chosen.name} on {found.bench.name}, recording into {folder}{inputs}", err=as_json)
         with shown() as progress:
             return api.run(
                 chosen, found, folder, limits=limits, serial=labels.serial, operator=labels.operator,
@@ -141,7 +141,7 @@ def _asked() -> str:
     return text
 
 
-def _understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[str, Limit]) -> str:
+def understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[str, Limit]) -> str:
     """Settings and limits that were typed, as they were understood; each on a line of its own."""
     from hil.report.number import MINUS, limits_text
     from hil.session.setting import parse_settings

@@ -15,7 +15,9 @@ from docs.catalogues import CATALOGUES, ROOMS, catalogue, compiled, text_of
 from hil.bench.find import benches
 from hil.bench.read import read_bench
 from hil.cli.app import main
+from hil.cli.run import understood
 from hil.console.board import interlocks_of, lines_of
+from hil.console.routes.live import SAID_BEFORE
 from hil.errors import SettingError
 from hil.language.choice import choose, page_language
 from hil.language.figures import decimal_sign, localised
@@ -25,6 +27,7 @@ from hil.record.measurement import Findings, Measurement
 from hil.report.number import fixed, number, with_uncertainty
 from hil.report.run_page import write_run_report
 from hil.report.terminal import findings_text
+from hil.session.procedure import load_procedure
 from tests.page import read_page
 from tests.passports import run_of
 from tests.unit.test_report_run import a_recording
@@ -140,6 +143,12 @@ def test_a_sentence_with_values_is_said_again_in_german() -> None:
         assert reworded("no measurement: no sample yet", templates) == "kein Messwert: no sample yet"
         assert reworded("said by nobody", templates) == "said by nobody"
     assert reworded("stale: nothing new for 13.1 s", templates) == "stale: nothing new for 13.1 s"
+
+
+def test_what_a_run_says_before_it_drives_is_german_on_its_page() -> None:
+    (line,) = understood(load_procedure("frequency_response"), {"biases": "50"}, {}).splitlines()[1:]
+    with speaking("de"):
+        assert reworded(line, SAID_BEFORE) == "Einstellung biases = 50 %"
 
 
 def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels() -> None:
