@@ -94,7 +94,7 @@ def skeletons() -> list[str]:
 
 
 def cases_of(names: Sequence[str], units: int, changes: int, seed: int) -> list[list[Case]]:
-    """The cases of each unit: as it is, and with so many of the skeleton's changes, in turn."""
+    """The cases of each unit: as it is, and with so many of the skeleton's changes, in an order that the seed draws."""
     return [list(_of_unit(name, unit, changes, seed)) for unit in range(units) for name in names]
 
 
@@ -107,6 +107,7 @@ def seal(units: Sequence[Sequence[Case]]) -> str:
 def _of_unit(name: str, unit: int, changes: int, seed: int) -> Iterator[Case]:
     yield Case(name, unit, NOTHING, 0.0, seed)
     possible = sorted(skeleton(name).CHANGES)
+    Case(name, 0, NOTHING, 0.0, seed).rng("order").shuffle(possible)
     rng = Case(name, unit, NOTHING, 0.0, seed).rng("changes")
     low, high = np.log(SEVERITIES)
     for k in range(changes):

@@ -37,7 +37,11 @@ _RIGHT: Mapping[str, str] = {
     "efc_two_orifices.slower_pilot": "coil_lag",
     "cylinder_elastic.slower_pilot": "coil_lag " + _SPOOL,
     "cylinder_four_edges.slower_pilot": "coil_lag " + _SPOOL,
+    "efc_slot.slower_pilot": "coil_lag",
+    "cylinder_hose.slower_pilot": "coil_lag " + _SPOOL,
     "damping_change": _SPOOL,
+    "hpv41_direct.damping_change": _SPOOL + " pilot_rate",  # a dashpot is its only lag
+    "efc_slot.damping_change": "rotor_damping rotor_frequency",
     "hpv41_loop.damping_change": _SPOOL + " resonance",  # a pilot that rings more
     "hpv41_pilot_pressure.damping_change": _SPOOL + " resonance",
     "efc_flow_path.damping_change": "rotor_damping rotor_frequency",
@@ -48,15 +52,21 @@ _RIGHT: Mapping[str, str] = {
     "leakage": "leakage closed_pressure internal_leakage piston_leakage",
     "supply_sag": "supply_droop",
     "hpv41_curved.supply_sag": _FLOW_CEILING,
+    "hpv41_direct.supply_sag": _FLOW_CEILING,
+    "efc_slot.supply_sag": "supply_droop pressure_span saturation",  # a pump that gives less
     "hpv41_loop.supply_sag": _FLOW_CEILING,
     "hpv41_pilot_pressure.supply_sag": _FLOW_CEILING,
     "zero_shift": "load_force",
+    "efc_slot.zero_shift": "load_force curve_centre",
     "efc_flow_path.zero_shift": "load_force curve_centre",
     "efc_two_orifices.zero_shift": "load_force curve_centre",
     "gain_loss": "full_flow asymmetry",  # `asymmetry` has a gain of both sides
     "hpv41_pilot_pressure.gain_loss": "full_flow asymmetry dead_band deadband",  # it shortens the way of the spool
     "efc_flow_path.gain_loss": "curve_centre curve_width asymmetry",  # the same torque needs more current
     "efc_two_orifices.gain_loss": "curve_centre curve_width asymmetry",
+    "hpv41_direct.gain_loss": "full_flow asymmetry dead_band deadband",  # as the one above
+    "efc_slot.gain_loss": "curve_centre curve_width asymmetry",
+    "cylinder_hose.gain_loss": "first_flow flow_range deadband asymmetry",
     "cylinder_elastic.gain_loss": "first_flow flow_range deadband asymmetry",
     "cylinder_four_edges.gain_loss": "first_flow flow_range deadband asymmetry",
     "axis_screw.gain_loss": "asymmetry mass viscous",  # only force over mass and over drag is in the page
@@ -70,11 +80,15 @@ _RIGHT: Mapping[str, str] = {
     "efc_two_orifices.orifice_clogged": "pressure_span curve_centre",  # the outlet of the rail
     "cylinder_elastic.orifice_clogged": "rated_flow asymmetry saturation",  # that of both return edges
     "cylinder_four_edges.orifice_clogged": "rated_flow asymmetry",  # both edges of the supply
+    "hpv41_direct.orifice_clogged": "full_flow saturation supply_droop asymmetry",  # those of the load
+    "efc_slot.orifice_clogged": "pressure_span curve_centre",
+    "cylinder_hose.orifice_clogged": "asymmetry edge_a_return",  # what leaves the head side
     "hpv41_curved.asymmetry": "asymmetry",
     "hpv41_pilot_pressure.asymmetry": "asymmetry",
     "axis_screw.asymmetry": "asymmetry friction",  # Coulomb friction that is greater forwards
     "axis_two_mass.asymmetry": "asymmetry friction",
     "cylinder_elastic.asymmetry": "asymmetry coulomb",
+    "cylinder_hose.asymmetry": "asymmetry coulomb seal_friction",
     "cogging_rise": "periodic_disturbance " + UNEXPLAINED,  # by place, where the page has one by the clock
     "coupling_soft": "resonance",
 }

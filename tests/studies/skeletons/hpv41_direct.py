@@ -1,0 +1,167 @@
+"""hpv41_direct: two proportional magnets push a spool against its springs; it meters into two loaded ports.
+
+Brevini HPV41 as Tørdal, Klausen and Bak drive it, but **without a pilot stage**; textbook physics (Merritt; Jelali and
+Kroll; bristle friction after Canudas de Wit). **What differs**: a mass between springs that a dashpot slows; currents
+that lag; a flow force that closes; bristle friction from the start; edges of unequal overlap and width; a pressure in
+each port between the metering edge and the orifice of the load. 100 % is about 70 l/min, the dead band about ±27 %.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import namedtuple
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+PLANT = "brevini-hpv41"
+CHANNELS = {"command": "%", "flow": "l/min"}
+STEP_S = 0.004
+NOISE = {"flow": 0.25}
+SUBSTEPS = 80  # 20 kHz
+SETTLE_S = 2.0
+ROOT_PA = 3.0e4  # below this drop an orifice turns laminar
+
+
+@dataclass(frozen=True)
+class Unit:
+    """One valve, its magnets and the two ports that it feeds."""
+
+    force_n: float = 92.0  # of a magnet at 100 %
+    knee: float = 2.2  # share of full current at which it saturates
+    coil_lag_s: float = 0.02
+    remanence_n: float = 0.8
+    spool_kg: float = 0.16
+    dashpot_ns_per_m: float = 950.0
+    spring_n_per_m: float = 12.5e3
+    offset_n: float = 0.0
+    coulomb_n: float = 2.2
+    breakaway: float = 1.25  # static over Coulomb
+    stribeck_m_per_s: float = 0.004
+    bristle_n_per_m: float = 2.0e5
+    one_side_n: float = 0.0  # more friction while it moves towards A
+    stop_m: float = 7.4e-3
+    overlap_a_m: float = 1.85e-3
+    overlap_b_m: float = 2.05e-3
+    width_a_m: float = 9.6e-3
+    width_b_m: float = 9.0e-3
+    edge_m: float = 1.5e-4
+    discharge: float = 0.65
+    oil_kg_per_m3: float = 862.0
+    flow_force: float = 0.3  # N per m² of opening and Pa
+    leak_m2: float = 0.0  # past the edge towards A
+    supply_pa: float = 1.55e6
+    sag_pa_s_per_m3: float = 5.0e7
+    sag_lag_s: float = 0.03
+    load_a: float = 1.5e-6  # m³/s per √Pa
+    load_b: float = 1.4e-6
+    stiffness_pa_per_m3: float = 8.0e11
+    sensor_lag_s: float = 0.012
+
+
+_Parameters: Any = namedtuple("_Parameters", [field.name for field in fields(Unit)])  # type: ignore[misc]
+SPREAD = {"overlap_a_m": 0.03, "overlap_b_m": 0.03, "coulomb_n": 0.2, "remanence_n": 0.2, "edge_m": 0.2}
+
+
+def draw(rng: np.random.Generator) -> Unit:
+    """A healthy unit: each parameter some percent around its nominal value."""
+    nominal = Unit()
+    around = {field.name: 1.0 + SPREAD.get(field.name, 0.05) * float(rng.uniform(-1.0, 1.0)) for field in fields(Unit)}
+    return replace(nominal, **{name: float(getattr(nominal, name)) * factor for name, factor in around.items()})
+
+
+@njit(cache=True)
+def _opening(p: Any, past_m: float, width_m: float) -> float:
+    """Area of a straight edge, rounded over its radius."""
+    return width_m * 0.5 * (past_m + math.sqrt(past_m * past_m + p.edge_m * p.edge_m))
+
+
+@njit(cache=True)
+def _root(drop_pa: float) -> float:
+    return drop_pa / math.sqrt(abs(drop_pa) + ROOT_PA)
+
+
+@njit(cache=True)
+def _magnets(p: Any, s: Array, command: float, dt: float) -> float:
+    """Force of both magnets; what the iron remembers lags behind by the remanence."""
+    for k in range(2):
+        wanted = max(command, 0.0) if k == 0 else max(-command, 0.0)
+        s[k] += (0.01 * wanted - s[k]) * dt / p.coil_lag_s
+    force = p.force_n * (s[0] / (1.0 + (s[0] / p.knee) ** 4) ** 0.25 - s[1] / (1.0 + (s[1] / p.knee) ** 4) ** 0.25)
+    s[2] = max(force - p.remanence_n, min(force + p.remanence_n, s[2]))
+    return float(s[2])
+
+
+@njit(cache=True)
+def _spool(p: Any, s: Array, force: float, closing: float, dt: float) -> None:
+    """Spool between its springs, with a dashpot, bristles and hard stops."""
+    v = s[4]
+    level = p.coulomb_n * (1.0 + (p.breakaway - 1.0) * math.exp(-((v / p.stribeck_m_per_s) ** 2)))
+    level += p.one_side_n if v > 0.0 else 0.0
+    s[5] = (s[5] + dt * v) / (1.0 + dt * p.bristle_n_per_m * abs(v) / level)
+    net = force + p.offset_n - p.spring_n_per_m * s[3] - closing - p.bristle_n_per_m * s[5]
+    s[4] = (v + dt * net / p.spool_kg) / (1.0 + dt * p.dashpot_ns_per_m / p.spool_kg)
+    s[3] += dt * s[4]
+    if abs(s[3]) > p.stop_m:
+        s[3], s[4] = math.copysign(p.stop_m, s[3]), 0.0
+
+
+@njit(cache=True)
+def _step(p: Any, s: Array, command: float, dt: float) -> None:
+    """Magnets, spool, ports and sensor over one step."""
+    supply = p.supply_pa - p.sag_pa_s_per_m3 * s[8]
+    speed = p.discharge * math.sqrt(2.0 / p.oil_kg_per_m3)
+    area_a = _opening(p, s[3] - p.overlap_a_m, p.width_a_m)
+    area_b = _opening(p, -s[3] - p.overlap_b_m, p.width_b_m)
+    closing = p.flow_force * (area_a * (supply - s[6]) - area_b * (supply - s[7]))
+    _spool(p, s, _magnets(p, s, command, dt), closing, dt)
+    in_a = speed * (area_a + p.leak_m2) * _root(supply - s[6])
+    in_b = speed * area_b * _root(supply - s[7])
+    out_a, out_b = p.load_a * _root(s[6]), p.load_b * _root(s[7])
+    s[6] += dt * p.stiffness_pa_per_m3 * (in_a - out_a)
+    s[7] += dt * p.stiffness_pa_per_m3 * (in_b - out_b)
+    s[8] += (in_a + in_b - s[8]) * dt / p.sag_lag_s
+    s[9] += (6.0e4 * (out_a - out_b) - s[9]) * dt / (p.sensor_lag_s + dt)
+
+
+@njit(cache=True)
+def _run(p: Any, command: Array, step_s: float, substeps: int) -> Array:
+    out = np.empty(command.size)
+    dt = step_s / substeps
+    s = np.zeros(10)  # currents, force, spool, its speed, bristle, port A, port B, flow drawn, sensor
+    for _ in range(int(SETTLE_S / dt)):
+        _step(p, s, command[0], dt)
+    for k in range(command.size):
+        out[k] = s[9]
+        for _ in range(substeps):
+            _step(p, s, command[k], dt)
+    return out
+
+
+def respond(unit: Unit, command: Array) -> dict[str, Array]:
+    """Flow, without noise, at the samples of a command in %."""
+    rows = _run(_Parameters(*astuple(unit)), np.ascontiguousarray(command, dtype=np.float64), STEP_S, SUBSTEPS)
+    return {"flow": rows}
+
+
+CHANGES: dict[str, Callable[[Unit, float], Unit]] = {
+    "friction_rise": lambda u, a: replace(u, coulomb_n=u.coulomb_n + 25.0 * a),
+    "breakaway_rise": lambda u, a: replace(u, breakaway=u.breakaway + 9.0 * a),
+    "stiction_one_side": lambda u, a: replace(u, one_side_n=u.one_side_n + 30.0 * a),
+    "magnetic_hysteresis": lambda u, a: replace(u, remanence_n=u.remanence_n + 12.0 * a),
+    "slower_pilot": lambda u, a: replace(u, coil_lag_s=u.coil_lag_s * (1.0 + 5.0 * a)),
+    "damping_change": lambda u, a: replace(u, dashpot_ns_per_m=u.dashpot_ns_per_m * (1.0 + 1.5 * a)),
+    "edge_worn": lambda u, a: replace(u, edge_m=u.edge_m + 1.8e-3 * a),
+    "leakage": lambda u, a: replace(u, leak_m2=u.leak_m2 + 6.0e-6 * a),
+    "supply_sag": lambda u, a: replace(u, sag_pa_s_per_m3=u.sag_pa_s_per_m3 + 7.0e8 * a),
+    "zero_shift": lambda u, a: replace(u, offset_n=u.offset_n + 14.0 * a),
+    "gain_loss": lambda u, a: replace(u, force_n=u.force_n * (1.0 - 0.25 * a)),
+    "orifice_clogged": lambda u, a: replace(u, load_a=u.load_a * (1.0 - 0.5 * a), load_b=u.load_b * (1.0 - 0.5 * a)),
+    "stroke_stop": lambda u, a: replace(u, stop_m=u.stop_m - 3.6e-3 * a),
+    "sensor_lag": lambda u, a: replace(u, sensor_lag_s=u.sensor_lag_s + 0.08 * a),
+}
