@@ -17,11 +17,14 @@ _LEAST_RUN, _FEW_BELOW = 5, 50
 def without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
     """The experiment without samples at the end of a channel's range, of the output and of inner signals; in words.
 
-    Samples at one extreme value, in runs, are a channel at the end of its range, not the valve.
+    Samples at one extreme value, in runs, are a channel at the end of its range, not the valve. Those of a unit of
+    which nothing is asked are its rest.
     """
     said = []
     clipped, at = clipped_samples(e.output)
     if clipped is not None:
+        clipped = clipped & ~_rest(e, clipped)
+    if clipped is not None and clipped.any():
         said.append(_sentence(e.name, e.output_heading, clipped, at))
         e = e.without(clipped)
     for name, values in e.observed.items():
@@ -30,6 +33,14 @@ def without_clipped(e: Experiment) -> tuple[Experiment, list[str]]:
             said.append(_sentence(e.name, name, clipped, at))
             e = e.without_inner(name, clipped)
     return e, said
+
+
+def _rest(e: Experiment, clipped: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Runs of samples at one value in most of which the command is at its least size, and it has others."""
+    asked, rest = np.abs(e.on_grid_input()), np.zeros_like(clipped)
+    for start, stop in runs(clipped):
+        rest[start:stop] = asked.max() > np.median(asked[start:stop]) == asked.min()
+    return rest
 
 
 def clipped_samples(values: Array) -> tuple[NDArray[np.bool_] | None, float]:

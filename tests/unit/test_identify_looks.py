@@ -209,3 +209,16 @@ def test_the_noise_of_an_inner_channel_is_that_of_samples_within_its_range() -> 
     (e,) = looked_at(with_values(made, **{"spool position": clipped})).experiments
     assert e.silent["spool position"].mean() > 0.1
     assert channel_floor(e.told_observed["spool position"]) == pytest.approx(0.5, rel=0.1)
+
+
+@pytest.mark.parametrize("top", [4.0, 2.0])
+def test_a_motor_that_nobody_asks_to_turn_rests_and_a_meter_at_its_end_is_clipped(top: float) -> None:
+    time_s = np.arange(0.0, 16.0, 0.02)
+    command = np.floor(time_s / 2.0)
+    turning = command > 0.0
+    speed = 0.5 * command + 0.01 * np.random.default_rng(2).standard_normal(len(time_s)) * turning
+    one = recording("motor", time_s, {"current [mA]": command, "speed [V]": np.minimum(speed, top)})
+    start = typical_model("transfer-function")
+    (e,) = look(start, [experiment(one, start.definition, "current", "speed")]).experiments
+    assert e.told[~turning].all()
+    assert e.told[turning].all() == (top == 4.0)
