@@ -18,8 +18,9 @@ from hil.identification.estimate import Estimate, Unknown, estimate, side_by_sid
 from hil.identification.evidence import VERY_STRONG, bic, odds, simplest_good
 from hil.identification.experiment import Experiment
 from hil.identification.first_reading import start_slope, with_free_start
+from hil.identification.linear_starts import poles_rad_s
 from hil.physics.plant import Parameter, Plant, Structure
-from hil.physics.transfer_function import from_parameters
+from hil.physics.transfer_function import from_parameters, pole_parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
@@ -28,6 +29,7 @@ _TRIAL_TIMES = 6
 _MOST_JUDGED = 6
 _SEARCH_EVALUATIONS = 25
 _REFINED_EVALUATIONS = 60
+_POLES = {"lag_time": 1, "pair1_time": 2, "pair2_time": 2}
 _EXCLUDED = 2.0 * math.log(20.0)  # difference of BIC beyond which a form is excluded, as 95 % exclude a value
 
 
@@ -160,19 +162,25 @@ class _Search:
     off: Mapping[str, float]
 
     def improves(self, other: Tried) -> bool:
-        """Whether what is off here, but was on there, or the reverse, makes a structure fit very much better."""
+        """Whether what is off here, but was on there, or the reverse, makes a structure simulate very much better.
+
+        From the start as it was read: where that is free, a wrong one costs nothing.
+        """
         start = self._unknowns(other.structure, other.values)
-        now = estimate(self._residuals(other.structure), start, max_evaluations=_REFINED_EVALUATIONS)
-        before = self._errors(other.values)
-        gain = float(np.log(before @ before) - np.log(max(now.chi2, 1e-300)))
-        return gain * independent(now.residuals) > VERY_STRONG
+        fitted = estimate(self._residuals(other.structure), start, max_evaluations=_REFINED_EVALUATIONS)
+        wanted = self._wanted()
+        before, now = (
+            self._answers(values) - wanted for values in (other.values, self._values(other.structure, fitted.values))
+        )
+        gain = float(np.log(before @ before) - np.log(max(float(now @ now), 1e-300)))
+        return gain * independent(now) > VERY_STRONG
 
     def best(self, structure: Structure, before: Mapping[str, float]) -> tuple[Mapping[str, float], Estimate]:
         """The best fit of a structure over its starts."""
         residuals = self._residuals(structure)
         found = [
             estimate(residuals, self._unknowns(structure, start), max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
-            for start in self._starts(structure, before)
+            for start in (*self._starts(structure, before), *self._of_samples(structure))
         ]
         good = min(found, key=lambda fit: fit.chi2)
         refined = self._refined(structure, good, residuals)
@@ -217,6 +225,39 @@ class _Search:
             for given in structure.starts:
                 scaled = {name: value * time_s ** self._power(name) for name, value in given.items()}
                 yield {name: scaled.get(name, before[name]) for name in structure.free}
+
+    def _of_samples(self, structure: Structure) -> Iterator[dict[str, float]]:
+        """The start whose poles the samples themselves show; gain, offset and zeros follow by linear least squares."""
+        count = sum(_POLES.get(name, 0) for name in structure.free)
+        if not count or structure.fixed or "dead_time" in structure.free:
+            return
+        found = poles_rad_s(self.experiments, count)
+        if found is None:
+            return
+        at = {**self.plant.typical, **pole_parameters(found), "gain": 1.0}
+        zeros = [name for name in structure.free if name.endswith(("_zero", "_zero_square"))]
+        plain = self._answers(at)
+        columns = [plain, *(self._answers(at | {name: 1.0}) - plain for name in zeros)]
+        one = np.concatenate(
+            [e.telling(np.full(len(e.output), w)) for e, w in zip(self.experiments, self.weights, strict=True)]
+        )
+        gain, *above, offset = np.linalg.lstsq(np.array([*columns, one]).T, self._wanted(), rcond=None)[0].tolist()
+        if gain:
+            ratios = {name: value / gain for name, value in zip(zeros, above, strict=True)}
+            yield {name: (at | {"gain": gain, "offset": offset, **ratios})[name] for name in structure.free}
+
+    def _wanted(self) -> Array:
+        """Weighted outputs, all experiments one after another."""
+        return np.concatenate([e.telling(e.output * w) for e, w in zip(self.experiments, self.weights, strict=True)])
+
+    def _answers(self, parameters: Mapping[str, float]) -> Array:
+        """Weighted simulated outputs, all experiments one after another."""
+
+        def answers_of(i: int) -> list[Array]:
+            e = self.experiments[i]
+            return [e.telling(e.respond(self.plant, parameters)[0] * self.weights[i])]
+
+        return side_by_side(answers_of, len(self.experiments))
 
     def _times(self, before: Mapping[str, float]) -> list[float]:
         """The slowest time known so far, or trial times between a sample and the record."""

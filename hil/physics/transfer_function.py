@@ -201,6 +201,18 @@ def _sections(roots: Complex) -> tuple[list[float], list[tuple[float, float]]]:
     return single, pairs
 
 
+def pole_parameters(poles: Complex) -> dict[str, float]:
+    """Times and dampings of the plant `transfer-function` that has these stable poles; a time of 0 is no pole."""
+    lag, pairs = _sections(poles)
+    made = {"lag_time": lag[0] if lag else 0.0}
+    for i in range(2):
+        first, square = pairs[i] if i < len(pairs) else (0.0, 0.0)
+        time_s = math.sqrt(square)
+        made[f"pair{i + 1}_time"] = time_s
+        made[f"pair{i + 1}_damping"] = first / (2.0 * time_s) if time_s else 0.7
+    return made
+
+
 def _to_parameters(model: TransferFunction) -> dict[str, float]:
     poles, zeros = model.poles, model.zeros
     if len(poles) > 1 and poles[0] == 0.0 and poles[1] != 0.0 and len(model.numerator) < len(model.denominator):
@@ -212,17 +224,11 @@ def _to_parameters(model: TransferFunction) -> dict[str, float]:
             f"the plant 'transfer-function' has up to five stable poles and no zero at 0; found poles {poles} "
             f"and zeros {zeros}"
         )
-    lag, pairs = _sections(poles)
     lead, squares = _sections(zeros)
     tops = [*squares, *((first, 0.0) for first in lead)]
-    if len(tops) > len(pairs):
+    if len(tops) > len(poles) // 2:
         raise InputError(f"the plant 'transfer-function' has no place for zeros {zeros} beside poles {poles}")
-    made = {"gain": model.dc_gain, "offset": 0.0, "dead_time": model.dead_time_s, "lag_time": lag[0] if lag else 0.0}
+    made = {"gain": model.dc_gain, "offset": 0.0, "dead_time": model.dead_time_s, **pole_parameters(poles)}
     for i in range(2):
-        first, square = pairs[i] if i < len(pairs) else (0.0, 0.0)
-        time_s = math.sqrt(square)
-        top = tops[i] if i < len(tops) else (0.0, 0.0)
-        made[f"pair{i + 1}_time"] = time_s
-        made[f"pair{i + 1}_damping"] = first / (2.0 * time_s) if time_s else 0.7
-        made[f"pair{i + 1}_zero"], made[f"pair{i + 1}_zero_square"] = top
+        made[f"pair{i + 1}_zero"], made[f"pair{i + 1}_zero_square"] = tops[i] if i < len(tops) else (0.0, 0.0)
     return made

@@ -115,7 +115,7 @@ def test_a_dead_time_between_two_samples_is_told_to_one_sample():
 
 def test_uneven_stamps_are_taken_as_they_are():
     model = transfer_function([4.0], [0.8, 1.0])
-    found = chosen(measured(model, uneven=True, bits=5), FEW).chosen
+    found = chosen(measured(model, uneven=True), FEW).chosen
     assert found.values["gain"] == pytest.approx(4.0, rel=0.05)
     v = found.values
     total = v["lag_time"] + 2 * v["pair1_damping"] * v["pair1_time"] + v["dead_time"] - v["pair1_zero"]

@@ -147,7 +147,7 @@ def initial(p: Mapping[str, float], inputs: tuple[float, ...], output: float) ->
 _GAIN = ("gain", "offset")
 _PAIR1 = ("pair1_time", "pair1_damping")
 _PAIR2 = ("pair2_time", "pair2_damping")
-_ZERO1, _ZERO2 = ("pair1_zero",), ("pair2_zero",)
+_ZERO1, _SQUARE1 = ("pair1_zero",), ("pair1_zero_square",)
 
 
 def _with_dead_time(name: str, free: tuple[str, ...], after: str, *starts: Mapping[str, float]) -> list[Structure]:
@@ -180,7 +180,7 @@ STRUCTURES = (
         "3 poles, 1 zero", (*_GAIN, "lag_time", *_PAIR1, *_ZERO1), "3 poles", {"pair1_zero": 0.3}, {"pair1_zero": -0.1}
     ),
     *_with_dead_time(
-        "3 poles, 2 zeros", (*_GAIN, "lag_time", *_PAIR1, *_ZERO1, "pair1_zero_square"), "3 poles, 1 zero",
+        "3 poles, 2 zeros", (*_GAIN, "lag_time", *_PAIR1, *_ZERO1, *_SQUARE1), "3 poles, 1 zero",
         {"pair1_zero_square": 0.05},
     ),
     *_with_dead_time(
@@ -188,10 +188,11 @@ STRUCTURES = (
         {"pair2_time": 0.2, "pair2_damping": 0.7}, {"pair2_time": 1.0, "pair2_damping": 0.2},
     ),
     *_with_dead_time(
-        "4 poles, 2 zeros", (*_GAIN, *_PAIR1, *_PAIR2, *_ZERO1, *_ZERO2), "4 poles, 1 zero", {"pair2_zero": 0.1}
+        "4 poles, 2 zeros", (*_GAIN, *_PAIR1, *_PAIR2, *_ZERO1, *_SQUARE1), "4 poles, 1 zero",
+        {"pair1_zero_square": 0.05},
     ),
     *_with_dead_time(
-        "5 poles, 2 zeros", (*_GAIN, "lag_time", *_PAIR1, *_PAIR2, *_ZERO1, *_ZERO2), "4 poles, 2 zeros",
+        "5 poles, 2 zeros", (*_GAIN, "lag_time", *_PAIR1, *_PAIR2, *_ZERO1, *_SQUARE1), "4 poles, 2 zeros",
         {"lag_time": 0.1}, {"lag_time": 2.0},
     ),
     *_integrating("integrator", (), ""),
