@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -13,6 +12,7 @@ from drivers._start_up import once_started
 from hil.daq.address import Port, address_fault
 from hil.daq.channel import Wiring
 from hil.daq.connection import close, is_hung_up
+from hil.description.text import ENDS, Talk
 from hil.errors import DeviceLostError, LinkError
 
 _NOISE = b"\x00\xff\r\n"  # what a line reads as while a transceiver turns around, and ends that are longer than ours
@@ -21,7 +21,7 @@ _LONGEST = 4096  # an answer without an end
 _FIRST = 10  # answers on a line: a device that needs a pause falls silent among them
 
 
-def answering(opened: Callable[[], Line], hello: str, startup_s: float, wiring: Wiring) -> Line:
+def answering(settings: Any, wiring: Wiring, talk: Talk, hello: str, end: str, *, driver: str) -> Line:
     """A line whose device has answered to `hello`; only open where there is nothing to ask.
 
     Where nothing is wanted but that outputs become safe, the line is handed over without an answer too.
@@ -31,7 +31,11 @@ def answering(opened: Callable[[], Line], hello: str, startup_s: float, wiring: 
     """
 
     def asked() -> Line:
-        line = opened()
+        line = Line(
+            settings.address, settings.baud, end, settings.timeout_s, settings.longest_reply_s, driver=driver,
+            echo=settings.echo or talk.echo, pause_s=max(settings.pause_s, talk.pause_s),
+            answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
+        )  # fmt: skip
         try:
             ask = line.ask if wiring.only_safe else line.ask_first
             line.meeting.met(ask(hello).strip() if hello else "", lambda: line.ask(hello).strip())
@@ -45,7 +49,7 @@ def answering(opened: Callable[[], Line], hello: str, startup_s: float, wiring: 
             line.close()
             raise
 
-    return once_started(0.0 if wiring.only_safe else startup_s, asked)
+    return once_started(0.0 if wiring.only_safe else settings.startup_s, asked)
 
 
 class Line:

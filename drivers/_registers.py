@@ -195,12 +195,6 @@ class Register:
         wrong = abs(value) > _HUGE * full or (0.0 < abs(value) < _TINY * full and far)
         return math.nan if wrong else value
 
-    def stands(self, words: Sequence[int], driven: Sequence[int], order: WordOrder) -> bool:
-        """Whether what is read back is what was driven, as near as it has to be."""
-        if self.close is not None:
-            return abs(self.value_of(words, order) - self.value_of(driven, order)) <= self.close
-        return all((a ^ b) & mask == 0 for a, b, mask in zip(words, driven, self.mask(order), strict=True))
-
     def _turned(self, data: bytes, order: WordOrder) -> bytes:
         return turned(data, self.order or order)
 

@@ -98,14 +98,8 @@ class TextLink(OnALine):
         self._line.close()
 
     def _identified(self) -> str:
-        told, talk = self._settings, self._talk
-        self._line = answering(
-            lambda: Line(
-                told.address, told.baud, ENDS[talk.end], told.timeout_s, told.longest_reply_s, driver="text",
-                echo=told.echo or talk.echo, pause_s=max(told.pause_s, talk.pause_s),
-                answer_end=ENDS[talk.answer_end] if talk.answer_end else "",
-            ), talk.hello, told.startup_s, self._wiring,
-        )  # fmt: skip
+        talk = self._talk
+        self._line = answering(self._settings, self._wiring, talk, talk.hello, ENDS[talk.end], driver="text")
         return self.identity
 
     def _recognise(self, identity: str) -> None:

@@ -128,13 +128,8 @@ class ScpiLink(OnALine):
         self._line.close()
 
     def _identified(self) -> str:
-        told, talk = self._settings, self._talk
-        self._line = answering(
-            lambda: Line(
-                told.address, told.baud, ENDS[told.end], told.timeout_s, told.longest_reply_s, driver="scpi",
-                echo=told.echo or talk.echo, pause_s=max(told.pause_s, talk.pause_s),
-            ), "*CLS;*IDN?", told.startup_s, self._wiring,
-        )  # fmt: skip
+        end = ENDS[self._settings.end]
+        self._line = answering(self._settings, self._wiring, self._talk, "*CLS;*IDN?", end, driver="scpi")
         return self.identity
 
     def _recognise(self, identity: str) -> None:
