@@ -1,0 +1,154 @@
+"""What every device on a link goes through, tried on one that is a number in this process."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import pytest
+
+from drivers.modbus import LineSettings, ModbusLink
+from hil.daq.channel import InputChannel, OutputChannel, Wiring
+from hil.daq.device_link import DeviceLink, ReadBackTimes, stands_as_driven
+from hil.errors import DeviceLostError, LinkError, SettingError
+from tests.foreign_line import ForeignLine, Tables
+from tests.modbus_pair import MODEL, WIRING
+
+READS_OUTPUTS = 3
+WATCHDOG_S = 0.2
+CELL = Wiring(
+    {"u": OutputChannel("u", "out", "voltage", "V", -10.0, 10.0)},
+    {"x": InputChannel("x", "in", "voltage", "V", -10.0, 10.0)},
+)
+
+
+class Cell(DeviceLink):
+    """A device that holds one number; it takes whole volts."""
+
+    def __init__(self, wiring: Wiring = CELL, reads: float = 1.0, fails: str = "", **more: Any) -> None:
+        self.holds, self.reads, self.fails, self.closed = 0.0, reads, fails, 0
+        super().__init__(wiring, **more)
+        self._open()
+
+    def standing(self) -> Mapping[str, float]:
+        return {"out": self.holds}
+
+    def close(self) -> None:
+        self.closed += 1
+
+    def _identified(self) -> str:
+        return "cell 7"
+
+    def _make_ready(self) -> None:
+        if self.fails:
+            raise LinkError(self.fails)
+
+    def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
+        self.holds = float(round(values["out"]))
+        self._watchdog.heard()
+        yield "out", self.holds
+
+    def _measured(self) -> Mapping[str, float]:
+        return {"in": self._none("in", "its wire is off") if math.isnan(self.reads) else self.reads}
+
+
+def compared(cell: Cell) -> Mapping[str, float]:
+    cell._checked_s = 0.0  # as after half a second
+    return cell.read()
+
+
+def test_what_it_holds_is_what_it_was_driven_to_as_it_rounds() -> None:
+    cell = Cell()
+    cell.drive({"out": 2.7})
+    assert compared(cell) == {"in": 1.0} and cell.identity == "cell 7"
+    for elsewhere, said in ((0.0, "0 V"), (math.nan, "nan V")):
+        cell.holds = elsewhere
+        with pytest.raises(LinkError, match=f"out stands at {said}, not at 3 V as it was driven: the device restarted"):
+            compared(cell)
+
+
+def test_an_output_stands_within_what_was_driven_of_late_and_no_number_nowhere() -> None:
+    assert stands_as_driven(2.0, (3.0, 1.0), 0.0) and stands_as_driven(3.4, (3.0, 1.0), 0.5)
+    assert not stands_as_driven(3.6, (3.0, 1.0), 0.5) and not stands_as_driven(math.nan, (3.0,), 9.0)
+    assert stands_as_driven(7.0, (), 0.0)
+
+
+def pulled_at(cell: Cell) -> None:
+    for turn in range(1000):
+        cell.holds = 0.0 if turn % 3 else 5.0
+        cell.read()
+        time.sleep(0.01)
+
+
+def test_a_device_that_tells_late_is_not_suspected_and_one_that_is_pulled_at_now_and_then_is() -> None:
+    cell = Cell(told_each_s=0.02, longest_reply_s=0.3)
+    cell.drive({"out": 5.0})
+    cell.holds = 0.0
+    cell.read()  # it may have been under way
+    cell.holds = 5.0
+    time.sleep(0.5)
+    assert cell.read() == {"in": 1.0}
+    with pytest.raises(LinkError, match="out stands at 0 V, not at 5 V"):
+        pulled_at(cell)
+
+
+def test_after_silence_nothing_is_driven_but_a_safe_value() -> None:
+    cell = Cell(watchdog_s=WATCHDOG_S, expires_to=0.0)
+    cell.drive({"out": 5.0})
+    time.sleep(1.5 * WATCHDOG_S)
+    with pytest.raises(LinkError, match=r"longer than its watchdog of 0\.2 s: the device makes its outputs safe then"):
+        cell.drive({"out": 6.0})
+    time.sleep(1.5 * WATCHDOG_S)
+    cell.drive({"out": 0.0})
+    assert cell.holds == 0.0
+
+
+def test_an_input_without_a_measurement_is_told_and_refused_where_it_never_had_one() -> None:
+    with pytest.raises(LinkError, match="in reads no measurement from the first on: its wire is off"):
+        Cell(reads=math.nan).read()
+    cell = Cell()
+    cell.read()
+    cell.reads = math.nan
+    assert math.isnan(cell.read()["in"]) and cell.unmeasured == {"in": "its wire is off"}
+
+
+def test_what_is_opened_is_the_device_that_is_meant_and_can_be_made_safe() -> None:
+    with pytest.raises(SettingError, match="puts out at 1 V, but 'u' is safe at 0 V; take watchdog_s away"):
+        Cell(watchdog_s=1.0, expires_to=1.0)
+    with pytest.raises(DeviceLostError, match="another device answers: it says that it is cell 7"):
+        Cell(Wiring(CELL.outputs, {}, known_as="cell 8"))
+    with pytest.raises(LinkError, match="it does not obey"):
+        Cell(fails="it does not obey")
+    assert Cell(Wiring(CELL.outputs, {}, only_safe=True), fails="it does not obey").closed == 0
+
+
+def test_readings_come_after_one_slow_answer_and_not_after_two() -> None:
+    device, answer_s = Tables(inputs={0: 20}, holding={8: 0}), [0.0]
+
+    def answer(frame: bytes) -> bytes:
+        time.sleep(answer_s[0])
+        return device.on_tcp(frame)
+
+    with ForeignLine(answer) as line:
+        link = ModbusLink(LineSettings(address=f"127.0.0.1:{line.port}"), WIRING, MODEL)
+        link.drive({"q": 5.0})
+        asked = []
+        for slow_s, since_s in ((0.0, 0.6), (0.06, 0.6), (0.06, 2.1), (0.0, 0.6)):
+            answer_s[0], link._checked_s = slow_s, time.monotonic() - since_s
+            before = len(line.heard)
+            assert link.read() == {"t": 20.0}
+            asked.append(READS_OUTPUTS in [frame[7] for _, frame in line.heard[before:]])
+        link.close()
+    assert asked == [True, False, True, True]
+
+
+@pytest.mark.parametrize("usual_s", [0.0005, 0.004, 0.1])
+def test_a_line_that_was_always_that_slow_is_asked_twice_a_second(usual_s: float) -> None:
+    times = ReadBackTimes()
+    for _ in range(3):
+        times.took(usual_s)
+        assert times.is_due(time.monotonic() - 0.55) and not times.is_due(time.monotonic() - 0.3)
+    times.took(max(5.0 * usual_s, 0.02))
+    assert not times.is_due(time.monotonic() - 1.5)
