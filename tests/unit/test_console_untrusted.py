@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shutil
 import socket
 from collections.abc import Callable
 from http.server import BaseHTTPRequestHandler, HTTPServer
@@ -75,7 +76,11 @@ def linked(path: Path) -> None:
 
 
 @pytest.mark.parametrize("made", [fifo, listening, endless, deep, linked], ids=lambda made: made.__name__)
-@pytest.mark.parametrize("name", ["run.json", "control.json", "end.json", "results.json", "report.html"])
+@pytest.mark.parametrize(
+    "name",
+    ["run.json", "control.json", "end.json", "results.json", "report.html", "events.jsonl", "samples.f8",
+     "progress.json", "watchdog.json", "seal.json"],
+)  # fmt: skip
 def test_bad_file_in_a_run_folder_takes_no_page(name: str, made: Callable[[Path], None], lab: Path) -> None:
     path = lab / "runs" / "one" / name
     path.unlink(missing_ok=True)
@@ -84,6 +89,19 @@ def test_bad_file_in_a_run_folder_takes_no_page(name: str, made: Callable[[Path]
     for page in PAGES:
         status, text, _ = there.ask(page)
         assert status < 500 and "the secret" not in text, page
+
+
+@pytest.mark.parametrize(
+    "name",
+    [b"\xff\xfe", b"a\nb", b"\x1b]0;title\x07", b"x" * 255, b"%2e%2e", b"-rf", b"<script>alert(1)<script>"],
+    ids=repr,
+)
+def test_name_of_a_run_folder_breaks_no_page(name: bytes, lab: Path) -> None:
+    shutil.copytree(os.fsencode(lab / "runs" / "one"), os.path.join(os.fsencode(lab / "runs"), name))  # noqa: PTH118
+    there = browser(lab)
+    for page in PAGES:
+        status, text, _ = there.ask(page)
+        assert status < 500 and "<script>alert" not in text, page
 
 
 def test_linked_folder_and_passport_are_not_followed(lab: Path) -> None:
