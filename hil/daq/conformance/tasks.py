@@ -17,7 +17,7 @@ from hil.errors import RangeError
 from hil.record.recording import Array
 
 _RATE_HZ = 50.0
-_TRIES = 3
+_TRIES = 10
 
 
 def tells_where_outputs_stand(subject: Subject) -> None:
