@@ -202,6 +202,7 @@ def dictionary(path: str) -> Any:
 
 @lru_cache(maxsize=32)
 def _dictionary(path: str, _changed: int) -> Any:
+    import canopen  # noqa: F401 - whole, or a thread that imports it too makes half a package of it
     from canopen.objectdictionary.eds import import_eds
 
     try:

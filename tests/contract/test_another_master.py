@@ -11,7 +11,6 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
-import canopen  # noqa: F401 - here, since two threads that import it at once trip over each other
 import pytest
 
 from hil.bench.read import read_bench
