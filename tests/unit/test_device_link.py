@@ -24,11 +24,20 @@ CELL = Wiring(
 )
 
 
+class Unready(LinkError):
+    """Of a cell that was asked to obey."""
+
+    def __init__(self, cell: Cell) -> None:
+        super().__init__(cell.fails)
+        self.cell = cell
+
+
 class Cell(DeviceLink):
     """A device that holds one number; it takes whole volts."""
 
     def __init__(self, wiring: Wiring = CELL, reads: float = 1.0, fails: str = "", **more: Any) -> None:
-        self.holds, self.reads, self.fails, self.closed = 0.0, reads, fails, 0
+        self.holds, self.reads, self.fails = 0.0, reads, fails
+        self.happened: list[str] = []
         super().__init__(wiring, **more)
         self._open()
 
@@ -36,14 +45,17 @@ class Cell(DeviceLink):
         return {"out": self.holds}
 
     def close(self) -> None:
-        self.closed += 1
+        self.happened.append("let go of")
 
     def _identified(self) -> str:
         return "cell 7"
 
     def _make_ready(self) -> None:
         if self.fails:
-            raise LinkError(self.fails)
+            raise Unready(self)
+
+    def _forget(self) -> None:
+        self.happened.append("forgot")
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         self.holds = float(round(values["out"]))
@@ -51,6 +63,8 @@ class Cell(DeviceLink):
         yield "out", self.holds
 
     def _measured(self) -> Mapping[str, float]:
+        if math.isinf(self.reads):
+            raise self._failed("no answer")
         return {"in": self._none("in", "its wire is off") if math.isnan(self.reads) else self.reads}
 
 
@@ -119,9 +133,22 @@ def test_what_is_opened_is_the_device_that_is_meant_and_can_be_made_safe() -> No
         Cell(watchdog_s=1.0, expires_to=1.0)
     with pytest.raises(DeviceLostError, match="another device answers: it says that it is cell 7"):
         Cell(Wiring(CELL.outputs, {}, known_as="cell 8"))
-    with pytest.raises(LinkError, match="it does not obey"):
+    with pytest.raises(Unready, match="it does not obey") as raised:
         Cell(fails="it does not obey")
-    assert Cell(Wiring(CELL.outputs, {}, only_safe=True), fails="it does not obey").closed == 0
+    assert raised.value.cell.happened == ["let go of"]
+    assert Cell(Wiring(CELL.outputs, {}, only_safe=True), fails="it does not obey").happened == []
+
+
+def test_after_an_answer_that_did_not_come_what_is_late_passes_first() -> None:
+    cell = Cell(longest_reply_s=2.0)
+    cell.reads = math.inf
+    with pytest.raises(LinkError, match="no answer"):
+        cell.read()
+    cell.reads = 2.0
+    assert cell.read() == {"in": 2.0}
+    assert cell.happened == ["forgot"]
+    cell.read()
+    assert cell.happened == ["forgot"]
 
 
 def test_readings_come_after_one_slow_answer_and_not_after_two() -> None:
