@@ -31,6 +31,7 @@ DEFAULT_BENCH = "brevini-hpv41"
 _MOST, _SEED = 1 << 31, "hil_seed"
 _BENCH = pytest.StashKey["SimulatedBench"]()  # of the test that is running
 _CANNOT_TELL = "cannot tell"
+_NOT_PASSED = ("fail", _CANNOT_TELL)
 _WHEN = "verdict"  # instead of `call`: what fails in another phase than the call is an error, also in JUnit XML
 
 
@@ -147,19 +148,27 @@ def pytest_report_header(config: pytest.Config) -> list[str]:
 def pytest_assertrepr_compare(config: pytest.Config, op: str, left: object, right: object) -> list[str] | None:
     """Say which limit was missed where a verdict or an exit status of a run is not what was asserted."""
     bench = config.stash.get(_BENCH, None)
-    if bench is None or not bench.outcomes or op != "==":
+    if bench is None or not bench.outcomes:
         return None
     last = bench.outcomes[-1]
-    if (left, right) in ((last.exit_status, 0), (0, last.exit_status)):
-        verdict = str(last.findings.verdict)
-    elif "pass" in (left, right):
-        verdict = str(left if right == "pass" else right)
-    else:
-        return None
-    if reasons := bench.reasons(verdict):
+    verdict = _verdict_in(op, left, right) or (_is_about(last.exit_status, op, left, right) and last.findings.verdict)
+    if verdict and (reasons := bench.reasons(verdict)):
         bench.unproven = verdict == _CANNOT_TELL
-        return [*reasons, f"{left!r} == {right!r}"]
+        return [*reasons, f"{left!r} {op} {right!r}"]
     return None
+
+
+def _verdict_in(op: str, left: object, right: object) -> str:
+    """The verdict that kept a comparison of words from holding; empty where it is about something else."""
+    words = [one for one in (left, right) if isinstance(one, str)]
+    of_words = "pass" in words if op == "==" else op in ("!=", "in", "not in")
+    return next((word for word in words if of_words and word in _NOT_PASSED), "")
+
+
+def _is_about(status: int, op: str, left: object, right: object) -> bool:
+    """Whether a comparison that does not hold asked for another exit status than that of the run."""
+    numbers = [one for one in (left, right) if isinstance(one, int)]
+    return op in ("==", "!=") and len(numbers) == 2 and status in numbers
 
 
 @pytest.hookimpl(wrapper=True)

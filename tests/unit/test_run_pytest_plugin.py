@@ -20,6 +20,22 @@ VERDICTS = """
 def test_fails(bench):
     assert bench.run("step_response", limits=["rise=..1"], levels=(0, 80)).findings.verdict == "pass"
 
+def test_other_words(bench):
+    found = bench.run("step_response", limits=["rise=..1"], levels=(0, 80))
+    said = []
+    for other in ("!=", "in", "not in", "status"):
+        try:
+            if other == "!=":
+                assert found.findings.verdict != "fail"
+            if other == "in":
+                assert found.findings.verdict in ["pass", None]
+            if other == "not in":
+                assert found.findings.verdict not in ("fail",)
+            assert found.exit_status != 1
+        except AssertionError as error:
+            said.append(str(error))
+    assert len(said) == 4 and all("it is missed by" in one for one in said), said
+
 def test_cannot_tell(bench):
     outcome = bench.run("step_response", limits=["overshoot=0.1.."], levels=(0, 80))
     assert "pass" == outcome.findings.verdict
@@ -45,7 +61,7 @@ def test_the_how_to_passes_a_limit_is_missed_and_junit_has_what_was_measured(pyt
     (code,) = re.findall(r"^```python\n(.*?)^```", PAGE, re.DOTALL | re.MULTILINE)
     pytester.makepyfile(test_how_to=code, test_missed=MISSED, test_verdicts=VERDICTS)
     found = pytester.runpytest_subprocess("--junitxml=report.xml", "--hil-seed", "12")
-    found.assert_outcomes(passed=2, failed=3, errors=1)
+    found.assert_outcomes(passed=3, failed=3, errors=1)
     found.stdout.fnmatch_lines(["hil: --hil-bench brevini-hpv41 --hil-seed 12"])
     cases = {case.attrib["name"]: case for case in ET.parse(pytester.path / "report.xml").iter("testcase")}
     properties = [{one.attrib["name"]: one.attrib["value"] for one in case.iter("property")} for case in cases.values()]
