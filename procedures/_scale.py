@@ -75,10 +75,12 @@ class Scale:
         rounding = 1e-9 * (self.command.high - self.command.low)
         if not (self.command.low - rounding <= low and high <= self.command.high + rounding):
             unit = self.command.unit
-            needs = f"{low:.4g} {unit}" if low == high else f"{low:.4g} … {high:.4g} {unit}"
+            asked = f"{low:.4g} {unit}" if low == high else f"{low:.4g} … {high:.4g} {unit}"
+            is_own = unit == "%" and (self.full, self.neutral) == (100.0, 0.0)
+            scale = "" if is_own else f" (100 % is {self.full:g} {unit} from neutral, {self.neutral:g} {unit})"
             raise SettingError(
-                f"setting {setting}: {given} needs {needs}; '{self.command.name}' may go {self.command.low:g} … "
-                f"{self.command.high:g} {unit} (100 % is {self.full:g} {unit} from neutral, {self.neutral:g} {unit})"
+                f"setting {setting}: {given} is {'' if asked == given else f'{asked}, '}outside the range of "
+                f"'{self.command.name}', {self.command.low:g} … {self.command.high:g} {unit}{scale}"
             )
         return low
 
