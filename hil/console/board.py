@@ -93,7 +93,7 @@ def _output(head: tuple[str, str, str], level: tuple[float, float] | None, limit
 
 def _input(head: tuple[str, str, str], reading: Reading | None, limit: str) -> Line:
     if reading is None:
-        return Line(*head, False, None, None, None, limit, "nobody reads it now", "missing")
+        return Line(*head, False, None, None, None, limit, "not being read", "missing")
     value = reading.value if reading.value is not None and math.isfinite(reading.value) else None
     state = reading.state
     if reading.age_s > STALE_S and state == "ok":

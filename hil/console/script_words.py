@@ -10,7 +10,7 @@ SAID_BY_SCRIPTS = (
     marked("refused"), marked("waiting"),
     marked("ok"), marked("driven"), marked("not driven by a run"), marked("kept"), marked("broken"),
     marked("not known"), marked("judged by the run"), marked("tripped"), marked("answers"), marked("silent"),
-    marked("not asked"), marked("stale"), marked("no measurement"), marked("nobody reads it now"),
+    marked("not asked"), marked("stale"), marked("no measurement"), marked("not being read"),
     marked("last recorded"),
     marked("The process of this run is gone. Look at the valve, then at its outputs."),
     marked("Take over as the operator?"), marked("Yes"), marked("No"),

@@ -98,4 +98,4 @@ def _stand_ins(name: str, column: Column, here: Mask, number: float, place: Plac
             f"write where nothing was measured ({at.size} such of {len(here)}); with --gaps that is a sample that was "
             "not taken, and --columns can leave the channel out"
         )
-    return [f"'{label}' is {number:g} in {at.size} of {len(here)} rows, taken as samples that were not taken"]
+    return [f"'{label}' is {number:g} in {at.size} of {len(here)} rows, treated as missing"]

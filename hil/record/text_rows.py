@@ -100,7 +100,7 @@ def _read_by_hand(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple
             at = int(texts_among[0])
             said.append(
                 f"'{found.headings[i]}' holds texts in {texts_among.size} of {len(texts)} rows, the first "
-                f"'{texts.iloc[at][:_SHOWN]}' in {place(path, found, at)}; taken as samples that were not taken"
+                f"'{texts.iloc[at][:_SHOWN]}' in {place(path, found, at)}; treated as missing"
             )
         table[i] = values
     if refused:

@@ -76,7 +76,7 @@ def response(status: int, content: Any, origin: str = "") -> bytes:
 
 def _length(headers: dict[str, str]) -> int:
     if "transfer-encoding" in headers:
-        raise BadRequestError(411, "say Content-Length")
+        raise BadRequestError(411, "Content-Length is required")
     said = headers.get("content-length", "0")
     if not said.isascii() or not said.isdecimal():
         raise BadRequestError(400, f"Content-Length {said:.20}: a number was expected")

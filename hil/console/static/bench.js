@@ -61,7 +61,7 @@ function show(told) {
     trips = JSON.stringify(told.trips);
     document.getElementById("trips").replaceChildren(...Object.entries(told.trips).map(([name, why]) => trip(name, why)));
   }
-  const reader = document.getElementById("reader"), text = told.run || told.fault || (told.watched ? "hil watch" : say("nobody reads it now"));
+  const reader = document.getElementById("reader"), text = told.run || told.fault || (told.watched ? "hil watch" : say("not being read"));
   if (reader.textContent !== text) reader.textContent = text;
   document.getElementById("watch").hidden = Boolean(told.run);
   const button = document.getElementById("watch-button"), on = told.watched;
