@@ -38,15 +38,13 @@ def named(changed: Changed) -> Choice:
     terms = all_terms(problem, nominal.residuals)
     problem.work.at(0.2, "fitting what may have changed")
     fits = _fitted(changed, terms)
-    weighed = _scores(changed, fits, len({term.label for term in terms}))
-    scores = weighed.without("consistent")  # the gate has refuted that
+    scores = _scores(changed, fits, len({term.label for term in terms})).without("consistent")  # the gate refutes that
     by_label = {_causes(_hypothesis(f)): f for f in reversed(fits)}
     ranked = [by_label[key] for row in scores.rows if not row.is_open and (key := _causes(row.hypothesis)) in by_label]
     best = by_label.get(_causes(scores.first.hypothesis), ranked[0])
     names = list(dict.fromkeys(name for row in scores.ambiguous for name in _causes(row.hypothesis)))
-    whole = next(row.left for row in weighed.rows if not row.is_open and not _causes(row.hypothesis))
-    closed = (row for row in scores.rows if not row.is_open)
-    left = next(row.left for row in closed if by_label.get(_causes(row.hypothesis)) is best)
+    as_it_was = changed.left_as_it_was
+    left, whole = (max(chi2 - changed.count, 0.0) for chi2 in (best.chi2, float(as_it_was @ as_it_was)))
     chances = {name: scores.chance(name) for key in by_label for name in key}
     told = verdict(scores, is_alarm=True)
     others = names[1:] or ([UNKNOWN] if told == "unexplained" and names else [])
