@@ -202,6 +202,7 @@ class Answer:
             question=self.asked.asked,
             why_asked=self.asked.why,
             gate=self._gate(),
+            table=self.choice.table,
             left_out=self._left_out(fits),
             corrected_is="nominal" if self.used is nominal else "named",
             work=problem.work.as_dict(),

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
+from typing import Any
 
 import numpy as np
 
@@ -52,7 +53,7 @@ class Choice:
         descriptions: what else comes near where nothing can be named, the closest first.
         pairs: two causes that were fitted together, as far as they were.
         alike: names that would each explain as much, where nothing is named.
-        chances: how probable each name is, where one score has weighed all of them.
+        chances: how probable each name is, where one score has weighed all of them; `table`: all that it has weighed.
     """
 
     verdict: Verdict
@@ -69,6 +70,7 @@ class Choice:
     pairs: tuple[Fitted, ...] = ()
     alike: tuple[str, ...] = ()
     chances: Mapping[str, float] = field(default_factory=dict)
+    table: Mapping[str, Any] | None = None
 
 
 def decide(problem: Problem, *, laws_only: bool = False, most: int = NAMEABLE) -> Choice:

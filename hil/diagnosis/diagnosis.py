@@ -186,6 +186,8 @@ class Diagnosis:
         kept_back: what `held_out` was judged on.
         question: what was asked, and `why_asked`. `gate`: the statistic that says whether the unit has changed, where
             the model left more than noise. `left_out`: the other question's answer, where *changed* was asked.
+        table: every hypothesis with its score, the best first, where one score has weighed them: the first is the
+            verdict (see `hil.diagnosis.score`).
         corrected_is: what the corrected model holds, and `why_corrected`. `work`: simulations and their samples.
         simulated: whether a recording is of a simulated valve.
         false_alarms: how often a unit without any effect is called anything but consistent, and where that was counted.
@@ -218,6 +220,7 @@ class Diagnosis:
     question: Asked = "left_out"
     why_asked: str = ""
     gate: Mapping[str, Any] | None = None
+    table: Mapping[str, Any] | None = None
     left_out: Mapping[str, Any] | None = None
     corrected_is: Literal["nominal", "named"] = "nominal"
     why_corrected: str = ""
@@ -248,6 +251,7 @@ class Diagnosis:
             },
             "left_out": None if self.left_out is None else dict(self.left_out),
             "gate": None if self.gate is None else dict(self.gate),
+            "table": None if self.table is None else dict(self.table),
             "corrected_is": self.corrected_is,
             "why_corrected": self.why_corrected,
             "mismatch": _where(self.mismatch),

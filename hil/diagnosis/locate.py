@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import welch
-from scipy.stats import chi2, false_discovery_control
+from scipy.special import chdtrc
 
 from hil.cores import spread
 from hil.diagnosis.problem import Problem
@@ -81,8 +80,8 @@ def _intervals(time_s: Array, d: Array) -> tuple[tuple[float, float], ...]:
     sums = np.bincount(labels, d**2)
     used = counts > 0
     p = np.ones(len(counts))
-    p[used] = chi2.sf(sums[used] + counts[used] - 1.0, counts[used])
-    beyond = false_discovery_control(p) < _FALSE_DISCOVERIES
+    p[used] = chdtrc(counts[used], sums[used] + counts[used] - 1.0)
+    beyond = _false_discovery_rates(p) < _FALSE_DISCOVERIES
     found = []
     for start, stop in runs(beyond):
         energy = float(sums[start:stop].sum())
@@ -92,8 +91,18 @@ def _intervals(time_s: Array, d: Array) -> tuple[tuple[float, float], ...]:
     return tuple(sorted(interval for _, interval in largest))
 
 
+def _false_discovery_rates(p: Array) -> Array:
+    """The rate of false discoveries at which each is one (Benjamini, Hochberg, JRSS B 57, 1995), shape (n,)."""
+    order = np.argsort(p)[::-1]
+    rates: Array = np.empty(len(p))
+    rates[order] = np.minimum.accumulate(p[order] * len(p) / np.arange(len(p), 0, -1))
+    return rates
+
+
 def _band(problem: Problem, difference: Sequence[Array]) -> tuple[float, float]:
     """The band from 5 to 95 % of the difference's energy, its mean included."""
+    from scipy.signal import welch  # a second of import
+
     frequencies, powers = [], []
     for e, d in zip(problem.experiments, difference, strict=True):
         rate = 1.0 / e.interval_s

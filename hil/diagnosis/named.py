@@ -15,7 +15,7 @@ from hil.diagnosis.kept_back import NOTHING, KeptBack
 from hil.diagnosis.score import UNKNOWN, Hypothesis, Noise, Table, table, verdict
 from hil.diagnosis.search.fitted import Fitted, evaluated, nothing, starting
 from hil.diagnosis.search.terms import Term, all_terms
-from hil.diagnosis.yardsticks import AT_A_GLANCE, ROUGHLY, Effort
+from hil.diagnosis.yardsticks import AT_A_GLANCE, LISTED, ROUGHLY, Effort
 from hil.identification.estimate import estimate
 from hil.physics.simulate import ActiveEffect
 from hil.record.recording import Array
@@ -52,6 +52,7 @@ def named(changed: Changed) -> Choice:
     return Choice(
         told, shown[0], nominal, nominal, tuple(shown), tuple((names[0], name) for name in others),
         terms, left / max(whole, 1e-9), alike=tuple(names), chances=chances,
+        table=scores.as_dict(LISTED),
     )  # fmt: skip
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import find_peaks
 
 from hil.diagnosis.diagnosis import Spectrum, Strip
 from hil.diagnosis.problem import Problem
@@ -67,7 +66,8 @@ def _lines(e: Experiment, step_s: float) -> tuple[float, ...]:
     """Frequencies of a command that consists of few sines; none for any other command."""
     command = e.on_grid_input()
     frequency, size = _amplitudes(command - command.mean(), step_s)
-    peaks, _ = find_peaks(size, height=_LINE * size.max())
+    inner = size[1:-1]
+    peaks = 1 + np.flatnonzero((inner > size[:-2]) & (inner > size[2:]) & (inner >= _LINE * size.max()))
     if not 1 <= len(peaks) <= _MOST_LINES:
         return ()
     return tuple(float(frequency[k]) for k in peaks)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import qmc
 
 from hil.cores import spread
 from hil.identification.estimate import Unknown
@@ -38,6 +37,8 @@ def far_starts(residuals: Callable[[Array], Array], unknowns: Sequence[Unknown])
 
 def far_places(unknowns: Sequence[Unknown], count: int) -> list[Array]:
     """So many values (a power of two) all over the bounds, each of shape (k,); the same at every call."""
+    from scipy.stats import qmc  # seconds of import, for the few plants that are started from afar
+
     places = qmc.Sobol(len(unknowns), scramble=False).random(count)
     return [np.array([_at(u, share) for u, share in zip(unknowns, place, strict=True)]) for place in places]
 

@@ -100,12 +100,17 @@ def test_the_diagnosis_of_an_unchanged_unit_names_nothing(lacking: Model) -> Non
     assert said.gate["z"] < said.gate["needed"]
     assert said.left_out is not None
     assert said.left_out["verdict"] == "unexplained"
+    assert said.as_dict()["table"] is None
 
 
 def test_the_diagnosis_of_a_worn_unit_is_an_alarm(lacking: Model) -> None:
     said = asked(lacking, recorded("later", WORN, 7), recorded("again", WORN, 8))
     assert said.verdict == "explained"
     assert "friction" in {name for names in said.not_separable for name in names}
+    printed = said.as_dict()["table"]
+    assert {"causes", "unknowns", "left", "score", "probability"} < set(printed["rows"][0])
+    assert "friction" in {row["name"] for row in printed["rows"]}
+    assert "nothing" not in {row["name"] for row in printed["rows"]}  # the gate has refuted it
     assert said.gate is not None
     assert said.gate["is_alarm"]
     assert said.corrected_is == "nominal" or said.held_out.corrected > said.held_out.nominal

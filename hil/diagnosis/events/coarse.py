@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import linregress, norm
+from scipy.special import ndtr
 
 from hil.diagnosis.events.event import Events
 from hil.diagnosis.problem import Problem, beyond_rounding
@@ -56,7 +56,7 @@ def all_rounding(problem: Problem, unit: Fitted, step: float) -> Fitted | None:
         off.append(by[e.told])
     every = np.concatenate(off)
     near = np.abs(every) <= _NO_FURTHER * step + SELDOM_BY_CHANCE * known.std
-    if not (np.mean(near) > 1.0 - 2.0 * norm.sf(SELDOM_BY_CHANCE) and abs(np.median(every)) < _CENTRED * step):
+    if not (np.mean(near) > 1.0 - 2.0 * ndtr(-SELDOM_BY_CHANCE) and abs(np.median(every)) < _CENTRED * step):
         return None
     return replace(unit, residuals=residuals, chi2=float(residuals @ residuals))
 
@@ -100,6 +100,8 @@ def lattice(levels: Array, step: float, rounding: float) -> tuple[float, float]:
     number = np.concatenate([[0.0], np.cumsum(np.rint(np.diff(levels) / step))])
     if len(levels) < _LEAST_LEVELS:
         return step, rounding / float(np.sqrt(6.0))
-    line = linregress(number, levels)
-    of_rounding = rounding / float(np.sqrt(3.0) * np.ptp(number))
-    return float(line.slope), max(float(line.stderr), of_rounding)
+    away = number - number.mean()
+    slope = float(away @ levels / (away @ away))
+    left = levels - levels.mean() - slope * away
+    std = float(np.sqrt(left @ left / (len(levels) - 2) / (away @ away)))
+    return slope, max(std, rounding / float(np.sqrt(3.0) * np.ptp(number)))
