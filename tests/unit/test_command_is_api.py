@@ -18,6 +18,8 @@ from hil.session import fleet
 from hil.session.identification import read_for
 from tests.passports import run_of
 
+pytestmark = pytest.mark.xdist_group("command is api")  # on one worker: its model is identified once
+
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):

@@ -25,6 +25,8 @@ from hil.passport.sign import signed
 from hil.passport.verify import Soundness, Trust, verify
 from tests.passports import run_of
 
+pytestmark = pytest.mark.xdist_group("signers")  # on one worker: its passport is issued once
+
 NOW = datetime.now(UTC)
 DAY = timedelta(days=1)
 LONG = (NOW - 900 * DAY, NOW + 900 * DAY)

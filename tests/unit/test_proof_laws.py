@@ -14,6 +14,8 @@ from tests.proof.truth.excitation.programme import programme
 from tests.proof.truth.law import Hidden
 from tests.proof.truth.simulate import SUBSTEPS, Unit, respond
 
+pytestmark = pytest.mark.xdist_group("laws of the proof")  # on one worker: stands are settled once for each plant
+
 CONTRACT = {
     "friction", "backlash", "hysteresis", "deadband", "saturation", "rate_limit", "dead_time", "sensor_lag",
     "supply_droop", "leakage", "resonance", "periodic_disturbance", "coil_heating", "coil_lag", "asymmetry",

@@ -13,6 +13,8 @@ from hil.report.local_time import local_text
 from hil.session.comparison import compare_runs
 from tests.page import read_page
 
+pytestmark = pytest.mark.xdist_group("compared runs")  # on one worker: its runs are made once
+
 
 def results(*values):
     return Results(run="one", procedure="step_response", serial="A7", verdict=None, values=values)

@@ -27,6 +27,8 @@ from hil.session.results import results_of_run
 from tests.page import read_page
 from tests.passports import run_of
 
+pytestmark = pytest.mark.xdist_group("simulated")  # on one worker: its runs are made once
+
 OLD = '[devices.daq]\nsimulated = "in_process"\n'
 REAL = '[devices.daq]\ndriver = "ni"\n'
 
