@@ -97,24 +97,37 @@ def ended(run: Callable[[Outputs], Outcome | None], folder: Path, archive: str, 
         forget_begun(folder)
         raise typer.Exit
     with suppress(OSError):  # nobody reads it: the verdict stands in the folder, and in the exit status
-        say_outcome(outcome, known, as_json=as_json)
+        say_outcome(outcome, known, as_json=as_json, say=_print)
     entered(archive, folder)
     raise typer.Exit(outcome.exit_status)
 
 
-def say_outcome(outcome: Outcome, known: Outputs | None = None, *, as_json: bool) -> None:
+def say_outcome(
+    outcome: Outcome, known: Outputs | None = None, *, as_json: bool, say: Callable[[str], None] = typer.echo
+) -> None:
     """What a run found and where its report is; or its results and the outputs as in `end.json`, for a program."""
     if as_json:
         from hil import api
 
         found = api.results(outcome.folder).model_dump(mode="json", by_alias=True)
         outputs = {} if known is None else {"outputs": known.record()}
-        typer.echo(json.dumps(found | outputs, indent=1, ensure_ascii=False))
+        say(json.dumps(found | outputs, indent=1, ensure_ascii=False))
         return
     from hil.report.terminal import findings_text
 
-    typer.echo(findings_text(outcome.findings, simulated=outcome.simulated))
-    typer.echo(f"report: {outcome.report}")
+    say(f"{findings_text(outcome.findings, simulated=outcome.simulated)}\nreport: {outcome.report}")
+
+
+def _print(text: str) -> None:
+    """Print a result; a stopped terminal is waited for as long as for the last word, a reading program for good."""
+    from hil.cli.said import WAITS_S
+    from hil.printable import printable
+    from hil.stderr import write
+
+    if sys.stdout.isatty():
+        write(f"{printable(text)}\n", WAITS_S, sys.stdout)
+    else:
+        typer.echo(text)
 
 
 def entered(archive: str, folder: Path) -> None:
@@ -125,11 +138,12 @@ def entered(archive: str, folder: Path) -> None:
     except Exception as error:
         told = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
     from hil.archive.begun import forget_begun
+    from hil.cli.said import WAITS_S
+    from hil.stderr import write
 
     forget_begun(folder)
-    with suppress(OSError):
-        if told:
-            typer.echo(f"hil: {told}", err=True)
+    if told:
+        write(f"hil: {told}\n", WAITS_S)
 
 
 @contextmanager

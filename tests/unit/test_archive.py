@@ -5,6 +5,7 @@ import os
 import shutil
 import sqlite3
 import subprocess
+import sys
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from threading import Thread
@@ -398,3 +399,21 @@ def test_a_run_that_is_entered_slowly_says_so(
     monkeypatch.setattr("hil.archive.pending.enter_or_keep", slowly)
     entered(str(tmp_path), tmp_path / "run")
     assert "100%  the run is over and its folder is closed; it is being entered into the archive" in "".join(said)
+
+
+@pytest.mark.skipif(not hasattr(os, "openpty"), reason="no pseudo terminals")
+def test_a_run_whose_terminal_is_stopped_ends_without_its_archive(tmp_path):
+    (tmp_path / "run").mkdir()
+    for name in ("run/run.json", "no folder"):
+        (tmp_path / name).write_text("{}")
+    near, far = os.openpty()
+    os.write(near, b"\x13")  # Ctrl-S
+    code = (
+        "import sys; from pathlib import Path; from hil.cli.run_end import entered; entered(*map(Path, sys.argv[1:]))"
+    )
+    words = [sys.executable, "-P", "-c", code, str(tmp_path / "no folder" / "archive"), str(tmp_path / "run")]
+    ended = subprocess.run(words, stdin=far, stdout=far, stderr=far, timeout=290.0, check=False)
+    assert ended.returncode == 0
+    os.write(near, b"\x11")
+    os.close(far)
+    os.close(near)
