@@ -17,12 +17,11 @@ from unittest.mock import patch
 
 import numpy as np
 
-from hil.bench.open import open_rig
 from hil.bench.read import BenchFile
 from hil.errors import HilError, exit_status_of, told
 from sim_devices._quirks import Quirks
 from tests.faults import Case, Observer, Seen, observed, samples_in, start_run, watchdog_of
-from tests.links import served
+from tests.links import opened, served
 from tests.waits import PATIENCE_S
 
 # By link: the bench, and the device on it that has the output.
@@ -128,7 +127,7 @@ def _driven(file: BenchFile, run: Path, observer: Observer, happen: Callable[[],
     """A sine of 40 ± 30 % at 1 Hz; something happens meanwhile. What the program says when it ends, and its status."""
     timer = threading.Thread(target=_after_a_while, args=(observer, happen), daemon=True)
     try:
-        with open_rig(file, run, {}, lambda _done, _text: None) as rig:
+        with opened(file, run) as rig:
             timer.start()
             for _ in range(20):
                 time_s = np.arange(round(rig.rate_hz)) / rig.rate_hz

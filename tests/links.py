@@ -8,14 +8,18 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from hil.bench.find import benches
+from hil.bench.open import open_rig
 from hil.bench.read import BenchFile, read_bench
 from hil.bench.twin import serve
+from hil.errors import RangeError
+from hil.rig import Rig
 from tests.waits import PATIENCE_S
 
 _ANY = random.SystemRandom()  # workers that share a seed must not ask for the same
@@ -38,6 +42,21 @@ CALM = (
     *SELDOM,
     *((f"noise = {std}", "noise = 0.01") for std in ("0.3", "0.1", "0.2")),
 )
+
+
+@contextmanager
+def opened(file: BenchFile, run: Path, settings: dict[str, Any] | None = None) -> Iterator[Rig]:
+    """A rig, opened again while this computer is so busy that a link measures itself as too slow for its rate."""
+    with ExitStack() as stack:
+        for tries_left in reversed(range(20)):
+            try:
+                rig = stack.enter_context(open_rig(file, run, settings or {}, lambda _done, _text: None))
+                break
+            except RangeError:
+                if not tries_left:
+                    raise
+                time.sleep(0.5)
+        yield rig
 
 
 def free_port() -> int:

@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from drivers import pwm_amplifier
-from hil.bench.open import open_rig
 from hil.clock import VirtualClock
 from hil.daq.channel import InputChannel, OutputChannel, Pwm, Wiring
-from hil.errors import LinkError, RangeError, SettingError
+from hil.errors import LinkError, SettingError
 from hil.record.read import read_recording
 from hil.session.procedure import load_procedure
 from sim_devices._field import Field, Side
@@ -25,7 +24,7 @@ from sim_devices._modbus_table import serve_registers
 from sim_devices._quirks import Quirks
 from sim_devices._simulation import Simulation
 from sim_devices.pwm_amplifier import Amplifier
-from tests.links import PATIENT, served
+from tests.links import PATIENT, opened, served
 from tests.waits import until
 
 OUT = OutputChannel("current", "current", "pwm_current", "A", 0.0, 3.0, pwm=Pwm(1000.0, 125.0, 0.02))
@@ -193,15 +192,8 @@ def test_coil_of_an_efc_is_measured_over_the_link(tmp_path: Path) -> None:
     procedure = load_procedure("electrical_check")
     with served("cummins-efc-modbus", tmp_path, *PATIENT) as (file, _):
         settings = {"repeats": 2, "hold_s": 0.4}
-        for tries_left in reversed(range(20)):  # a link that a busy computer slows down is refused at that rate
-            try:
-                with open_rig(file, tmp_path / "run", {"settings": settings}, lambda _d, _t: None) as rig:
-                    procedure.run(rig, **settings)
-                break
-            except RangeError:
-                if not tries_left:
-                    raise
-                time.sleep(0.5)
+        with opened(file, tmp_path / "run", {"settings": settings}) as rig:
+            procedure.run(rig, **settings)
         measured = procedure.evaluate(read_recording(tmp_path / "run")).measured
     resistance = next(quantity for quantity in measured if quantity.name.startswith("coil_resistance"))
     assert resistance.std is not None
