@@ -15,6 +15,7 @@ from hil.archive.archive import enter, rebuild
 from hil.archive.begun import begun_in
 from hil.archive.place import Place
 from hil.errors import FileError
+from hil.record.durable import write_whole
 from hil.record.header import HEADER_FILE
 from hil.safety.latch import state_path
 from hil.untrusted import read_json
@@ -72,9 +73,7 @@ def _keep(place: Place, folders: Sequence[Path]) -> None:
             path.unlink(missing_ok=True)
             return
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")
-        part.write_text(json.dumps(list(dict.fromkeys(map(str, folders)))), encoding="utf-8")
-        part.replace(path)
+        write_whole(path, json.dumps(list(dict.fromkeys(map(str, folders)))))
 
 
 def _path(place: Place) -> Path:

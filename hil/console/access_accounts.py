@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import re
 from contextlib import suppress
 from functools import cache
@@ -14,6 +13,7 @@ from filelock import FileLock
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import FileError, SettingError, StorageError, UnknownNameError
+from hil.record.durable import write_whole
 from hil.safety.latch import state_path
 from hil.untrusted import read_json
 
@@ -124,15 +124,9 @@ def write_private(path: Path, text: str) -> None:
     Raises:
         StorageError: it cannot be written.
     """
-    part = path.with_suffix(".part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.unlink(missing_ok=True)
-        with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w", encoding="utf-8") as file:
-            file.write(text)
-            file.flush()
-            os.fsync(file.fileno())
-        part.replace(path)
+        write_whole(path, text, 0o600)
     except OSError as error:
         raise StorageError(f"{path}: cannot be written: {error.strerror}") from error
 

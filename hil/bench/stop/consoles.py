@@ -9,6 +9,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from hil.errors import FileError, StorageError
 from hil.record.alive import lives
+from hil.record.durable import write_whole
 from hil.safety.latch import state_path
 from hil.untrusted import read_untrusted_json
 
@@ -49,9 +50,7 @@ def announced(console: Console) -> Iterator[None]:
     path = state_path("consoles", str(console.pid), ".json")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part = path.with_suffix(".part")
-        part.write_text(console.model_dump_json(), encoding="utf-8")
-        part.replace(path)
+        write_whole(path, console.model_dump_json())
     except OSError as error:
         raise StorageError(f"{path}: the console cannot be announced to its runs: {error.strerror}") from error
     try:
