@@ -247,17 +247,19 @@ class _Search:
         zeros = [name for name in structure.free if name.endswith(("_zero", "_zero_square"))]
         plain = self._answers(at)
         columns = [plain, *(self._answers(at | {name: 1.0}) - plain for name in zeros)]
-        one = np.concatenate(
-            [e.telling(np.full(len(e.output), w)) for e, w in zip(self.experiments, self.weights, strict=True)]
-        )
+        one = self._weighted([np.ones(len(e.output)) for e in self.experiments])
         gain, *above, offset = np.linalg.lstsq(np.array([*columns, one]).T, self._wanted(), rcond=None)[0].tolist()
         if gain:
             ratios = {name: value / gain for name, value in zip(zeros, above, strict=True)}
             yield {name: (at | {"gain": gain, "offset": offset, **ratios})[name] for name in structure.free}
 
     def _wanted(self) -> Array:
-        """Weighted outputs, all experiments one after another."""
-        return np.concatenate([e.telling(e.output * w) for e, w in zip(self.experiments, self.weights, strict=True)])
+        return self._weighted([e.output for e in self.experiments])
+
+    def _weighted(self, rows: Sequence[Array]) -> Array:
+        """Rows in units of the noise, 0 where the output says nothing, all experiments one after another."""
+        each = zip(self.experiments, self.weights, rows, strict=True)
+        return np.concatenate([e.telling(row * weight) for e, weight, row in each])
 
     def _answers(self, parameters: Mapping[str, float]) -> Array:
         """Weighted simulated outputs, all experiments one after another."""
