@@ -22,9 +22,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from hil.bench.audit import Audit
 from hil.console.access_accounts import ROLES, Accounts, Role
 from hil.console.access_limits import Limiter, Rate, TooLargeError, limited
-from hil.console.access_seat import Seat, SeatTakenError
 from hil.console.access_session import LASTS_S, Session, Sessions, account_of
 from hil.console.access_where import Where
+from hil.console.operator_lock import OperatorLock, OperatorLockedError
 from hil.console.page import REFUSALS, language_of, page
 from hil.console.uploads import form_of
 from hil.errors import HilError, SettingError
@@ -32,7 +32,7 @@ from hil.language.reworded import reworded
 from hil.language.words import marked, speaking
 
 _ASKS_FOR_NOBODY = ("/login", "/logout", "/controls", "/stop")  # and what lies below /static/
-_NEEDS_NO_SEAT = ("/run/check", "/seat", "/login", "/logout")
+_NEEDS_NO_LOCK = ("/run/check", "/seat", "/login", "/logout")
 _ENGINEERS = ("/devices/", "/diagnose/accept")  # what others are judged by, and the twins
 _UPLOADS = "/diagnose/"
 _SMALL, _LARGE = 1 << 20, 256 << 20
@@ -59,9 +59,11 @@ class Access:
         seat: who operates.
     """
 
-    def __init__(self, app: ASGIApp, where: Where, accounts: Accounts, audit: Audit, seat: Seat | None = None) -> None:
+    def __init__(
+        self, app: ASGIApp, where: Where, accounts: Accounts, audit: Audit, lock: OperatorLock | None = None
+    ) -> None:
         self._app, self._where, self._accounts, self._audit = app, where, accounts, audit
-        self.seat = seat or Seat()
+        self.lock = lock or OperatorLock()
         self._sessions = Sessions()
         self._all, self._acts, self._logins = Limiter(_ALL), Limiter(_ACTS), Limiter(_LOGINS)
         self._new_browsers, self._tries = Limiter(_NEW_BROWSERS), Limiter(_TRIES)
@@ -134,14 +136,14 @@ class Access:
         except HilError as error:  # nobody comes in while it is not known who may
             return _no(503, str(error))
         request.scope.update({"hil.account": name, "hil.role": role, "hil.session": session})
-        self.seat.seen(session.id)
+        self.lock.seen(session.id)
         path = request.url.path
         if path == "/login":
             return await self._login(request) if request.method == "POST" else self._keep(_login_page(request), session)
         if path == "/logout" and request.method == "POST":
             return self._logout(session)
         if path == "/seat":
-            return await self._asked_for_seat(request, session, name, role)
+            return await self._asked_for_lock(request, session, name, role)
         needed = _needed(request.method, path)
         if needed is None:
             return None
@@ -159,28 +161,28 @@ class Access:
         return (session, session.name, account.role) if account else (session, "", None)
 
     def _seated(self, request: Request, session: Session, name: str) -> Response | None:
-        if request.method in _SAFE or request.url.path in _NEEDS_NO_SEAT:
+        if request.method in _SAFE or request.url.path in _NEEDS_NO_LOCK:
             return None
         try:
-            if self.seat.take(session.id, name):
+            if self.lock.take(session.id, name):
                 self._audit.write(name, "operates", {"address": _address(request)})
-        except SeatTakenError as taken:
+        except OperatorLockedError as taken:
             return _no(409, str(taken))
         except HilError as error:
             return _no(503, str(error))
         return None
 
-    async def _asked_for_seat(self, request: Request, session: Session, name: str, role: Role | None) -> Response:
+    async def _asked_for_lock(self, request: Request, session: Session, name: str, role: Role | None) -> Response:
         """Who operates; `take=1` takes the seat over, `take=0` lets go of it."""
         if request.method == "POST":
             if role is None or role == "viewer":
                 return _no(403, "operating needs the role operator")
             wanted = str((await form_of(request)).get("take", ""))
-            if wanted == "1" and self.seat.take(session.id, name, over=True):
+            if wanted == "1" and self.lock.take(session.id, name, over=True):
                 self._audit.write(name, "takes over", {"address": _address(request)})
             elif wanted == "0":
-                self.seat.leave(session.id)
-        answer = JSONResponse({"operator": self.seat.holder, "account": name, "role": role})
+                self.lock.leave(session.id)
+        answer = JSONResponse({"operator": self.lock.holder, "account": name, "role": role})
         return self._keep(answer, session)
 
     async def _login(self, request: Request) -> Response:
@@ -211,7 +213,7 @@ class Access:
         return session is not None and self._tries.admits(f"{session.id} {name:.64}")
 
     def _logout(self, session: Session) -> Response:
-        self.seat.leave(session.id)
+        self.lock.leave(session.id)
         answer = RedirectResponse("/login", 303)
         answer.delete_cookie(self._where.cookie, httponly=True, samesite="strict", secure=self._where.scheme == "https")
         return answer

@@ -55,7 +55,7 @@ class Accounts:
         try:
             readable = self._path.stat().st_mode & 0o077
             content = read_json(self._path)
-            found = {str(name): Account.model_validate(told) for name, told in content.items()}
+            found = {str(name): Account.model_validate(fields) for name, fields in content.items()}
         except FileNotFoundError:
             return {}
         except (OSError, FileError, AttributeError, ValidationError) as error:

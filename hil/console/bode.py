@@ -14,12 +14,12 @@ def bode_point(part: Mapping[str, Any]) -> dict[str, Any] | None:
     Returns frequency (Hz), gain (dB about one output unit per command unit), phase (deg), and the series to which it
     belongs.
     """
-    frequency_hz, told = part.get("frequency_hz"), part.get("response")
+    frequency_hz, pair = part.get("frequency_hz"), part.get("response")
     if part.get("kind") != "sine" or part.get("unfinished") or not _is_number(frequency_hz):
         return None
-    if not isinstance(told, list | tuple) or len(told) != 2 or not all(map(_is_number, told)):
+    if not isinstance(pair, list | tuple) or len(pair) != 2 or not all(map(_is_number, pair)):
         return None
-    response = complex(*told)
+    response = complex(*pair)
     if response == 0.0:
         return None
     return {

@@ -25,9 +25,9 @@ from hil.console.watching import Watching
 from hil.errors import SettingError
 
 _MOST_STARTED = 50
-_JOBS_AT_ONCE = 2  # each takes what processors there are
+_JOBS_IN_PARALLEL = 2  # each takes what processors there are
 _MOST_WAITING = 20
-_TOLD_S = 3.0  # so long a run that ended while it started is still told
+_SHOWN_S = 3.0  # so long a run that ended while it started is still told
 
 
 @dataclass(slots=True)
@@ -114,12 +114,12 @@ class Console:
 
     def runs(self, anew: bool = False) -> list[dict[str, Any]]:
         """Every run under way as pages are told of it, from the click that starts it; `anew`: as of now."""
-        by_name = {run.folder.name: run.told for run in self.underway.look(anew)}
+        by_name = {run.folder.name: run.for_page for run in self.underway.look(anew)}
         for name, one in list(self.starting.items()):
             status = one.process.exit_status
             if status is not None:
                 one.over_s = one.over_s or time.monotonic()
-            if "stop_url" in by_name.get(name, {}) or time.monotonic() - (one.over_s or math.inf) > _TOLD_S:
+            if "stop_url" in by_name.get(name, {}) or time.monotonic() - (one.over_s or math.inf) > _SHOWN_S:
                 del self.starting[name]
                 continue
             state = "starting" if status is None else "ended"
@@ -147,7 +147,7 @@ class Console:
 
     def _start_jobs(self) -> None:
         with self._lock:
-            while self.waiting and sum(self._works(name) for name in self.products) < _JOBS_AT_ONCE:
+            while self.waiting and sum(self._works(name) for name in self.products) < _JOBS_IN_PARALLEL:
                 name = next(iter(self.waiting))
                 arguments, account = self.waiting.pop(name)
                 self.start(arguments, name, account)

@@ -48,7 +48,7 @@ class Envelope:
         """
         if not len(time_s):
             return
-        start_s, low, high = stretches(time_s, values, self.width_s)
+        start_s, low, high = intervals(time_s, values, self.width_s)
         self.start_s, self.low, self.high = _joined(
             np.concatenate((self.start_s, start_s)), np.hstack((self.low, low)), np.hstack((self.high, high))
         )
@@ -66,8 +66,8 @@ class Envelope:
         return {
             "width_s": self.width_s,
             "t": [round(float(t), 6) for t in self.start_s[first:]],
-            "low": [_told(row) for row in self.low[:, first:]],
-            "high": [_told(row) for row in self.high[:, first:]],
+            "low": [_json_row(row) for row in self.low[:, first:]],
+            "high": [_json_row(row) for row in self.high[:, first:]],
         }
 
     @property
@@ -79,7 +79,7 @@ class Envelope:
         return np.floor(self.start_s / self.width_s + 1e-6) * self.width_s
 
 
-def stretches(time_s: Array, values: Array, width_s: float) -> tuple[Array, Array, Array]:
+def intervals(time_s: Array, values: Array, width_s: float) -> tuple[Array, Array, Array]:
     """(where each stretch begins, least, largest) of samples; what was not measured counts in none."""
     return _joined(np.floor(time_s / width_s + 1e-6) * width_s, *_without_ends(values))
 
@@ -95,5 +95,5 @@ def _joined(start_s: Array, low: Array, high: Array) -> tuple[Array, Array, Arra
     return start_s[firsts], np.fmin.reduceat(low, firsts, axis=1), np.fmax.reduceat(high, firsts, axis=1)
 
 
-def _told(row: Array) -> list[float | None]:
+def _json_row(row: Array) -> list[float | None]:
     return [None if math.isnan(value) else float(f"{value:.5g}") for value in row.tolist()]

@@ -46,7 +46,7 @@ class Follower:
         self._details: dict[int, dict[str, Any]] = {}
         self._bode: list[dict[str, Any]] = []
         self._run = run_of(folder, pid)
-        self._looks = 0
+        self._polls = 0
         self._caught_up = False
         self._lock = threading.Lock()
 
@@ -66,7 +66,7 @@ class Follower:
             return self._look()
 
     def _look(self) -> dict[str, Any] | None:
-        self._looks += 1
+        self._polls += 1
         run = run_of(self.folder, self._pid)
         changed, self._run = run.state != self._run.state, run
         since_s = self._fine.last_s
@@ -88,7 +88,7 @@ class Follower:
 
     def _state(self) -> dict[str, Any]:
         return {
-            "seq": self._looks, "run": self.folder.name, "state": self._run.state, "outcome": self._run.outcome,
+            "seq": self._polls, "run": self.folder.name, "state": self._run.state, "outcome": self._run.outcome,
             "rows": self._rows,
             "time_s": self._last_s, "values": self._values,
         }  # fmt: skip
@@ -176,7 +176,7 @@ class Following:
 
     async def _follow(self, name: str, follower: Follower) -> None:
         loop = asyncio.get_running_loop()
-        said_s = loop.time()
+        sent_s = loop.time()
         while True:
             begun_s = loop.time()
             try:
@@ -186,12 +186,12 @@ class Following:
                 break
             if picture is not None:
                 self._send(name, _sent("picture", picture))
-                said_s = begun_s
+                sent_s = begun_s
             elif follower.finished:
                 break
-            elif begun_s - said_s > _QUIET_S:
+            elif begun_s - sent_s > _QUIET_S:
                 self._send(name, _sent("quiet", {}))
-                said_s = begun_s
+                sent_s = begun_s
             await asyncio.sleep(max(0.0, begun_s + PICTURE_S - loop.time()))
         self._send(name, _sent("over", {}))
         self._send(name, None)

@@ -12,7 +12,7 @@ from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from hil.bench.stop.control import asking
 from hil.console.console import Console
-from hil.console.script_words import SAID_BY_SCRIPTS
+from hil.console.script_words import SCRIPT_MESSAGES
 from hil.errors import FileError, HilError, UnknownNameError
 from hil.language.reworded import reworded
 from hil.language.words import ENGLISH, _, languages, marked, speaking, spoken
@@ -49,7 +49,7 @@ def page(request: Request, template: str, status: int = 200, **values: Any) -> H
         text = templates("hil.console", "templates").get_template(template).render(
             **values, language=spoken(), languages=languages(), version=__version__, pages=PAGES, request=request,
             place=request.url.path.split("/")[1] or "bench", controls=controls_of(request),
-            words={text: _(text) for text in SAID_BY_SCRIPTS} if language != ENGLISH else {},
+            words={text: _(text) for text in SCRIPT_MESSAGES} if language != ENGLISH else {},
             account=request.scope.get("hil.account"),
             logged_in=bool(getattr(request.scope.get("hil.session"), "name", "")),
         )  # fmt: skip

@@ -15,7 +15,7 @@ from hil.errors import StorageError
 from hil.language.choice import VARIABLE
 from hil.language.words import spoken
 
-_TOLD_BYTES = 16_384
+_TAIL_BYTES = 16_384
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def tail_lines(log: Path) -> list[str]:
     """The last lines of a log; none where it is not there."""
     try:
         with log.open("rb") as file:
-            file.seek(max(0, log.stat().st_size - _TOLD_BYTES))
+            file.seek(max(0, log.stat().st_size - _TAIL_BYTES))
             return file.read().decode("utf-8", "replace").splitlines()
     except OSError:
         return []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hil.language.words import marked
 
-SAID_BY_SCRIPTS = (
+SCRIPT_MESSAGES = (
     marked("No connection to the console. What this page shows is old."),
     marked("starting"), marked("running"), marked("evaluating"), marked("ended"), marked("lost"), marked("done"),
     marked("refused"), marked("waiting"),

@@ -90,14 +90,14 @@ class OnceAMinute(logging.Filter):
 
     def __init__(self) -> None:
         super().__init__()
-        self._said_s: dict[str, float] = {}
+        self._logged_s: dict[str, float] = {}
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Whether it is said."""
         now_s = time.monotonic()
-        if now_s - self._said_s.get(record.msg, -_LOG_S) < _LOG_S:
+        if now_s - self._logged_s.get(record.msg, -_LOG_S) < _LOG_S:
             return False
-        self._said_s[record.msg] = now_s
+        self._logged_s[record.msg] = now_s
         return True
 
 

@@ -17,7 +17,7 @@ from hil.errors import HilError, LinkError
 
 _ANSWER_S = 1.5
 _MOST_BYTES = 65_536
-_AT_ONCE = 8
+_IN_PARALLEL = 8
 
 
 def ask_listener(folder: Path, control: Mapping[str, Any], what: str, **fields: str) -> Any:
@@ -97,7 +97,7 @@ def press_stop(console: Console, account: str, asked: Collection[str] = ()) -> d
 def _answers(console: Console, account: str) -> dict[str, Any]:
     """What each listener says to an account, by run."""
     asked = [run for run in console.underway.look() if run.state != "ended" and "stop_url" in run.control]
-    with ThreadPoolExecutor(_AT_ONCE) as pool:
+    with ThreadPoolExecutor(_IN_PARALLEL) as pool:
         answers = pool.map(lambda run: _answer(run.folder, run.control, account), asked)
         return {run.folder.name: answer for run, answer in zip(asked, answers, strict=True)}
 

@@ -50,7 +50,7 @@ class Run:
     is_safe: bool = False
 
     @property
-    def told(self) -> dict[str, Any]:
+    def for_page(self) -> dict[str, Any]:
         """For a page: what the run is, and where it is stopped."""
         valve = self.meta.get("valve") or {}
         return {
@@ -129,7 +129,7 @@ class Underway:
     _known: set[str] = field(default_factory=set, init=False)
     _open: dict[str, Path] = field(default_factory=dict, init=False)
     _ended_s: dict[str, float] = field(default_factory=dict, init=False)
-    _told: list[Run] = field(default_factory=list, init=False)
+    _last: list[Run] = field(default_factory=list, init=False)
     _looked_s: float = field(default=-math.inf, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
 
@@ -141,8 +141,8 @@ class Underway:
         """
         with self._lock:
             if anew or time.monotonic() - self._looked_s >= _FRESH_S:  # many pages ask
-                self._told, self._looked_s = self._look(), time.monotonic()
-            return self._told
+                self._last, self._looked_s = self._look(), time.monotonic()
+            return self._last
 
     def _look(self) -> list[Run]:
         self._find_new()

@@ -22,9 +22,9 @@ _NOBODY_S = 15.0  # so long after the last page asked it ends
 class _Watch:
     process: Process[str]
     asked_s: float
-    told: dict[str, Any] = field(default_factory=dict)
-    told_s: float = 0.0
-    said: str = ""
+    latest: dict[str, Any] = field(default_factory=dict)
+    latest_s: float = 0.0
+    message: str = ""
     is_over: bool = False  # nobody looked any more
 
 
@@ -66,7 +66,7 @@ class Watching:
         for bench in list(self._watches):
             self.end(bench)
 
-    def told(self, bench: str) -> tuple[list[Reading], str, bool]:
+    def readings(self, bench: str) -> tuple[list[Reading], str, bool]:
         """(readings, what keeps them from coming, whether somebody reads); asking keeps it going."""
         with self._lock:
             watch = self._watches.get(bench)
@@ -74,16 +74,16 @@ class Watching:
             return [], "", False
         watch.asked_s = time.monotonic()
         lives = watch.process.poll() is None
-        late_s = time.monotonic() - watch.told_s
-        readings = [_reading(row, late_s) for row in watch.told.get("channels", [])]
-        return readings, "" if lives or watch.is_over else (watch.said or "the inputs are not read any more"), lives
+        late_s = time.monotonic() - watch.latest_s
+        readings = [_reading(row, late_s) for row in watch.latest.get("channels", [])]
+        return readings, "" if lives or watch.is_over else (watch.message or "the inputs are not read any more"), lives
 
     def _follow(self, watch: _Watch) -> None:
         for line in watch.process.stdout or ():
             try:
-                watch.told, watch.told_s = json.loads(line), time.monotonic()
+                watch.latest, watch.latest_s = json.loads(line), time.monotonic()
             except ValueError:
-                watch.said = line.strip()
+                watch.message = line.strip()
             if time.monotonic() - watch.asked_s > _NOBODY_S:
                 watch.is_over = True
                 _ended(watch.process)

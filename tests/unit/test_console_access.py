@@ -28,9 +28,9 @@ from hil.console import access
 from hil.console.access import Access, audited
 from hil.console.access_accounts import Account, Accounts
 from hil.console.access_limits import Limiter, Rate
-from hil.console.access_seat import LAPSES_S, Seat, SeatTakenError
 from hil.console.access_session import Sessions, account_of
 from hil.console.access_where import Where, check_where
+from hil.console.operator_lock import LAPSES_S, OperatorLock, OperatorLockedError
 from hil.errors import FileError, SettingError, StorageError, UnknownNameError
 
 ORIGIN, PASSWORD = "http://127.0.0.1:8123", "twelve chars"
@@ -117,7 +117,7 @@ def accounts() -> Accounts:
 
 
 def console(
-    accounts: Accounts, where: Where | None = None, audit: Audit | None = None, seat: Seat | None = None
+    accounts: Accounts, where: Where | None = None, audit: Audit | None = None, lock: OperatorLock | None = None
 ) -> Starlette:
     """A small application behind the door; its login page is a word."""
     audit = audit or Audit()
@@ -125,7 +125,7 @@ def console(
     paths = ("/bench", "/run/start", "/run/check", "/devices/start", "/diagnose/upload", "/controls", "/static/stop.js")
     app = Starlette(
         routes=[Route(path, _who, methods=["GET", "POST"]) for path in paths],
-        middleware=[Middleware(Access, where=told, accounts=accounts, audit=audit, seat=seat)],
+        middleware=[Middleware(Access, where=told, accounts=accounts, audit=audit, lock=lock)],
     )
     app.state.audit = audited(audit)
     return app
@@ -353,7 +353,7 @@ def test_login_leads_back_to_a_page_of_this_console_and_nowhere_else(accounts: A
 
 def test_one_operates_and_the_others_look(accounts: Accounts) -> None:
     clock = VirtualClock(100.0)
-    app = console(accounts, seat=Seat(clock))
+    app = console(accounts, lock=OperatorLock(clock))
     first, second = Browser(app).logged_in("otto"), Browser(app).logged_in("olga")
     assert first.ask("/run/start", {"a": "1"})[0] == 200
     status, text, _ = second.ask("/run/start", {"a": "1"})
@@ -369,15 +369,15 @@ def test_one_operates_and_the_others_look(accounts: Accounts) -> None:
 
 def test_seat_lapses_when_its_pages_are_gone() -> None:
     clock = VirtualClock(100.0)
-    seat = Seat(clock)
-    assert seat.take("a", "otto") and not seat.take("a", "otto")
+    lock = OperatorLock(clock)
+    assert lock.take("a", "otto") and not lock.take("a", "otto")
     clock.sleep_until(100.0 + 0.9 * LAPSES_S)
-    seat.seen("a")
+    lock.seen("a")
     clock.sleep_until(100.0 + 1.8 * LAPSES_S)
-    with pytest.raises(SeatTakenError):
-        seat.take("b", "olga")
+    with pytest.raises(OperatorLockedError):
+        lock.take("b", "olga")
     clock.sleep_until(100.0 + 2.0 * LAPSES_S)
-    assert seat.take("b", "olga") and seat.holder == "olga"
+    assert lock.take("b", "olga") and lock.holder == "olga"
 
 
 def test_audit_names_who_did_what_and_when(accounts: Accounts) -> None:

@@ -31,7 +31,7 @@ from hil.console.routes import bench as bench_routes
 from hil.console.routes import results as results_routes
 from hil.console.routes import run as run_routes
 from hil.console.routes.run import _asked
-from hil.console.script_words import SAID_BY_SCRIPTS
+from hil.console.script_words import SCRIPT_MESSAGES
 from hil.console.server import OnceAMinute
 from hil.console.site import Site
 from hil.console.underway import Underway, run_of
@@ -221,7 +221,7 @@ def test_everything_that_scripts_say_is_in_the_catalogues() -> None:
     for script in (Path(page.__file__).parent / "static").glob("*.js"):
         said |= set(re.findall(r'\bsay\("([^"]+)"', script.read_text(encoding="utf-8")))
     assert len(said) > 20
-    assert said <= set(SAID_BY_SCRIPTS)
+    assert said <= set(SCRIPT_MESSAGES)
 
 
 def test_a_lean_installation_names_the_extra_in_one_line(

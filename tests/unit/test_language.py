@@ -17,7 +17,7 @@ from hil.bench.read import read_bench
 from hil.cli.app import main
 from hil.cli.run import understood
 from hil.console.board import interlocks_of, lines_of
-from hil.console.routes.live import SAID_BEFORE
+from hil.console.routes.live import MESSAGES_BEFORE
 from hil.errors import SettingError
 from hil.language.choice import choose, page_language
 from hil.language.figures import decimal_sign, localised
@@ -148,7 +148,7 @@ def test_a_sentence_with_values_is_said_again_in_german() -> None:
 def test_what_a_run_says_before_it_drives_is_german_on_its_page() -> None:
     (line,) = understood(load_procedure("frequency_response"), {"biases": "50"}, {}).splitlines()[1:]
     with speaking("de"):
-        assert reworded(line, SAID_BEFORE) == "Einstellung biases = 50 %"
+        assert reworded(line, MESSAGES_BEFORE) == "Einstellung biases = 50 %"
 
 
 def test_the_board_of_a_bench_is_german_and_keeps_the_names_of_channels() -> None:

@@ -99,7 +99,7 @@ def _board(console: Console, name: str) -> dict[str, Any]:
 def _read(console: Console, name: str, file: BenchFile, run: Run | None) -> tuple[list[Reading], Levels, str, bool]:
     """(readings, levels, what keeps them from coming, whether `hil watch` reads for this page)."""
     if run is None:
-        readings, fault, watched = console.watching.told(name)
+        readings, fault, watched = console.watching.readings(name)
         return readings, {}, fault, watched
     try:
         readings, levels = _reader(console, file, run).read()

@@ -33,15 +33,15 @@ def begin(request: Request, kind: str, arguments: list[str], product: str, name:
 def show(request: Request) -> Response:
     """The page of a job."""
     name = request.path_params["job"]
-    return page(request, "job.html", name=name, told=_told(Console.of(request), name))
+    return page(request, "job.html", name=name, state=_state(Console.of(request), name))
 
 
 def state(request: Request) -> Response:
     """How it stands."""
-    return JSONResponse(_told(Console.of(request), request.path_params["job"]))
+    return JSONResponse(_state(Console.of(request), request.path_params["job"]))
 
 
-def _told(console: Console, name: str) -> dict[str, Any]:
+def _state(console: Console, name: str) -> dict[str, Any]:
     made, product = console.started.get(name), console.products.get(name)
     if name in console.waiting:
         before = list(console.waiting).index(name) + 1

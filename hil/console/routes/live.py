@@ -25,7 +25,7 @@ from hil.record.progress import ToldProgress, progress_of
 from hil.untrusted import is_regular
 
 _SIGNALS = 128  # from here on an exit status says which signal ended a program
-SAID_BEFORE = (
+MESSAGES_BEFORE = (
     marked("setting {setting}"), marked("limit {limit}"), marked("indication in the rehearsal: {text}"),
     marked("rehearsed on the simulated valve: {time}, within all limits"),
 )  # fmt: skip
@@ -36,12 +36,12 @@ _LEFT = (" left", "almost done", "longer than expected")
 def show(request: Request) -> Response:
     """The page of a run; one that has only just been started has no folder yet."""
     name = request.path_params["run"]
-    return page(request, "live.html", name=name, told=_told(Console.of(request), name))
+    return page(request, "live.html", name=name, state=_state(Console.of(request), name))
 
 
 def state(request: Request) -> Response:
     """How a run stands, as JSON."""
-    return JSONResponse(_told(Console.of(request), request.path_params["run"]))
+    return JSONResponse(_state(Console.of(request), request.path_params["run"]))
 
 
 async def stream(request: Request) -> Response:
@@ -63,11 +63,11 @@ async def hold(request: Request) -> Response:
     return JSONResponse(answer)
 
 
-def _told(console: Console, name: str) -> dict[str, Any]:
+def _state(console: Console, name: str) -> dict[str, Any]:
     """State, last words and verdict of a run."""
     started = console.started.get(name)
     status = started.exit_status if started else None
-    message = reworded(started.last_line.removeprefix("hil: "), SAID_BEFORE) if started else ""
+    message = reworded(started.last_line.removeprefix("hil: "), MESSAGES_BEFORE) if started else ""
     state: dict[str, Any] = {
         "run": name,
         "text": message,
@@ -93,9 +93,9 @@ def _told(console: Console, name: str) -> dict[str, Any]:
         return {**state, "state": "refused", "outcome": message}
     done = progress_of(folder)
     evaluating = run.state == "ended" and done is not None and lives(done.pid)
-    looks_at_it = {"state": "evaluating"} if evaluating else {}
+    evaluation = {"state": "evaluating"} if evaluating else {}
     return {
-        **state, **_progress(done), **run.told, "ending": ending_of(folder), **looks_at_it, **_verdict(folder),
+        **state, **_progress(done), **run.for_page, "ending": ending_of(folder), **evaluation, **_verdict(folder),
         "report": is_regular(folder, "report.html"),
     }  # fmt: skip
 

@@ -86,7 +86,7 @@ def rehearsal(request: Request) -> Response:
         text = made.last_line.removeprefix("hil: ")
         return JSONResponse({"state": "refused", "text": text, "setting": setting_named_in(procedure, text)})
     file = console.site.bench(request.query_params.get("bench", ""))
-    return JSONResponse({"state": "rehearsed", "text": _said(made), **_planned(_kept(console, name), file)})
+    return JSONResponse({"state": "rehearsed", "text": _message(made), **_planned(_kept(console, name), file)})
 
 
 async def begin(request: Request) -> Response:
@@ -168,7 +168,7 @@ def _listed() -> list[tuple[str, str]]:
     return [(name, doc) for name, doc in found if name != _HAND]
 
 
-def _said(made: Started) -> str:
+def _message(made: Started) -> str:
     return " ".join(line.strip() for line in made.lines if line.startswith(("rehearsed", "indication")))
 
 

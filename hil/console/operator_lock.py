@@ -1,4 +1,4 @@
-"""One operator, many viewers: the seat at the console, which one browser has at a time."""
+"""One operator, many viewers: the operator lock of the console, which one browser holds at a time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from hil.errors import InputError
 LAPSES_S = 30.0  # of a browser that is not heard of any more: its pages ask every half second
 
 
-class SeatTakenError(InputError):
+class OperatorLockedError(InputError):
     """Somebody else operates this console."""
 
 
@@ -23,7 +23,7 @@ class _Holder:
     since: datetime
 
 
-class Seat:
+class OperatorLock:
     """Who operates. Whoever acts first has it, until they let go, close their pages, or somebody takes it over.
 
     Args:
@@ -57,7 +57,7 @@ class Seat:
             over: take it from whoever has it.
 
         Raises:
-            SeatTakenError: somebody else has it.
+            OperatorLockedError: somebody else has it.
         """
         with self._lock:
             holder = self._present()
@@ -65,7 +65,7 @@ class Seat:
                 self._seen_s = self._clock.now_s
                 return False
             if holder is not None and not over:
-                raise SeatTakenError(
+                raise OperatorLockedError(
                     f"{holder.name} operates this console since {holder.since.astimezone():%H:%M}, in another browser; "
                     "you may look, and you may stop; take over to operate"
                 )
