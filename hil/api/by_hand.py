@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hil.api.bench import bench_of
+from hil.api.callbacks import NOTHING, Notes, Progress, quiet, unsaid
 from hil.api.python_words import in_python_words
 from hil.api.several import several
-from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
     from hil.bench.hand.reading import Reading

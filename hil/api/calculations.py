@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.api.callbacks import Notes, Progress, quiet, unsaid
 from hil.api.models import model_of
 from hil.api.python_words import in_python_words
 from hil.api.several import several
-from hil.api.told import Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
     from hil.diagnosis.diagnose import Diagnosed
@@ -193,8 +193,8 @@ def diagnose(
     nominal = model_of(model)
     sources: list[Source] = several(recordings)
     read = [samples_of(one, reading or AS_IT_IS) for one in sources]
-    experiments, said = bound_to(nominal, read, several(inputs), output, budget_s)
-    for note in (*notes_on(read, experiments), *said):
+    experiments, left_out = bound_to(nominal, read, several(inputs), output, budget_s)
+    for note in (*notes_on(read, experiments), *left_out):
         notes(note)
     origins = [*([origin_at(model)] if isinstance(model, str | Path) else []), *map(origin_of, read)]
     folder = None if out is None else Path(out)

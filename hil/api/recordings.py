@@ -6,9 +6,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.api.callbacks import NOTHING
 from hil.api.python_words import in_python_words
 from hil.api.several import several
-from hil.api.told import NOTHING
 
 if TYPE_CHECKING:
     from hil.record.reading import Reading

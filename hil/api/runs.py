@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hil.api.bench import bench_of
+from hil.api.callbacks import NOTHING, Notes, Progress, quiet, unsaid
 from hil.api.python_words import in_python_words, python_errors
 from hil.api.several import several
-from hil.api.told import NOTHING, Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
     from hil.archive.entry import Entry

@@ -7,10 +7,10 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hil.api.callbacks import Notes, Progress, quiet, unsaid
 from hil.api.models import model_of
 from hil.api.python_words import in_python_words
 from hil.api.several import several
-from hil.api.told import Notes, Progress, quiet, unsaid
 
 if TYPE_CHECKING:
     from hil.passport.difference import DateDifference

@@ -10,8 +10,8 @@ import typer
 
 from hil import cli
 from hil.api.python_words import at_the_prompt
-from hil.cli import said
-from hil.cli.said import say
+from hil.cli import error_message
+from hil.cli.error_message import say
 from hil.errors import InputError, marked
 from hil.printable import printable_streams
 from hil.safety.interrupt import raised, status_of
@@ -25,7 +25,7 @@ def _options(
     debug: bool = typer.Option(False, "--debug", help="Show the traceback of an error, and the frames of every link."),
     version: bool = typer.Option(False, "--version", is_eager=True, help="Show the version and exit."),
 ) -> None:
-    said.debug = debug
+    error_message.debug = debug
     if debug:
         from hil.cli.frames import hide_frames, show_frames
 
@@ -61,12 +61,12 @@ def main() -> int:
 
 def _run() -> int:
     """The command line, on the streams as they are."""
-    silent, said.ended = len(sys.argv) == 1, False  # without a word the help is shown, and nothing was done
+    silent, error_message.ended = len(sys.argv) == 1, False  # without a word the help is shown, and nothing was done
     try:
         app = _assembled()
         with at_the_prompt():
             status = app(["--help"] if silent else None, prog_name="hil", standalone_mode=False)
-        signalled = None if said.ended or status != _CTRL_C else raised()
+        signalled = None if error_message.ended or status != _CTRL_C else raised()
         if signalled is not None and status_of(signalled) != _CTRL_C:
             return _stopped(signalled)  # typer takes every signal that was raised for Ctrl-C
         return 2 if silent else int(status or 0)

@@ -26,11 +26,11 @@ def command(
     from hil.bench.find import find_bench
     from hil.bench.nets.missing import missing_nets
     from hil.bench.read import read_bench
-    from hil.cli.faults import each_told
+    from hil.cli.faults import each_reported
     from hil.errors import FileError
 
     path = find_bench(bench)
-    with each_told(path):
+    with each_reported(path):
         found = read_bench(path)
     warnings = missing_nets(found, datetime.now(UTC).date())
     if not as_json:

@@ -13,7 +13,7 @@ def command(
     The page is what an engineer compares with the manual: each terminal with its address as manuals count, type and
     scale; what makes the outputs safe, and what does not.
     """
-    from hil.cli.faults import each_told
+    from hil.cli.faults import each_reported
     from hil.description.find import description_file, descriptions
     from hil.description.first import gaps
     from hil.description.page import page
@@ -21,7 +21,7 @@ def command(
     from hil.untrusted import read_text
 
     path = description_file(model)
-    with each_told(path):
+    with each_reported(path):
         description = read_description(path)
     named = path.stem if path == descriptions().get(path.stem) else path.name  # as a bench file beside it says it
     typer.echo("\n".join(page(named, description)))

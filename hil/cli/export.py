@@ -48,10 +48,10 @@ def command(
     if found.text and target is None:
         typer.echo(found.text, nl=False)
     elif not found.text:
-        typer.echo("\n".join([*_said(found, fmi if to == "fmu" else ""), *(f"note: {one}" for one in found.notes)]))
+        typer.echo("\n".join([*_lines(found, fmi if to == "fmu" else ""), *(f"note: {one}" for one in found.notes)]))
 
 
-def _said(found: Exported, fmi: str) -> list[str]:
+def _lines(found: Exported, fmi: str) -> list[str]:
     if not fmi:
         return [f"{found.path}: {found.title} in C99, {found.parameters} parameters"]
     ran = (

@@ -10,7 +10,7 @@ import typer
 
 
 @contextmanager
-def each_told(path: Path) -> Iterator[None]:
+def each_reported(path: Path) -> Iterator[None]:
     """While a file is read, whose faults are printed.
 
     Raises:

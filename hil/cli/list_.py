@@ -27,7 +27,7 @@ def command(
         raise UnknownNameError("kind of entry", kind, (*KINDS, *_FILES))
     kinds = [known for known in (*KINDS, *_FILES) if kind in ("", known)]
     if as_json:
-        listed = {name: [{"name": entry, "summary": said} for entry, said in _lines(name)] for name in kinds}
+        listed = {name: [{"name": entry, "summary": summary} for entry, summary in _lines(name)] for name in kinds}
         typer.echo(json.dumps({"schema": "hil.installed/1", **listed}, indent=1, ensure_ascii=False))
         return
     for name in kinds:

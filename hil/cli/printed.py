@@ -10,10 +10,10 @@ import typer
 Json = Annotated[bool, typer.Option("--json", help="Print JSON instead of words.")]
 
 
-def printed(told: Mapping[str, Any], words: str, as_json: bool) -> None:
-    """Print it one way or the other; `told` names its schema."""
+def printed(document: Mapping[str, Any], words: str, as_json: bool) -> None:
+    """Print it one way or the other; `document` names its schema."""
     if as_json:
         from hil.record.plain import to_json
 
-        words = to_json(told)
+        words = to_json(document)
     typer.echo(words)

@@ -38,8 +38,10 @@ def shown(after_s: float = 0.0) -> Iterator[Callable[[float, str], None]]:
     from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
     from rich.table import Column
 
-    said = TextColumn("{task.description}", markup=False, table_column=Column(no_wrap=False, overflow="fold", ratio=1))
-    columns = (BarColumn(bar_width=20), TaskProgressColumn(), TimeElapsedColumn(), said)
+    description = TextColumn(
+        "{task.description}", markup=False, table_column=Column(no_wrap=False, overflow="fold", ratio=1)
+    )
+    columns = (BarColumn(bar_width=20), TaskProgressColumn(), TimeElapsedColumn(), description)
     screen: IO[str] = _Screen(raw(sys.stderr))  # type: ignore[assignment] # what a console needs of one
     bar = Progress(*columns, console=Console(file=screen, force_terminal=True), transient=True, expand=True)
     bar.start()

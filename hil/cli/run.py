@@ -124,15 +124,15 @@ def command(
 def _resumed(run: Path, procedure: str, bench: str, labels: Labels) -> tuple[str, str, Labels]:
     """Procedure, bench and labels: those that were given, else those of the run that is resumed."""
     from hil.session.labels import Labels
-    from hil.session.resume import told_by
+    from hil.session.resume import broken_off_command
 
-    told = told_by(run)
+    earlier = broken_off_command(run)
     either = Labels(
-        labels.serial or told.labels.serial,
-        labels.operator or told.labels.operator,
-        {**told.labels.notes, **labels.notes},
+        labels.serial or earlier.labels.serial,
+        labels.operator or earlier.labels.operator,
+        {**earlier.labels.notes, **labels.notes},
     )
-    return procedure or told.procedure, bench or told.bench, either
+    return procedure or earlier.procedure, bench or earlier.bench, either
 
 
 def _asked() -> str:
@@ -147,17 +147,17 @@ def understood(procedure: Procedure, given: Mapping[str, str], limits: Mapping[s
     from hil.session.setting import parse_settings
 
     values = parse_settings(procedure.settings, given)
-    said = [f"setting {procedure.settings[name].echoed(values[name])}" for name in given]
+    lines = [f"setting {procedure.settings[name].echoed(values[name])}" for name in given]
     units = {measurement.name: measurement.unit for measurement in procedure.measurements}
     for name, limit in limits.items():
         text = limits_text(limit.low, limit.high).replace(MINUS, "-")
-        said.append(f"limit {name} {text} {units[name.partition(', ')[0]]}".rstrip())
-    return "".join(f"\n{line}" for line in said)
+        lines.append(f"limit {name} {text} {units[name.partition(', ')[0]]}".rstrip())
+    return "".join(f"\n{line}" for line in lines)
 
 
 def _rehearsed(rehearsal: Rehearsal) -> str:
-    said = [f"indication in the rehearsal: {text}" for text in rehearsal.indications]
-    return "\n".join([f"rehearsed on the simulated valve: {rehearsal.bench_s:.1f} s, within all limits", *said])
+    lines = [f"indication in the rehearsal: {text}" for text in rehearsal.indications]
+    return "\n".join([f"rehearsed on the simulated valve: {rehearsal.bench_s:.1f} s, within all limits", *lines])
 
 
 def _described(procedure: Procedure) -> str:
@@ -167,5 +167,5 @@ def _described(procedure: Procedure) -> str:
 
 
 def _defined(measurement: Measurement) -> str:
-    said = f"  {measurement.name} [{measurement.unit}]: {measurement.meaning}"
-    return f"{said}\n      {measurement.definition}" if measurement.definition else said
+    line = f"  {measurement.name} [{measurement.unit}]: {measurement.meaning}"
+    return f"{line}\n      {measurement.definition}" if measurement.definition else line

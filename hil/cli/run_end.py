@@ -36,7 +36,7 @@ def safely(
     from hil.archive.begun import forget_begun, mark_begun
     from hil.archive.place import archive_place
     from hil.bench.ending import last_word
-    from hil.cli.said import WAITS_S, say
+    from hil.cli.error_message import WAITS_S, say
     from hil.errors import RehearsalError
     from hil.safety.outputs import Outputs
     from hil.stderr import write
@@ -44,7 +44,7 @@ def safely(
     known = known or Outputs()
     known.announce = lambda text: write(f"hil: {text}\n", 0.0)  # a stopped terminal keeps no output from its safe value
 
-    def said(error: BaseException) -> int:
+    def reported(error: BaseException) -> int:
         known.mark(error)
         stopped = isinstance(error, KeyboardInterrupt)
         status = say(error, *([known.text, _kept(folder)] if stopped else []))
@@ -54,7 +54,7 @@ def safely(
         return status
 
     mark_begun(archive_place(archive), folder)
-    with last_word(said) as word:
+    with last_word(reported) as word:
         try:
             return run(known)
         except BaseException as error:  # said here: on its way up typer would make something else of some
@@ -68,7 +68,7 @@ def safely(
 
 def failure_document(error: BaseException, known: Outputs, folder: Path) -> dict[str, Any]:
     """What a run that failed prints as JSON: results without a value, the error, and the outputs as in `end.json`."""
-    from hil.cli.said import text_of
+    from hil.cli.error_message import text_of
     from hil.errors import exit_status_of
     from hil.findings.results import SCHEMA
 
@@ -120,7 +120,7 @@ def say_outcome(
 
 def _print(text: str) -> None:
     """Print a result; a stopped terminal is waited for as long as for the last word, a reading program for good."""
-    from hil.cli.said import WAITS_S
+    from hil.cli.error_message import WAITS_S
     from hil.printable import printable
     from hil.stderr import write
 
@@ -133,21 +133,21 @@ def _print(text: str) -> None:
 def entered(archive: str, folder: Path) -> None:
     """Enter the run into the archive; what keeps it from that is said, and changes nothing of how the run ended."""
     try:
-        with _said_when_slow():
-            told = _entered(archive, folder)
+        with _reported_when_slow():
+            note = _entered(archive, folder)
     except Exception as error:
-        told = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
+        note = f"the run is not in the archive: {error}; `hil archive rebuild` enters it"
     from hil.archive.begun import forget_begun
-    from hil.cli.said import WAITS_S
+    from hil.cli.error_message import WAITS_S
     from hil.stderr import write
 
     forget_begun(folder)
-    if told:
-        write(f"hil: {told}\n", WAITS_S)
+    if note:
+        write(f"hil: {note}\n", WAITS_S)
 
 
 @contextmanager
-def _said_when_slow() -> Iterator[None]:
+def _reported_when_slow() -> Iterator[None]:
     """What the command still does is said when that takes longer than a glance: the run itself is over."""
     from hil.stderr import write
 

@@ -63,7 +63,7 @@ def command(
         typer.echo(f"SHA-256 of the certificate: {found.fingerprint}")
         typer.echo(f"signed: {_when(found)}")
     if evaluated is not None:
-        typer.echo("\n".join(_said(evaluated)))
+        typer.echo("\n".join(_lines(evaluated)))
     raise typer.Exit(status)
 
 
@@ -92,7 +92,7 @@ def _evaluated(file: Path, found: Verified) -> Evaluated:
     return evaluate_passport(bytes_of(file), found.most_bytes)
 
 
-def _said(found: Evaluated) -> Iterator[str]:
+def _lines(found: Evaluated) -> Iterator[str]:
     yield from found.notes
     if found.faults:
         yield from (f"does not follow from the samples: {fault}" for fault in found.faults)

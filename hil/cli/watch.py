@@ -47,10 +47,10 @@ def command(
     with ExitStack() as stack:
         show = _shower(file.bench.name, as_json, lines, stack)
         keep = _kept(stack.enter_context(csv.open("w", encoding="utf-8"))) if csv else (lambda _at_s, _readings: None)
-        looks = stack.enter_context(closing(api.watch(file, channels, every_s=every, seconds=seconds)))
+        polls = stack.enter_context(closing(api.watch(file, channels, every_s=every, seconds=seconds)))
         begun_s, step = time.monotonic(), 0
         try:
-            for step, readings in enumerate(looks, 1):
+            for step, readings in enumerate(polls, 1):
                 show(step * every, readings)
                 keep(step * every, readings)
                 if not file.is_simulated or lines or sys.stdout.isatty():  # virtual time waits for who looks on

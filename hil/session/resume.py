@@ -46,7 +46,7 @@ class BrokenOff:
     labels: Labels
 
 
-def told_by(folder: Path) -> BrokenOff:
+def broken_off_command(folder: Path) -> BrokenOff:
     """What is needed to resume a run, from its header.
 
     Raises:

@@ -10,7 +10,7 @@ import pytest
 import typer
 
 from hil.__main__ import main
-from hil.cli.said import say
+from hil.cli.error_message import say
 from hil.errors import marked
 from hil.physics.model import save_model, typical_model
 from hil.safety.interrupt import Terminated
