@@ -62,7 +62,7 @@ def certificate_of(
         "deviations": [_shortened(text) for text in found.deviations[:_DEVIATIONS_ON_PAGE_ONE]],
         "all_deviations": [sentence(text) for text in found.deviations],
         "notes": [sentence(text) for text in dict.fromkeys(found.notes)],
-        "model": model_says, "language": spoken(), "said": template_words(),
+        "model": model_says, "language": spoken(), "labels": template_words(),
         "signer": signer.name, "fingerprint": signer.fingerprint,
     }  # fmt: skip
 
@@ -187,5 +187,5 @@ def _channels(run: UnitRun) -> list[list[str]]:
 
 
 def _shortened(text: str) -> str:
-    said = sentence(text)
-    return said if len(said) <= _LONGEST else said[:_LONGEST].rsplit(" ", 1)[0] + " … " + _("(whole in the annex)")
+    whole = sentence(text)
+    return whole if len(whole) <= _LONGEST else whole[:_LONGEST].rsplit(" ", 1)[0] + " … " + _("(whole in the annex)")

@@ -82,10 +82,10 @@ def _statement(at: Element, unit: Unit) -> None:
     _text(statement, "name", "Conformity of the unit")
     _plain(statement, "norm", "ISO 14253-1")
     declaration = SubElement(statement, _dcc("declaration"))
-    told: str = unit.verdict or "not judged: no limit was given"
+    statement: str = unit.verdict or "not judged: no limit was given"
     if not unit.finished:
-        told += "; a test did not end as planned"
-    SubElement(declaration, _dcc("content")).text = f"{told}; guard band: expanded uncertainty, k = 2"
+        statement += "; a test did not end as planned"
+    SubElement(declaration, _dcc("content")).text = f"{statement}; guard band: expanded uncertainty, k = 2"
     if unit.verdict is not None:
         _plain(statement, "conformity", _CONFORMITY[unit.verdict])
 

@@ -69,7 +69,7 @@ class Unchanged:
         limit: the largest change that may have gone unseen. Of what is itself a limit, such as an end stop, the place
             where it would have been seen: there is none there, nor below.
         unit: of the limit.
-        is_told: whether that excludes anything: a limit as large as the usual size of the effect, or as the parameter
+        is_identifiable: whether that excludes anything: a limit as large as the usual size of the effect, or as the parameter
             itself, does not.
         is_place: whether the limit is a place.
     """
@@ -77,7 +77,7 @@ class Unchanged:
     name: str
     limit: float
     unit: str
-    is_told: bool = True
+    is_identifiable: bool = True
     is_place: bool = False
 
 
@@ -138,10 +138,10 @@ def difference(
     if start is None:
         raise SettingError(f"{old.name}: holds no model; give that of the type with --model MODEL.json")
     names, first, left_s = (inputs, output), None, computing_s
-    said: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
     if known is not None:
         half_s = 0.5 * computing_s
-        experiments, said = bound_to(known, old.recordings, *names, half_s)
+        experiments, left_out = bound_to(known, old.recordings, *names, half_s)
         first = diagnose(known, experiments, lambda d, t: progress(0.5 * d, f"{old.name}: {t}"), budget_s=half_s)
         left_s = max(computing_s - first.diagnosis.work["samples"] / SAMPLES_PER_S, 0.0)
     reference = start if first is None else _reference(start, first)
@@ -153,10 +153,10 @@ def difference(
     limits = (_excluded(x) for x in second.diagnosis.limits if x.visible)
     kept = {one.name: one for one in (*limits, *same) if one.name not in named}
     rest = (NOT_ALL,) if moved and second.diagnosis.verdict == "partly_explained" else ()
-    notes = (*_notes(old, new, first), *rest, *said, *more, *_left_out(first, second))
+    notes = (*_notes(old, new, first), *rest, *left_out, *more, *_left_out(first, second))
     return DateDifference(
-        changes, tuple(one for one in kept.values() if one.is_told), _verdict(second.diagnosis, moved), notes,
-        tuple(one for one in kept.values() if not one.is_told),
+        changes, tuple(one for one in kept.values() if one.is_identifiable), _verdict(second.diagnosis, moved), notes,
+        tuple(one for one in kept.values() if not one.is_identifiable),
         any(is_simulated(one.meta) for one in (*old.recordings, *new.recordings)),
     )  # fmt: skip
 
@@ -165,9 +165,9 @@ def _reference(kind: Model, first: Diagnosed) -> Model:
     """The unit at the first date, effects that were told apart: what grew is then found as a whole, and compared."""
     if first.diagnosis.verdict in ("unexplained", "partly_explained"):
         return kind
-    told = {(f.name, f.hook) for f in first.diagnosis.effects}
+    named = {(f.name, f.hook) for f in first.diagnosis.effects}
     there = {(e.name, e.hook): e for e in first.corrected.effects}
-    effects = tuple(e if (key := (e.name, e.hook)) in told else there[key] for e in kind.effects)
+    effects = tuple(e if (key := (e.name, e.hook)) in named else there[key] for e in kind.effects)
     return replace(first.corrected, effects=effects, origin=kind.origin)
 
 
@@ -182,8 +182,8 @@ def _notes(old: Dated, new: Dated, first: Diagnosed | None) -> tuple[str, ...]:
 
 def _left_out(*found: Diagnosed | None) -> tuple[str, ...]:
     """What was not looked at for want of computing time; each once."""
-    said = (w for one in found if one is not None for w in one.diagnosis.warnings if OUT_OF_TIME in w)
-    return tuple(dict.fromkeys(said))
+    warnings = (w for one in found if one is not None for w in one.diagnosis.warnings if OUT_OF_TIME in w)
+    return tuple(dict.fromkeys(warnings))
 
 
 def _verdict(second: Diagnosis, moved: Sequence[Change]) -> Verdict:
@@ -213,7 +213,7 @@ def _moved(
 
 
 def _of_finding(
-    f: Finding, before: Finding | None, limits: Mapping[str, float], reference: Model, told: Diagnosis,
+    f: Finding, before: Finding | None, limits: Mapping[str, float], reference: Model, diagnosis: Diagnosis,
     shares: Mapping[str, float],
 ) -> Change:  # fmt: skip
     parameter, after = next(iter(f.parameters.items()))
@@ -228,8 +228,8 @@ def _of_finding(
     else:
         upper = limits.get(f.name)
         was = Size(_null(reference, f, parameter), None if upper is None else upper / _ONE_SIDED)
-    rivals = {name for names in told.not_separable if f.name in names for name in names}
-    stages = {c.stage for c in told.candidates if c.name in rivals}
+    rivals = {name for names in diagnosis.not_separable if f.name in names for name in names}
+    stages = {c.stage for c in diagnosis.candidates if c.name in rivals}
     of = owner_among(f.stage, stages)
     return Change(f.name, f.stage, of, parameter, was, Size(after.value, after.std), after.unit,
                   shares.get(f"{f.name}@{f.hook}"), f.probability)  # fmt: skip
@@ -242,9 +242,9 @@ def _of_parameter(reference: Model, changed: Any, share: float | None) -> Change
                   Size(changed.after, changed.std), changed.unit, share, None)  # fmt: skip
 
 
-def _gone(f: Finding, told: Diagnosis) -> Change | None:
+def _gone(f: Finding, diagnosis: Diagnosis) -> Change | None:
     """An effect of the first date that the second does not show, though it would have."""
-    limit = next((x for x in told.limits if x.effect == f.name and x.visible), None)
+    limit = next((x for x in diagnosis.limits if x.effect == f.name and x.visible), None)
     if limit is None:
         return None
     parameter, was = next(iter(f.parameters.items()))
@@ -285,7 +285,7 @@ def _still(change: Change) -> Unchanged:
     before, after = change.before.value or 0.0, change.after.value or 0.0
     limit = abs(after - before) + _ONE_SIDED * math.hypot(*stds)
     size = max(abs(before), abs(after))
-    return Unchanged(change.name, limit, change.unit, is_told=limit < size or size == 0.0)
+    return Unchanged(change.name, limit, change.unit, is_identifiable=limit < size or size == 0.0)
 
 
 def _excluded(limit: Limit) -> Unchanged:
@@ -299,10 +299,10 @@ def _shares(reference: Model, second: Diagnosed, experiments: Sequence[Experimen
     corrected = second.corrected
     whole = _misfit(corrected, experiments)
     missing = {key: max(_misfit(model, experiments) - whole, 0.0) for key, model in _without(reference, second)}
-    total, told = sum(missing.values()), 1.0 - second.diagnosis.left.share
+    total, explained = sum(missing.values()), 1.0 - second.diagnosis.left.share
     if not total > 0.0:
-        return {key: told / len(missing) for key in missing}
-    return {key: round(told * part / total, 4) for key, part in missing.items()}
+        return {key: explained / len(missing) for key in missing}
+    return {key: round(explained * part / total, 4) for key, part in missing.items()}
 
 
 def _without(reference: Model, second: Diagnosed) -> Iterator[tuple[str, Model]]:

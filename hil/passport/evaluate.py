@@ -160,8 +160,8 @@ def _canonical(root: Element, path: str) -> str:
 
 def _content_faults(unit: Unit, place: Path) -> Iterator[str]:
     try:
-        said = json.loads((place / CONTENT_FILE).read_bytes())
-        found = {"serial": said["serial"], "valve": said["valve"], "verdict": said["verdict"]}
+        content = json.loads((place / CONTENT_FILE).read_bytes())
+        found = {"serial": content["serial"], "valve": content["valve"], "verdict": content["verdict"]}
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
         yield f"{CONTENT_FILE} is not what this program writes"
         return

@@ -32,7 +32,7 @@ class Sentence:
     numbers: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def said(self) -> str:
+    def spoken(self) -> str:
         """In the language that is spoken; of what is put in, numbers have its decimal sign."""
         return _(self.text).format(**self.put, **{name: localised(text) for name, text in self.numbers.items()})
 
@@ -44,25 +44,25 @@ class Understood:
     Attributes:
         sentences: for page one.
         model: as identified from these runs. `fit`: how well it fits.
-        told: the diagnosis against the type's model.
+        diagnosed: the diagnosis against the type's model.
         seconds: that it took.
     """
 
     sentences: tuple[Sentence, ...]
     model: Model | None = None
     fit: Sentence | None = None
-    told: Diagnosed | None = None
+    diagnosed: Diagnosed | None = None
     seconds: float = 0.0
 
     @property
     def says(self) -> str:
         """For page one, in the language that is spoken."""
-        return " ".join(sentence.said for sentence in self.sentences)
+        return " ".join(sentence.spoken for sentence in self.sentences)
 
     @property
     def about(self) -> str:
         """How well the model fits, in the language that is spoken."""
-        return self.fit.said if self.fit else ""
+        return self.fit.spoken if self.fit else ""
 
     @property
     def parameters(self) -> list[list[str]]:
@@ -78,12 +78,12 @@ class Understood:
     @property
     def excluded(self) -> list[list[str]]:
         """Rows for the annex: every effect that would have been seen."""
-        if self.told is None:
+        if self.diagnosed is None:
             return []
         return [
             [_(limit.effect.replace("_", " ")) + changed_from(limit), _(limit.stage),
              number(limit.upper, 2) if limit.visible else _("cannot be seen"),
-             limit.unit if limit.visible else ""] for limit in self.told.diagnosis.limits
+             limit.unit if limit.visible else ""] for limit in self.diagnosed.diagnosis.limits
         ]  # fmt: skip
 
 
@@ -102,12 +102,12 @@ def understood(unit: Unit, wanted: bool, kind: Model | None, progress: Progress)
         )
     started = time.perf_counter()
     model, fit, why = _identified(unit, progress)
-    told, said = _diagnosed(unit, kind, progress)
+    diagnosed, sentence = _diagnosed(unit, kind, progress)
     seconds = time.perf_counter() - started
     took = Sentence(marked("Computed in {seconds} s."), {"seconds": f"{seconds:.0f}"})
     once = Sentence(marked("Who verifies this passport does not compute it anew."))
-    anew = (once,) if model is not None or told is not None else ()
-    return Understood((why, said, took, *anew), model, fit, told, seconds)
+    anew = (once,) if model is not None or diagnosed is not None else ()
+    return Understood((why, sentence, took, *anew), model, fit, diagnosed, seconds)
 
 
 def _identified(unit: Unit, progress: Progress) -> tuple[Model | None, Sentence | None, Sentence]:
@@ -146,10 +146,10 @@ def _diagnosed(unit: Unit, kind: Model | None, progress: Progress) -> tuple[Diag
     progress(0.5, "comparing with the type's model")
     try:
         experiments = [for_model(kind, read_recording(run.folder)) for run in unit.runs]
-        told = diagnose(kind, experiments, lambda done, text: progress(0.5 + 0.5 * done, text))
+        diagnosed = diagnose(kind, experiments, lambda done, text: progress(0.5 + 0.5 * done, text))
     except InputError as error:
         refused = marked("What these data excluded is not known: the diagnosis refused: {error}.")
         return None, Sentence(refused, {"error": str(error)})
-    seen = sum(limit.visible for limit in told.diagnosis.limits)
+    seen = sum(limit.visible for limit in diagnosed.diagnosis.limits)
     against = marked("Against the model of its type: {headline} Limits of {n} other effects are in the annex.")
-    return told, Sentence(against, {"headline": told.diagnosis.headline, "n": str(seen)})
+    return diagnosed, Sentence(against, {"headline": diagnosed.diagnosis.headline, "n": str(seen)})

@@ -102,8 +102,8 @@ def issue(
 
 def _check_kind(unit: Unit, kind: Model | None) -> None:
     """Raise `SettingError` when the model is of another plant: what the data excluded would be said of that."""
-    if kind is not None and (said := other_plants(kind.plant, ((r.folder.name, r.recording.meta) for r in unit.runs))):
-        raise SettingError(f"--model: {said[0]} Give the model of this valve's type")
+    if kind is not None and (other := other_plants(kind.plant, ((r.folder.name, r.recording.meta) for r in unit.runs))):
+        raise SettingError(f"--model: {other[0]} Give the model of this valve's type")
 
 
 def trail_of(folders: Sequence[Path]) -> Trail:
@@ -119,7 +119,7 @@ def trail_of(folders: Sequence[Path]) -> Trail:
 def _sealed(
     unit: Unit, known: Understood, signer: Signer, wanted: Wanted, key: SigningKey, place: Path, trail: Trail
 ) -> bytes:
-    page, drawn = _said(unit, known, signer, wanted, trail)
+    page, drawn = _page_and_pictures(unit, known, signer, wanted, trail)
     inside = [*_made(unit, known, signer, wanted, place / "made"), *attached_runs(unit)]
     content = {
         "schema": SCHEMA, "serial": unit.serial, "valve": unit.valve, "verdict": unit.verdict,
@@ -141,7 +141,7 @@ def _sealed(
 
 
 @in_page_language
-def _said(
+def _page_and_pictures(
     unit: Unit, known: Understood, signer: Signer, wanted: Wanted, trail: Trail
 ) -> tuple[dict[str, Any], list[tuple[str, bytes]]]:
     """What the pages say and show; the files beside them are in English whatever the pages are in."""
@@ -167,10 +167,10 @@ def _made(unit: Unit, known: Understood, signer: Signer, wanted: Wanted, place: 
     if wanted.model is not None:
         save_model(wanted.model, place / TYPE_MODEL_FILE)
         found.append(Attached(TYPE_MODEL_FILE, place / TYPE_MODEL_FILE, "supplement", "the model of its type"))
-    if known.told is not None:
+    if known.diagnosed is not None:
         path = place / DIAGNOSIS_FILE
         path.write_text(
-            json.dumps(plain(known.told.diagnosis.as_dict()), indent=1, ensure_ascii=False), encoding="utf-8"
+            json.dumps(plain(known.diagnosed.diagnosis.as_dict()), indent=1, ensure_ascii=False), encoding="utf-8"
         )
         found.append(Attached(DIAGNOSIS_FILE, path, "data", "the diagnosis against the model of its type"))
     return found

@@ -51,10 +51,10 @@ def read_revocations(path: Path | None) -> dict[str, Revoked]:
         lines = read_text(own).splitlines()
     except (OSError, ValueError) as error:
         raise FileError(f"{own}: revoked certificates cannot be read: {error}") from None
-    return dict(_revoked(line, f"{own}: line {number}") for number, line in enumerate(lines, 1) if _is_said(line))
+    return dict(_revoked(line, f"{own}: line {number}") for number, line in enumerate(lines, 1) if _is_entry(line))
 
 
-def _is_said(line: str) -> bool:
+def _is_entry(line: str) -> bool:
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
@@ -85,8 +85,8 @@ def is_authority(certificate: Certificate) -> bool:
     """Whether it may vouch for others: an authority by its basic constraints, allowed to sign certificates."""
     from cryptography.x509 import BasicConstraints, KeyUsage
 
-    said = {type(one.value): one.value for one in certificate.extensions}
-    constraints, usage = said.get(BasicConstraints), said.get(KeyUsage)
+    extensions = {type(one.value): one.value for one in certificate.extensions}
+    constraints, usage = extensions.get(BasicConstraints), extensions.get(KeyUsage)
     vouches = isinstance(constraints, BasicConstraints) and constraints.ca
     return vouches and (not isinstance(usage, KeyUsage) or usage.key_cert_sign)
 

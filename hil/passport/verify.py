@@ -130,11 +130,11 @@ def verify(content: bytes, trust: Trust) -> Verified:
     except Exception as error:  # a broken PDF makes its reader raise anything; whatever it is, the file is not sound
         return Verified(Soundness.CHANGED, f"cannot be read as it was signed: {type(error).__name__}")
     if issuers is None:
-        said = "unchanged since it was signed, by a signer who is not known here"
-        return Verified(Soundness.UNKNOWN_SIGNER, said, *who)
+        statement = "unchanged since it was signed, by a signer who is not known here"
+        return Verified(Soundness.UNKNOWN_SIGNER, statement, *who)
     if fault := fault_in_time([certificate, *issuers], signed_utc, trust.revocations, trust.received):
-        said = f"unchanged since it was signed, by a known signer, but {fault}"
-        return Verified(Soundness.NOT_VALID_THEN, said, *who)
+        statement = f"unchanged since it was signed, by a known signer, but {fault}"
+        return Verified(Soundness.NOT_VALID_THEN, statement, *who)
     return Verified(Soundness.SOUND, "unchanged since it was signed, by a known signer", *who)
 
 
