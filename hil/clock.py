@@ -13,7 +13,7 @@ from hil.errors import StoppedError
 TimeKind = Literal["virtual", "real"]
 
 _LEAST_SLEEP_S = 0.05  # no computer falls asleep and wakes in less
-_LOOKS = 5  # at both clocks at once; the least disturbed counts
+_READINGS = 5  # at both clocks at once; the least disturbed counts
 
 
 class Flag:
@@ -97,7 +97,7 @@ class RealClock:
     """The host's monotonic clock. Waiting to absolute deadlines does not add up lateness."""
 
     def __init__(self) -> None:
-        self._behind_s = min(_behind_s()[1] for _ in range(_LOOKS))
+        self._behind_s = min(_behind_s()[1] for _ in range(_READINGS))
 
     @property
     def now_s(self) -> float:

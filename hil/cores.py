@@ -22,12 +22,12 @@ def cores() -> int:
     Raises:
         SettingError: HIL_CORES is no number from 1 on.
     """
-    said = os.environ.get("HIL_CORES")
-    if not said:
+    setting = os.environ.get("HIL_CORES")
+    if not setting:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if not said.isdecimal() or int(said) < 1:
-        raise SettingError(f"HIL_CORES = {said!r} in the environment: say how many cores to use, 1 or more")
-    return int(said)
+    if not setting.isdecimal() or int(setting) < 1:
+        raise SettingError(f"HIL_CORES = {setting!r} in the environment: say how many cores to use, 1 or more")
+    return int(setting)
 
 
 _CORES = cores()

@@ -11,7 +11,7 @@ from typing import IO
 
 from hil.printable import printable
 
-_AT_ONCE = 512  # bytes: what can be written there takes so many without waiting
+_CHUNK_BYTES = 512  # bytes: what can be written there takes so many without waiting
 
 
 def write(text: str, within_s: float, stream: IO[str] | None = None) -> bool:
@@ -29,7 +29,7 @@ def write(text: str, within_s: float, stream: IO[str] | None = None) -> bool:
     left, until_s = memoryview(text.encode(encoding, "backslashreplace")), time.monotonic() + within_s
     with suppress(OSError, ValueError):
         while left and _takes(place, until_s - time.monotonic()):
-            left = left[os.write(place, left[:_AT_ONCE]) :]
+            left = left[os.write(place, left[:_CHUNK_BYTES]) :]
     return not left
 
 

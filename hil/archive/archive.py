@@ -19,7 +19,7 @@ from hil.archive.tables import OF_CALIBRATION, CalibrationRow, RunRow, ValueRow
 from hil.errors import ArchiveError, FileError
 from hil.findings.results import Value
 
-_AT_ONCE = 500
+_BATCH = 500
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,10 +97,10 @@ def find_runs(place: Place, search: Search, *, values: bool = False) -> list[Ent
     with opened(place, make=False) as engine, Session(engine) as session:
         wanted = _asked(search)
         of_runs = _values_of(session, wanted) if values else {}
-        asked = wanted.with_only_columns(RunRow.id, RunRow.folder, *(getattr(RunRow, name) for name in _TOLD))
+        asked = wanted.with_only_columns(RunRow.id, RunRow.folder, *(getattr(RunRow, name) for name in _OF_RUN))
         found = session.execute(asked.order_by(RunRow.started_utc, RunRow.id))
         return [
-            Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(_TOLD, columns, strict=True)))
+            Entry(folder=Path(folder), values=tuple(of_runs.get(key, ())), **dict(zip(_OF_RUN, columns, strict=True)))
             for key, folder, *columns in found
         ]
 
@@ -111,8 +111,8 @@ def _values_of(session: Session, wanted: Select[Any]) -> dict[int, list[Value]]:
     columns = [getattr(ValueRow, name) for name in _OF_VALUE]
     asked = select(ValueRow.run_id, *columns).where(ValueRow.run_id.in_(runs)).order_by(ValueRow.id)
     found: dict[int, list[Value]] = {}
-    for run, *told in session.execute(asked):
-        found.setdefault(run, []).append(Value(**dict(zip(_OF_VALUE, told, strict=True))))
+    for run, *fields in session.execute(asked):
+        found.setdefault(run, []).append(Value(**dict(zip(_OF_VALUE, fields, strict=True))))
     return found
 
 
@@ -165,8 +165,8 @@ def _moved(session: Session, entered: set[tuple[object, ...]]) -> list[int]:
 
 
 def _forget(session: Session, keys: Sequence[int]) -> None:
-    for start in range(0, len(keys), _AT_ONCE):
-        session.execute(delete(RunRow).where(RunRow.id.in_(keys[start : start + _AT_ONCE])))
+    for start in range(0, len(keys), _BATCH):
+        session.execute(delete(RunRow).where(RunRow.id.in_(keys[start : start + _BATCH])))
     session.expunge_all()
 
 
@@ -199,7 +199,7 @@ def _batches(entries: Iterator[Entry]) -> Iterator[list[Entry]]:
     batch: list[Entry] = []
     for entry in entries:
         batch.append(entry)
-        if len(batch) == _AT_ONCE:
+        if len(batch) == _BATCH:
             yield batch
             batch = []
     if batch:
@@ -217,13 +217,13 @@ def _asked(search: Search) -> Select[Any]:
 
 
 def _row(entry: Entry) -> RunRow:
-    columns = {name: getattr(entry, name) for name in _TOLD}
+    columns = {name: getattr(entry, name) for name in _OF_RUN}
     values = [ValueRow(**{name: getattr(value, name) for name in _OF_VALUE}) for value in entry.values]
     stated = [CalibrationRow(**{name: getattr(one, name) for name in OF_CALIBRATION}) for one in entry.calibrations]
     return RunRow(folder=str(entry.folder), name=entry.folder.name, values=values, calibrations=stated, **columns)
 
 
-_TOLD = (
+_OF_RUN = (
     "host", "serial", "operator", "procedure", "bench", "started_utc", "outcome", "verdict", "instruments", "simulated",
 )  # fmt: skip
 _OF_VALUE = ("name", "value", "std", "calibration_std", "unit", "low", "high", "relation", "verdict")

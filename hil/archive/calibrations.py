@@ -78,7 +78,7 @@ def _periods(session: Session) -> list[_Period]:
     columns = _columns()
     asked = select(RunRow.bench, func.count(), func.max(RunRow.started_utc), *columns)
     rows = session.execute(asked.join(CalibrationRow.run).group_by(RunRow.bench, *columns))
-    return [_Period(bench, StatedCalibration(*told), runs, last) for bench, runs, last, *told in rows]
+    return [_Period(bench, StatedCalibration(*fields), runs, last) for bench, runs, last, *fields in rows]
 
 
 def _columns() -> list[Any]:

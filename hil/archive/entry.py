@@ -44,7 +44,7 @@ class Entry:
     simulated: bool | None = None
 
     @property
-    def is_elsewhere(self) -> bool:
+    def is_of_another_host(self) -> bool:
         """Whether the folder lies on another computer."""
         return self.host not in (None, this_host())
 

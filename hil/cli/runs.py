@@ -37,7 +37,7 @@ def command(
         values=False, notes=not_entered,
     )  # fmt: skip
     typer.echo(_json(found) if as_json else _table(found) if found else _none(archive))
-    gone = sum(not run.is_elsewhere and not run.folder.is_dir() for run in found)
+    gone = sum(not run.is_of_another_host and not run.folder.is_dir() for run in found)
     if gone:
         several = "of these folders are" if gone > 1 else "of these folders is"
         typer.echo(f"hil: {gone} {several} not there any more; `hil archive rebuild` finds what was moved", err=True)
@@ -88,7 +88,7 @@ def _table(found: Sequence[Entry]) -> str:
     for run in found:
         started = local_text(run.started_utc)
         verdict = marked(" ".join(filter(None, (run.verdict, _ending(run)))), simulated=run.simulated).lstrip()
-        where = f"{run.host}:{run.folder}" if run.is_elsewhere else str(run.folder)
+        where = f"{run.host}:{run.folder}" if run.is_of_another_host else str(run.folder)
         rows.append((started, run.serial, run.procedure, verdict, run.operator, where))
     widths = [max(len(row[i]) for row in rows) for i in range(6)]
     return "\n".join("  ".join(text.ljust(w) for text, w in zip(row, widths, strict=True)).rstrip() for row in rows)

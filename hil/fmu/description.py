@@ -20,7 +20,7 @@ _BOUNDLESS = 1e300
 
 
 @dataclass(frozen=True, slots=True)
-class _Told:
+class _Described:
     """A variable as both versions describe it: attributes that all share, its type, and those of the type."""
 
     kind: Literal["Real", "Boolean"]
@@ -45,7 +45,7 @@ def description(variables: Variables, source: Source, version: FmiVersion) -> by
     for name in ("logStatusError", "logEvents"):
         SubElement(categories, "Category", name=name)
     SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(_STOP_S), stepSize=repr(variables.step_s))
-    entries = list(_told(variables, source))
+    entries = list(_described(variables, source))
     if version == "2":  # where importers ask the independent variable for a start value, which it may not have
         entries = [one for one in entries if one.attributes["causality"] != "independent"]
     _variables(SubElement(root, "ModelVariables"), entries, version)
@@ -91,24 +91,26 @@ def _units(parent: Element, variables: Variables) -> None:
         SubElement(element, "BaseUnit", entries)
 
 
-def _told(variables: Variables, source: Source) -> Iterator[_Told]:
+def _described(variables: Variables, source: Source) -> Iterator[_Described]:
     varies = {"variability": "continuous"}
-    yield _Told("Real", {"name": "time", "valueReference": "0", "causality": "independent", **varies}, {"unit": "s"})
+    yield _Described(
+        "Real", {"name": "time", "valueReference": "0", "causality": "independent", **varies}, {"unit": "s"}
+    )
     for i, signal in enumerate(variables.inputs, variables.first_input):
         shared = {"name": variable_name(signal), "valueReference": str(i), "causality": "input", **varies}
-        yield _Told("Real", shared, {"unit": signal.unit, "start": "0.0"})
+        yield _Described("Real", shared, {"unit": signal.unit, "start": "0.0"})
     for i, signal in enumerate(variables.outputs, variables.first_output):
         shared = {"name": variable_name(signal), "valueReference": str(i), "causality": "output", **varies}
-        yield _Told("Real", {**shared, "initial": "calculated"}, {"unit": signal.unit}, calculated=True)
+        yield _Described("Real", {**shared, "initial": "calculated"}, {"unit": signal.unit}, calculated=True)
     for i, variable in enumerate(variables.parameters):
         fixed = not source.is_tunable and i < len(variables.plant.parameters)
         kind = ("local", "constant") if fixed else ("parameter", "tunable")
         shared = _parameter(variable.name, variables.first_parameter + i, kind, variable.meaning)
-        yield _Told("Real", shared, {"unit": variable.unit, "start": _number(variable.start), **_bounds(variable)})
+        yield _Described("Real", shared, {"unit": variable.unit, "start": _number(variable.start), **_bounds(variable)})
     for i, site in enumerate(variables.kernel.sites, variables.first_switch):
         name = f"effect.{site.effect.name}.{site.hook.name}.on"
         shared = _parameter(name, i, ("parameter", "fixed"), site.effect.title)
-        yield _Told("Boolean", shared, {"start": str(variables.is_on(site)).lower()})
+        yield _Described("Boolean", shared, {"start": str(variables.is_on(site)).lower()})
 
 
 def _parameter(name: str, reference: int, kind: tuple[str, str], meaning: str) -> dict[str, str]:
@@ -124,24 +126,24 @@ def _bounds(variable: Variable) -> dict[str, str]:
     return {name: _number(value) for name, value in bounds.items() if abs(value) < _BOUNDLESS}
 
 
-def _variables(parent: Element, told: list[_Told], version: FmiVersion) -> None:
-    for one in told:
+def _variables(parent: Element, described: list[_Described], version: FmiVersion) -> None:
+    for one in described:
         if version == "2":
             SubElement(SubElement(parent, "ScalarVariable", one.attributes), one.kind, one.typed)
         else:
             SubElement(parent, {"Real": "Float64"}.get(one.kind, one.kind), {**one.attributes, **one.typed})
 
 
-def _structure(parent: Element, told: list[_Told], version: FmiVersion) -> None:
+def _structure(parent: Element, described: list[_Described], version: FmiVersion) -> None:
     if version == "2":
         for group in ("Outputs", "InitialUnknowns"):
             inside = SubElement(parent, group)
-            for place, one in enumerate(told, 1):
+            for place, one in enumerate(described, 1):
                 if one.calculated:
                     SubElement(inside, "Unknown", index=str(place))
         return
     for name in ("Output", "InitialUnknown"):
-        for one in told:
+        for one in described:
             if one.calculated:
                 SubElement(parent, name, valueReference=one.attributes["valueReference"])
 

@@ -200,9 +200,9 @@ def written(run: Callable[[], Given], targets: Callable[[Given], Iterable[tuple[
 
 
 def _lines_after(
-    run: Callable[[], Given], targets: Callable[[Given], Iterable[tuple[str, str]]], decided: list[bool], told: int
+    run: Callable[[], Given], targets: Callable[[Given], Iterable[tuple[str, str]]], decided: list[bool], first: int
 ) -> list[str]:
-    """The lines from the `told`-th test of a path on; its next test opens both sides."""
+    """The lines from the `first`-th test of a path on; its next test opens both sides."""
     path = _Path(decided)
     token = _path.set(path)
     try:
@@ -218,7 +218,7 @@ def _lines_after(
             if seen > len(decided):
                 yes, no = (_lines_after(run, targets, [*decided, side], seen) for side in (True, False))
                 return [*lines, f"if ({content[0]}) {{", *indented(yes), "} else {", *indented(no), "}"]
-        elif seen >= told:
+        elif seen >= first:
             lines.append(f"double {content[0]} = {content[1]};" if kind == "let" else content[0])
     return [*lines, *stored]
 

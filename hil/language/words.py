@@ -35,9 +35,9 @@ def plural(one: str, many: str, count: int) -> str:
     """The form of a text that goes with a number."""
     if _spoken.get() != ENGLISH:
         for catalogue in _catalogues(_spoken.get()):
-            said = catalogue.ngettext(one, many, count)
-            if said not in (one, many):
-                return said
+            message = catalogue.ngettext(one, many, count)
+            if message not in (one, many):
+                return message
     return one if count == 1 else many
 
 
@@ -75,7 +75,7 @@ def languages() -> tuple[str, ...]:
 
 def _found(language: str, text: str) -> str:
     found = (catalogue.gettext(text) for catalogue in _catalogues(language))
-    return next((said for said in found if said != text), "")
+    return next((message for message in found if message != text), "")
 
 
 @cache

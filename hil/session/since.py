@@ -67,7 +67,7 @@ def _is_there(run: Entry) -> bool:
     """Whether its folder is here with its results; on another computer the same path may be another run."""
     if not (run.folder / RESULTS_FILE).is_file():
         return False
-    return not run.is_elsewhere or read_header(run.folder).started_utc == run.started_utc
+    return not run.is_of_another_host or read_header(run.folder).started_utc == run.started_utc
 
 
 def _since(entry: Entry, now: Results, folder: Path) -> Since:
