@@ -45,7 +45,7 @@ _BEFORE_NAME, _AFTER_NAME = marked("nominal model"), marked("corrected model")
 
 def before_and_after(strip: Strip, output: str, where: Where | None, *, corrected: bool) -> Picture:
     """Recording, nominal and corrected simulation, and below what each leaves, in units of the noise."""
-    intervals = _told_intervals(strip, where)
+    intervals = _intervals(strip, where)
 
     def draw(figure: Figure) -> None:
         above, below = figure.subplots(2, 1, sharex=True, height_ratios=(2.2, 1.0))
@@ -67,7 +67,7 @@ def before_and_after(strip: Strip, output: str, where: Where | None, *, correcte
 
 def close_up(strip: Strip, command: str, output: str, *, corrected: bool) -> Picture | None:
     """The stretch in which the nominal model is farthest off; none when the recording is short anyway."""
-    first, stop = worst_stretch(strip)
+    first, stop = worst_interval(strip)
     if stop - first >= len(strip.time_s):
         return None
     part = _cut(strip, first, stop)
@@ -87,7 +87,7 @@ def close_up(strip: Strip, command: str, output: str, *, corrected: bool) -> Pic
     return drawn("close-up", 4.2, draw, caption)
 
 
-def worst_stretch(strip: Strip) -> tuple[int, int]:
+def worst_interval(strip: Strip) -> tuple[int, int]:
     """First sample and end of the tenth of a recording that holds most of the nominal misfit."""
     n = len(strip.time_s)
     length = min(n, max(_ZOOM_LEAST, round(_ZOOM_SHARE * n)))
@@ -115,7 +115,7 @@ def time_strips(strips: Sequence[Strip], where: Where | None, *, corrected: bool
             plain_log(axes, "y")
             axes.set_title(short_name(strip.name), fontweight="normal", pad=3.0, loc="right", color=SOFT)
             axes.margins(x=0.0)
-            _shade((axes,), _told_intervals(strip, where))
+            _shade((axes,), _intervals(strip, where))
         legend_on_top(rows[0])
         rows[-1].set_xlabel(_("time [s]"))
         figure.supylabel(_("rms difference / noise"), fontsize=8.5)
@@ -287,7 +287,7 @@ def _largest_of(counts: Array) -> Array:
     return made
 
 
-def _told_intervals(strip: Strip, where: Where | None) -> tuple[tuple[float, float], ...]:
+def _intervals(strip: Strip, where: Where | None) -> tuple[tuple[float, float], ...]:
     """Where the two part in time; nothing when it is nearly everywhere."""
     if where is None or where.recording != strip.name:
         return ()

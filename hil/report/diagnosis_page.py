@@ -179,9 +179,9 @@ def _chain(d: Diagnosis) -> dict[str, Any]:
         names = [hook for hook, _stage in members]
         hooks = [_place(name, shares.get(name), [f.title for f in d.effects if f.hook == name]) for name in names]
         again = any(other["name"] == stage for other in stages)
-        elsewhere = [f.title for f in d.effects if f.stage == stage and f.hook not in places and not again]
-        named = bool(elsewhere) or any(hook["found"] for hook in hooks)
-        stages.append({"name": stage, "hooks": hooks, "found": elsewhere, "named": named})
+        unplaced = [f.title for f in d.effects if f.stage == stage and f.hook not in places and not again]
+        named = bool(unplaced) or any(hook["found"] for hook in hooks)
+        stages.append({"name": stage, "hooks": hooks, "found": unplaced, "named": named})
     return {"input": d.input, "output": d.output, "stages": stages, "shares": bool(shares)}
 
 

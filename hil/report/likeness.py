@@ -13,12 +13,12 @@ def likeness_sentences(found: Likeness) -> list[str]:
     """What differs, what does not and what cannot be told; then on what that rests."""
     if not found.figures:
         return [_("What differs from good units of its type cannot be told: {reason}.").format(reason=found.reason)]
-    said = [
+    sentences = [
         (_("differs in {figures}"), [_beyond(m) for m in found.those("fail")]),
         (_("is like them in {figures}"), [_within(m) for m in found.those("pass")]),
         (_("may be either in {figures}"), [_within(m) for m in found.those("cannot tell")]),
     ]
-    parts = [text.format(figures=", ".join(figures)) for text, figures in said if figures]
+    parts = [text.format(figures=", ".join(figures)) for text, figures in sentences if figures]
     return [
         _("Beside good units of its type, this one {parts}.").format(parts="; ".join(parts)),
         _(

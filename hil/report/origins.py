@@ -51,10 +51,10 @@ def all_origins(known: Iterable[Origin], names: Iterable[str]) -> list[Origin]:
 
 def origin_facts(origins: Sequence[Origin]) -> list[tuple[str, str]]:
     """For the page: (name, what is known of it)."""
-    return [(one.name, _told(one)) for one in origins]
+    return [(one.name, _text(one)) for one in origins]
 
 
-def _told(one: Origin) -> str:
+def _text(one: Origin) -> str:
     valve = one.about.get("valve")
     serial = valve.get("serial") if isinstance(valve, Mapping) else None
     facts = [str(text) for text in (serial, one.about.get("bench"), _date(one.about.get("started_utc"))) if text]

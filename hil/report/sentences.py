@@ -146,8 +146,8 @@ def sentence(text: str) -> str:
     if spoken() == ENGLISH:
         return with_minus(text)
     place, colon, rest = text.partition(": ")
-    if colon and (said := sentence(rest)) != with_minus(rest):
-        return f"{label_text(place)}: {said}"
+    if colon and (translated := sentence(rest)) != with_minus(rest):
+        return f"{label_text(place)}: {translated}"
     return with_minus(reworded(text, _SENTENCES, _put))
 
 

@@ -27,7 +27,7 @@ from hil.diagnosis.false_alarms import FalseAlarms
 from hil.diagnosis.locate import StageShare, Where
 from hil.record.folder import read
 from hil.record.run_writer import RunWriter
-from hil.report.diagnosis_figures import worst_stretch
+from hil.report.diagnosis_figures import worst_interval
 from hil.report.diagnosis_page import write_diagnosis_report
 from hil.report.diagnosis_tables import candidate_rows
 from hil.report.equation import equation_lines
@@ -209,7 +209,7 @@ def test_the_same_diagnosis_makes_the_same_bytes(tmp_path: Path) -> None:
 
 def test_the_close_up_shows_where_the_nominal_model_is_off() -> None:
     strip = a_strip()
-    first, stop = worst_stretch(strip)
+    first, stop = worst_interval(strip)
     assert strip.time_s[first] >= 5.0 - 0.002
     assert stop - first == 500
 
