@@ -135,23 +135,23 @@ class OnlineEstimate:
 
     def as_dict(self) -> dict[str, Any]:
         """As JSON values."""
-        found, told = self.estimator, self.estimator.excitation
+        found, excitation = self.estimator, self.estimator.excitation
         rows = zip(found.form.names, found.parameters.tolist(), found.std.tolist(), strict=True)
         poles = [{"re": float(p.real), "im": float(p.imag)} for p in found.poles]
         made: dict[str, Any] = plain({
             "schema": "hil.online-estimate/1",
             "parameters": [{"name": n, "value": value, "std": std, "unit": "1"} for n, value, std in rows],
             "numerator": found.numerator, "denominator": found.denominator, "poles": poles,
-            "noise_std": found.noise_std, "samples": found.samples, "informed": told.informed, "asked": told.asked,
-            "unknown": list(told.unknown), "excitation_order": self.excitation_order,
+            "noise_std": found.noise_std, "samples": found.samples, "informed": excitation.informed, "asked": excitation.asked,
+            "unknown": list(excitation.unknown), "excitation_order": self.excitation_order,
         })  # fmt: skip
         return made
 
     def as_text(self) -> str:
         """As lines for a terminal."""
-        found, told = self.estimator, self.estimator.excitation
+        found, excitation = self.estimator, self.estimator.excitation
         rows = [
-            f"{found.samples} samples, noise {found.noise_std:.3g}, {told.informed} of {told.asked} directions told"
+            f"{found.samples} samples, noise {found.noise_std:.3g}, {excitation.informed} of {excitation.asked} directions told"
         ]
         rows += [
             f"  {name:4} {value:12.6g} ± {1.96 * std:.2g}"
@@ -159,10 +159,10 @@ class OnlineEstimate:
         ]
         largest = float(np.abs(found.poles).max()) if len(found.poles) else 0.0
         rows.append(f"  largest pole |z| {largest:.4g}{'' if largest < 1.0 else ': unstable'}")
-        if not told.enough:
+        if not excitation.enough:
             rows.append(
-                f"  note: the command tells {self.excitation_order} parameters apart in steady state, {told.asked} are "
-                f"asked; unknown: {', '.join(told.unknown) or 'combinations of them'}"
+                f"  note: the command tells {self.excitation_order} parameters apart in steady state, {excitation.asked} are "
+                f"asked; unknown: {', '.join(excitation.unknown) or 'combinations of them'}"
             )
         return "\n".join(rows)
 

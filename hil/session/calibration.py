@@ -98,7 +98,7 @@ def input_points(file: BenchFile, channel: str, count: int, ask: Asked, answered
     with terminable(), inputs_of(file, [channel]) as looked:
         for number in range(1, count + 1):
             ask(f"point {number} of {count}: bring it to its place, then type what the reference reads [{unit}]: ")
-            while (told := answered()) is None:
+            while (reference := answered()) is None:
                 time.sleep(_AGAIN_S)
             (reading,) = looked.look(_AVERAGE_S)
             if looked.failures:
@@ -107,7 +107,7 @@ def input_points(file: BenchFile, channel: str, count: int, ask: Asked, answered
             if not np.isfinite(raw).all() or reading.state.startswith(("over-range", "open wire", "no measurement")):
                 raise SettingError(f"'{channel}' at point {number}: {reading.state}; nothing was written")
             mean, std = batch_mean(raw)
-            points.append(Point(mean, std if std is not None else float(np.std(raw)), told))
+            points.append(Point(mean, std if std is not None else float(np.std(raw)), reference))
     return points
 
 
@@ -147,16 +147,16 @@ def output_points(
             rig.ramp_to(target)
             place = f"output at {target:g} {entry.unit}"
             ask(f"point {number} of {len(targets)}, {place}: the reference reads [{entry.unit}]: ")
-            told = _held(rig, target, answered, file.is_simulated)
-            points.append(Point(float(entry.line.raw_at(target)), 0.0, told))
-            rig.note("reference read", target=target, reference=told)
+            reference = _held(rig, target, answered, file.is_simulated)
+            points.append(Point(float(entry.line.raw_at(target)), 0.0, reference))
+            rig.note("reference read", target=target, reference=reference)
     evaluate_run(procedure, out)
     return points
 
 
 def _held(rig: Rig, target: float, answered: Answered, is_virtual: bool) -> float:
     """Keep the output there until somebody answers; virtual time stands still meanwhile."""
-    told: list[float] = []
+    references: list[float] = []
     part = {"kind": HELD, "channel": rig.command.name, "to": target, "unit": rig.command.unit}
     if is_virtual:
         rig.hold(_AVERAGE_S, part=part)
@@ -166,11 +166,11 @@ def _held(rig: Rig, target: float, answered: Answered, is_virtual: bool) -> floa
     samples = max(1, round(_PIECE_S * rig.rate_hz))
 
     def pieces() -> Iterator[Array]:
-        while not told:
+        while not references:
             if (typed := answered()) is not None:
-                told.append(typed)
+                references.append(typed)
             yield np.full(samples, target)
 
     for _ in rig.stream(pieces(), part=part):
         pass
-    return told[0]
+    return references[0]

@@ -34,17 +34,17 @@ from hil.session.results import write_outcome
 from hil.session.since import earlier_run
 
 _SEARCHING = 0.6  # of that time; the rest is for starting, reading, and telling what was found
-_LOOKS_S = 0.25
+_POLL_S = 0.25
 
 Progress = Callable[[float, str], None]
 
 
 @dataclass(frozen=True, slots=True)
 class _Question:
-    """`told` is what an operator types for it; `arguments` are those of the process; `since` an earlier run's name."""
+    """`command` is what an operator types for it; `arguments` are those of the process; `since` an earlier run's name."""
 
     arguments: tuple[str, ...]
-    told: str
+    command: str
     since: str
 
 
@@ -64,7 +64,7 @@ def cause_of(recording: Recording, folder: Path, earlier: Path | None, budget_s:
             asked = _question(recording, folder, earlier, Path(place), budget_s)
         except InputError as error:
             return Cause("", "", "", (), "", str(error), 0.0, budget_s)
-        found = Cause(asked.told, asked.since, "", (), "", "", 0.0, budget_s)
+        found = Cause(asked.command, asked.since, "", (), "", "", 0.0, budget_s)
         try:
             with terminable():
                 answer, line = _answered(asked.arguments, begun_s + budget_s, budget_s, progress)
@@ -123,7 +123,7 @@ def _answered(
             if (now_s := time.monotonic()) >= until_s:
                 raise TimeoutError
             with suppress(queue.Empty):
-                line = lines.get(timeout=_LOOKS_S)
+                line = lines.get(timeout=_POLL_S)
             gone_s = now_s - begun_s
             text = f"verdict written; looking for the cause, {gone_s:.0f} of {budget_s:.0f} s; Ctrl-C leaves it out"
             progress(min(gone_s / budget_s, 1.0), text)
@@ -152,9 +152,9 @@ def _reader(stream: IO[str] | None, take: Callable[[str], None]) -> threading.Th
     return thread
 
 
-def _read(asked: Cause, answer: Mapping[str, Any] | None, said: str) -> Cause:
+def _read(asked: Cause, answer: Mapping[str, Any] | None, last_line: str) -> Cause:
     if answer is None:
-        return replace(asked, reason=said.removeprefix("hil: ") or "no answer")
+        return replace(asked, reason=last_line.removeprefix("hil: ") or "no answer")
     notes = [str(one) for one in (*answer.get("notes", ()), *answer.get("warnings", ())) if OUT_OF_TIME in str(one)]
     untold = "; ".join(one.split(": ", 1)[1].split(";")[0] for one in notes)
     found = _changes(answer["changes"]) if "changes" in answer else _findings(answer)

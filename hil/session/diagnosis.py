@@ -83,7 +83,7 @@ def diagnosed(
             model, experiments, read_bench(find_bench(bench)), budget_s, out, progress, computing_s, question
         )
     else:
-        earlier = before or _kept_elsewhere(model, experiments)
+        earlier = before or _kept_in_model(model, experiments)
         found = diagnose(model, experiments, progress, budget_s=computing_s, question=question, before=earlier)
     found = of_origins(_warned(found, origins), origins)
     if out is not None:
@@ -104,7 +104,7 @@ def of_origins(found: Diagnosed, origins: Sequence[Origin] = ()) -> Diagnosed:
     return replace(found, diagnosis=replace(found.diagnosis, simulated=simulated))
 
 
-def _kept_elsewhere(model: Model, experiments: Sequence[Experiment]) -> list[Experiment]:
+def _kept_in_model(model: Model, experiments: Sequence[Experiment]) -> list[Experiment]:
     """The recordings of identification, where the library has changed since and all of them are still there."""
     kept, paths = model.skeleton, dict(model.origin.get("paths") or {})
     if kept is None or kept.get("library") == library_of(model) or not all(Path(p).exists() for p in paths.values()):

@@ -156,8 +156,8 @@ def diagnose_units(
 def diagnose_unit(unit: Unit, budget_s: float = math.inf) -> UnitAnswer:
     """Diagnose one unit; what is wrong with its recordings is an answer too, so that the others go on."""
     try:
-        experiments, said = bound_to(unit.model, unit.recordings, unit.inputs, unit.output, budget_s)
-        notes = (*said, *notes_on([], experiments))
+        experiments, left_out = bound_to(unit.model, unit.recordings, unit.inputs, unit.output, budget_s)
+        notes = (*left_out, *notes_on([], experiments))
         found = diagnose(unit.model, experiments, budget_s=budget_s)
         simulated = any(is_simulated(one.meta) for one in unit.recordings)
         found = replace(found, diagnosis=replace(found.diagnosis, simulated=simulated))

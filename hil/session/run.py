@@ -92,7 +92,7 @@ def run_procedure(
     new = not out.exists()
     if not bench.is_simulated:  # whose time stands still meanwhile
         preload(procedure.run)
-    said = {**about, "limits given": {name: asdict(judged_by[name]) for name in limits}}
+    labels_and_limits = {**about, "limits given": {name: asdict(judged_by[name]) for name in limits}}
     with kept_progress(out, progress) as telling:
         try:
             known = known or Outputs()
@@ -101,7 +101,7 @@ def run_procedure(
                 terminable(),
                 open_rig(
                     bench, out, about, telling, resets, earlier, known, commanding, Operator(),
-                    on_the_trail(bench, out, said, resets), word_of_this_process(),
+                    on_the_trail(bench, out, labels_and_limits, resets), word_of_this_process(),
                 ) as rig,
             ):  # fmt: skip
                 _run_by(procedure, rig, values)
