@@ -82,10 +82,10 @@ def _statement(at: Element, unit: Unit) -> None:
     _text(statement, "name", "Conformity of the unit")
     _plain(statement, "norm", "ISO 14253-1")
     declaration = SubElement(statement, _dcc("declaration"))
-    statement: str = unit.verdict or "not judged: no limit was given"
+    verdict: str = unit.verdict or "not judged: no limit was given"
     if not unit.finished:
-        statement += "; a test did not end as planned"
-    SubElement(declaration, _dcc("content")).text = f"{statement}; guard band: expanded uncertainty, k = 2"
+        verdict += "; a test did not end as planned"
+    SubElement(declaration, _dcc("content")).text = f"{verdict}; guard band: expanded uncertainty, k = 2"
     if unit.verdict is not None:
         _plain(statement, "conformity", _CONFORMITY[unit.verdict])
 

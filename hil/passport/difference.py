@@ -69,8 +69,8 @@ class Unchanged:
         limit: the largest change that may have gone unseen. Of what is itself a limit, such as an end stop, the place
             where it would have been seen: there is none there, nor below.
         unit: of the limit.
-        is_identifiable: whether that excludes anything: a limit as large as the usual size of the effect, or as the parameter
-            itself, does not.
+        is_identifiable: whether that excludes anything: a limit as large as the usual size of the effect, or as the
+            parameter itself, does not.
         is_place: whether the limit is a place.
     """
 

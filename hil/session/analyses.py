@@ -142,8 +142,9 @@ class OnlineEstimate:
             "schema": "hil.online-estimate/1",
             "parameters": [{"name": n, "value": value, "std": std, "unit": "1"} for n, value, std in rows],
             "numerator": found.numerator, "denominator": found.denominator, "poles": poles,
-            "noise_std": found.noise_std, "samples": found.samples, "informed": excitation.informed, "asked": excitation.asked,
-            "unknown": list(excitation.unknown), "excitation_order": self.excitation_order,
+            "noise_std": found.noise_std, "samples": found.samples,
+            "informed": excitation.informed, "asked": excitation.asked, "unknown": list(excitation.unknown),
+            "excitation_order": self.excitation_order,
         })  # fmt: skip
         return made
 
