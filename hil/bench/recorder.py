@@ -11,7 +11,7 @@ import numpy as np
 from hil.daq.channel import InputChannel
 from hil.daq.contract import Block
 from hil.record.folder import RunWriter
-from hil.record.unmeasured import AGAIN, AT_END, NONE
+from hil.record.invalid_samples import AGAIN, AT_END, NONE
 
 _PAUSE_S = 1.0  # between the samples of a run and those of the one that it resumes; how long it really was, nobody asks
 

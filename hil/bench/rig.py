@@ -16,9 +16,9 @@ from hil.bench.recorder import Recorder
 from hil.bench.told import Told
 from hil.daq.contract import Block, Waveform, joined
 from hil.record.header import Column
+from hil.record.invalid_samples import supposed
 from hil.record.recording import Array, Channel, Recording
 from hil.record.simulated import SIMULATED
-from hil.record.unmeasured import supposed
 from hil.rig import RoleChannel
 from hil.safety.envelope import Envelope
 from hil.safety.guard import Guard

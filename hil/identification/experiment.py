@@ -15,8 +15,8 @@ from hil.identification.time_base import held_grid, is_known_throughout, missing
 from hil.physics.model import Model
 from hil.physics.plant import Plant
 from hil.physics.simulate import ActiveEffect, Drive, simulate
+from hil.record.invalid_samples import across, measured_rows
 from hil.record.recording import Array, Channel, Recording, Samples, split_heading
-from hil.record.unmeasured import across, measured_rows
 
 _GRID_PER_UNEVEN_SAMPLE = 8
 _FELT_BEND = 0.5  # of the noise, as an error

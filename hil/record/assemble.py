@@ -14,13 +14,13 @@ import numpy as np
 
 from hil.errors import FileError, UnitError
 from hil.record.columns import Column, Table
+from hil.record.missing_values import is_even, missing_values
 from hil.record.named import named
-from hil.record.not_taken import is_even, not_taken
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Array, Channel, Recording, Samples, check
 from hil.record.response_table import (
     ResponseTable,
-    looks_like_responses,
+    are_responses,
     refuse_mislabelled,
     response_table,
     without_phase,
@@ -58,7 +58,7 @@ def assemble(
     """
     by_channel, taken_apart = unstacked(tables)
     read, place = _oldest_first(named(name, by_channel, reading), reading, None if taken_apart else place)
-    if looks_like_responses(read) and not reading.time and not reading.interval_s:
+    if are_responses(read) and not reading.time and not reading.interval_s:
         return response_table(name, read, meta)
     timed = [one for one in _timed(name, read, reading) if len(one.time_s)]
     if not timed:
@@ -70,8 +70,8 @@ def assemble(
     assumed += brief
     for one in {id(one.time_s): one for one in reversed(taken)}.values():
         _check_stamps(name, one, place)
-    time_s, said = _common(name, base, taken)
-    assumed += said
+    time_s, notes = _common(name, base, taken)
+    assumed += notes
     channels: dict[str, Channel] = {}
     own: dict[str, Samples] = {}
     units_missing = []
@@ -88,11 +88,11 @@ def assemble(
         if apart is not None and one.time_s is not base.time_s:
             assumed.append(_sampled_apart(label, one, base))
         units_missing += [] if unit else [label]
-    said_of_file: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
+    file_meta: dict[str, Any] = {**(meta or {}), **({"units_missing": units_missing} if units_missing else {})}
     assumed = [*dict.fromkeys(sentence for one in timed for sentence in one.assumed), *assumed]
     if assumed:
-        said_of_file["assumed"] = [*said_of_file.get("assumed", ()), *assumed]
-    found = Recording(name, time_s, channels, said_of_file, own)
+        file_meta["assumed"] = [*file_meta.get("assumed", ()), *assumed]
+    found = Recording(name, time_s, channels, file_meta, own)
     check(found, place=place if place and len(time_s) == len(timed[0].time_s) else _sample)
     return found
 
@@ -108,9 +108,9 @@ def _oldest_first(
     if clock is None or len(clock.values) < 3 or not np.all(clock.values[1:] < clock.values[:-1]):
         return tables, place
     last = len(clock.values) - 1
-    said = "; ".join(filter(None, (table.assumed, "the rows stand from the newest to the oldest; turned round")))
+    notes = "; ".join(filter(None, (table.assumed, "the rows stand from the newest to the oldest; turned round")))
     turned = [replace(c, values=c.values[::-1]) if len(c.values) == last + 1 else c for c in table.columns]
-    return [replace(table, columns=turned, assumed=said)], None if place is None else lambda row: place(last - row)
+    return [replace(table, columns=turned, assumed=notes)], None if place is None else lambda row: place(last - row)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -164,7 +164,7 @@ _Piece = tuple[str, Array | None, Sequence[Column], tuple[str, ...]]
 
 def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
     """The table, cut at its columns of time: each holds for those to its right, the first for those before it too."""
-    said = (table.assumed,) if table.assumed else ()
+    notes = (table.assumed,) if table.assumed else ()
     clocks = [] if table.time_s is not None and not reading.time else _clocks(table, reading)
     if reading.interval_s:
         signals = [column for column in table.columns if column not in clocks and not column.is_dated]
@@ -182,14 +182,14 @@ def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
                 table.name,
                 time_s,
                 table.columns[1:],
-                (*said, "sample number; 1 s per sample assumed, --interval S says otherwise"),
+                (*notes, "sample number; 1 s per sample assumed, --interval S says otherwise"),
             )
             return
-        yield table.name, table.time_s, table.columns, said
+        yield table.name, table.time_s, table.columns, notes
         return
     columns = [c for c in table.columns if c in clocks or not c.counts_rows]
     if len(columns) < len(table.columns):
-        said = (*said, "a column that only numbers the rows is left out")
+        notes = (*notes, "a column that only numbers the rows is left out")
     at = [columns.index(clock) for clock in clocks]
     for k, (start, clock) in enumerate(zip(at, clocks, strict=True)):
         stop = at[k + 1] if k + 1 < len(at) else len(columns)
@@ -197,7 +197,7 @@ def _pieces(name: str, table: Table, reading: Reading) -> Iterator[_Piece]:
         time_s, assumed = _seconds(name, clock, reading)
         _refuse_contradiction(name, clock, time_s, table.columns, reading)
         kept = [column for column in others if len(column.values) == len(time_s) or column.is_number]
-        yield table.name, time_s, kept, (*said, assumed) if assumed else said
+        yield table.name, time_s, kept, (*notes, assumed) if assumed else notes
 
 
 def _even(table: Table, signals: Sequence[Column], interval_s: float) -> Iterator[_Piece]:
@@ -277,27 +277,27 @@ def _refuse_contradiction(name: str, clock: Column, time_s: Array, columns: Sequ
 def _without_blanks(
     name: str, timed: Sequence[_Timed], place: Callable[[int], str] | None, gaps: bool
 ) -> tuple[list[_Taken], list[str]]:
-    taken, said, empty = [], [], []
+    taken, notes, empty = [], [], []
     for one in timed:
         for column in one.signals:
             values = np.ascontiguousarray(column.values, dtype=np.float64)
-            missing, words = not_taken(name, column, values, one.time_s, place or _sample, gaps)
+            missing, words = missing_values(name, column, values, one.time_s, place or _sample, gaps)
             kept = ~missing
             if not kept.any():
                 empty.append(column.heading)
                 continue
-            said += words
+            notes += words
             own_s, own = (one.time_s[kept], values[kept]) if missing.any() else (one.time_s, values)
             taken.append(_Taken(one.table, column, own_s, own))
     single = [t.column.heading for t in taken if len(t.time_s) < 2]
     if single and len(single) < len(taken):
-        said.append(f"left out, a single sample: {', '.join(single)}")
+        notes.append(f"left out, a single sample: {', '.join(single)}")
         taken = [t for t in taken if len(t.time_s) > 1]
     if named_empty := [heading for heading in empty if heading.strip()]:
-        said.append(f"left out, without a sample: {', '.join(named_empty)}")
+        notes.append(f"left out, without a sample: {', '.join(named_empty)}")
     if not taken:
         raise FileError(f"{name}: no channel has a sample")
-    return taken, said
+    return taken, notes
 
 
 def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken], list[str]]:
@@ -313,12 +313,12 @@ def _without_brief(base: _Taken, taken: Sequence[_Taken]) -> tuple[list[_Taken],
         return one.table == base.table and 2 * count < len(base.time_s) and in_one_piece and is_even(one.time_s)
 
     brief = [one for one in taken if is_brief(one)]
-    said = [
+    notes = [
         f"left out, {len(one.time_s)} samples beside {len(base.time_s)} of {base.column.name_and_unit[0]}: "
         f"{one.column.heading}"
         for one in brief
     ]
-    return [one for one in taken if one not in brief], said
+    return [one for one in taken if one not in brief], notes
 
 
 def _check_stamps(name: str, one: _Taken, place: Callable[[int], str] | None) -> None:
@@ -351,17 +351,17 @@ def _common(name: str, base: _Taken, taken: Sequence[_Taken]) -> tuple[Array, li
     if len(common) < 2:
         names = ", ".join(dict.fromkeys(one.table for one in taken))
         raise FileError(f"{name}: its time bases have no time in common: {names}")
-    said = []
+    notes = []
     for start in sorted(starts)[1:]:
         names = ", ".join(one.column.name_and_unit[0] for one in taken if one.time_s[0] == start)
         if start - min(starts) > slack:
             late = f"{names} begins {start - min(starts):.6g} s after the first channel, as the file says"
-            said.append(f"{late}; a command is known before that too")
+            notes.append(f"{late}; a command is known before that too")
     if time_s[-1] - common[-1] > max(_interval_s(own_s) for own_s in bases) + slack:
         first = next(one for one in taken if float(one.time_s[-1]) <= stop)
         ends = f"{first.column.name_and_unit[0]} ends {time_s[-1] - common[-1]:.6g} s before the last channel"
-        said.append(f"{ends}; nothing after that is taken")
-    return common, said
+        notes.append(f"{ends}; nothing after that is taken")
+    return common, notes
 
 
 def _on(time_s: Array, one: _Taken, base: _Taken) -> tuple[Array, Samples | None]:

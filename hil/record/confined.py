@@ -92,7 +92,7 @@ def sent(contents: Contents, is_confined: bool) -> list[bytes | memoryview]:
             kept.append(values)
         return arrays[id(values)]
 
-    said = [
+    described = [
         {
             "name": table.name, "assumed": table.assumed, "time": number(table.time_s),
             "columns": [[c.heading, number(c.values), c.unit, c.source, dict(c.calibration)] for c in table.columns],
@@ -101,7 +101,7 @@ def sent(contents: Contents, is_confined: bool) -> list[bytes | memoryview]:
     ]  # fmt: skip
     plain = [_plain(values) for values in kept]
     shapes = [[values.dtype.str, list(values.shape)] for values in plain]
-    head = {"tables": said, "meta": meta, "arrays": shapes, "is_confined": is_confined}
+    head = {"tables": described, "meta": meta, "arrays": shapes, "is_confined": is_confined}
     return [*framed(head), *(values.view(np.uint8).reshape(-1).data for values in plain if values.size)]
 
 
@@ -143,7 +143,10 @@ def _received(answer: BinaryIO, path: Path, most: int) -> Contents:
     tables = [
         Table(
             table["name"],
-            [Column(heading, arrays[at], unit, source, said) for heading, at, unit, source, said in table["columns"]],
+            [
+                Column(heading, arrays[at], unit, source, described)
+                for heading, at, unit, source, described in table["columns"]
+            ],
             None if table["time"] is None else arrays[table["time"]],
             table["assumed"],
         )

@@ -38,7 +38,7 @@ def read(path: Path) -> Recording:
     `meta` is what the header and the end say, with `program`, `started_utc`, `stopped_utc`, `outcome`, `parts`
     (see `parts.parts_of`) and `events`. `meta["incomplete"]` says what is missing, when something is. Channels
     of a large run are read-only views of the file, so that memory does not grow with it. What was no measurement is no
-    finite number (see `hil.record.unmeasured`).
+    finite number (see `hil.record.invalid_samples`).
 
     Raises:
         FileError: not a run folder, or a file in it is not what was written; names the file.

@@ -56,8 +56,8 @@ def from_memory(source: pd.DataFrame | Mapping[str, Any], reading: Reading = AS_
             shape = "×".join(map(str, column.values.shape)) or "a single value"
             raise FileError(f"{name}: '{column.heading}' is {shape}; a channel is an array of one value a sample")
     if len(lengths := {len(column.values) for column in columns}) > 1:
-        told = ", ".join(f"'{column.heading}' {len(column.values)}" for column in columns)
-        raise FileError(f"{name}: {len(lengths)} different lengths: {told}; all columns have one value a sample")
+        counts = ", ".join(f"'{column.heading}' {len(column.values)}" for column in columns)
+        raise FileError(f"{name}: {len(lengths)} different lengths: {counts}; all columns have one value a sample")
     return assemble(name, [Table(name, columns)], None, reading)
 
 

@@ -153,8 +153,8 @@ def meta_of(folder: Path) -> dict[str, Any]:
         FileError: not a run folder.
     """
     header, end = read_header(folder), read_end(folder)
-    said = header.meta if end is None else {**header.meta, **end.meta, "outcome": end.outcome}
-    return {**said, "program": header.program, "started_utc": header.started_utc.isoformat()}
+    meta = header.meta if end is None else {**header.meta, **end.meta, "outcome": end.outcome}
+    return {**meta, "program": header.program, "started_utc": header.started_utc.isoformat()}
 
 
 def check_sealed(folder: Path, end: End) -> None:

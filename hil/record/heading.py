@@ -80,9 +80,9 @@ def split_loosely(headings: Sequence[str]) -> list[tuple[str, str]] | None:
     """Names and units of a whole table whose headings are all like `t/s`, `flow: l/min` or `flow l/min`; else None."""
     for pattern in _LOOSE:
         found = [pattern.match(heading) for heading in headings]
-        told = [(m["name"].strip(), unit_text(m["unit"].strip("()"))) for m in found if m and is_unit(m["unit"])]
-        if len(told) == len(headings) and any(is_time(name) and is_time_unit(unit) for name, unit in told):
-            return told
+        named = [(m["name"].strip(), unit_text(m["unit"].strip("()"))) for m in found if m and is_unit(m["unit"])]
+        if len(named) == len(headings) and any(is_time(name) and is_time_unit(unit) for name, unit in named):
+            return named
     return None
 
 

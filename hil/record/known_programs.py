@@ -74,9 +74,9 @@ def _evenly(start_s: float, step_s: float, leading: int, columns: Sequence[Colum
     """`leading`: columns before the first channel; the first numbers the samples."""
     count = len(columns[0].values)
     numbers = columns[0].values.astype(np.float64) if leading else np.arange(count, dtype=np.float64)
-    said = f"even time base of {step_s:g} s from {start_s:g} s, as the headings say"
+    note = f"even time base of {step_s:g} s from {start_s:g} s, as the headings say"
     channels = [column for column in columns[leading:] if column.heading]
-    return [Table("", channels, start_s + step_s * numbers, said)]
+    return [Table("", channels, start_s + step_s * numbers, note)]
 
 
 def _spice(path: Path, encoding: str, lines: Sequence[str]) -> Known | None:

@@ -54,7 +54,7 @@ def with_supposed_times(recording: Recording, measured: Literal["early", "late"]
 def _off_s(recording: Recording) -> dict[str, Array]:
     """By channel of delays: how far from its stamp each reading may have been taken, beyond the usual."""
     sampling = recording.meta.get("sampling")
-    said = sampling.get("delay_channels") if isinstance(sampling, Mapping) else None
-    delays = {name: recording.values(name, "s") for name in dict.fromkeys((said or {}).values())
+    channels = sampling.get("delay_channels") if isinstance(sampling, Mapping) else None
+    delays = {name: recording.values(name, "s") for name in dict.fromkeys((channels or {}).values())
               if name in recording.channels}  # fmt: skip
     return {name: np.maximum(delay_s - np.median(delay_s), 0.0) for name, delay_s in delays.items()}

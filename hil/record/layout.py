@@ -132,7 +132,7 @@ def _guessed(path: Path, encoding: str, lines: Sequence[str], more: bool, named:
     if not at and not named:
         raise FileError(f"{path}: {_unnamed(lines[:first], separator, count - _days_apart(rows[0], kinds))}")
     if at and not any(units):
-        units = _units_said(lines[: at - 1], separator, cells)
+        units = _units_above(lines[: at - 1], separator, cells)
     inside = [_unit_in_cells([row[i] for row in rows if len(row) > i and not is_blank(row[i])]) for i in range(count)]
     inside = ["" if headings.split(cell)[1] else found for cell, found in zip(cells, inside, strict=True)]
     units = tuple(unit or found for unit, found in zip(units, inside, strict=True))
@@ -236,8 +236,8 @@ def _heading_cells(text: str, separator: str, count: int) -> list[str]:
     )  # else a sentence
 
 
-def _units_said(above: Sequence[str], separator: str, cells: Sequence[str]) -> tuple[str, ...]:
-    from hil.record.said_above import units_above  # which needs a layout's parts
+def _units_above(above: Sequence[str], separator: str, cells: Sequence[str]) -> tuple[str, ...]:
+    from hil.record.header_metadata import units_above  # which needs a layout's parts
 
     if any(headings.split(cell)[1] for cell in cells):
         return ("",) * len(cells)

@@ -37,10 +37,10 @@ def _loosely(table: Table) -> Table:
     """A table with the units that all its headings state in a looser form (`t/s`, `flow l/min`), and none otherwise."""
     if any(column.unit or not headings.is_loose(column.heading) for column in table.columns):
         return table
-    told = headings.split_loosely([column.heading for column in table.columns])
-    if told is None:
+    apart = headings.split_loosely([column.heading for column in table.columns])
+    if apart is None:
         return table
-    named = [replace(c, heading=name, unit=unit) for c, (name, unit) in zip(table.columns, told, strict=True)]
+    named = [replace(c, heading=name, unit=unit) for c, (name, unit) in zip(table.columns, apart, strict=True)]
     return replace(table, columns=named)
 
 
@@ -113,7 +113,7 @@ def with_stated_units(recording: Recording, reading: Reading) -> Recording:
     return replace(recording, meta={**recording.meta, "stated_units": stated}) if stated else recording
 
 
-def as_said(recording: Recording, reading: Reading) -> Recording:
+def as_stated(recording: Recording, reading: Reading) -> Recording:
     """A run of our own with the names, units and interval that its user says.
 
     Raises:
@@ -131,6 +131,6 @@ def as_said(recording: Recording, reading: Reading) -> Recording:
     time_s, meta = recording.time_s, recording.meta
     if reading.interval_s:
         time_s = reading.interval_s * np.arange(len(recording), dtype=np.float64)
-        said = f"even time base of {reading.interval_s:g} s, as --interval says"
-        meta = {**meta, "assumed": [*meta.get("assumed", ()), said]}
+        note = f"even time base of {reading.interval_s:g} s, as --interval says"
+        meta = {**meta, "assumed": [*meta.get("assumed", ()), note]}
     return replace(recording, time_s=time_s, channels=channels, meta=meta, own=own).with_units(units)

@@ -22,7 +22,7 @@ _LONGEST = 900  # of the text, in characters of up to four bytes
 
 
 @dataclass(frozen=True, slots=True)
-class ToldProgress:
+class WrittenProgress:
     """What a run said last.
 
     Attributes:
@@ -36,11 +36,11 @@ class ToldProgress:
     pid: int
 
 
-def progress_of(folder: Path) -> ToldProgress | None:
+def progress_of(folder: Path) -> WrittenProgress | None:
     """How far the run in a folder says that it is; None where it says nothing that can be read."""
     try:
-        told = read_untrusted_json(folder, PROGRESS_FILE, 2 * _BYTES)
-        return ToldProgress(float(told["share"]), str(told["text"]), int(told["pid"]))
+        written = read_untrusted_json(folder, PROGRESS_FILE, 2 * _BYTES)
+        return WrittenProgress(float(written["share"]), str(written["text"]), int(written["pid"]))
     except (OSError, FileError, ValueError, KeyError, TypeError):
         return None
 
@@ -53,30 +53,30 @@ def kept_progress(folder: Path, progress: Callable[[float, str], None]) -> Itera
     """
     kept = _Kept(folder / PROGRESS_FILE)
 
-    def told(share: float, text: str) -> None:
+    def report(share: float, text: str) -> None:
         progress(share, text)
         kept.tell(share, text)
 
     try:
-        yield told
+        yield report
     finally:
         kept.withdraw()
 
 
 class _Kept:
     def __init__(self, path: Path) -> None:
-        self._path, self._handle, self._told_s = path, -1, -_EVERY_S
+        self._path, self._handle, self._written_s = path, -1, -_EVERY_S
 
     def tell(self, share: float, text: str) -> None:
         now_s = time.monotonic()
-        if now_s - self._told_s < _EVERY_S and share < 1.0:
+        if now_s - self._written_s < _EVERY_S and share < 1.0:
             return
-        self._told_s = now_s
-        told = {"schema": _SCHEMA, "share": round(share, 4), "text": text[:_LONGEST], "pid": os.getpid()}
+        self._written_s = now_s
+        written = {"schema": _SCHEMA, "share": round(share, 4), "text": text[:_LONGEST], "pid": os.getpid()}
         with suppress(OSError):
             if self._handle < 0:
                 self._handle = os.open(self._path, _FLAGS, 0o644)
-            os.pwrite(self._handle, json.dumps(told, ensure_ascii=False).encode().ljust(_BYTES), 0)
+            os.pwrite(self._handle, json.dumps(written, ensure_ascii=False).encode().ljust(_BYTES), 0)
 
     def withdraw(self) -> None:
         with suppress(OSError):

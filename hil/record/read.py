@@ -15,7 +15,7 @@ from hil.catalog import tables
 from hil.errors import FileError, StorageError, reason
 from hil.record import exchange
 from hil.record.assemble import assemble
-from hil.record.named import as_said, with_stated_units
+from hil.record.named import as_stated, with_stated_units
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
@@ -93,9 +93,9 @@ def read_any(path: str | Path, reading: Reading = AS_IT_IS) -> Recording | Respo
 def _read_any(path: Path, reading: Reading) -> Recording | ResponseTable:
     if path.is_dir():
         from hil.record.folder import read
-        from hil.record.unmeasured import with_blanks
+        from hil.record.invalid_samples import with_blanks
 
-        return as_said(with_blanks(read(path)), reading)
+        return as_stated(with_blanks(read(path)), reading)
     if not path.exists():
         raise FileError(f"{path}: no such file or folder")
     with _opened(path) as file:

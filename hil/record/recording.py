@@ -245,7 +245,7 @@ def check(recording: Recording, *, place: Callable[[int], str] = _sample, measur
     Args:
         recording: what is looked at.
         place: says where a sample stands, so that a reader can speak of lines of its file.
-        measured: every sample must be a measurement; otherwise some may be none (see `hil.record.unmeasured`).
+        measured: every sample must be a measurement; otherwise some may be none (see `hil.record.invalid_samples`).
     """
     if "time" in recording.channels:
         raise FileError(f"{recording.name}: a channel is named 'time' like the time base; give it another name")

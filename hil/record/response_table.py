@@ -90,7 +90,7 @@ class ResponseTable:
         return response_dataset(self)
 
 
-def looks_like_responses(tables: Sequence[Table]) -> bool:
+def are_responses(tables: Sequence[Table]) -> bool:
     """Whether the tables hold no samples in time but lines of a frequency response."""
     return any(_parts(_with_names(table.columns)) for table in tables)
 
@@ -104,28 +104,28 @@ def response_table(name: str, tables: Sequence[Table], meta: Mapping[str, Any] |
     named = [replace(table, columns=_with_names(table.columns)) for table in tables]
     table = next(table for table in named if _parts(table.columns))
     parts = _parts(table.columns)
-    said = [table.assumed] if table.assumed else []
+    notes = [table.assumed] if table.assumed else []
     frequency_hz = _frequency_hz(name, parts["frequency"])
     stds = dict(_stds(table.columns))
     if "real" in parts:
         response = _real(parts["real"]) + 1j * _real(parts["imaginary"])
         unit, in_db = parts["real"].name_and_unit[1] or "1", False
     else:
-        gain, unit, in_db = _gain(name, parts["gain"], said)
-        phase_rad = _phase_rad(name, parts["phase"], said)
+        gain, unit, in_db = _gain(name, parts["gain"], notes)
+        phase_rad = _phase_rad(name, parts["phase"], notes)
         response = gain * np.exp(1j * phase_rad)
     order = np.argsort(frequency_hz, kind="stable")
     kept = order[np.isfinite(response[order]) & (frequency_hz[order] > 0.0)]
     if len(kept) < len(order):
-        said.append(f"{len(order) - len(kept)} lines without a value or at no frequency are left out")
+        notes.append(f"{len(order) - len(kept)} lines without a value or at no frequency are left out")
     found = frequency_hz[kept]
     if len(found) < 2 or np.any(np.diff(found) <= 0.0):
         twice = found[1:][np.diff(found) <= 0.0]
         why = f"frequency {twice[0]:g} Hz stands in it twice" if twice.size else f"{len(found)} frequencies"
         raise FileError(f"{name}: {why}; a frequency response has at least two, each once")
     gain_std = _gain_std(stds.get("gain"), np.abs(response), in_db)
-    phase_std = None if "phase" not in stds else _angle(name, stds["phase"], said)
-    about = {**(meta or {}), **({"assumed": said} if said else {})}
+    phase_std = None if "phase" not in stds else _angle(name, stds["phase"], notes)
+    about = {**(meta or {}), **({"assumed": notes} if notes else {})}
     return ResponseTable(
         name, found, np.asarray(response[kept], dtype=np.complex128), unit, in_db,
         None if gain_std is None else gain_std[kept], None if phase_std is None else phase_std[kept], about,
@@ -247,11 +247,11 @@ def _frequency_hz(name: str, column: Column) -> Array:
         raise FileError(f"{name}: column '{column.heading}': {error}") from None
 
 
-def _gain(name: str, column: Column, said: list[str]) -> tuple[Array, str, bool]:
+def _gain(name: str, column: Column, notes: list[str]) -> tuple[Array, str, bool]:
     label, unit = column.name_and_unit
     values = _real(column)
     if not unit and np.nanmin(values) < 0.0:
-        said.append(f"no unit is stated for '{label}', which goes below 0; taken as dB")
+        notes.append(f"no unit is stated for '{label}', which goes below 0; taken as dB")
         unit = "dB"
     if not unit:
         raise FileError(f"{name}: no unit is stated for '{label}'; say it with --unit {label}=dB or --unit {label}=1")
@@ -264,19 +264,19 @@ def _gain(name: str, column: Column, said: list[str]) -> tuple[Array, str, bool]
     return (values / 100.0, "1", False) if unit == "%" else (values, unit, False)
 
 
-def _phase_rad(name: str, column: Column, said: list[str]) -> Array:
+def _phase_rad(name: str, column: Column, notes: list[str]) -> Array:
     label, _ = column.name_and_unit
-    values = _angle(name, column, said)
+    values = _angle(name, column, notes)
     if "lag" in headings.plain_name(label) and np.nanmedian(values) > 0.0:
-        said.append(f"'{label}' is positive and taken as a lag, so its sign is turned")
+        notes.append(f"'{label}' is positive and taken as a lag, so its sign is turned")
         return -values
     return values
 
 
-def _angle(name: str, column: Column, said: list[str]) -> Array:
+def _angle(name: str, column: Column, notes: list[str]) -> Array:
     label, unit = column.name_and_unit
     if unit in _GERMAN_DEGREES:
-        said.append(f"'{label}' is in {unit}, taken as degrees of 360 to a turn; --unit '{label}=gon' says otherwise")
+        notes.append(f"'{label}' is in {unit}, taken as degrees of 360 to a turn; --unit '{label}=gon' says otherwise")
         unit = "deg"
     if not unit:
         raise FileError(

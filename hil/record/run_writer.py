@@ -22,7 +22,7 @@ from hil.record.plain import plain
 from hil.record.recording import Array, Recording
 from hil.record.samples import RowsWriter
 
-_ROWS_AT_ONCE = 1 << 16
+_CHUNK_ROWS = 1 << 16
 
 
 class RunWriter:
@@ -46,7 +46,7 @@ class RunWriter:
         self._header_sum = sha256_of(path / HEADER_FILE)
         self._syncer = Syncer((*self._rows.descriptors, self._events.descriptor))
         self._parts = 0
-        self._closed = self._loss_is_told = False
+        self._closed = self._loss_is_noted = False
 
     @classmethod
     def create(cls, path: str | Path, header: Mapping[str, Any], channels: Sequence[tuple[str, str] | Column]) -> Self:
@@ -84,14 +84,14 @@ class RunWriter:
         time_s = np.asarray(time_s, dtype=np.float64)
         self._check_block(time_s, values)
         columns = [time_s, *(values[name] for name in self._names[1:])]
-        for start in range(0, len(time_s), _ROWS_AT_ONCE):
-            table = np.stack([column[start : start + _ROWS_AT_ONCE] for column in columns], axis=1)
+        for start in range(0, len(time_s), _CHUNK_ROWS):
+            table = np.stack([column[start : start + _CHUNK_ROWS] for column in columns], axis=1)
             with self._storing():
                 self._syncer.check()
                 self._rows.append(np.ascontiguousarray(table, dtype="<f8"))
         self._syncer.written()
-        if self._rows.is_away and not self._loss_is_told:
-            self._loss_is_told = True
+        if self._rows.is_away and not self._loss_is_noted:
+            self._loss_is_noted = True
             how = "deleted" if self._rows.is_deleted else "moved"
             raise StorageError(f"{self.path}: the run folder was {how}; {self._kept()}")
 

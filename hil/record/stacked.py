@@ -40,10 +40,10 @@ def unstacked(tables: Sequence[Table]) -> tuple[Sequence[Table], bool]:
     channels = list(dict.fromkeys(called.tolist()))
     if len(channels) > _MOST:
         return tables, False
-    good, said = _good(by_name, called)
+    good, note = _good(by_name, called)
     units = next((by_name[known].values for known in by_name if known in _UNITS), None)
     clocks = _clocks(table.columns, by_name, (names, values))
-    assumed = "; ".join(filter(None, (table.assumed, "one row for each channel and stamp; taken apart by name", said)))
+    assumed = "; ".join(filter(None, (table.assumed, "one row for each channel and stamp; taken apart by name", note)))
     made = []
     for channel in channels:
         rows = (called == channel) & good

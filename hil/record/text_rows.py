@@ -51,17 +51,17 @@ def columns(path: Path, found: Layout, reading: Reading = AS_IT_IS) -> tuple[lis
     table, found, odd = _rows(pd, path, found, reading)
     if not len(table):
         raise FileError(f"{path}: no rows after the header")
-    said = "; ".join(filter(None, (_left_out(path, found), odd)))
+    notes = "; ".join(filter(None, (_left_out(path, found), odd)))
     if _may_be_cut(table, found):
         table, cut = _without_cut_line(path, found, table, reading.gaps)
-        said = "; ".join(filter(None, (said, cut)))
+        notes = "; ".join(filter(None, (notes, cut)))
     made: list[Column] = []
     for i, (heading, unit, kind) in enumerate(zip(found.headings, found.units, found.kinds, strict=True)):
         values = table[i].to_numpy()
         if kind == "stamp":
             values = _stamps(path, found, i, [str(text) for text in values])
         made.append(Column(heading, values, unit))
-    return _with_fractions(_with_days(made, found, table)), said, found
+    return _with_fractions(_with_days(made, found, table)), notes, found
 
 
 def _rows(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple[Any, Layout, str]:
@@ -83,7 +83,7 @@ def _rows(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple[Any, La
 def _read_by_hand(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple[Any, Layout, str]:
     """The same where numbers are written as pandas does not read them, or where texts stand among them."""
     table = _table(pd, path, found, by_hand=True)
-    found, said, refused = _with_thousands(found, table), [], []
+    found, notes, refused = _with_thousands(found, table), [], []
     for i, kind in enumerate(found.kinds):
         if kind != "number":
             continue
@@ -93,19 +93,19 @@ def _read_by_hand(pd: Any, path: Path, found: Layout, reading: Reading) -> tuple
         filled = ~texts.isin(BLANKS).to_numpy()
         texts_among = np.flatnonzero(np.isnan(values) & filled)
         if prefixed:
-            said.append(f"'{found.headings[i]}': a letter behind a number is a power of ten, 25.1m = 0.0251")
+            notes.append(f"'{found.headings[i]}': a letter behind a number is a power of ten, 25.1m = 0.0251")
         if texts_among.size and not (reading.gaps and 2 * texts_among.size < np.count_nonzero(filled)):
             refused.append((int(texts_among[0]), i))
         elif texts_among.size:
             at = int(texts_among[0])
-            said.append(
+            notes.append(
                 f"'{found.headings[i]}' holds texts in {texts_among.size} of {len(texts)} rows, the first "
                 f"'{texts.iloc[at][:_SHOWN]}' in {place(path, found, at)}; treated as missing"
             )
         table[i] = values
     if refused:
         raise FileError(f"{path}: {_no_number(path, found, *min(refused))}")
-    return table, found, "; ".join(said)
+    return table, found, "; ".join(notes)
 
 
 def _with_thousands(found: Layout, table: Any) -> Layout:

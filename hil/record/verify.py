@@ -27,11 +27,11 @@ class Scan:
 def scan(folder: Path, columns: int, rows: int) -> Scan:
     """Look at the first `rows` rows once, in pieces that fit any memory; fewer when the file ends before."""
     row_bytes = columns * VALUE_BYTES
-    rows_at_once = max(1, _PIECE_BYTES // row_bytes)
+    chunk_rows = max(1, _PIECE_BYTES // row_bytes)
     mark, clean, last_s = Mark(), True, -np.inf
     with open_untrusted(folder, ROWS_FILE, ANY_SIZE) as file:
         while mark.rows < rows:
-            data = file.read(min(rows_at_once, rows - mark.rows) * row_bytes)
+            data = file.read(min(chunk_rows, rows - mark.rows) * row_bytes)
             table = np.frombuffer(data, "<f8", len(data) // row_bytes * columns).reshape(-1, columns)
             if not len(table):
                 break

@@ -36,12 +36,12 @@ from hil.physics.published.tugsal import (
     error_memberships,
 )
 from hil.physics.transfer_function import TransferFunction, from_parameters
+from hil.record.invalid_samples import INVALID_SAMPLES, measured_rows
 from hil.record.named import pairs
 from hil.record.plain import plain
 from hil.record.read import read_recording
 from hil.record.recording import Array, Recording, split_heading
 from hil.record.response_table import ResponseTable
-from hil.record.unmeasured import measured_rows
 
 _LINEAR = "transfer-function"
 _MEMBERSHIPS = ("left trapezoid", "left triangle", "right triangle", "right trapezoid")
@@ -151,9 +151,8 @@ class OnlineEstimate:
     def as_text(self) -> str:
         """As lines for a terminal."""
         found, excitation = self.estimator, self.estimator.excitation
-        rows = [
-            f"{found.samples} samples, noise {found.noise_std:.3g}, {excitation.informed} of {excitation.asked} directions told"
-        ]
+        directions = f"{excitation.informed} of {excitation.asked} directions identifiable"
+        rows = [f"{found.samples} samples, noise {found.noise_std:.3g}, {directions}"]
         rows += [
             f"  {name:4} {value:12.6g} ± {1.96 * std:.2g}"
             for name, value, std in zip(found.form.names, found.parameters, found.std, strict=True)
@@ -162,8 +161,8 @@ class OnlineEstimate:
         rows.append(f"  largest pole |z| {largest:.4g}{'' if largest < 1.0 else ': unstable'}")
         if not excitation.enough:
             rows.append(
-                f"  note: the command tells {self.excitation_order} parameters apart in steady state, {excitation.asked} are "
-                f"asked; unknown: {', '.join(excitation.unknown) or 'combinations of them'}"
+                f"  note: the command tells {self.excitation_order} parameters apart in steady state, "
+                f"{excitation.asked} are asked; unknown: {', '.join(excitation.unknown) or 'combinations of them'}"
             )
         return "\n".join(rows)
 
@@ -343,7 +342,7 @@ def error_between(
     """
     for one in (measured, reference):
         if len(measured_rows(one, (output_name,))) < len(one):
-            raise FileError(f"{'; '.join(one.meta['unmeasured'])}: eq. 4.1 compares sample by sample")
+            raise FileError(f"{'; '.join(one.meta[INVALID_SAMPLES])}: eq. 4.1 compares sample by sample")
     shared = min(len(measured), len(reference))
     steps = [float(np.median(np.diff(one.time_s))) for one in (measured, reference)]
     if abs(steps[0] - steps[1]) > _EVEN * steps[0]:

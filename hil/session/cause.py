@@ -41,7 +41,7 @@ Progress = Callable[[float, str], None]
 
 @dataclass(frozen=True, slots=True)
 class _Question:
-    """`command` is what an operator types for it; `arguments` are those of the process; `since` an earlier run's name."""
+    """`command` is what an operator types for it, `arguments` its process's own, `since` the earlier run's name."""
 
     arguments: tuple[str, ...]
     command: str
@@ -156,11 +156,11 @@ def _read(asked: Cause, answer: Mapping[str, Any] | None, last_line: str) -> Cau
     if answer is None:
         return replace(asked, reason=last_line.removeprefix("hil: ") or "no answer")
     notes = [str(one) for one in (*answer.get("notes", ()), *answer.get("warnings", ())) if OUT_OF_TIME in str(one)]
-    untold = "; ".join(one.split(": ", 1)[1].split(";")[0] for one in notes)
+    not_searched = "; ".join(one.split(": ", 1)[1].split(";")[0] for one in notes)
     found = _changes(answer["changes"]) if "changes" in answer else _findings(answer)
     ordered = sorted(found, key=lambda one: -(one.share or 0.0))
     verdict = "partly_explained" if NOT_ALL in answer.get("notes", ()) else str(answer["verdict"])
-    return replace(asked, verdict=verdict, found=tuple(ordered), untold=untold)
+    return replace(asked, verdict=verdict, found=tuple(ordered), untold=not_searched)
 
 
 def _changes(changes: Iterable[Mapping[str, Any]]) -> list[Found]:

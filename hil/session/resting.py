@@ -11,11 +11,11 @@ import numpy as np
 
 from hil.errors import InputError
 from hil.record.frozen import frozen_channels
+from hil.record.invalid_samples import invalid_samples, sentence, supposed
 from hil.record.late_exchanges import late_exchanges, longest_exchange_s, with_supposed_times
 from hil.record.likeness import Likeness
 from hil.record.measurement import Findings, Limit, Measured
 from hil.record.recording import Recording
-from hil.record.unmeasured import sentence, supposed, unmeasured
 
 _UNTOLD = Likeness(reason="it rests on samples that are no measurements")
 _EVENLY = 3.0**-0.5  # standard deviation of a moment anywhere within a time, in halves of that
@@ -75,7 +75,7 @@ def _less_sure(found: Measured, others: Sequence[Measured | None]) -> Measured:
 
 
 def _measured(evaluate: Callable[[Recording], Findings], recording: Recording) -> Findings:
-    lacking = unmeasured(recording)
+    lacking = invalid_samples(recording)
     if not lacking:
         return evaluate(recording)
     near, far = (_tried(evaluate, supposed(recording, where)) for where in ("near", "far"))

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from hil.record.not_taken import STAND_INS
+from hil.record.missing_values import STAND_INS
 from hil.record.read import formats, read_recording, write_recording
 from hil.record.recording import Channel, Recording
 

@@ -15,10 +15,10 @@ from hil.daq.channel import InputChannel
 from hil.daq.contract import Block
 from hil.daq.scaled import measured
 from hil.errors import FileError, LinkError
+from hil.record.invalid_samples import measured_rows, supposed, with_blanks
 from hil.record.measurement import Findings, Measurement
 from hil.record.read import read_recording
 from hil.record.recording import Channel, Recording
-from hil.record.unmeasured import measured_rows, supposed, with_blanks
 from hil.safety.guard import Guard
 from hil.safety.interlock import Band, Interlock, Watch
 from hil.safety.protection import Protection

@@ -16,9 +16,9 @@ from hil.record import folder, samples
 from hil.record.durable import Syncer, write_at
 from hil.record.folder import RunWriter, read
 from hil.record.header import Column, read_header
+from hil.record.invalid_samples import measured_rows
 from hil.record.read import read_recording
 from hil.record.tail import Tail
-from hil.record.unmeasured import measured_rows
 
 CHANNELS = [("command", "%"), ("flow", "l/min")]
 

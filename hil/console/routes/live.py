@@ -21,7 +21,7 @@ from hil.findings.results import RESULTS_FILE, read_results
 from hil.language.reworded import reworded
 from hil.language.words import marked
 from hil.record.alive import lives
-from hil.record.progress import ToldProgress, progress_of
+from hil.record.progress import WrittenProgress, progress_of
 from hil.untrusted import is_regular
 
 _SIGNALS = 128  # from here on an exit status says which signal ended a program
@@ -100,7 +100,7 @@ def _state(console: Console, name: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _progress(done: ToldProgress | None) -> dict[str, Any]:
+def _progress(done: WrittenProgress | None) -> dict[str, Any]:
     """The share done, the time left and what is going on, as the run's own folder has it."""
     if done is None:
         return {}

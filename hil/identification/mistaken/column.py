@@ -11,8 +11,8 @@ from hil.identification.fit import fit_percent
 from hil.identification.mistaken.suspicion import GOOD_FIT, Suspicion, fit_but_for_gain, good_fit, spoken_of
 from hil.identification.noise import channel_floor, white_floor
 from hil.physics.model import Model
+from hil.record.invalid_samples import across
 from hil.record.recording import Array
-from hil.record.unmeasured import across
 
 # Where columns are swapped a model fits the one way hardly better than a mean does, and the other way well.
 _HOPELESS, _FITS_BETTER = 35.0, 20.0

@@ -18,18 +18,18 @@ from hil.errors import FileError
 from hil.record.assemble import assemble
 from hil.record.columns import Table
 from hil.record.flat import flat
+from hil.record.header_metadata import of_header_lines
 from hil.record.known_programs import of_known_program
 from hil.record.layout import layout
 from hil.record.reading import AS_IT_IS, Reading
 from hil.record.recording import Recording
 from hil.record.response_table import ResponseTable
-from hil.record.said_above import of_lines_said
 from hil.record.text_file import open_text
 from hil.record.text_rows import columns, place
 
 _ENDINGS = (".csv", ".txt", ".dat", ".tsv", ".asc", ".prn", ".log")
 SUFFIXES = (*_ENDINGS, *(f"{ending}.gz" for ending in _ENDINGS))
-_ROWS_AT_ONCE = 10_000
+_CHUNK_ROWS = 10_000
 
 
 def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
@@ -42,11 +42,11 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
         FileError: names the file, the line and the column, what was found there, and what helps.
     """
     try:
-        known = None if reading.columns else of_known_program(path) or of_lines_said(path)
+        known = None if reading.columns else of_known_program(path) or of_header_lines(path)
         found = layout(path, named=bool(reading.columns)) if known is None else known.layout
-        read_columns, said, found = columns(path, found, reading)
+        read_columns, note, found = columns(path, found, reading)
         tables = [Table(path.stem, read_columns)] if known is None else known.tables(read_columns)
-        tables = [replace(one, assumed="; ".join(filter(None, (one.assumed, said)))) for one in tables]
+        tables = [replace(one, assumed="; ".join(filter(None, (one.assumed, note)))) for one in tables]
         return assemble(str(path), tables, None, reading, partial(place, path, found) if len(tables) == 1 else None)
     except (OSError, EOFError, UnicodeError, csv.Error) as error:
         raise FileError(f"{path}: cannot be read as CSV: {error}") from error
@@ -63,7 +63,7 @@ def write(recording: Recording, path: Path) -> None:
         headings = ["time [s]", *(channel.heading for channel in even.channels.values())]
         csv.writer(file, lineterminator="\n").writerow(headings)
         blanks = any(np.isnan(column).any() for column in values)
-        for start in range(0, len(even), _ROWS_AT_ONCE):
-            rows = np.stack([column[start : start + _ROWS_AT_ONCE] for column in values], axis=1).tolist()
+        for start in range(0, len(even), _CHUNK_ROWS):
+            rows = np.stack([column[start : start + _CHUNK_ROWS] for column in values], axis=1).tolist()
             lines = (",".join(map(repr, row)) + "\n" for row in rows)
             file.writelines((line.replace("nan", "") for line in lines) if blanks else lines)

@@ -44,10 +44,10 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
     ends = [i for i, line in enumerate(lines) if line.startswith(_END)]
     if not lines[0].startswith(_BEGINNING) or not ends:
         raise FileError(f"{path}: cannot be read as LVM: it does not begin with '{_BEGINNING}' and a header")
-    segments = [_segment(path, encoding, lines, said, reading) for said in _Header.all_of(lines, ends)]
+    segments = [_segment(path, encoding, lines, header, reading) for header in _Header.all_of(lines, ends)]
     first = segments[0]
-    tables, joined = joined_segments([segment.tables for segment in segments], [s.said.start for s in segments])
-    notes = [text for text in (first.cut, joined, "" if joined else first.said.more) if text]
+    tables, joined = joined_segments([segment.tables for segment in segments], [s.header.start for s in segments])
+    notes = [text for text in (first.cut, joined, "" if joined else first.header.more) if text]
     meta = {"assumed": notes} if notes else None
     return assemble(str(path), tables, meta, reading, partial(place, path, first.layout))
 
@@ -56,15 +56,15 @@ def read(path: Path, reading: Reading = AS_IT_IS) -> Recording | ResponseTable:
 class _Segment:
     """What was written at one time: its header, how it is laid out, its tables, and what was left out of them."""
 
-    said: _Header
+    header: _Header
     layout: Layout
     tables: list[Table]
     cut: str
 
 
-def _segment(path: Path, encoding: str, lines: Sequence[str], said: _Header, reading: Reading) -> _Segment:
-    read_columns, cut, found = columns(path, _layout(encoding, lines, said), reading)
-    return _Segment(said, found, _tables(path.stem, read_columns, said), cut)
+def _segment(path: Path, encoding: str, lines: Sequence[str], header: _Header, reading: Reading) -> _Segment:
+    read_columns, cut, found = columns(path, _layout(encoding, lines, header), reading)
+    return _Segment(header, found, _tables(path.stem, read_columns, header), cut)
 
 
 def joined_segments(segments: Sequence[list[Table]], starts: Sequence[NDArray[Any]]) -> tuple[list[Table], str]:
@@ -145,46 +145,46 @@ class _Header:
         return cells[column] if 0 < column < len(cells) else ""
 
 
-def _layout(encoding: str, lines: Sequence[str], said: _Header) -> Layout:
-    mark = said.single["mark"]
-    headings = split(lines[said.at], mark)
+def _layout(encoding: str, lines: Sequence[str], header: _Header) -> Layout:
+    mark = header.single["mark"]
+    headings = split(lines[header.at], mark)
     while headings and headings[-1] in ("", _REMARK):
         headings.pop()
-    rows = [split(line, mark) for line in lines[said.at + 1 : said.at + 200] if line.strip()]
+    rows = [split(line, mark) for line in lines[header.at + 1 : header.at + 200] if line.strip()]
     wide = max((len(row) for row in rows), default=len(headings))
     spare = ("",) * max(0, wide - len(headings))
-    decimal = said.single.get("Decimal_Separator") or decimal_and_thousands([c for row in rows for c in row])[0]
+    decimal = header.single.get("Decimal_Separator") or decimal_and_thousands([c for row in rows for c in row])[0]
     named = [split_heading(heading) for heading in headings]
     units = tuple(
-        ("s" if _is_clock(said, i, heading) else said.of_column("Y_Unit_Label", i) or unit)
+        ("s" if _is_clock(header, i, heading) else header.of_column("Y_Unit_Label", i) or unit)
         for i, (heading, unit) in enumerate(named)
     )
     names = (*(name for name, _ in named), *((_REMARK,) if spare else ()), *spare[1:])
     numbers: Kind = "number"
     texts: Kind = "text"
     kinds = (*(numbers for _ in headings), *(texts for _ in spare))
-    count = None if said.stop is None else sum(1 for line in lines[said.at + 1 : said.stop] if line.strip())
+    count = None if header.stop is None else sum(1 for line in lines[header.at + 1 : header.stop] if line.strip())
     return Layout(
-        encoding, mark, decimal, "", names, (*units, *spare), said.at + 1, said.at + 2, kinds, count
+        encoding, mark, decimal, "", names, (*units, *spare), header.at + 1, header.at + 2, kinds, count
     )  # fmt: skip
 
 
-def _is_clock(said: _Header, column: int, heading: str) -> bool:
-    dimension = said.of_column("X_Dimension", column + 1)
+def _is_clock(header: _Header, column: int, heading: str) -> bool:
+    dimension = header.of_column("X_Dimension", column + 1)
     return heading == _TIME and dimension in ("", "Time")
 
 
-def _tables(name: str, read: Sequence[Column], said: _Header) -> list[Table]:
-    late_s = _starts_s(said, len(read))
-    if said.single.get("X_Columns") != "No":
+def _tables(name: str, read: Sequence[Column], header: _Header) -> list[Table]:
+    late_s = _starts_s(header, len(read))
+    if header.single.get("X_Columns") != "No":
         moved = [_later(column, late_s, i) for i, column in enumerate(read) if column.heading != _REMARK]
         return [Table(name, moved)]
     made = []
     for i, column in enumerate(read):
-        step = said.of_column("Delta_X", i).replace(",", ".")
+        step = header.of_column("Delta_X", i).replace(",", ".")
         if column.heading in (_TIME, _REMARK) or not step or not column.is_number:
             continue
-        first = float(said.of_column("X0", i).replace(",", ".") or 0.0)
+        first = float(header.of_column("X0", i).replace(",", ".") or 0.0)
         values = column.values[: _last(column.values) + 1]
         time_s: Array = first + late_s.get(i, 0.0) + float(step) * np.arange(len(values), dtype=np.float64)
         made.append(
@@ -198,9 +198,9 @@ def _last(values: Any) -> int:
     return int(filled[-1]) if filled.size else -1
 
 
-def _starts_s(said: _Header, count: int) -> dict[int, float]:
+def _starts_s(header: _Header, count: int) -> dict[int, float]:
     """By how much channels begin after the first of them, where their dates say so."""
-    texts = {i: (said.of_column("Date", i), said.of_column("Time", i)) for i in range(1, count)}
+    texts = {i: (header.of_column("Date", i), header.of_column("Time", i)) for i in range(1, count)}
     texts = {i: both for i, both in texts.items() if all(both)}
     if len(set(texts.values())) < 2:
         return {}

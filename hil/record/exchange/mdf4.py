@@ -102,13 +102,13 @@ def _tables(file: Any, channels: Mapping[str, Mapping[str, Any]]) -> Iterator[Ta
 def _table(file: Any, index: int, i: int, name: str, channels: Mapping[str, Mapping[str, Any]]) -> Table:
     # one at a time: samples marked invalid are dropped, and with them their stamps
     signal = file.get(group=index, index=i)
-    said = ""
+    note = ""
     if signal.samples.ndim == 1 and signal.samples.dtype.kind not in "biuf":
         raw = file.get(group=index, index=i, raw=True)
         if raw.conversion is not None and raw.samples.ndim == 1 and raw.samples.dtype.kind in "biuf":
-            signal, said = _numbers_of_texts(raw)
+            signal, note = _numbers_of_texts(raw)
     column = Column(signal.name, signal.samples, signal.unit, **channels.get(signal.name, {}))
-    return Table(name, [column], signal.timestamps, said)
+    return Table(name, [column], signal.timestamps, note)
 
 
 def _numbers_of_texts(raw: Any) -> tuple[Any, str]:
@@ -120,8 +120,8 @@ def _numbers_of_texts(raw: Any) -> tuple[Any, str]:
         and (text := raw.conversion.referenced_blocks.get(f"text_{k}"))
     }
     texts = np.isin(raw.samples, list(named)) if named else np.zeros(len(raw.samples), dtype=np.bool_)
-    said = f"'{raw.name}' has texts for some of its numbers; the numbers are used"
+    note = f"'{raw.name}' has texts for some of its numbers; the numbers are used"
     if texts.all() or not texts.any():
-        return raw, said
+        return raw, note
     kept = type(raw)(samples=raw.samples[~texts], timestamps=raw.timestamps[~texts], unit=raw.unit, name=raw.name)
-    return kept, f"{said}, without the {int(texts.sum())} samples that stand for a text"
+    return kept, f"{note}, without the {int(texts.sum())} samples that stand for a text"

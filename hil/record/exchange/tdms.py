@@ -104,5 +104,5 @@ def _cut_to_shortest(name: str, columns: list[Column]) -> Table:
     if min(lengths) == max(lengths):
         return Table(name, columns)
     cut = [Column(c.heading, c.values[: min(lengths)], c.unit, c.source, c.calibration) for c in columns]
-    said = f"channels of group '{name}' have {min(lengths)} to {max(lengths)} samples; cut to the shortest"
-    return Table(name, cut, assumed=said)
+    note = f"channels of group '{name}' have {min(lengths)} to {max(lengths)} samples; cut to the shortest"
+    return Table(name, cut, assumed=note)

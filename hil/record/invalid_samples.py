@@ -18,11 +18,13 @@ from hil.errors import FileError
 from hil.record.parts import as_events, parts_of
 from hil.record.recording import Array, Channel, Recording
 
+INVALID_SAMPLES = "unmeasured"
+"""Key of a recording's header: what was not measured, a sentence for each channel."""
 AT_END, NONE, AGAIN = "reading at the end of its range", "no measurement", "measured again"
 """Names of events: a channel stops being measured, for either reason, and is measured again."""
 
 
-def unmeasured(recording: Recording) -> dict[str, NDArray[np.bool_]]:
+def invalid_samples(recording: Recording) -> dict[str, NDArray[np.bool_]]:
     """By channel, the samples that are no measurements; channels without such are left out."""
     found = {name: ~np.isfinite(channel.values) for name, channel in recording.channels.items()}
     return {name: lacking for name, lacking in found.items() if lacking.any()}
@@ -41,23 +43,23 @@ def sentence(recording: Recording, name: str, lacking: NDArray[np.bool_]) -> str
 def with_blanks(recording: Recording) -> Recording:
     """The recording with NaN for each sample that is no measurement; without channels that were never measured.
 
-    `meta["unmeasured"]` says what was not measured, a sentence for each channel.
+    `meta[INVALID_SAMPLES]` says what was not measured, a sentence for each channel.
 
     Raises:
         FileError: no channel was ever measured.
     """
-    lacking = unmeasured(recording)
+    lacking = invalid_samples(recording)
     if not lacking:
         return recording
-    said = [sentence(recording, name, mask) for name, mask in lacking.items()]
+    notes = [sentence(recording, name, mask) for name, mask in lacking.items()]
     channels = {
         name: channel if name not in lacking else replace(channel, values=_blanked(channel.values, lacking[name]))
         for name, channel in recording.channels.items()
         if name not in lacking or not lacking[name].all()
     }
     if not channels:
-        raise FileError(f"{recording.name}: {'; '.join(said)}")
-    return replace(recording, channels=channels, meta={**recording.meta, "unmeasured": said})
+        raise FileError(f"{recording.name}: {'; '.join(notes)}")
+    return replace(recording, channels=channels, meta={**recording.meta, INVALID_SAMPLES: notes})
 
 
 def _blanked(values: Array, lacking: NDArray[np.bool_]) -> Array:
@@ -76,8 +78,8 @@ def measured_rows(recording: Recording, names: Iterable[str]) -> Recording:
         return recording
     rows = ~np.logical_or.reduce(list(lacking.values()))
     if np.count_nonzero(rows) < 2:
-        said = [sentence(recording, name, mask) for name, mask in lacking.items() if mask.any()]
-        raise FileError(f"{recording.name}: no two rows in which all that is used was measured: {'; '.join(said)}")
+        notes = [sentence(recording, name, mask) for name, mask in lacking.items() if mask.any()]
+        raise FileError(f"{recording.name}: no two rows in which all that is used was measured: {'; '.join(notes)}")
     before = np.concatenate(([0], np.cumsum(rows)))  # rows that are left, before each
 
     def moved(events: Iterable[Mapping[str, Any]]) -> list[dict[str, Any]]:
@@ -110,7 +112,7 @@ def supposed(recording: Recording, where: Literal["near", "far"]) -> Recording:
     read it lies between the neighbours that were measured (`near`), or at the upper end of the range (`far`).
     """
     channels = dict(recording.channels)
-    for name, lacking in unmeasured(recording).items():
+    for name, lacking in invalid_samples(recording).items():
         low, high = _range(recording, name)
         channels[name] = replace(channels[name], values=_supposed(channels[name], lacking, low, high, where))
     return replace(recording, channels=channels)

@@ -21,7 +21,7 @@ Mask = NDArray[np.bool_]
 Place = Callable[[int], str]
 
 
-def not_taken(
+def missing_values(
     name: str, column: Column, values: Array, time_s: Array, place: Place, gaps: bool
 ) -> tuple[Mask, list[str]]:
     """The rows without a sample, and what there is to say about them.
@@ -39,19 +39,19 @@ def not_taken(
     Raises:
         FileError: single rows have none, and nothing was said about gaps; says where and what helps.
     """
-    missing, said = (~np.isfinite(values) if gaps else np.isnan(values)) | np.isnan(time_s), []
+    missing, notes = (~np.isfinite(values) if gaps else np.isnan(values)) | np.isnan(time_s), []
     if missing.any() and not missing.all() and not is_even(time_s[~missing]):
-        said += _blanks(name, column, missing, place, gaps)
+        notes += _blanks(name, column, missing, place, gaps)
     number = _stands_for_none(values)
     if number is not None:
-        said += _stand_ins(name, column, values == number, number, place, gaps)
+        notes += _stand_ins(name, column, values == number, number, place, gaps)
         missing |= values == number
     if gaps:
         again = np.flatnonzero(np.diff(time_s) == 0.0) + 1
         if again.size and again.size <= _FEW_REPEATED * len(time_s):  # more than a few are stamps that were rounded
             missing[again] = True
-            said.append(f"{again.size} of {len(time_s)} rows have the stamp of the row before and are left out")
-    return missing, said
+            notes.append(f"{again.size} of {len(time_s)} rows have the stamp of the row before and are left out")
+    return missing, notes
 
 
 def is_even(time_s: Array) -> bool:

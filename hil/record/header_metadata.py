@@ -52,7 +52,7 @@ _VALUE = re.compile(r"^(?P<number>[-+\d.,]+([eE][-+]?\d+)?)\s*(?P<unit>[A-Za-zµ
 
 
 @dataclass(frozen=True, slots=True)
-class _Said:
+class _Metadata:
     """What the lines state, by their labels in lower case, each with the number of its line."""
 
     entries: dict[str, tuple[int, list[str]]] = field(default_factory=dict)
@@ -109,7 +109,7 @@ def _per_second(unit: str) -> float:
     return {"k": 1e3, "m": 1e6, "g": 1e9}.get(unit[:1].casefold(), 1.0) if len(unit) > 1 else 1.0
 
 
-def of_lines_said(path: Path) -> Known | None:
+def of_header_lines(path: Path) -> Known | None:
     """The layout of a file that says more above or beside its samples than its headings do; None for any other."""
     encoding = encoding_of(path)
     with open_text(path, encoding) as file:
@@ -129,15 +129,15 @@ def units_above(lines: Sequence[str], mark: str, cells: Sequence[str]) -> tuple[
     none = ("",) * len(cells)
     if len(mark) > 1:
         return none
-    said = _said([split(line.lstrip("#%"), mark) for line in lines])
-    if not said.is_enough:
+    metadata = _metadata([split(line.lstrip("#%"), mark) for line in lines])
+    if not metadata.is_enough:
         return none
-    stated = said.units
+    stated = metadata.units
     clocks = [headings.is_time(headings.split(cell)[0]) for cell in cells]
     if len(stated) != len(cells) - sum(clocks) or sum(clocks) != 1:
         return none
     rest = iter(stated)
-    return tuple(said.time_unit if clock else next(rest) for clock in clocks)
+    return tuple(metadata.time_unit if clock else next(rest) for clock in clocks)
 
 
 def _beside(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | None:
@@ -148,8 +148,8 @@ def _beside(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | 
     width = len(rows[-1])
     if not 1 < blank < width or any(len(row) != width or not _is_samples(row[blank:]) for row in rows):
         return None
-    said = _said([row[:blank] for row in rows])
-    return _known(encoding, mark, rows, 0, said, None) if said.is_enough else None
+    metadata = _metadata([row[:blank] for row in rows])
+    return _known(encoding, mark, rows, 0, metadata, None) if metadata.is_enough else None
 
 
 def _above(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | None:
@@ -159,27 +159,32 @@ def _above(encoding: str, mark: str, rows: Sequence[Sequence[str]]) -> Known | N
         first -= 1
     if len(rows) - first < _FEWEST_ROWS or not first:
         return None
-    said = _said(rows[:first])
-    if not said.is_enough:
+    metadata = _metadata(rows[:first])
+    if not metadata.is_enough:
         return None
-    if any(_is_timed_heading(row) for row in rows[:first] if len(_trimmed(row)) > 1 and not _is_said(row)):
+    if any(_is_timed_heading(row) for row in rows[:first] if len(_trimmed(row)) > 1 and not _is_stated(row)):
         return None  # its headings say the time: they are read as any others
     last = next((row for row in reversed(rows[:first]) if any(row)), [])
     if is_row_of_units(last):
         return None
-    return _known(encoding, mark, rows, first, said, last if _is_heading(last, len(_trimmed(rows[-1]))) else None)
+    return _known(encoding, mark, rows, first, metadata, last if _is_heading(last, len(_trimmed(rows[-1]))) else None)
 
 
 def _known(
-    encoding: str, mark: str, rows: Sequence[Sequence[str]], first: int, said: _Said, heading: Sequence[str] | None
+    encoding: str,
+    mark: str,
+    rows: Sequence[Sequence[str]],
+    first: int,
+    metadata: _Metadata,
+    heading: Sequence[str] | None,
 ) -> Known | None:
     """The layout of the columns that hold samples, and the table or tables that they are."""
     samples = rows[first:]
     width = len(rows[-1])
     at = [i for i in range(width) if not all(is_blank(row[i]) for row in samples[-_FEWEST_ROWS:])]
-    interval_s, words = said.interval()
-    names = [heading[i] for i in at] if heading is not None else said.first_of(_NAMES)[1]
-    found = _columns(len(at), names, said, interval_s, _rises([row[at[0]] for row in samples]))
+    interval_s, words = metadata.interval()
+    names = [heading[i] for i in at] if heading is not None else metadata.first_of(_NAMES)[1]
+    found = _columns(len(at), names, metadata, interval_s, _rises([row[at[0]] for row in samples]))
     if found is None:
         return None
     called, units, form = found
@@ -190,17 +195,17 @@ def _known(
         encoding, mark, decimal, "", tuple(by_place.get(i, ("", ""))[0] for i in range(width)),
         tuple(by_place.get(i, ("", ""))[1] for i in range(width)), 0, first + 1, kinds,
     )  # fmt: skip
-    return Known(made, partial(_tables, form, (said.start_s, interval_s, words), at))
+    return Known(made, partial(_tables, form, (metadata.start_s, interval_s, words), at))
 
 
 _Form = Literal["with time", "in pairs", "evenly"]
 
 
 def _columns(
-    count: int, names: Sequence[str], said: _Said, interval_s: float, rises: bool
+    count: int, names: Sequence[str], metadata: _Metadata, interval_s: float, rises: bool
 ) -> tuple[list[str], list[str], _Form] | None:
     """What so many columns of samples are called, their units, and how they are tables; None where nothing fits."""
-    stated = said.units
+    stated = metadata.units
     if len(names) == count and not any(map(headings.is_time, names)) and not _timed_unit(stated, count):
         return (list(names), _filled(stated, count), "evenly") if interval_s else None
     if len(names) == count:
@@ -208,10 +213,10 @@ def _columns(
     channels = len(names) or len(stated) or (count - 1 if rises else count)
     names = list(names) or ([f"channel {i}" for i in range(1, channels + 1)] if channels > 1 else ["channel"])
     if count == channels + 1 and rises:
-        return ["time", *names], [said.time_unit or "s", *_filled(stated, channels)], "with time"
+        return ["time", *names], [metadata.time_unit or "s", *_filled(stated, channels)], "with time"
     if count == 2 * channels and rises:
         called = [text for name in names for text in ("time", name)]
-        units = [text for unit in _filled(stated, channels) for text in (said.time_unit or "s", unit)]
+        units = [text for unit in _filled(stated, channels) for text in (metadata.time_unit or "s", unit)]
         return called, units, "in pairs"
     return (names, _filled(stated, channels), "evenly") if count == channels and interval_s else None
 
@@ -236,8 +241,8 @@ def _tables(form: _Form, clock: tuple[float, float, str], at: Sequence[int], col
     return [Table("", [column for column in read if not column.counts_rows], time_s, words)]
 
 
-def _said(rows: Sequence[Sequence[str]]) -> _Said:
-    found = _Said()
+def _metadata(rows: Sequence[Sequence[str]]) -> _Metadata:
+    found = _Metadata()
     for number, row in enumerate(rows, 1):
         cells = _inside(_trimmed(row))
         if not cells:
@@ -259,7 +264,7 @@ def _inside(cells: Sequence[str]) -> list[str]:
     return list(cells)
 
 
-def _is_said(row: Sequence[str]) -> bool:
+def _is_stated(row: Sequence[str]) -> bool:
     cells = _inside(_trimmed(row))
     return bool(cells) and (headings.plain_name(cells[0]) in _ALL - {""} or any(map(is_stamp, cells[1:])))
 
@@ -272,7 +277,7 @@ def _is_timed_heading(row: Sequence[str]) -> bool:
 def _is_heading(row: Sequence[str], count: int) -> bool:
     cells = _trimmed(row)
     named = all(cell and not is_number(cell) and not cell.endswith(":") for cell in cells)
-    return len(cells) == count > 1 and named and not _is_said(row)
+    return len(cells) == count > 1 and named and not _is_stated(row)
 
 
 def _is_samples(cells: Sequence[str]) -> bool:
