@@ -51,7 +51,6 @@ def command(
 
 
 def _content(found: Recording | ResponseTable) -> dict[str, object]:
-    from hil.record.invalid_samples import INVALID_SAMPLES
     from hil.record.response_table import ResponseTable
 
     if isinstance(found, ResponseTable):
@@ -65,6 +64,8 @@ def _content(found: Recording | ResponseTable) -> dict[str, object]:
 
 
 def _notes(found: Recording, source: Path, reading: Reading) -> list[str]:
+    from hil.record.invalid_samples import INVALID_SAMPLES
+
     missing = [f"no unit is stated for '{name}', taken as 1" for name in found.meta.get("units_missing", ())]
     assumed = [*found.meta.get("assumed", ()), *found.meta.get(INVALID_SAMPLES, ())]
     return [*assumed, *missing, *_restated(found, source, reading)]
