@@ -107,7 +107,7 @@ def _missing(unit: Unit, known: Understood, pages: list[str], language: str) -> 
     with speaking(language):
         page, parameters = certificate_of(unit, Signer("", ""), "", names=True), known.parameters
     first, whole = pages[0], "".join(pages)
-    head = [unit.valve, f"{page['said']['serial']} {unit.serial} {str(page['word']).upper()}"]
+    head = [unit.valve, f"{page['labels']['serial']} {unit.serial} {str(page['word']).upper()}"]
     for text in (*head, *map("".join, page["limits"])):
         if _squeezed(text) not in first:
             yield f"page one does not say what the results say: {text}"

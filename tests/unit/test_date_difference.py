@@ -76,7 +76,7 @@ def test_what_may_have_changed_unseen_is_not_called_unchanged() -> None:
     stop = _excluded(Limit("end_stop", "load", "upper", "%", 80.0, 80.0, visible=True))
     lag = _still(Change("lag", "spool", "valve", "lag", Size(20.0, 1.0), Size(20.5, 1.0), "ms", None, None))
     delay = _still(Change("delay", "spool", "valve", "delay", Size(2.0, 2.0), Size(2.5, 2.0), "ms", None, None))
-    assert [one.is_told for one in (tight, wide, stop, lag, delay)] == [True, False, True, True, False]
+    assert [one.is_identifiable for one in (tight, wide, stop, lag, delay)] == [True, False, True, True, False]
     said = _text(DateDifference((), (tight, stop, lag), "unchanged", cannot_tell=(wide, delay)))
     assert "end_stop  none at 80 % or less" in said
     assert "cannot be told:\n    backlash  known only within 3 %\n    delay     known only within 5.2 ms" in said
