@@ -21,6 +21,7 @@ from hil.identification.characteristic import (
     polyline,
     side,
 )
+from hil.identification.null import Null, null_of
 from hil.identification.redrawn import about
 from hil.identification.sweep_estimate import Standing, Sweep, SweepEstimate, sweep_estimate
 from hil.record.measurement import COVERAGE_FACTOR, Measured, Measurement
@@ -119,7 +120,9 @@ def characteristic(
     dead_band: tuple[float, float] | None = None
     if swept_.low.command < neutral - reach and swept_.high.command > neutral + reach:
         found, dead_band = _both_ways(swept_, neutral, zero, of)
-        notes: list[str] = []
+        edges = [one for one in found if one.quantity.startswith("dead_band")]
+        of_null, notes = _null(swept_, neutral, float(part["full"]), of, edges)
+        found += of_null
     else:
         found, notes = _one_way(swept_, part, of)
     at = polyline()
@@ -137,6 +140,17 @@ def steady(recording: Recording, part: Mapping[str, Any], channel: Channel) -> t
     values = recording.rows(part["first"], part["count"]).values(channel.name)
     value, std = _settled(values)
     return value, math.hypot(std, mean_rounding_std(float(np.std(values)), reading_step(recording, channel)))
+
+
+def at_ends(recording: Recording, parts: Sequence[Mapping[str, Any]], values: Array) -> tuple[Standing, Standing]:
+    """(at the lower end, at the upper end): what values of another channel were while the command waited there."""
+    command, _ = roles_of(recording)
+    waits: list[Standing] = []
+    for part in parts:
+        rows = slice(part["first"], part["first"] + part["count"])
+        waits += _waits(command.values[rows], values[rows])
+    low, high = (_together([wait for wait in waits if wait.risen == risen]) for risen in (False, True))
+    return low, high
 
 
 def _waits(driven: Array, measured: Array) -> list[Standing]:
@@ -260,6 +274,58 @@ def _both_ways(
     found.append(at_most_one(of["symmetry"], ratio, ratio * math.hypot(weak[1] / weak[0], strong[1] / strong[0])))
     found.append(extreme(of["linearity"], *(100.0 * one for one in _worse(sides.values()))))
     return found, (sides[-1].edge[0], sides[1].edge[0])
+
+
+def _null(
+    swept_: Swept, neutral: float, full: float, of: Mapping[str, Measurement], edges: Sequence[Measured]
+) -> tuple[list[Measured], list[str]]:
+    """Null bias, lap with its class, and where the flow saturates; nothing where the response does not pass zero."""
+    found = null_of(swept_.estimate, swept_.low.response, swept_.high.response)
+    if found is None:
+        return [], []
+    below, above = found.slopes
+    level, command, share = _level(swept_), calibration_std(swept_.command), calibration_share(swept_.command)
+    # a meter off by so much moves both crossings one way, and apart where the gains differ
+    drifted, percent = swept_.drifted or 0.0, 100.0 / full
+    centre, centre_std = found.centre
+    lap, lap_std = found.lap
+    moved = 0.5 * abs(1.0 / above + 1.0 / below)
+    spread = abs(1.0 / above - 1.0 / below)
+    bias = of["null_bias"].of(
+        percent * (centre - neutral), percent * math.hypot(centre_std, drifted * moved),
+        calibration=percent * math.hypot(level * moved, command),
+    )  # fmt: skip
+    width = of["lap"].of(
+        percent * lap, percent * math.hypot(lap_std, drifted * spread),
+        calibration=percent * math.hypot(level * spread, share * lap),
+    )  # fmt: skip
+    ends = [_saturated(swept_, found, sign, of) for sign in (1, -1)]
+    return [bias, width, *ends], [_lap_class(width, edges)]
+
+
+def _saturated(swept_: Swept, found: Null, sign: int, of: Mapping[str, Measurement]) -> Measured:
+    """Where the flow saturates; a bound at the end of the sweep where it does not."""
+    what = of[f"saturation_{'positive' if sign > 0 else 'negative'}"].at(unit=swept_.command.unit)
+    value, std = found.saturated[sign > 0]
+    end = (swept_.high if sign > 0 else swept_.low).command
+    if math.isinf(value):
+        return what.of(end, 0.0, relation=">" if sign > 0 else "<")
+    if math.isinf(std):
+        return what.of(None)
+    return what.of(value, std, calibration=calibration_std(swept_.command))
+
+
+def _lap_class(lap: Measured, edges: Sequence[Measured]) -> str:
+    """What lap and dead band together make of a valve: the lines alone would call a curve that bends lapped."""
+    if lap.value is None or lap.std is None or any(edge.value is None for edge in edges):
+        return ""
+    dead = any(edge.relation == "=" for edge in edges)
+    clear = abs(lap.value) > COVERAGE_FACTOR * lap.std
+    if dead != (clear and lap.value > 0.0):
+        return "Lap class: none. The curve bends near null, so the straight lines do not show the edges."
+    if not clear:
+        return "Lap class: zero lap within its uncertainty."
+    return f"Lap class: {'overlapped' if lap.value > 0.0 else 'underlapped'}."
 
 
 def _edge(

@@ -62,6 +62,26 @@ SWEEPS: Mapping[str, str] = {
         "ISO 10770-1 linearity error within the gain's range: largest departure from its line, in % of the change of "
         "response between neutral and the end; the worse of the two sides."
     ),
+    "polarity": "Sign of the response at the upper end less that at the lower end.",
+    "null_bias": (
+        "ISO 10770-1 null bias (recollection): mean of the zero crossings of two straight lines, less neutral. These "
+        "are least-squares lines through the curve between the branches, from 20 % to 80 % of the response at an end. "
+        "Absent where the response does not pass zero."
+    ),
+    "lap": (
+        "ISO 10770-1 lap (recollection): distance between the zero crossings of the lines of `null_bias`. Above 0 "
+        "overlap, below 0 underlap. A curve that bends near its edge has its `dead_band` elsewhere."
+    ),
+    "saturation_positive": (
+        "From where to the end the curve stays flatter than half the slope of the line of `null_bias`. `>` the end "
+        "of the sweep where it does not."
+    ),
+    "saturation_negative": "The same below neutral; `<` there.",
+    "pressure_drop_high": (
+        "Supply less return pressure, less the size of the load pressure where that is recorded, while `response_high` "
+        "is read: the valve pressure drop of that rated flow. Absent where the bench has no `return pressure`."
+    ),
+    "pressure_drop_low": "The same of `response_low`.",
     "leakage": "Mean of the reading at neutral before the sweep.",
     "command_half": "Where the curve between the branches passes the middle of the responses at both ends.",
     "gain_largest": "Steepest slope of the curve between the branches.",

@@ -15,13 +15,14 @@ import numpy as np
 
 from hil.errors import SettingError
 from hil.identification.flow_curve import polynomial, spline
-from hil.record.measurement import Findings, Measurement
+from hil.record.measurement import Findings, Measured, Measurement
 from hil.record.recording import Array, Recording
 from hil.rig import Rig
 from hil.signals.ramps import ramp
-from procedures._characteristic import Characteristic, characteristic, steady, swept
+from procedures._characteristic import Characteristic, Swept, characteristic, steady, swept
 from procedures._course import Course, joined
 from procedures._definitions import SWEEPS, defined
+from procedures._pressure_drop import pressure_drops
 from procedures._recorded import calibration_std, departures, parts_of, roles_of
 from procedures._scale import Scale, check_at_least, check_stands, scale_of
 from procedures._settings import NotNegative, Once, Positive
@@ -37,6 +38,13 @@ MEASUREMENTS = defined(
     Measurement("gain_negative", "", "slope below neutral, 30 % to 90 % of the response there"),
     Measurement("symmetry", "", "gain of the weaker side over that of the stronger"),
     Measurement("linearity", "%", "largest departure from those slopes, in % of the response at the end"),
+    Measurement("polarity", "", "1 where more command makes more response, −1 where it makes less"),
+    Measurement("null_bias", "%", "command at which nothing flows, from neutral, in % of full command"),
+    Measurement("lap", "%", "overlap, below 0 underlap, in % of full command"),
+    Measurement("saturation_positive", "", "command above neutral from which the response rises no more"),
+    Measurement("saturation_negative", "", "command below neutral from which the response falls no more"),
+    Measurement("pressure_drop_high", "bar", "valve pressure drop of the response at the upper end"),
+    Measurement("pressure_drop_low", "bar", "valve pressure drop of the response at the lower end"),
     Measurement("leakage", "", "steady response at neutral, before the sweep"),
     Measurement(
         "command_half", "", "command at which half of the response is reached; for a command that goes one way"
@@ -105,12 +113,18 @@ def evaluate(recording: Recording) -> Findings:
     crept = sweeps.creep_per_s * (neutral["first"] + neutral["count"]) * recording.interval_s
     zero_std = math.hypot(zero_std, crept / math.sqrt(3.0))
     leakage = _BY_NAME["leakage"].at(unit=response.unit).of(zero, zero_std, calibration=calibration_std(response))
+    drops = pressure_drops(recording, parts[:2], _BY_NAME)
     return Findings(
-        measured=(*curve.measured, leakage),
+        measured=(*curve.measured, _polarity(sweeps), *drops, leakage),
         curves={"flow_curve": _curve(recording, curve)},
         notes=curve.notes,
         deviations=departures(recording),
     )
+
+
+def _polarity(sweeps: Swept) -> Measured:
+    """Of a curve whose ends differ beyond noise: without that there is no curve."""
+    return _BY_NAME["polarity"].of(math.copysign(1.0, sweeps.high.response - sweeps.low.response), 0.0)
 
 
 def _ends(scale: Scale, low: float | None, high: float | None) -> tuple[float, float]:

@@ -115,19 +115,27 @@ def side(estimate: SweepEstimate, neutral: float, zero: float, end: float, sign:
         first, last = (level_at(command[outwards], share, part) for part in (GAIN_FROM, GAIN_TO))
         if math.isnan(first) or math.isnan(last):
             raise InputError("flow curve: too few levels carry flow on one side of centre")
+        middle, level, gain = line_through(command, response[mine], first, last)
         places = np.linspace(first, last, _GAIN_POINTS)
-        values = np.interp(places, command, response[mine])
-        # over all commands between, not over so many points: whole weight at both ends would turn the line of a curve
-        # that bends
-        late, level = places - (first + last) / 2.0, float(_EVENLY @ values)
-        gain = float((_EVENLY * late) @ values / (_EVENLY @ late**2))
-        left = values - level - gain * late
+        left = np.interp(places, command, response[mine]) - level - gain * (places - middle)
         return gain, float(np.max(np.abs(left))) / abs(end - zero)
 
     found = line(estimate.response)
     redrawn = np.array([line(one) for one in estimate.responses])
     gain, departure = ((value, about(again, value)) for value, again in zip(found, redrawn.T, strict=True))
     return Side(_edge(estimate, neutral, zero, end, sign, step), gain, departure, redrawn[:, 1])
+
+
+def line_through(command: Array, response: Array, first: float, last: float) -> tuple[float, float, float]:
+    """(middle command, response there, slope) of the least-squares line over all commands from `first` to `last`.
+
+    Over all commands between, not over so many points: whole weight at both ends would turn the line of a curve that
+    bends.
+    """
+    places, middle = np.linspace(first, last, _GAIN_POINTS), (first + last) / 2.0
+    values, late = np.interp(places, command, response), places - middle
+    slope = float((_EVENLY * late) @ values / (_EVENLY @ late**2))
+    return middle, float(_EVENLY @ values), slope
 
 
 def level_at(levels: Array, values: Array, wanted: float) -> float:

@@ -56,6 +56,10 @@ _NOTES = (
         "The loop is {width} wide, at half speed {half} (each ± {u}): a lag of {lag} ms makes the difference and has "
         "been taken out of the curve."
     ),
+    marked("Lap class: overlapped."),
+    marked("Lap class: underlapped."),
+    marked("Lap class: zero lap within its uncertainty."),
+    marked("Lap class: none. The curve bends near null, so the straight lines do not show the edges."),
     marked("The response is steepest at {command}, {share} % of full command: a good bias for dynamic tests."),
     marked(
         "The response at one and the same end of the sweep changes by {change} from visit to visit: reading or valve "

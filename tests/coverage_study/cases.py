@@ -21,6 +21,8 @@ WITHOUT_TRUTH = {
     "rise_over_good": "a ratio to the good reference, held against it in `make acceptance-risk`",
     "bandwidth_over_good": "a ratio to the good reference",
     "deviation_from_good": "the thesis's own number; it grows with noise and duration, and is stated with both",
+    "pressure_drop_high": "no shipped bench reads a return pressure; held in tests/unit/test_flow_curve_null.py",
+    "pressure_drop_low": "the same",
     "reading": "what an input showed while an output was moved by hand",
 }
 MADE_OF = {

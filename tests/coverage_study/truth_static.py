@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -38,6 +39,7 @@ class Static:
     coulomb: float = 0.0
     stiction: float = 1.2
     play: float = 0.0
+    saturated: float = 100.0
 
     @property
     def short_of_ends(self) -> tuple[float, ...]:
@@ -121,8 +123,25 @@ def _two_sided(static: Static, short: float) -> Truths:
         "dead_band_positive": 20.0, "dead_band_negative": -20.0,
         "gain_positive": gains[1.0], "gain_negative": gains[-1.0],
         "symmetry": min(gains.values()) / max(gains.values()), "linearity": 100.0 * max(departures.values()),
-        "lag": static.lag_ms, "leakage": zero,
+        "lag": static.lag_ms, "leakage": zero, "polarity": 1.0, **_null(static, last),
     }  # fmt: skip
+
+
+def _null(static: Static, last: Mapping[float, float]) -> Truths:
+    """Null bias and lap by the lines through 20 to 80 % of each side; the curve is flat from nowhere on."""
+    crossings = {}
+    for side, end in last.items():
+        command = side * np.linspace(0.0, static.high, _POINTS)
+        response = static.curve(command)
+        body = (response / end >= 0.2) & (response / end <= 0.8)
+        gain, level = np.polyfit(command[body], response[body], 1)
+        crossings[side] = float(-level / gain)
+    return {
+        "null_bias": (crossings[1.0] + crossings[-1.0]) / 2.0,
+        "lap": crossings[1.0] - crossings[-1.0],
+        "saturation_positive": (static.saturated, math.inf),
+        "saturation_negative": (-math.inf, -static.saturated),
+    }
 
 
 def _between(truths: list[Truth]) -> Truth:
@@ -146,7 +165,7 @@ def _one_sided(static: Static, short: float) -> Truths:
         "hysteresis": _scaled(static.hysteresis, 100.0 / (static.high - static.low)),
         "command_half": float(np.interp((low + high) / 2.0, response, command)),
         "gain_largest": float(np.max(np.gradient(response, command))),
-        "lag": static.lag_ms, "leakage": float(response[0]),
+        "lag": static.lag_ms, "leakage": float(response[0]), "polarity": 1.0,
     }  # fmt: skip
 
 
