@@ -38,7 +38,7 @@ class ModuleDescription(Strict):
     @property
     def numbers(self) -> dict[str, int]:
         """The module's number of each channel, by terminal."""
-        return {one: told.first + i for name, told in self.terminals.items() for one, i in each(name, told)}
+        return {one: terminal.first + i for name, terminal in self.terminals.items() for one, i in each(name, terminal)}
 
     @property
     def ports(self) -> dict[str, Terminal]:
@@ -46,6 +46,6 @@ class ModuleDescription(Strict):
         return dict.fromkeys(self.numbers, self.channels.terminal)
 
 
-def module_faults(told: ModuleDescription) -> Iterator[tuple[Place, str]]:
+def module_faults(description: ModuleDescription) -> Iterator[tuple[Place, str]]:
     """Every fault with its place in the file."""
-    yield from name_faults(told.terminals)
+    yield from name_faults(description.terminals)

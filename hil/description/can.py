@@ -125,7 +125,7 @@ class CanDescription(Strict):
     @property
     def ports(self) -> dict[str, Terminal]:
         """What a bench can connect to."""
-        return {one: told.terminal for name, told in self.terminals.items() for one, _ in each(name, told)}
+        return {one: terminal.terminal for name, terminal in self.terminals.items() for one, _ in each(name, terminal)}
 
     def about(self, message: str) -> Message:
         """What holds for a message."""
@@ -158,43 +158,43 @@ def _database(path: str, _changed: int) -> Any:
     import cantools
 
     try:
-        told = dbc_text(read_small(Path(path)))
+        dbc = dbc_text(read_small(Path(path)))
         found: Any = cantools.database.load_string(
-            told.text if told.text.strip() else 'VERSION ""\n', database_format="dbc", strict=False
+            dbc.text if dbc.text.strip() else 'VERSION ""\n', database_format="dbc", strict=False
         )
     except FileError:
         raise
     except Exception as error:  # the library raises what its parsers do
         raise FileError(f"{path}: not a DBC file: {' '.join(str(error).split())}") from None
-    found.left_out = tuple(told.left_out)
+    found.left_out = tuple(dbc.left_out)
     return found
 
 
-def can_faults(told: CanDescription) -> Iterator[tuple[Place, str]]:
+def can_faults(description: CanDescription) -> Iterator[tuple[Place, str]]:
     """Every fault with its place in the file; the text says what is allowed."""
-    yield from name_faults(told.terminals)
+    yield from name_faults(description.terminals)
     if not is_installed("cantools"):
         return
     try:
-        found = told.database
+        found = description.database
     except FileError as error:
         yield ("dbc",), str(error)
         return
     known = {message.name: {signal.name: signal for signal in message.signals} for message in found.messages}
-    for name, terminal in told.terminals.items():
+    for name, terminal in description.terminals.items():
         place: Place = ("terminals", name)
         yield from _signal(place, terminal.message, terminal.signal, known)
         if terminal.count > 1:
             yield (*place, "count"), "signals have names: describe each terminal"
         yield from ((place, text) for text in _invalid(terminal))
         if terminal.direction == "out":
-            yield from ((place, text) for text in _page(terminal, told.about(terminal.message), known))
+            yield from ((place, text) for text in _page(terminal, description.about(terminal.message), known))
         if terminal.direction == "in" and terminal.read_back is not None:
             yield (*place, "read_back"), "belongs to an output; take this away"
         if terminal.read_back is not None:
             back = terminal.read_back
             yield from _signal((*place, "read_back"), back.message, back.signal, known)
-    for name, message in told.messages.items():
+    for name, message in description.messages.items():
         if name not in known:
             yield ("messages", name), f"no message '{name}'; there are: {_some(known)}"
             continue
@@ -208,8 +208,8 @@ def can_faults(told: CanDescription) -> Iterator[tuple[Place, str]]:
             signal_ = known[name][message.checksum.signal]
             if signal_.length != 8 or signal_.start % 8 not in (0, 7):
                 yield ("messages", name, "checksum", "signal"), "is not a whole byte"
-    sends = [t for t in told.terminals.values() if t.direction == "out"]
-    if told.watchdog is not None and not sends:
+    sends = [t for t in description.terminals.values() if t.direction == "out"]
+    if description.watchdog is not None and not sends:
         yield ("watchdog",), "there is no output that it could be for; take this away"
 
 

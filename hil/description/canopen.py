@@ -173,12 +173,12 @@ class CanopenDescription(Strict):
     @property
     def ports(self) -> dict[str, Terminal]:
         """What a bench can connect to."""
-        return {name: told.terminal for name, told in self.by_name.items()}
+        return {name: terminal.terminal for name, terminal in self.by_name.items()}
 
     @cached_property
     def by_name(self) -> dict[str, CanopenTerminal]:
         """Every terminal by its own name, rows laid out."""
-        return {one: told.of_row(i) for name, told in self.terminals.items() for one, i in each(name, told)}
+        return {one: terminal.of_row(i) for name, terminal in self.terminals.items() for one, i in each(name, terminal)}
 
     @property
     def dictionary(self) -> Any:
@@ -206,16 +206,16 @@ def _dictionary(path: str, _changed: int) -> Any:
     from canopen.objectdictionary.eds import import_eds
 
     try:
-        told = eds_text(read_small(Path(path)))
+        eds = eds_text(read_small(Path(path)))
         read: Any = import_eds
-        found = read(StringIO(told.text), 0)  # identifiers without the node, which is added where they are used
+        found = read(StringIO(eds.text), 0)  # identifiers without the node, which is added where they are used
     except FileError:
         raise
     except Exception as error:  # the library raises what its parser does
         raise FileError(f"{path}: not an EDS or DCF: {' '.join(str(error).split())}") from None
     if not len(found):
         raise FileError(f"{path}: not an EDS or DCF: no object in it")
-    found.node_id, found.left_out = told.node, tuple(told.left_out)
+    found.node_id, found.left_out = eds.node, tuple(eds.left_out)
     return found
 
 
@@ -230,17 +230,17 @@ def variable(objects: Any, place: tuple[int, int]) -> Any:
     return found.get(sub)
 
 
-def canopen_faults(told: CanopenDescription) -> Iterator[tuple[Place, str]]:
+def canopen_faults(description: CanopenDescription) -> Iterator[tuple[Place, str]]:
     """Every fault with its place in the file; the text says what is allowed."""
-    yield from name_faults(told.terminals)
+    yield from name_faults(description.terminals)
     if not is_installed("canopen"):
         return
     try:
-        objects = told.dictionary
+        objects = description.dictionary
     except FileError as error:
         yield ("eds",), str(error)
         return
-    for name, terminal in told.terminals.items():
+    for name, terminal in description.terminals.items():
         found = variable(objects, terminal.place)
         yield from ((("terminals", name, "object"), text) for text in _object(found, terminal))
         for i, flag in enumerate(terminal.status):
@@ -251,11 +251,14 @@ def canopen_faults(told: CanopenDescription) -> Iterator[tuple[Place, str]]:
         if terminal.count > 1 and terminal.field is None:
             yield ("terminals", name, "count"), "a row stands in the bits of one object; describe each object"
         yield from ((("terminals", name, key), text) for key, text in _part(found, terminal))
-    yield from _overlaps(told)
-    for i, value in enumerate(told.setup):
+    yield from _overlaps(description)
+    for i, value in enumerate(description.setup):
         if (found := variable(objects, place_of(value.object))) is None or not found.writable:
-            yield ("setup", i, "object"), f"{value.object}: no object of {Path(told.eds).name} that can be written"
-    if told.watchdog is not None and variable(objects, (0x1016, 1)) is None:
+            yield (
+                ("setup", i, "object"),
+                f"{value.object}: no object of {Path(description.eds).name} that can be written",
+            )
+    if description.watchdog is not None and variable(objects, (0x1016, 1)) is None:
         yield ("watchdog",), "the file has no object 1016.1: the node watches no heartbeat; take this away"
 
 
@@ -290,10 +293,10 @@ def _part(found: Any, terminal: CanopenTerminal) -> Iterator[tuple[str, str]]:
         yield key, f"{terminal.object} can only be written: a part of it goes with the rest, which must be read"
 
 
-def _overlaps(told: CanopenDescription) -> Iterator[tuple[Place, str]]:
+def _overlaps(description: CanopenDescription) -> Iterator[tuple[Place, str]]:
     """Two outputs in one bit: the one would drive the other."""
     taken: dict[tuple[tuple[int, int], int], str] = {}
-    for name, terminal in told.terminals.items():
+    for name, terminal in description.terminals.items():
         if terminal.direction != "out":
             continue
         lowest, width = terminal.field or (0, 32)

@@ -78,13 +78,13 @@ def _sections(text: str, left_out: list[str]) -> dict[str, Section]:
     found: dict[str, Section] = {}
     here: Section | None = None
     for number, line in enumerate(text.splitlines(), start=1):
-        said = line.strip()
-        if not said or said[0] in ";#/":
+        stripped = line.strip()
+        if not stripped or stripped[0] in ";#/":
             continue
-        if said[0] == "[":
-            here = found.setdefault(said[1:].partition("]")[0].strip().lower(), {})
+        if stripped[0] == "[":
+            here = found.setdefault(stripped[1:].partition("]")[0].strip().lower(), {})
             continue
-        key, equals, value = said.partition("=")
+        key, equals, value = stripped.partition("=")
         if here is None or not equals:
             left_out.append(f"line {number}: no KEY=VALUE")
             continue
@@ -233,8 +233,8 @@ def _device(about: Section) -> Section:
     return names | {key: f"{number:#x}" for key, number in numbers.items() if number is not None}
 
 
-def _dummies(said: Section) -> Section:
-    by_name = {key.lower(): value for key, value in said.items()}
+def _dummies(section: Section) -> Section:
+    by_name = {key.lower(): value for key, value in section.items()}
     return {f"Dummy{i:04d}": str(int(_number(by_name.get(f"dummy{i:04d}", "")) == 1)) for i in range(1, 8)}
 
 

@@ -59,9 +59,9 @@ def from_dbc(path: Path) -> Iterator[str]:
 
 def _none_by_name(signal: Any) -> Iterator[str]:
     """Counts of a quantity whose names say that they are no measurement; of a state every count has a name."""
-    names = {count: str(said) for count, said in (signal.choices or {}).items()}
-    none = {count: said for count, said in names.items() if _NONE.search(said)}
+    names = {count: str(name) for count, name in (signal.choices or {}).items()}
+    none = {count: name for count, name in names.items() if _NONE.search(name)}
     if none:
-        told = ", ".join(f'"{count}" = {json.dumps(said)}' for count, said in none.items())
+        pairs = ", ".join(f'"{count}" = {json.dumps(name)}' for count, name in none.items())
         is_quantity = signal.length >= 8 and len(names) <= 8
-        yield f"{'' if is_quantity else '# '}invalid = {{ {told} }}   {GAP} by their names: are they no measurement?"
+        yield f"{'' if is_quantity else '# '}invalid = {{ {pairs} }}   {GAP} by their names: are they no measurement?"

@@ -66,8 +66,8 @@ def from_table(path: Path) -> Iterator[str]:
     for row, address in zip(rows, addresses, strict=True):
         if address is not None:
             yield from _row(row, columns, address, by_number, names)
-        elif said := row[columns["address"]]:
-            yield from ("", f"{GAP} '{_cell(row, columns, 'name')}' is left out: its address {said} is not understood")
+        elif cell := row[columns["address"]]:
+            yield from ("", f"{GAP} '{_cell(row, columns, 'name')}' is left out: its address {cell} is not understood")
     yield ""
     yield f"{GAP} [watchdog], where it has outputs: how it is armed, and where they go"
 
@@ -75,10 +75,10 @@ def from_table(path: Path) -> Iterator[str]:
 def _row(
     row: Sequence[str], columns: Mapping[str, int], address: int, by_number: bool, names: set[str]
 ) -> Iterator[str]:
-    said, channel = _cell(row, columns, "name") or f"register {address}", _cell(row, columns, "channel")
+    cell, channel = _cell(row, columns, "name") or f"register {address}", _cell(row, columns, "channel")
     form = _type(_cell(row, columns, "type"))
     count = _count(row[columns["address"]], address, form)
-    numbered, first = _numbered(said) if count > 1 else (said, 0)
+    numbered, first = _numbered(cell) if count > 1 else (cell, 0)
     name = unique(f"{numbered} {channel}" if channel else numbered, names).replace(_HERE, "{n}")
     access = _cell(row, columns, "access").lower()
     yield ""
@@ -91,18 +91,18 @@ def _row(
     yield unit_line(_cell(row, columns, "unit"), "unit" in columns)
     yield from range_line(_cell(row, columns, "low"), _cell(row, columns, "high"))
     if not by_number:
-        said = _cell(row, columns, "table").lower()
-        table = next((found for word, found in _TABLES if word in said), "")
+        cell = _cell(row, columns, "table").lower()
+        table = next((found for word, found in _TABLES if word in cell), "")
         yield f'table = "{table}"' if table else f'table = "holding"   {GAP} holding (function 3) or input (4)?'
     yield f"address = {address}"
-    told = f'type = "{form or _wide(_cell(row, columns, "type"))}"'
-    said = _cell(row, columns, "type")
-    yield told if form else f"{told}   {GAP} the table says {repr(said) if said else 'nothing'}"
-    scale, said = number_in(_cell(row, columns, "scale")), _cell(row, columns, "scale")
+    line = f'type = "{form or _wide(_cell(row, columns, "type"))}"'
+    cell = _cell(row, columns, "type")
+    yield line if form else f"{line}   {GAP} the table says {repr(cell) if cell else 'nothing'}"
+    scale, cell = number_in(_cell(row, columns, "scale")), _cell(row, columns, "scale")
     if scale is not None:
         yield f"slope = {scale:g}" + ("" if scale < 1 else f"   {GAP} or divide by it?")
-    elif said or "scale" not in columns:
-        yield f"slope = 1.0   {GAP} unit per count{f'; the table says {said}' if said else ''}"
+    elif cell or "scale" not in columns:
+        yield f"slope = 1.0   {GAP} unit per count{f'; the table says {cell}' if cell else ''}"
     if (offset := number_in(_cell(row, columns, "offset"))) is not None:
         yield f"offset = {offset:g}"
 
@@ -127,12 +127,12 @@ def _table(path: Path) -> tuple[list[list[str]], dict[str, int]]:
 
 
 def _columns(row: Sequence[str]) -> dict[str, int]:
-    said = [re.sub(r"[\[(].*", "", cell).strip().lower() for cell in row]
+    cell = [re.sub(r"[\[(].*", "", cell).strip().lower() for cell in row]
     found: dict[str, int] = {}
     for is_it in (str.__eq__, _begins):  # a heading of one word goes before one that only begins with it
         for key, words in _COLUMNS.items():
-            free = [i for i in range(len(said)) if i not in found.values()]
-            at = next((i for word in words for i in free if is_it(said[i], word)), None)
+            free = [i for i in range(len(cell)) if i not in found.values()]
+            at = next((i for word in words for i in free if is_it(cell[i], word)), None)
             if at is not None:
                 found.setdefault(key, at)
     return found
@@ -163,10 +163,10 @@ def _count(text: str, address: int, form: str) -> int:
     return max(1, registers // words)
 
 
-def _numbered(said: str) -> tuple[str, int]:
+def _numbered(cell: str) -> tuple[str, int]:
     """A name with a place for the number, and the first one: `Channel 1-8 data` is `Channel {n} data` from 1."""
-    found = re.search(r"(\d+)" + _TO + r"\d+", said)
-    return (f"{said[: found.start()]}{_HERE}{said[found.end() :]}", int(found[1])) if found else (f"{said} {_HERE}", 1)
+    found = re.search(r"(\d+)" + _TO + r"\d+", cell)
+    return (f"{cell[: found.start()]}{_HERE}{cell[found.end() :]}", int(found[1])) if found else (f"{cell} {_HERE}", 1)
 
 
 def _number(word: str) -> int:

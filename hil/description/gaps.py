@@ -40,13 +40,13 @@ def range_line(low: str, high: str) -> Iterator[str]:
         yield f"# range = [0, 0]   {GAP} lowest and highest value, in the unit"
 
 
-def unit_line(said: str, there: bool, where: str = "table") -> str:
+def unit_line(stated: str, there: bool, where: str = "table") -> str:
     """A unit, or the gap where none is said or known."""
-    unit = _SAME_UNITS.get(said.lower(), said)
+    unit = _SAME_UNITS.get(stated.lower(), stated)
     try:
         check_unit(unit)
     except UnitError:
-        return f'unit = "1"   {GAP} {said!r} is no unit that is known here'
+        return f'unit = "1"   {GAP} {stated!r} is no unit that is known here'
     return f'unit = "{unit}"' if there else f'unit = "1"   {GAP} the {where} says none'
 
 

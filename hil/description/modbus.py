@@ -235,42 +235,49 @@ class ModbusDescription(Strict):
     @property
     def ports(self) -> dict[str, Terminal]:
         """What a bench can connect to."""
-        return {one: self.kind_of(told) for name, told in self.terminals.items() for one, _ in each(name, told)}
+        return {
+            one: self.kind_of(terminal) for name, terminal in self.terminals.items() for one, _ in each(name, terminal)
+        }
 
     @property
     def outputs(self) -> list[str]:
         """Names of outputs."""
-        return [one for name, told in self.terminals.items() if told.direction == "out" for one, _ in each(name, told)]
+        return [
+            one
+            for name, terminal in self.terminals.items()
+            if terminal.direction == "out"
+            for one, _ in each(name, terminal)
+        ]
 
-    def kind_of(self, told: ModbusTerminal) -> Terminal:
+    def kind_of(self, terminal: ModbusTerminal) -> Terminal:
         """As a bench connects to it; one bit is digital where nothing else is said."""
-        one = told.terminal
-        is_bit = told.kind is None and (self.form_of(told) == "bit" or told.bit is not None)
+        one = terminal.terminal
+        is_bit = terminal.kind is None and (self.form_of(terminal) == "bit" or terminal.bit is not None)
         return Terminal(one.direction, "digital", one.unit, one.low, one.high, one.over) if is_bit else one
 
-    def place_of(self, told: ModbusTerminal, i: int = 0) -> tuple[Table, int]:
+    def place_of(self, terminal: ModbusTerminal, i: int = 0) -> tuple[Table, int]:
         """Table and wire address of the i-th of a row."""
-        table, address = on_the_wire(told.address, told.table, self.modbus.addresses)
-        return table, address + i * (told.step or WORDS[self.form_of(told)])
+        table, address = on_the_wire(terminal.address, terminal.table, self.modbus.addresses)
+        return table, address + i * (terminal.step or WORDS[self.form_of(terminal)])
 
-    def form_of(self, told: ModbusTerminal) -> Type:
+    def form_of(self, terminal: ModbusTerminal) -> Type:
         """The type of a terminal: a bit where the table has nothing else."""
-        table, _ = on_the_wire(told.address, told.table, self.modbus.addresses)
-        return told.type or ("bit" if table in BITS else "u16")
+        table, _ = on_the_wire(terminal.address, terminal.table, self.modbus.addresses)
+        return terminal.type or ("bit" if table in BITS else "u16")
 
     def wire(self, place: Place) -> tuple[Table, int]:
         """Table and wire address of a place beside the terminals; a holding register if not said."""
         table = place.table or ("holding" if self.modbus.addresses == "wire" else None)
         return on_the_wire(place.address, table, self.modbus.addresses)
 
-    def read_back_of(self, told: ModbusTerminal, i: int = 0) -> tuple[Table, int] | None:
+    def read_back_of(self, terminal: ModbusTerminal, i: int = 0) -> tuple[Table, int] | None:
         """Where an output is read back; None where it cannot be."""
-        said, (table, address) = told.read_back, self.place_of(told, i)
-        if said is None:
+        stated, (table, address) = terminal.read_back, self.place_of(terminal, i)
+        if stated is None:
             return table, address
-        if said is False:
+        if stated is False:
             return None
         by_number = self.modbus.addresses == "40001"
-        place = said if isinstance(said, Place) else Place(address=said, table=None if by_number else table)
+        place = stated if isinstance(stated, Place) else Place(address=stated, table=None if by_number else table)
         table_there, there = self.wire(place)
-        return table_there, there + address - self.place_of(told)[1]
+        return table_there, there + address - self.place_of(terminal)[1]

@@ -10,21 +10,21 @@ from hil.description.modbus import WORDS, Flag, ModbusDescription, ModbusTermina
 from hil.description.modbus_place import BITS, Table
 from hil.description.terminal import name_faults
 
-Told = tuple[Where, str]
+Fault = tuple[Where, str]
 
 
-def modbus_faults(told: ModbusDescription) -> Iterator[Told]:
+def modbus_faults(description: ModbusDescription) -> Iterator[Fault]:
     """Every fault with its place in the file; the text says what is allowed."""
-    yield from name_faults(told.terminals)
+    yield from name_faults(description.terminals)
     sound = True
-    for name, terminal in told.terminals.items():
-        for key, text in _terminal(told, terminal):
+    for name, terminal in description.terminals.items():
+        for key, text in _terminal(description, terminal):
             sound = False
             yield ("terminals", name, *key), text
-    outputs = told.outputs if sound else []
-    for where, place in _places(told):
+    outputs = description.outputs if sound else []
+    for where, place in _places(description):
         try:
-            table, _ = told.wire(place)
+            table, _ = description.wire(place)
         except ValueError as error:
             yield (*where, "address"), str(error)
             continue
@@ -34,23 +34,26 @@ def modbus_faults(told: ModbusDescription) -> Iterator[Told]:
             yield (*where, "bit"), f"a {table} is one bit; take this away"
     if not outputs and sound:
         for section in ("watchdog", "safe_mode", "enable"):
-            if getattr(told, section) is not None:
+            if getattr(description, section) is not None:
                 yield (section,), "there is no output that it could be for; take this away"
 
 
-def _terminal(told: ModbusDescription, terminal: ModbusTerminal) -> Iterator[Told]:
+def _terminal(description: ModbusDescription, terminal: ModbusTerminal) -> Iterator[Fault]:
     try:
-        table, _ = told.place_of(terminal)
-        _, last = told.place_of(terminal, terminal.count - 1)
-        form, is_bit = told.form_of(terminal), table in BITS
+        table, _ = description.place_of(terminal)
+        _, last = description.place_of(terminal, terminal.count - 1)
+        form, is_bit = description.form_of(terminal), table in BITS
     except ValueError as error:
         yield ("address",), str(error)
         return
     if last + WORDS[form] - 1 > 0xFFFF:
         yield ("address",), f"{terminal.address}: its last register would be {last + WORDS[form] - 1}, beyond 65535"
     for key in ("longest_read", "longest_write"):
-        if getattr(told.modbus, key) < WORDS[form]:
-            yield ("type",), f"'{form}' takes {WORDS[form]} registers, more than {key} = {getattr(told.modbus, key)}"
+        if getattr(description.modbus, key) < WORDS[form]:
+            yield (
+                ("type",),
+                f"'{form}' takes {WORDS[form]} registers, more than {key} = {getattr(description.modbus, key)}",
+            )
     if is_bit and form != "bit":
         yield ("type",), f"'{form}': a {table} is a bit; take type away"
     if not is_bit and form == "bit":
@@ -61,10 +64,10 @@ def _terminal(told: ModbusDescription, terminal: ModbusTerminal) -> Iterator[Tol
     yield from _field(terminal, form)
     yield from _order(terminal, form)
     if terminal.direction == "out":
-        yield from _output(told, terminal, table, form)
+        yield from _output(description, terminal, table, form)
 
 
-def _field(terminal: ModbusTerminal, form: Type) -> Iterator[Told]:
+def _field(terminal: ModbusTerminal, form: Type) -> Iterator[Fault]:
     if terminal.field is None:
         return
     key, (lowest, width) = "bit" if terminal.bit is not None else "bits", terminal.field
@@ -74,13 +77,13 @@ def _field(terminal: ModbusTerminal, form: Type) -> Iterator[Told]:
         yield (key,), f"lowest and highest bit of 0 … {16 * WORDS[form] - 1}, the lowest first"
 
 
-def _order(terminal: ModbusTerminal, form: Type) -> Iterator[Told]:
+def _order(terminal: ModbusTerminal, form: Type) -> Iterator[Fault]:
     order, words = terminal.byte_order, WORDS[form]
     if order is not None and (order in get_args(Order)) != (words > 1):
         yield ("byte_order",), f"'{order}': AB or BA for one register, ABCD, CDAB, BADC or DCBA for several"
 
 
-def _output(told: ModbusDescription, terminal: ModbusTerminal, table: Table, form: Type) -> Iterator[Told]:
+def _output(description: ModbusDescription, terminal: ModbusTerminal, table: Table, form: Type) -> Iterator[Fault]:
     if table in ("input", "discrete"):
         yield ("address",), f"an output stands in a coil or a holding register; a {table} one can only be read"
         return
@@ -89,7 +92,7 @@ def _output(told: ModbusDescription, terminal: ModbusTerminal, table: Table, for
     elif terminal.write == 6 and WORDS[form] > 1:
         yield ("write",), "6 writes one register; this type takes several: say 16"
     try:
-        back = told.read_back_of(terminal)
+        back = description.read_back_of(terminal)
     except ValueError as error:
         yield ("read_back",), str(error)
         return
@@ -99,7 +102,7 @@ def _output(told: ModbusDescription, terminal: ModbusTerminal, table: Table, for
         yield ("read_back",), "part of a register is written with the rest of it, which must be read: take this away"
 
 
-def _write(where: Where, write: Write, table: Table, outputs: list[str]) -> Iterator[Told]:
+def _write(where: Where, write: Write, table: Table, outputs: list[str]) -> Iterator[Fault]:
     if table in ("input", "discrete"):
         yield (*where, "address"), f"a {table} one can only be read; coils and holding registers are written"
     if (terminal := safe_of(write.value)) and outputs and terminal not in outputs:
@@ -109,19 +112,19 @@ def _write(where: Where, write: Write, table: Table, outputs: list[str]) -> Iter
         yield (*where, "value"), f"{write.value}: a {table} takes 0 … {limit}"
 
 
-def _places(told: ModbusDescription) -> Iterator[tuple[Where, Place]]:
+def _places(description: ModbusDescription) -> Iterator[tuple[Where, Place]]:
     """Every place beside the terminals, and where it stands in the file."""
-    for i, write in enumerate(told.watchdog.arm if told.watchdog else ()):
+    for i, write in enumerate(description.watchdog.arm if description.watchdog else ()):
         yield ("watchdog", "arm", i), write
-    if told.safe_mode is not None:
-        yield ("safe_mode", "status"), told.safe_mode.status
-        yield ("safe_mode", "clear"), told.safe_mode.clear
-    if told.enable is not None:
-        yield from ((("enable", "write", i), write) for i, write in enumerate(told.enable.write))
-        yield from ((("enable", "disable", i), write) for i, write in enumerate(told.enable.disable))
-        yield from [(("enable", "ready"), told.enable.ready)] if told.enable.ready else []
-    if told.faults is not None:
-        yield from ((("faults", "flags", i), flag) for i, flag in enumerate(told.faults.flags))
-        yield from ((("faults", "clear", i), write) for i, write in enumerate(told.faults.clear))
-    for name, terminal in told.terminals.items():
+    if description.safe_mode is not None:
+        yield ("safe_mode", "status"), description.safe_mode.status
+        yield ("safe_mode", "clear"), description.safe_mode.clear
+    if description.enable is not None:
+        yield from ((("enable", "write", i), write) for i, write in enumerate(description.enable.write))
+        yield from ((("enable", "disable", i), write) for i, write in enumerate(description.enable.disable))
+        yield from [(("enable", "ready"), description.enable.ready)] if description.enable.ready else []
+    if description.faults is not None:
+        yield from ((("faults", "flags", i), flag) for i, flag in enumerate(description.faults.flags))
+        yield from ((("faults", "clear", i), write) for i, write in enumerate(description.faults.clear))
+    for name, terminal in description.terminals.items():
         yield from ((("terminals", name, "status", i), flag) for i, flag in enumerate(terminal.status))

@@ -69,10 +69,10 @@ def ports_of(settings: Described, protocol: str) -> dict[str, Terminal]:
         return {}
 
 
-def expired_levels(told: CanDescription | CanopenDescription) -> dict[str, float]:
+def expired_levels(description: CanDescription | CanopenDescription) -> dict[str, float]:
     """Where all outputs of a device go when its watchdog expires, by terminal; nothing where that is not said."""
-    outputs = [name for name, port in told.ports.items() if port.direction == "out"]
-    return {} if told.watchdog is None else dict.fromkeys(outputs, told.watchdog.expires_to)
+    outputs = [name for name, port in description.ports.items() if port.direction == "out"]
+    return {} if description.watchdog is None else dict.fromkeys(outputs, description.watchdog.expires_to)
 
 
 def _described(settings: Described, protocol: str) -> Description:

@@ -94,22 +94,22 @@ class DescribedTerminal(Strict):
         return self.kind or _KINDS.get(self.unit, "value")
 
 
-def each(name: str, told: DescribedTerminal) -> Iterator[tuple[str, int]]:
+def each(name: str, terminal: DescribedTerminal) -> Iterator[tuple[str, int]]:
     """The names of the terminals that an entry stands for, and the place of each among them."""
-    for i in range(told.count):
-        yield name.replace(_NUMBER, str(told.first + i)), i
+    for i in range(terminal.count):
+        yield name.replace(_NUMBER, str(terminal.first + i)), i
 
 
 def name_faults(terminals: Mapping[str, DescribedTerminal]) -> Iterator[tuple[tuple[str, ...], str]]:
     """A row without a number in its name, one alone with it, a name that stands twice."""
     seen: set[str] = set()
-    for name, told in terminals.items():
-        if told.count > 1 and _NUMBER not in name:
+    for name, terminal in terminals.items():
+        if terminal.count > 1 and _NUMBER not in name:
             yield (
                 ("terminals", name, "count"),
-                f"{told.count} terminals need {_NUMBER} in their name, such as ai{_NUMBER}",
+                f"{terminal.count} terminals need {_NUMBER} in their name, such as ai{_NUMBER}",
             )
-        for one, _ in each(name, told):
-            if one in seen and (told.count == 1 or _NUMBER in name):
+        for one, _ in each(name, terminal):
+            if one in seen and (terminal.count == 1 or _NUMBER in name):
                 yield ("terminals", name), f"there is a terminal '{one}' already"
             seen.add(one)

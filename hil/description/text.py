@@ -117,42 +117,44 @@ class TextDescription(Strict):
     @property
     def ports(self) -> dict[str, Terminal]:
         """What a bench can connect to."""
-        return {one: told.terminal for name, told in self.terminals.items() for one, _ in each(name, told)}
+        return {one: terminal.terminal for name, terminal in self.terminals.items() for one, _ in each(name, terminal)}
 
     @property
     def whole(self) -> dict[str, TextTerminal]:
         """Every terminal by its name, `{n}` filled in."""
-        return {one: _numbered(told, told.first + i) for name, told in self.terminals.items()
-                for one, i in each(name, told)}  # fmt: skip
+        return {one: _numbered(terminal, terminal.first + i) for name, terminal in self.terminals.items()
+                for one, i in each(name, terminal)}  # fmt: skip
 
     @property
     def not_read_back(self) -> set[str]:
         """Outputs that cannot be asked where they stand."""
-        return {name for name, told in self.whole.items() if told.direction == "out" and not told.ask}
+        return {name for name, terminal in self.whole.items() if terminal.direction == "out" and not terminal.ask}
 
 
-def _numbered(told: TextTerminal, n: int) -> TextTerminal:
+def _numbered(terminal: TextTerminal, n: int) -> TextTerminal:
     def filled(text: str) -> str:
         return HOLE.sub(lambda hole: format(n, hole[2] or "d") if hole[1] == "n" else hole[0], text)
 
-    return told.model_copy(update={key: filled(getattr(told, key)) for key in ("tell", "reply", "ask", "answer")})
+    return terminal.model_copy(
+        update={key: filled(getattr(terminal, key)) for key in ("tell", "reply", "ask", "answer")}
+    )
 
 
-def text_faults(told: TextDescription) -> Iterator[tuple[Place, str]]:
+def text_faults(description: TextDescription) -> Iterator[tuple[Place, str]]:
     """Every fault with its place in the file; the text says what is allowed."""
-    yield from name_faults(told.terminals)
-    for name, terminal in told.terminals.items():
-        for key, text in _terminal(told, terminal):
+    yield from name_faults(description.terminals)
+    for name, terminal in description.terminals.items():
+        for key, text in _terminal(description, terminal):
             yield ("terminals", name, key), text
-    outputs = [name for name, terminal in told.whole.items() if terminal.direction == "out"]
-    for i, line in enumerate(told.watchdog.arm if told.watchdog else ()):
+    outputs = [name for name, terminal in description.whole.items() if terminal.direction == "out"]
+    for i, line in enumerate(description.watchdog.arm if description.watchdog else ()):
         for text in (*_form_faults(line), *_safe_faults(line, outputs)):
             yield ("watchdog", "arm", i), text
-    if told.watchdog is not None and not outputs:
+    if description.watchdog is not None and not outputs:
         yield ("watchdog",), "there is no output that it could be for; take this away"
 
 
-def _terminal(told: TextDescription, terminal: TextTerminal) -> Iterator[tuple[str, str]]:
+def _terminal(description: TextDescription, terminal: TextTerminal) -> Iterator[tuple[str, str]]:
     if terminal.direction == "out" and not terminal.tell:
         yield "tell", "is missing: what sets this output, such as 'VOLT {value:.3f}'"
     if terminal.direction == "in":
@@ -161,7 +163,7 @@ def _terminal(told: TextDescription, terminal: TextTerminal) -> Iterator[tuple[s
         for key in ("tell", "reply", "close"):
             if getattr(terminal, key):
                 yield key, "belongs to an output; take this away"
-    if told.protocol == "scpi" and terminal.reply:
+    if description.protocol == "scpi" and terminal.reply:
         yield "reply", "a SCPI instrument says nothing to what it is told; take this away"
     for key in ("tell", "reply", "ask", "answer"):
         text = getattr(terminal, key)
