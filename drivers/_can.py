@@ -7,7 +7,7 @@ from contextlib import suppress
 from textwrap import shorten
 from typing import Any
 
-from drivers._edge import quiet, said_by
+from drivers._edge import message_of, quiet
 from hil.daq.connection import close, connect, guard
 from hil.errors import DeviceLostError
 
@@ -87,4 +87,4 @@ def gone(bus: Any, address: str, error: Exception) -> DeviceLostError:
     """
     with suppress(Exception):
         bus.serialPortOrig.reset_output_buffer()
-    return DeviceLostError(f"{address}: the bus is gone: {said_by(error) or type(error).__name__}")
+    return DeviceLostError(f"{address}: the bus is gone: {message_of(error) or type(error).__name__}")

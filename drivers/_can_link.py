@@ -32,24 +32,24 @@ class CanLink(DeviceLink):
 
     _remedy = ""  # that commands end makes it safe, whatever the bench file says
 
-    def __init__(self, settings: BusSettings, wiring: Wiring, told: CanDescription) -> None:
-        self._settings, self._j1939 = settings, told.j1939
-        self._outputs = {c.terminal: told.terminals[c.terminal] for c in wiring.outputs.values()}
-        self._inputs = {c.terminal: told.terminals[c.terminal] for c in wiring.inputs.values()}
-        self._sent = sent_messages(told, self._outputs)
+    def __init__(self, settings: BusSettings, wiring: Wiring, description: CanDescription) -> None:
+        self._settings, self._j1939 = settings, description.j1939
+        self._outputs = {c.terminal: description.terminals[c.terminal] for c in wiring.outputs.values()}
+        self._inputs = {c.terminal: description.terminals[c.terminal] for c in wiring.inputs.values()}
+        self._sent = sent_messages(description, self._outputs)
         self._backs = {name: t.read_back for name, t in self._outputs.items() if t.read_back is not None}
         backs = {back.message for back in self._backs.values()}
-        self._received = received_messages(told, {t.message for t in self._inputs.values()} | backs)
+        self._received = received_messages(description, {t.message for t in self._inputs.values()} | backs)
         every_s = min((s.about.every_s for s in self._sent.values() if s.about.every_s), default=None)
-        ages = [told.about(t.message).every_s or 0.0 for t in self._inputs.values()]
-        self._patience_s = [told.about(t.message).timeout_s for t in self._inputs.values()]
+        ages = [description.about(t.message).every_s or 0.0 for t in self._inputs.values()]
+        self._patience_s = [description.about(t.message).timeout_s for t in self._inputs.values()]
         self.reading_age_s = max(ages, default=0.0) / 2.0
         self._commanded_s: float | None = None
         super().__init__(
-            wiring, told.watchdog.time_s if told.watchdog else None,
-            expires_to=told.watchdog.expires_to if told.watchdog else None, longest_reply_s=settings.longest_reply_s,
+            wiring, description.watchdog.time_s if description.watchdog else None,
+            expires_to=description.watchdog.expires_to if description.watchdog else None, longest_reply_s=settings.longest_reply_s,
             close={n: (t.close or 0.0) + 1e-9 * max(map(abs, t.range)) for n, t in self._outputs.items()},
-            told_each_s=max((told.about(message).every_s or _EVERY_S for message in backs), default=0.0),
+            told_each_s=max((description.about(message).every_s or _EVERY_S for message in backs), default=0.0),
         )  # fmt: skip
         self.keep_alive_s = min(every_s or _EVERY_S, (self.watchdog_s or math.inf) / 3.0)
         self._open()
@@ -65,8 +65,8 @@ class CanLink(DeviceLink):
         for name, back in asked.items():
             if self._came_s(back) <= begun_s:
                 raise LinkError(f"no {back.message}.{back.signal} since the last command")
-            if math.isfinite(said := self._said(self._outputs[name], back)):
-                found[name] = said
+            if math.isfinite(value := self._received_value(self._outputs[name], back)):
+                found[name] = value
         return found
 
     def close(self) -> None:
@@ -100,22 +100,22 @@ class CanLink(DeviceLink):
         try:
             self.unmeasured = {name: why for name, t in self._inputs.items()
                                if (why := self._received[t.message].why_none(t))}  # fmt: skip
-            return {name: self._said(t, t) for name, t in self._inputs.items()}
+            return {name: self._received_value(t, t) for name, t in self._inputs.items()}
         except LinkError as error:
             raise self._failed(str(error)) from None
 
     def _held(self) -> dict[str, float]:
         """As messages say that have come."""
         came = {name: back for name, back in self._backs.items() if math.isfinite(self._came_s(back))}
-        return {name: self._said(self._outputs[name], back) for name, back in came.items()}
+        return {name: self._received_value(self._outputs[name], back) for name, back in came.items()}
 
-    def _said(self, told: Any, signal: Any) -> float:
-        return float(told.slope * self._received[signal.message].value(signal, time.monotonic()) + told.offset)
+    def _received_value(self, terminal: Any, signal: Any) -> float:
+        return float(terminal.slope * self._received[signal.message].value(signal, time.monotonic()) + terminal.offset)
 
     def _forget(self) -> None:
         self._frames.receive(0.0)
         for received in self._received.values():
             received.came_s.clear()
 
-    def _came_s(self, told: Any) -> float:
-        return self._received[told.message].came_s.get(told.signal, -math.inf)
+    def _came_s(self, terminal: Any) -> float:
+        return self._received[terminal.message].came_s.get(terminal.signal, -math.inf)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from functools import reduce
 from typing import Any
 
-from drivers._edge import said_by
+from drivers._edge import message_of
 from hil.description.can import CanDescription, CanTerminal, Message
 from hil.errors import LinkError
 
@@ -69,19 +69,19 @@ class Sent:
             high = (_LAST_VALID + 1 << signal.length - 8) - 1
         return int(max(low, min(high, round((value - signal.offset) / signal.scale))))
 
-    def set(self, told: CanTerminal, value: float) -> float:
+    def set(self, terminal: CanTerminal, value: float) -> float:
         """Put a terminal's value in; returns the value that then stands there."""
-        number = (value - told.offset) / told.slope
+        number = (value - terminal.offset) / terminal.slope
         sign = self.about.sign
         size = abs(number) if sign is not None else number
-        count = self.raw[told.signal] = self.counted(told.signal, size)
-        signal = self.message.get_signal_by_name(told.signal)
+        count = self.raw[terminal.signal] = self.counted(terminal.signal, size)
+        signal = self.message.get_signal_by_name(terminal.signal)
         stands = float(count * signal.scale + signal.offset)
         if sign is not None:
             way = 0 if stands == 0.0 else math.copysign(1, number)
             self.raw[sign.signal] = {0: sign.zero, 1: sign.above, -1: sign.below}[int(way)]
             stands *= way
-        return stands * told.slope + told.offset
+        return stands * terminal.slope + terminal.offset
 
     def frame(self) -> bytes:
         """Its bytes now, with the next count and a checksum that fits."""
@@ -126,7 +126,7 @@ class Received:
                 data, scaling=False, decode_choices=False, allow_truncated=True
             )
         except Exception as error:  # of the library: a page that the file does not have is none of ours
-            self.broken = said_by(error)
+            self.broken = message_of(error)
             return
         for name, count in raw.items():
             self.counts[name] = count
@@ -138,30 +138,30 @@ class Received:
             self.still = self.still + 1 if raw[self.about.counter] == self.count else 0
             self.count = int(raw[self.about.counter])
 
-    def value(self, told: Any, now_s: float) -> float:
+    def value(self, terminal: Any, now_s: float) -> float:
         """What a signal says.
 
         Raises:
             LinkError: it is too old, or its message cannot be believed.
         """
-        name = f"{self.message.name}.{told.signal}"
+        name = f"{self.message.name}.{terminal.signal}"
         if self.still >= 2:
             raise LinkError(f"{name}: the counter {self.about.counter} stands still: its sender hangs")
-        if told.signal not in self.came_s or now_s - self.came_s[told.signal] > self.about.timeout_s:
+        if terminal.signal not in self.came_s or now_s - self.came_s[terminal.signal] > self.about.timeout_s:
             why = f"; the last one was not believed: {self.broken}" if self.broken else ""
             raise LinkError(f"no {name} for {self.about.timeout_s:g} s{why}")
-        value = math.nan if self.why_none(told) else self.values[told.signal]
+        value = math.nan if self.why_none(terminal) else self.values[terminal.signal]
         sign = self.about.sign
         if sign is not None:
             value *= {sign.above: 1.0, sign.below: -1.0, sign.zero: 0.0}.get(int(self.values[sign.signal]), math.nan)
         return value
 
-    def why_none(self, told: Any) -> str:
+    def why_none(self, terminal: Any) -> str:
         """Why what came last is no measurement, in words; empty where it is one."""
-        count = self.counts.get(told.signal, 0)
-        signal = self.message.get_signal_by_name(told.signal)
+        count = self.counts.get(terminal.signal, 0)
+        signal = self.message.get_signal_by_name(terminal.signal)
         named: dict[int, str] = (
-            {} if signal.is_float else {int(key, 0): means for key, means in getattr(told, "invalid", {}).items()}
+            {} if signal.is_float else {int(key, 0): means for key, means in getattr(terminal, "invalid", {}).items()}
         )
         if count in named:
             return named[int(count)]
@@ -190,14 +190,14 @@ def _byte_of(message: Any, signal: str) -> int:
     return int(message.get_signal_by_name(signal).start) // 8
 
 
-def sent_messages(told: CanDescription, terminals: Mapping[str, CanTerminal]) -> dict[str, Sent]:
+def sent_messages(description: CanDescription, terminals: Mapping[str, CanTerminal]) -> dict[str, Sent]:
     """The messages that carry these outputs, by name."""
     names = dict.fromkeys(terminal.message for terminal in terminals.values())
-    return {name: Sent(told.database.get_message_by_name(name), told.about(name), told.j1939 is not None)
+    return {name: Sent(description.database.get_message_by_name(name), description.about(name), description.j1939 is not None)
             for name in names}  # fmt: skip
 
 
-def received_messages(told: CanDescription, names: set[str]) -> dict[str, Received]:
+def received_messages(description: CanDescription, names: set[str]) -> dict[str, Received]:
     """Messages that are read, by name."""
-    return {name: Received(told.database.get_message_by_name(name), told.about(name), told.j1939 is not None)
+    return {name: Received(description.database.get_message_by_name(name), description.about(name), description.j1939 is not None)
             for name in sorted(names)}  # fmt: skip

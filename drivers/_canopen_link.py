@@ -56,27 +56,27 @@ class CanopenLink(NodeLink):
         LinkError: it is another device than its file says, or its mapping is another and fixed.
     """
 
-    def __init__(self, settings: NodeSettings, wiring: Wiring, told: CanopenDescription) -> None:
-        self._settings, self._description, file = settings, told, told.dictionary
+    def __init__(self, settings: NodeSettings, wiring: Wiring, description: CanopenDescription) -> None:
+        self._settings, self._description, file = settings, description, description.dictionary
         node = settings.node or file.node_id
         if not node:
             raise SettingError("node is missing, and its file says none")
         self._number = int(node)
-        self._outputs = {c.terminal: told.by_name[c.terminal] for c in wiring.outputs.values()}
-        self._inputs = {c.terminal: told.by_name[c.terminal] for c in wiring.inputs.values()}
-        wanted = [told.place for told in self._inputs.values()]
-        flagged = dict.fromkeys(flag.place for told in self._inputs.values() for flag in told.status)
+        self._outputs = {c.terminal: description.by_name[c.terminal] for c in wiring.outputs.values()}
+        self._inputs = {c.terminal: description.by_name[c.terminal] for c in wiring.inputs.values()}
+        wanted = [terminal.place for terminal in self._inputs.values()]
+        flagged = dict.fromkeys(flag.place for terminal in self._inputs.values() for flag in terminal.status)
         synchronised = bool(self._outputs) and any(with_sync(file, i) for i in range(0x1800, 0x1A00) if i in file)
         by_pdo = [*wanted, *(p for p in flagged if variable(file, p).pdo_mappable)] if synchronised else []
         self._by_sdo = [place for place in dict.fromkeys([*wanted, *flagged]) if place not in by_pdo]
         self._sent = pdos_for(file, self._number, list(dict.fromkeys(by_pdo)), "sent")
-        driven = dict.fromkeys(told.place for told in self._outputs.values())
+        driven = dict.fromkeys(terminal.place for terminal in self._outputs.values())
         self._received = pdos_for(file, self._number, list(driven), "received")
         self._counts: dict[str, float] = {}
         self._objects_held: dict[tuple[int, int], float] = {}
         self._others_moved = False
         super().__init__(
-            wiring, expires_to=told.watchdog.expires_to if told.watchdog else None, device="node",
+            wiring, expires_to=description.watchdog.expires_to if description.watchdog else None, device="node",
             watchdog_s=settings.watchdog_s if self._outputs else None,
             longest_reply_s=settings.longest_reply_s,
             close={n: (t.close or 0.0) + 1e-6 * max(map(abs, t.range)) for n, t in self._outputs.items()},
@@ -86,31 +86,34 @@ class CanopenLink(NodeLink):
     def standing(self) -> dict[str, float]:
         """Where outputs stand, as the node says."""
         self._see(self._outputs.values())
-        return {n: self._objects.value(told, self._objects_held[told.place]) for n, told in self._outputs.items()}
+        return {
+            n: self._objects.value(terminal, self._objects_held[terminal.place])
+            for n, terminal in self._outputs.items()
+        }
 
     def _see(self, outputs: Iterable[CanopenTerminal]) -> None:
         """What stands in objects: what is not ours there is sent back as it is."""
-        for place in dict.fromkeys(told.place for told in outputs):
+        for place in dict.fromkeys(terminal.place for terminal in outputs):
             self._objects_held[place] = self._objects.count(place)
 
     def _see_shared(self) -> None:
-        self._see(told for told in self._outputs.values() if told.field is not None)
+        self._see(terminal for terminal in self._outputs.values() if terminal.field is not None)
 
     def _identified(self) -> str:
-        told = self._settings
-        self._connect(told, self._number, "canopen", *(pdo.identifier for pdo in self._sent))
-        self._objects = NodeObjects(self._network, self._node, self._description.dictionary, told.address)
-        return once_started(told.startup_s, self._objects.recognised)
+        settings = self._settings
+        self._connect(settings, self._number, "canopen", *(pdo.identifier for pdo in self._sent))
+        self._objects = NodeObjects(self._network, self._node, self._description.dictionary, settings.address)
+        return once_started(settings.startup_s, self._objects.recognised)
 
     def _make_ready(self) -> None:
-        told = self._description
+        description = self._description
         self._manage(0x80)
         if self.watchdog_s is not None:
             self._objects.download(0x1016, 1, MASTER << 16 | round(1000.0 * self.watchdog_s), "<I")
-        for value in told.setup:
+        for value in description.setup:
             self._objects.write(place_of(value.object), value.value)
-        configure(self._sent, "sent", self._objects.upload, self._objects.download, told.dictionary)
-        configure(self._received, "received", self._objects.upload, self._objects.download, told.dictionary)
+        configure(self._sent, "sent", self._objects.upload, self._objects.download, description.dictionary)
+        configure(self._received, "received", self._objects.upload, self._objects.download, description.dictionary)
         self._see_shared()
         self._manage(0x01)
         self._emergency, self._others_moved = None, False
@@ -132,16 +135,20 @@ class CanopenLink(NodeLink):
         for pdo in self._received:
             if set(pdo.places) <= driven:
                 self._send(pdo.identifier, pdo.packed(self._objects_held))
-        return [(n, told.slope * self._counts[n] + told.offset) for n, told in self._outputs.items() if n in values]
+        return [
+            (n, terminal.slope * self._counts[n] + terminal.offset)
+            for n, terminal in self._outputs.items()
+            if n in values
+        ]
 
     def _measured(self) -> dict[str, float]:
         """Those of this SYNC; by SDO of a node that is not ours to command, or that sends none with SYNC."""
         came = self._answers_to_sync({pdo.identifier for pdo in self._sent}) if self._sent else {}
         counts = {place: value for pdo in self._sent for place, value in pdo.values(came[pdo.identifier]).items()}
         counts |= {place: self._objects.count(place) for place in self._by_sdo}
-        whys = {name: self._objects.why_none(told, counts) for name, told in self._inputs.items()}
-        return {name: self._none(name, whys[name]) if whys[name] else self._objects.value(told, counts[told.place])
-                for name, told in self._inputs.items()}  # fmt: skip
+        whys = {name: self._objects.why_none(terminal, counts) for name, terminal in self._inputs.items()}
+        return {name: self._none(name, whys[name]) if whys[name] else self._objects.value(terminal, counts[terminal.place])
+                for name, terminal in self._inputs.items()}  # fmt: skip
 
     def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
         super()._on_emergency(_identifier, data, _time_s)

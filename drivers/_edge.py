@@ -25,17 +25,17 @@ def named(error: Exception, where: str) -> HardwareError:
     Returns:
         `DeviceLostError` for what the operating system says of the connection, else `LinkError`.
     """
-    text = said_by(error)
+    text = message_of(error)
     kind = DeviceLostError if isinstance(error, OSError | EOFError) else LinkError
     return kind(f"{where}: {type(error).__name__}{f': {text}' if text else ''}")
 
 
-def said_by(error: Exception) -> str:
+def message_of(error: Exception) -> str:
     """What an error says, on one line; of a traceback that a library puts into its text, what it ends with."""
     before, traceback, rest = str(error).partition("Traceback (most recent call last)")
     lines = [line.strip() for line in rest.splitlines() if line.strip()]
-    told = [before, lines[-1]] if traceback and lines else [before]
-    return " ".join(" ".join(told).split())
+    parts = [before, lines[-1]] if traceback and lines else [before]
+    return " ".join(" ".join(parts).split())
 
 
 def edge(link: _T) -> _T:

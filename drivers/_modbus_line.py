@@ -76,12 +76,12 @@ class ModbusLine:
         self._came = self._received = b""
         try:
             answer = self.client.read_device_information(device_id=self._settings.unit_id)
-            told: Mapping[int, bytes] = {} if answer.isError() else answer.information
+            objects: Mapping[int, bytes] = {} if answer.isError() else answer.information
         except (ModbusException, OSError, AttributeError):  # none, or one to another question
             self._give_up()  # the next question begins on a new connection
             return ""
         self._rest_until_s = time.monotonic() + self._settings.pause_s
-        return " ".join(part.decode("ascii", "replace").strip() for part in told.values() if isinstance(part, bytes))
+        return " ".join(part.decode("ascii", "replace").strip() for part in objects.values() if isinstance(part, bytes))
 
     def tell_blindly(self, requests: Sequence[tuple[int, int, Sequence[int]]]) -> None:
         """Send (function, address, values) without waiting for what the device says to them.

@@ -12,9 +12,9 @@ from drivers._modbus_client import LineSettings
 from drivers._modbus_line import ModbusLine
 from drivers._modbus_model import Model, check_level
 from drivers._modbus_ready import Readiness
+from drivers._register_blocks import RegisterBlock, register_blocks, written
 from drivers._registers import Flag, Register, WordOrder
 from drivers._start_up import once_started
-from drivers._stretches import Stretch, stretches, written
 from hil.daq.channel import Wiring
 from hil.errors import LinkError
 
@@ -42,9 +42,9 @@ class ModbusLink(OnALine):
         outputs = {name: r for name, r in chosen.items() if r.direction == "out"}
         self._inputs = {name: r for name, r in chosen.items() if r.direction == "in"}
         self._out = written(outputs, model.longest_write)
-        self._back = stretches({name: r for name, r in outputs.items() if r.can_be_read}, 0, model.longest_read)
-        self._in = stretches(self._inputs, model.gap, model.longest_read)
-        self._words_told: dict[str, tuple[int, ...]] = {}
+        self._back = register_blocks({name: r for name, r in outputs.items() if r.can_be_read}, 0, model.longest_read)
+        self._in = register_blocks(self._inputs, model.gap, model.longest_read)
+        self._words_sent: dict[str, tuple[int, ...]] = {}
         self._around: dict[int, list[int]] = {}
         self._before: dict[str, float] = {}
         close = {name: register.close or 0.0 for name, register in outputs.items()}
@@ -61,9 +61,9 @@ class ModbusLink(OnALine):
     def standing(self) -> dict[str, float]:
         """Where the outputs stand, read back; those that cannot be are left out."""
         found: dict[str, float] = {}
-        for stretch in self._back:
-            words = stretch.split(self._ask(stretch.read_back_function, stretch.read_back, count=stretch.count))
-            found |= {name: register.value_of(words[name], self._order) for name, register in stretch.terminals.items()}
+        for block in self._back:
+            words = block.split(self._ask(block.read_back_function, block.read_back, count=block.count))
+            found |= {name: register.value_of(words[name], self._order) for name, register in block.terminals.items()}
         return found
 
     def close(self) -> None:
@@ -82,8 +82,8 @@ class ModbusLink(OnALine):
         try:
             self._line.connect()
             if self._startup_s:
-                stretch = next(iter(self._in or self._back or self._out))
-                self._ask(stretch.function, stretch.first, count=stretch.count)
+                block = next(iter(self._in or self._back or self._out))
+                self._ask(block.function, block.first, count=block.count)
         except BaseException:
             self._line.close()
             raise
@@ -97,42 +97,42 @@ class ModbusLink(OnALine):
         self._line.meeting.met(identity if self._wiring.known_as else self._line.identity(), self._line.identity)
 
     def _go_safe(self) -> None:
-        for stretch, words in self._words(self._safe):
-            self._ask(stretch.writing, stretch.first, values=words)
+        for block, words in self._words(self._safe):
+            self._ask(block.writing, block.first, values=words)
 
     def _look_around(self) -> None:
         """Registers that hold more than an output: what else stands there is written back as it is."""
-        for stretch in self._out:
-            if stretch.has_parts:
-                words = self._ask(stretch.read_back_function, stretch.read_back, count=stretch.count)
-                self._around[stretch.first] = words
+        for block in self._out:
+            if block.has_parts:
+                words = self._ask(block.read_back_function, block.read_back, count=block.count)
+                self._around[block.first] = words
 
     def _tell_blindly(self, values: Mapping[str, float]) -> None:
         self._line.tell_blindly([(s.writing, s.first, words) for s, words in self._words(values)])
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:
         """Neighbours in one request."""
-        for stretch, words in self._words(values):
-            self._ask(stretch.writing, stretch.first, values=words)
-            for name, mine in stretch.split(words).items():
-                self._words_told[name] = mine
-                yield name, stretch.terminals[name].value_of(mine, self._order)
+        for block, words in self._words(values):
+            self._ask(block.writing, block.first, values=words)
+            for name, mine in block.split(words).items():
+                self._words_sent[name] = mine
+                yield name, block.terminals[name].value_of(mine, self._order)
 
     def _measured(self) -> dict[str, float]:
-        said: dict[str, tuple[int, ...]] = {}
-        for stretch in self._in:
-            said |= stretch.split(self._ask(stretch.function, stretch.first, count=stretch.count))
+        words: dict[str, tuple[int, ...]] = {}
+        for block in self._in:
+            words |= block.split(self._ask(block.function, block.first, count=block.count))
         flags = self._ready.flags(flag for register in self._inputs.values() for flag in register.status)
         self._line.has_read = True
-        return {name: self._reading(name, r, said[name], flags) for name, r in self._inputs.items()}
+        return {name: self._reading(name, r, words[name], flags) for name, r in self._inputs.items()}
 
-    def _words(self, values: Mapping[str, float]) -> Iterable[tuple[Stretch, list[int]]]:
+    def _words(self, values: Mapping[str, float]) -> Iterable[tuple[RegisterBlock, list[int]]]:
         """What to write; an output that is not given keeps what was driven before."""
-        for stretch in self._out:
-            words = {name: self._words_told.get(name, (0,) * r.words) for name, r in stretch.terminals.items()}
-            words |= {name: tuple(r.words_of(values[name], self._order)) for name, r in stretch.terminals.items()
+        for block in self._out:
+            words = {name: self._words_sent.get(name, (0,) * r.words) for name, r in block.terminals.items()}
+            words |= {name: tuple(r.words_of(values[name], self._order)) for name, r in block.terminals.items()
                       if name in values}  # fmt: skip
-            yield stretch, stretch.joined(words, self._around.get(stretch.first, [0] * stretch.count), self._order)
+            yield block, block.joined(words, self._around.get(block.first, [0] * block.count), self._order)
 
     def _look_at_outputs(self) -> None:
         self._ready.no_fault()
@@ -142,14 +142,14 @@ class ModbusLink(OnALine):
             )
 
     def _reading(self, name: str, register: Register, words: Sequence[int], flags: Mapping[Flag, bool]) -> float:
-        why = register.said_invalid(words, self._order)
+        why = register.why_invalid(words, self._order)
         why = why or next((flag.means or "its status says so" for flag in register.status if flags[flag]), None)
-        said = register.value_of(words, self._order)
-        value = math.nan if why else register.measured(said, self._before.get(name))
+        number = register.value_of(words, self._order)
+        value = math.nan if why else register.measured(number, self._before.get(name))
         self._before[name] = value
         if math.isnan(value):
             cause = why or f"a dead sensor, or check word_order (now {self._order})"
-            return self._none(name, why or f"reads {said:.3g} {register.unit}: {cause}")
+            return self._none(name, why or f"reads {number:.3g} {register.unit}: {cause}")
         return value
 
     def _ask(self, function: int, address: int, *, count: int = 1, values: Sequence[int] = ()) -> list[int]:

@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from drivers._modbus_line import ModbusLine
 from drivers._modbus_model import PER_SECOND, Model, Step, safe_of
+from drivers._register_blocks import RegisterBlock
 from drivers._registers import Flag, WordOrder
-from drivers._stretches import Stretch
 from hil.errors import LinkError
 
 _LOOK_S = 0.02  # how often a flag is looked at that is waited for
@@ -29,7 +29,7 @@ class Readiness:
 
     def __init__(
         self, line: ModbusLine, model: Model, order: WordOrder, safe: Mapping[str, float], watchdog_s: float | None,
-        out: Sequence[Stretch],
+        out: Sequence[RegisterBlock],
     ) -> None:  # fmt: skip
         self._line, self._model, self._order = line, model, order
         self._safe, self._watchdog_s, self._out = safe, watchdog_s, out
@@ -61,29 +61,29 @@ class Readiness:
 
     def no_fault(self) -> None:
         """Raise `LinkError` for a fault that the device reports."""
-        if told := self._reported():
-            raise LinkError(f"the device reports a fault: {', '.join(told)}")
+        if reported := self._reported():
+            raise LinkError(f"the device reports a fault: {', '.join(reported)}")
 
     def in_safe_mode(self) -> list[str]:
         """Outputs that the device itself has made safe."""
         flagged: list[str] = []
         if self._model.safe_status is None:
             return flagged
-        for stretch in self._out:
-            flags = self._line.ask(1, self._model.safe_status + stretch.first - self._first_output, count=stretch.count)
-            flagged += [name for name, flag in zip(stretch.terminals, flags, strict=False) if flag]
+        for block in self._out:
+            flags = self._line.ask(1, self._model.safe_status + block.first - self._first_output, count=block.count)
+            flagged += [name for name, flag in zip(block.terminals, flags, strict=False) if flag]
         return flagged
 
     def flags(self, flags: Iterable[Flag]) -> dict[Flag, bool]:
         """What flags say, each register asked once."""
         words: dict[tuple[str, int], int] = {}
-        told: dict[Flag, bool] = {}
+        states: dict[Flag, bool] = {}
         for flag in flags:
             place = flag.table, flag.address
             if place not in words:
                 (words[place],) = self._line.ask(_ADDRESSES[flag.table], flag.address)
-            told[flag] = flag.is_so(words[place])
-        return told
+            states[flag] = flag.is_so(words[place])
+        return states
 
     def _do(self, steps: Iterable[Step]) -> None:
         """Write what stands in a description, its placeholders filled in."""
@@ -112,11 +112,11 @@ class Readiness:
         Raises:
             LinkError: it is not.
         """
-        if not self._model.clear or not (told := self._reported()):
+        if not self._model.clear or not (reported := self._reported()):
             return
         self._do(self._model.clear)
         if not self._waited(lambda: not self._reported(), self._model.clear_patience_s):
-            raise LinkError(f"the device reports a fault and cannot be cleared: {', '.join(told)}")
+            raise LinkError(f"the device reports a fault and cannot be cleared: {', '.join(reported)}")
 
     def _enable(self, go_safe: Callable[[], None]) -> None:
         """Have the outputs obey, unless they do already: they stand at their safe values when they begin to.
@@ -141,8 +141,8 @@ class Readiness:
         if self._model.safe_status is None or self._model.clear_safe is None or not self.in_safe_mode():
             return
         go_safe()
-        for stretch in self._out:
-            for register in stretch.terminals.values():
+        for block in self._out:
+            for register in block.terminals.values():
                 self._line.ask(5, self._model.clear_safe + register.address - self._first_output, values=[1])
 
     @property

@@ -19,11 +19,11 @@ _KINDS: Mapping[int, type[HardwareError]] = {
 _MEANS: Mapping[int, str] = {
     -50103: "another task or program holds it, such as a test panel of NI MAX or LabVIEW; close that"
 }
-_SAID_ELSEWHERE = ("Task Name:", "Status Code:")
+_REPEATED = ("Task Name:", "Status Code:")
 
 
 @contextmanager
-def told(device: str) -> Iterator[None]:
+def device_errors(device: str) -> Iterator[None]:
     """Errors of NI-DAQmx inside become those of this program; `device` is as NI MAX names it.
 
     Raises:
@@ -45,4 +45,4 @@ def told(device: str) -> Iterator[None]:
 def _cause(text: str) -> str:
     """What NI says over several lines, in one; without the task, which is ours, and the code, which is said anyway."""
     lines = (line.strip() for line in text.splitlines())
-    return " ".join(" ".join(line for line in lines if not line.startswith(_SAID_ELSEWHERE)).split())
+    return " ".join(" ".join(line for line in lines if not line.startswith(_REPEATED)).split())

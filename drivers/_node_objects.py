@@ -42,46 +42,48 @@ class NodeObjects:
             raise LinkError(
                 f"node {self._node.id} says that it is of device type {kind:#010x}, its file {expected.default:#010x}"
             )
-        told = []
+        parts = []
         for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
             if variable(self._file, (0x1018, sub)) is None:
                 continue
-            said, by_file = self.upload(0x1018, sub), variable(self._file, (0x1018, sub)).default
-            if sub <= 2 and by_file and said != by_file:
-                raise LinkError(f"node {self._node.id} is of {what} {said:#x}; its file is that of {what} {by_file:#x}")
-            told.append(f"{what} {said:#x}")
-        return f"node {self._node.id}, {', '.join(told)}" if told else ""
+            number, by_file = self.upload(0x1018, sub), variable(self._file, (0x1018, sub)).default
+            if sub <= 2 and by_file and number != by_file:
+                raise LinkError(
+                    f"node {self._node.id} is of {what} {number:#x}; its file is that of {what} {by_file:#x}"
+                )
+            parts.append(f"{what} {number:#x}")
+        return f"node {self._node.id}, {', '.join(parts)}" if parts else ""
 
-    def counted(self, told: CanopenTerminal, value: float) -> float:
+    def counted(self, terminal: CanopenTerminal, value: float) -> float:
         """A value as the terminal's object, or its part of it, takes it; where it is beyond, the end."""
-        number, form = (value - told.offset) / told.slope, self.form(told.place)[1:]
+        number, form = (value - terminal.offset) / terminal.slope, self.form(terminal.place)[1:]
         if form == "f":
             return number
-        _, bits = told.field or (0, 8 * struct.calcsize(form))
+        _, bits = terminal.field or (0, 8 * struct.calcsize(form))
         low = -(1 << bits - 1) if form.islower() and bits > 1 else 0
         return max(low, min(low + (1 << bits) - 1, round(number)))
 
-    def part(self, told: CanopenTerminal, count: float) -> float:
+    def part(self, terminal: CanopenTerminal, count: float) -> float:
         """The terminal's number in what its object says."""
-        if told.field is None:
+        if terminal.field is None:
             return count
-        lowest, bits = told.field
+        lowest, bits = terminal.field
         part = int(count) >> lowest & (1 << bits) - 1
-        signed = self.form(told.place)[1:].islower() and bits > 1
+        signed = self.form(terminal.place)[1:].islower() and bits > 1
         return part - (1 << bits) if signed and part >> bits - 1 else part
 
-    def with_part(self, told: CanopenTerminal, count: float, part: float) -> float:
+    def with_part(self, terminal: CanopenTerminal, count: float, part: float) -> float:
         """What its object says with another number in the terminal's part, the rest as it is."""
-        if told.field is None:
+        if terminal.field is None:
             return part
-        form, (lowest, bits) = self.form(told.place)[1:], told.field
+        form, (lowest, bits) = self.form(terminal.place)[1:], terminal.field
         mask, width = (1 << bits) - 1 << lowest, 8 * struct.calcsize(form)
         whole = (int(count) & ~mask | int(part) << lowest & mask) & (1 << width) - 1
         return whole - (1 << width) if form.islower() and whole >> width - 1 else whole
 
-    def value(self, told: CanopenTerminal, count: float) -> float:
+    def value(self, terminal: CanopenTerminal, count: float) -> float:
         """The terminal's value by what its object says."""
-        return float(told.slope * self.part(told, count) + told.offset)
+        return float(terminal.slope * self.part(terminal, count) + terminal.offset)
 
     def count(self, place: tuple[int, int]) -> float:
         """The number in an object; raises `LinkError` for one of another length than its file says."""
@@ -93,17 +95,17 @@ class NodeObjects:
         (count,) = struct.unpack(form, data)
         return float(count) if form == "<f" else int(count)
 
-    def why_none(self, told: CanopenTerminal, counts: Mapping[tuple[int, int], float]) -> str:
+    def why_none(self, terminal: CanopenTerminal, counts: Mapping[tuple[int, int], float]) -> str:
         """Why what an input's object says is no measurement, in words; empty where it is one."""
-        count, named = self.part(told, counts[told.place]), counts_of(told.invalid)
+        count, named = self.part(terminal, counts[terminal.place]), counts_of(terminal.invalid)
         if math.isnan(count):
-            return nan_of(told.invalid) or "not a number"
-        _, width = told.field or (0, 8 * struct.calcsize(self.form(told.place)))
+            return nan_of(terminal.invalid) or "not a number"
+        _, width = terminal.field or (0, 8 * struct.calcsize(self.form(terminal.place)))
         for key in (count,) if isinstance(count, float) else (count, count & (1 << width) - 1):
             if key in named:
                 return named[int(key)] or f"count {int(key):#x}"
-        said = (flag for flag in told.status if flag.is_so(int(counts[flag.place])))
-        return next((flag.means or f"object {flag.object} says so" for flag in said), "")
+        flags = (flag for flag in terminal.status if flag.is_so(int(counts[flag.place])))
+        return next((flag.means or f"object {flag.object} says so" for flag in flags), "")
 
     def upload(self, index: int, sub: int) -> int:
         """A whole number that is not negative."""

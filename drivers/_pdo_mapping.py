@@ -110,9 +110,9 @@ def configure(
             download(communication, 1, flags | pdo.identifier, "<I")
         there = [upload(mapping, i + 1) for i in range(upload(mapping, 0))]
         if there != entries or upload(communication, 1) & 0x800007FF != pdo.identifier:
-            said = ", ".join(f"{entry:#010x}" for entry in there)
+            entries_there = ", ".join(f"{entry:#010x}" for entry in there)
             raise LinkError(
-                f"object {mapping:04X} reads {said or 'nothing'} back, not what it was told: its mapping is fixed"
+                f"object {mapping:04X} reads {entries_there or 'nothing'} back, not what it was told: its mapping is fixed"
             )
 
 
@@ -141,8 +141,8 @@ def _identifier(objects: Any, communication: int, node: int, way: str) -> int:
     base = (0x180 if way == "sent" else 0x200) + 0x100 * (number % 4) + node
     found = variable(objects, (communication, 1))
     if found is not None and (of_file := found.value if found.value is not None else found.default) is not None:
-        said = int(of_file) & 0x7FF
-        return said + node if getattr(found, "relative", False) and said & 0x7F == 0 else said or base
+        identifier = int(of_file) & 0x7FF
+        return identifier + node if getattr(found, "relative", False) and identifier & 0x7F == 0 else identifier or base
     return base
 
 

@@ -123,20 +123,20 @@ def _identity(network: Any, node: int, timeout_s: float) -> dict[str, str]:
 
     sdo = network.add_node(node, canopen.ObjectDictionary()).sdo  # type: ignore[no-untyped-call]
     sdo.RESPONSE_TIMEOUT = timeout_s
-    told: dict[str, str] = {}
+    answers: dict[str, str] = {}
     with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):
         kind = int.from_bytes(sdo.upload(0x1000, 0), "little")
-        told["profile"] = f"{kind & 0xFFFF} (type {kind:#010x})"
+        answers["profile"] = f"{kind & 0xFFFF} (type {kind:#010x})"
     with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):  # optional
-        told["name"] = sdo.upload(0x1008, 0).decode("ascii", "replace").strip("\0 ")
-    return told | _numbers(sdo, enumerate(_IDENTITY, start=1))
+        answers["name"] = sdo.upload(0x1008, 0).decode("ascii", "replace").strip("\0 ")
+    return answers | _numbers(sdo, enumerate(_IDENTITY, start=1))
 
 
 def _numbers(sdo: Any, subs: Iterable[tuple[int, str]]) -> dict[str, str]:
     import canopen
 
-    told = {}
+    answers = {}
     with suppress(canopen.SdoAbortedError, canopen.SdoCommunicationError):  # most of the object is optional
         for sub, what in subs:
-            told[what] = f"{int.from_bytes(sdo.upload(0x1018, sub), 'little'):#x}"
-    return told
+            answers[what] = f"{int.from_bytes(sdo.upload(0x1018, sub), 'little'):#x}"
+    return answers

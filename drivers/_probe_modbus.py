@@ -67,8 +67,8 @@ def who(options: Options, progress: Progress) -> list[Found]:
     answered: list[tuple[int, Mapping[str, str]]] = []
     try:
         for i, unit in enumerate(options.units):
-            if (told := _told(client, unit)) is not None:
-                answered.append((unit, told))
+            if (identity := _identity(client, unit)) is not None:
+                answered.append((unit, identity))
             progress((i + 1) / len(options.units), f"unit {unit}; {len(answered)} answered")
     finally:
         client.close()
@@ -76,7 +76,7 @@ def who(options: Options, progress: Progress) -> list[Found]:
 
 
 def _together(answered: list[tuple[int, Mapping[str, str]]]) -> Iterator[Found]:
-    numbered = [(unit, i, told) for i, (unit, told) in enumerate(answered)]
+    numbered = [(unit, i, identity) for i, (unit, identity) in enumerate(answered)]
     for _, same in groupby(numbered, key=lambda one: (one[0] - one[1], tuple(one[2].items()))):
         members = list(same)
         units = [unit for unit, _, _ in members]
@@ -84,7 +84,7 @@ def _together(answered: list[tuple[int, Mapping[str, str]]]) -> Iterator[Found]:
         yield Found(place, members[0][2])
 
 
-def _told(client: Any, unit: int) -> Mapping[str, str] | None:
+def _identity(client: Any, unit: int) -> Mapping[str, str] | None:
     """What a unit says of itself; None where nobody answers."""
     answer = _asked(client, lambda: client.read_holding_registers(0, count=1, device_id=unit))
     if answer is None or (answer.isError() and getattr(answer, "exception_code", 0) in _NOBODY_THERE):

@@ -48,5 +48,5 @@ def who(options: Options, progress: Progress) -> list[Found]:
     finally:
         line.close()
     parts = [part.strip() for part in text.split(",")]
-    told = dict(zip(_PARTS, parts, strict=True)) if len(parts) == len(_PARTS) else {"answer": text}
-    return [Found(options.address, told)]
+    answers = dict(zip(_PARTS, parts, strict=True)) if len(parts) == len(_PARTS) else {"answer": text}
+    return [Found(options.address, answers)]

@@ -85,9 +85,9 @@ class Register:
     status: tuple[Flag, ...] = ()
 
     def __post_init__(self) -> None:
-        for what, said, known in (("format", self.format, get_args(Format)), ("table", self.table, _FUNCTIONS)):
-            if said not in known:
-                raise SettingError(f"register {self.address:#06x}: {what} '{said}' is not known: {', '.join(known)}")
+        for what, stated, known in (("format", self.format, get_args(Format)), ("table", self.table, _FUNCTIONS)):
+            if stated not in known:
+                raise SettingError(f"register {self.address:#06x}: {what} '{stated}' is not known: {', '.join(known)}")
         if self.direction == "out" and self.table not in ("holding", "coil"):
             raise SettingError(
                 f"register {self.address:#06x}: an output is a holding register or a coil, not an {self.table} one"
@@ -170,7 +170,7 @@ class Register:
         """What registers say."""
         return float(self.slope * self.raw_of(words, order) + self.offset)
 
-    def said_invalid(self, words: Sequence[int], order: WordOrder) -> str | None:
+    def why_invalid(self, words: Sequence[int], order: WordOrder) -> str | None:
         """What the description says of a count that is no measurement; None for one that may be."""
         raw = self.raw_of(words, order)
         if isinstance(raw, float):

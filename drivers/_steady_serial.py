@@ -34,8 +34,8 @@ class SteadySerialClient(ModbusSerialClient):
         """
         if self.socket is None:
             self._path = path = self._place.path()
-            told = self.comm_params
-            speech = {"baudrate": told.baudrate, "parity": told.parity, "stopbits": told.stopbits}
+            params = self.comm_params
+            speech = {"baudrate": params.baudrate, "parity": params.parity, "stopbits": params.stopbits}
             self.socket = shared_port(path, speech, lambda: self._opened(path))  # type: ignore[assignment]
         return True
 
@@ -66,13 +66,13 @@ class SteadySerialClient(ModbusSerialClient):
         keep_quiet(self._path, until_s)
 
     def _opened(self, path: str) -> serial.Serial:
-        told = self.comm_params
+        params = self.comm_params
         try:
             port: serial.Serial = serial.serial_for_url(
-                path, told.baudrate, told.bytesize, told.parity, told.stopbits, told.timeout_connect,
-                write_timeout=told.timeout_connect, exclusive=True,
+                path, params.baudrate, params.bytesize, params.parity, params.stopbits, params.timeout_connect,
+                write_timeout=params.timeout_connect, exclusive=True,
             )  # fmt: skip
-            guard_port(port, told.timeout_connect or 0.0)
+            guard_port(port, params.timeout_connect or 0.0)
             return port
         except Exception as error:  # pyserial raises its own, those of the system, and those of its protocols
             why = "another program has it" if getattr(error, "errno", None) == errno.EAGAIN else str(error)

@@ -78,10 +78,10 @@ def matched(template: str, text: str, numbers: Numbers) -> float | None:
         return None
     if "value" not in found.groupdict():
         return 0.0
-    said, form = found["value"], next(hole[2] or "" for hole in HOLE.finditer(template) if hole[1] == "value")
+    digits, form = found["value"], next(hole[2] or "" for hole in HOLE.finditer(template) if hole[1] == "value")
     width = _WIDTH.fullmatch(form)
-    value = numbers.read(said)
-    if width and value is not None and math.isfinite(value) and len(said) != int(width[1]):
+    value = numbers.read(digits)
+    if width and value is not None and math.isfinite(value) and len(digits) != int(width[1]):
         return None  # one byte less is a number too
     return value
 

@@ -48,14 +48,14 @@ class Settings(Described):
     watchdog_level: FiniteFloat | None = None
 
 
-def told_of(settings: Settings) -> TextDescription:
+def text_description(settings: Settings) -> TextDescription:
     """The description that settings name."""
     return description_of(settings, "text")
 
 
 def level_of(settings: Settings) -> float | None:
     """Where its watchdog puts outputs; None where that is not always the same, or not known."""
-    watchdog = told_of(settings).watchdog
+    watchdog = text_description(settings).watchdog
     if settings.watchdog_level is not None:
         return settings.watchdog_level
     return None if watchdog is None else watchdog.expires_to
@@ -76,19 +76,19 @@ class TextLink(OnALine):
     _line: Line
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        told = told_of(settings)
-        whole, self._talk = told.whole, told.text
+        description = text_description(settings)
+        whole, self._talk = description.whole, description.text
         self._numbers = Numbers(self._talk.decimal, self._talk.no_measurement)
         self._outputs = {c.terminal: whole[c.terminal] for c in wiring.outputs.values()}
         self._inputs = {c.terminal: whole[c.terminal] for c in wiring.inputs.values()}
-        self._settings, self._armed = settings, told.watchdog
+        self._settings, self._armed = settings, description.watchdog
         close = {name: max(t.close or 0.0, _RESOLUTION * max(map(abs, t.range))) for name, t in self._outputs.items()}
         super().__init__(wiring, settings.watchdog_s, expires_to=level_of(settings), close=close)
         self._open()
 
     def standing(self) -> dict[str, float]:
         """Where outputs stand, of those that can be asked."""
-        stands = self._asked({name: told for name, told in self._outputs.items() if told.ask})
+        stands = self._asked({name: terminal for name, terminal in self._outputs.items() if terminal.ask})
         if unknown := [name for name, value in stands.items() if not math.isfinite(value)]:
             raise self._line.failed(f"no number in where {', '.join(unknown)} stands")
         return stands
@@ -130,22 +130,22 @@ class TextLink(OnALine):
             self._tell(line, self._outputs[name].reply)
         self._no_error(lines.values())
         for name, line in lines.items():
-            told = self._outputs[name]
-            sent = matched(told.tell, line, self._numbers)  # as it was rounded
-            yield name, values[name] if sent is None else told.slope * sent + told.offset
+            terminal = self._outputs[name]
+            sent = matched(terminal.tell, line, self._numbers)  # as it was rounded
+            yield name, values[name] if sent is None else terminal.slope * sent + terminal.offset
 
     def _measured(self) -> dict[str, float]:
         readings = self._asked(self._inputs)
-        said = {name: self._said[told.ask] for name, told in self._inputs.items()}
-        return {name: self._none(name, f"the device answers {said[name]!r}") if math.isnan(value) else value
+        answers = {name: self._answers[terminal.ask] for name, terminal in self._inputs.items()}
+        return {name: self._none(name, f"the device answers {answers[name]!r}") if math.isnan(value) else value
                 for name, value in readings.items()}  # fmt: skip
 
     def _line_of(self, name: str, value: float) -> str:
         return filled(self._outputs[name].tell, self._numbers, value=self._number_of(name, value))
 
     def _number_of(self, name: str, value: float) -> float:
-        told = self._outputs[name]
-        return (value - told.offset) / told.slope
+        terminal = self._outputs[name]
+        return (value - terminal.offset) / terminal.slope
 
     def _tell(self, line: str, reply: str) -> None:
         if not reply:
@@ -156,37 +156,37 @@ class TextLink(OnALine):
             raise self._line.failed(f"'{answer}' is no answer to {line}; it should be '{reply}'")
         self._watchdog.heard()
 
-    def _no_error(self, told: object) -> None:
+    def _no_error(self, errors: object) -> None:
         if not self._talk.errors:
             return
         answer = self._line.ask(self._talk.errors)
         self._watchdog.heard()
         if matched(self._talk.no_error, answer, self._numbers) != 0.0:
-            raise LinkError(f"the device refused {', '.join(told)}: {answer.strip()}")  # type: ignore[arg-type, call-overload]
+            raise LinkError(f"the device refused {', '.join(errors)}: {answer.strip()}")  # type: ignore[arg-type, call-overload]
 
     def _asked(self, terminals: Mapping[str, TextTerminal]) -> dict[str, float]:
         """The values of terminals; those that share a question are asked at once."""
         answers: dict[str, str] = {}
-        self._said = answers
+        self._answers = answers
         found: dict[str, float] = {}
-        for name, told in terminals.items():
-            if told.ask not in answers:
-                answers[told.ask] = self._line.ask(told.ask)
+        for name, terminal in terminals.items():
+            if terminal.ask not in answers:
+                answers[terminal.ask] = self._line.ask(terminal.ask)
                 self._watchdog.heard()
-            number = self._number_in(answers[told.ask], told)
+            number = self._number_in(answers[terminal.ask], terminal)
             if number is None:
                 raise self._line.failed(
-                    f"'{answers[told.ask]}' is no answer to {told.ask}; it should be '{told.answer}'"
-                    f"{remedy(self._part_of(answers[told.ask], told), self._numbers)}"
+                    f"'{answers[terminal.ask]}' is no answer to {terminal.ask}; it should be '{terminal.answer}'"
+                    f"{remedy(self._part_of(answers[terminal.ask], terminal), self._numbers)}"
                 )
-            found[name] = told.slope * number + told.offset
+            found[name] = terminal.slope * number + terminal.offset
         return found
 
-    def _number_in(self, answer: str, told: TextTerminal) -> float | None:
-        part = self._part_of(answer, told)
-        return matched(told.answer, part, self._numbers) if part else None
+    def _number_in(self, answer: str, terminal: TextTerminal) -> float | None:
+        part = self._part_of(answer, terminal)
+        return matched(terminal.answer, part, self._numbers) if part else None
 
-    def _part_of(self, answer: str, told: TextTerminal) -> str:
+    def _part_of(self, answer: str, terminal: TextTerminal) -> str:
         """What of an answer is this terminal's; empty where there is no such field."""
-        fields = [answer] if told.field is None else answer.split(self._talk.separator)
-        return fields[at] if (at := told.field or 0) < len(fields) else ""
+        fields = [answer] if terminal.field is None else answer.split(self._talk.separator)
+        return fields[at] if (at := terminal.field or 0) < len(fields) else ""

@@ -72,7 +72,7 @@ def faults(settings: Settings) -> Iterator[tuple[tuple[str | int, ...], str]]:
         yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
     if settings.watchdog_s is None or wrong:
         return
-    if _told(settings).channels.direction == "in":
+    if _description(settings).channels.direction == "in":
         yield ("watchdog_s",), f"{settings.model} has no outputs that a watchdog could make safe; take this away"
     elif not 0.1 <= settings.watchdog_s <= 999.9:
         yield ("watchdog_s",), f"{settings.watchdog_s:g} s: the module counts 0.1 … 999.9 s"
@@ -107,7 +107,7 @@ class AsciiModuleLink(OnALine):
     _line: Line
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        self._settings, self._model = settings, _told(settings)
+        self._settings, self._model = settings, _description(settings)
         self._number, self._at = self._model.numbers, f"{settings.module:02X}"
         self._inputs = [channel.terminal for channel in wiring.inputs.values()]
         self._outputs = [channel.terminal for channel in wiring.outputs.values()]
@@ -117,17 +117,17 @@ class AsciiModuleLink(OnALine):
 
     def standing(self) -> dict[str, float]:
         """What the outputs were told last, or have from power-on, read back."""
-        return {name: self._told_last(name) for name in self._outputs}
+        return {name: self._commanded_last(name) for name in self._outputs}
 
     def close(self) -> None:
         """Close the line."""
         self._line.close()
 
     def _identified(self) -> str:
-        told = self._settings
+        settings = self._settings
         self._line = Line(
-            told.address, told.baud, "\r", told.timeout_s, told.longest_reply_s, driver="ascii_module",
-            echo=told.echo, pause_s=told.pause_s,
+            settings.address, settings.baud, "\r", settings.timeout_s, settings.longest_reply_s, driver="ascii_module",
+            echo=settings.echo, pause_s=settings.pause_s,
         )  # fmt: skip
         try:
             return self._name()
@@ -208,7 +208,7 @@ class AsciiModuleLink(OnALine):
             raise self._line.failed(f"'{part}' in the answer '{text}' is no reading of the form +00.000")
         return float(part)
 
-    def _told_last(self, name: str) -> float:
+    def _commanded_last(self, name: str) -> float:
         text = self._ask(f"$%6C{self._number[name]}", "!%")
         if not _VALUE.fullmatch(text):
             raise self._line.failed(f"'{text}' is no read-back of the form +00.000")
@@ -235,5 +235,5 @@ def _in_words(text: str | None) -> str:
     return f" ({text})" if text else ""
 
 
-def _told(settings: Settings) -> ModuleDescription:
+def _description(settings: Settings) -> ModuleDescription:
     return description_of(settings, "ascii_module")

@@ -45,23 +45,27 @@ def needs(_settings: Settings) -> tuple[str, ...]:
 
 def has_watchdog(settings: Settings) -> bool:
     """Whether the device makes its outputs safe when no command comes."""
-    return _told(settings).watchdog is not None
+    return _description(settings).watchdog is not None
 
 
 def not_read_back(settings: Settings) -> set[str]:
     """Outputs of which no message says where they stand."""
-    return {name for name, told in _told(settings).terminals.items() if told.direction == "out" and not told.read_back}
+    return {
+        name
+        for name, terminal in _description(settings).terminals.items()
+        if terminal.direction == "out" and not terminal.read_back
+    }
 
 
 def watchdog_levels(settings: Settings) -> dict[str, float]:
     """Where outputs go when no command comes."""
-    return expired_levels(_told(settings))
+    return expired_levels(_description(settings))
 
 
 def open_link(settings: Settings, wiring: Wiring) -> CanLink:
     """The bus, open; on J1939 our address claimed where there is something to command."""
-    return CanLink(settings, wiring, _told(settings))
+    return CanLink(settings, wiring, _description(settings))
 
 
-def _told(settings: Settings) -> CanDescription:
+def _description(settings: Settings) -> CanDescription:
     return description_of(settings, "can")

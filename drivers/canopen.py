@@ -47,18 +47,18 @@ def needs(_settings: Settings) -> tuple[str, ...]:
 
 def has_watchdog(settings: Settings) -> bool:
     """Whether the node watches our heartbeat."""
-    return _told(settings).watchdog is not None
+    return _description(settings).watchdog is not None
 
 
 def watchdog_levels(settings: Settings) -> dict[str, float]:
     """Where outputs go when it misses it."""
-    return expired_levels(_told(settings))
+    return expired_levels(_description(settings))
 
 
 def open_link(settings: Settings, wiring: Wiring) -> CanopenLink:
     """The node, recognised, its PDOs mapped, operational."""
-    return CanopenLink(settings, wiring, _told(settings))
+    return CanopenLink(settings, wiring, _description(settings))
 
 
-def _told(settings: Settings) -> CanopenDescription:
+def _description(settings: Settings) -> CanopenDescription:
     return description_of(settings, "canopen")

@@ -185,28 +185,28 @@ class CanopenValveLink(NodeLink):
     def _identified(self) -> str:
         import canopen
 
-        told = self._settings
-        self._connect(told, told.node, "canopen_valve", 0x180 + told.node)
-        self._network.subscribe(0x700 + told.node, self._on_heartbeat)
+        settings = self._settings
+        self._connect(settings, settings.node, "canopen_valve", 0x180 + settings.node)
+        self._network.subscribe(0x700 + settings.node, self._on_heartbeat)
         try:
             profile = self._unsigned(0x1000, 0) & 0xFFFF
         except canopen.SdoCommunicationError:
-            raise DeviceLostError(f"node {told.node} on {told.address} does not answer") from None
+            raise DeviceLostError(f"node {settings.node} on {settings.address} does not answer") from None
         if profile != PROFILE:
-            raise LinkError(f"node {told.node} is of device profile {profile}, not {PROFILE}")
-        for sub, what in ((1, "vendor"), (2, "product")) if told.eds else ():
-            of_file = variable(dictionary(told.eds), (0x1018, sub))
+            raise LinkError(f"node {settings.node} is of device profile {profile}, not {PROFILE}")
+        for sub, what in ((1, "vendor"), (2, "product")) if settings.eds else ():
+            of_file = variable(dictionary(settings.eds), (0x1018, sub))
             wanted = of_file.default if of_file is not None else None
-            if wanted and (said := self._unsigned(0x1018, sub)) != wanted:
-                raise LinkError(f"node {told.node} is of {what} {said:#x}, its file is of {wanted:#x}")
-        return self._told_identity()
+            if wanted and (number := self._unsigned(0x1018, sub)) != wanted:
+                raise LinkError(f"node {settings.node} is of {what} {number:#x}, its file is of {wanted:#x}")
+        return self._identity()
 
-    def _told_identity(self) -> str:
-        told = []
+    def _identity(self) -> str:
+        parts = []
         with suppress(LinkError):  # most of the object is optional
             for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):
-                told.append(f"{what} {self._unsigned(0x1018, sub):#x}")
-        return f"node {self._settings.node}, {', '.join(told)}" if told else ""
+                parts.append(f"{what} {self._unsigned(0x1018, sub):#x}")
+        return f"node {self._settings.node}, {', '.join(parts)}" if parts else ""
 
     def _make_ready(self) -> None:
         self._commands = True  # before, it may be another one, which is not ours to step down
@@ -233,27 +233,27 @@ class CanopenValveLink(NodeLink):
 
     def _configure(self) -> None:
         """Heartbeats both ways, TPDO 1 by SYNC, the functions of the valve that the bench file names."""
-        told, beat_ms = self._settings, round(1000.0 * self._settings.watchdog_s)
+        settings, beat_ms = self._settings, round(1000.0 * self._settings.watchdog_s)
         self._manage(0x80)
         self._write(0x1017, 0, max(10, beat_ms // 4), "<H")
         self._write(0x1016, 1, MASTER << 16 | beat_ms, "<I")
-        self._write(0x1800, 1, 0x80000180 + told.node, "<I")
+        self._write(0x1800, 1, 0x80000180 + settings.node, "<I")
         self._write(0x1800, 2, 1, "<B")
         self._write(0x1A00, 0, 0, "<B")
         self._write(0x1A00, 1, 0x60410010, "<I")
         self._write(0x1A00, 2, 0x63010110, "<I")
         self._write(0x1A00, 0, 2, "<B")
-        self._write(0x1800, 1, 0x180 + told.node, "<I")
+        self._write(0x1800, 1, 0x180 + settings.node, "<I")
         self._write(0x6042, 0, 1, "<b")
-        if told.ramp_s is not None:
-            self._write(0x6331, 1, self._scaled(0x6331, told.ramp_s), "<H")
-            self._write(0x6330, 0, 1 if told.ramp_s else 0, "<b")
-        if told.dither_amplitude is not None:
-            self._write(0x6361, 1, told.dither_amplitude, "<H")
-            self._write(0x6360, 0, 1 if told.dither_amplitude else 0, "<b")
-        if told.dither_hz is not None:
-            self._write(0x6362, 1, self._scaled(0x6362, told.dither_hz), "<H")
-        for index, percent in ((0x6343, told.dead_band_a), (0x6344, told.dead_band_b)):
+        if settings.ramp_s is not None:
+            self._write(0x6331, 1, self._scaled(0x6331, settings.ramp_s), "<H")
+            self._write(0x6330, 0, 1 if settings.ramp_s else 0, "<b")
+        if settings.dither_amplitude is not None:
+            self._write(0x6361, 1, settings.dither_amplitude, "<H")
+            self._write(0x6360, 0, 1 if settings.dither_amplitude else 0, "<b")
+        if settings.dither_hz is not None:
+            self._write(0x6362, 1, self._scaled(0x6362, settings.dither_hz), "<H")
+        for index, percent in ((0x6343, settings.dead_band_a), (0x6344, settings.dead_band_b)):
             if percent is not None:
                 self._write(index, 1, round(percent * FULL / 100.0), "<h")
                 self._write(0x6342, 0, 1, "<b")

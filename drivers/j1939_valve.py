@@ -153,24 +153,24 @@ class J1939ValveLink(DeviceLink):
             self._latest = None
             self._receive(self._settings.timeout_s)
         self._address_is_ours()
-        said = self._fresh(LinkError)
-        self._estimated(said)  # an error that it reports is raised
-        return {_OUT: 0.0 if said[2] & 0x0F == BLOCK else math.nan}
+        status = self._fresh(LinkError)
+        self._estimated(status)  # an error that it reports is raised
+        return {_OUT: 0.0 if status[2] & 0x0F == BLOCK else math.nan}
 
     def close(self) -> None:
         """Leave the bus."""
         close_bus(self._bus, self._settings.timeout_s)
 
     def _identified(self) -> str:
-        told = self._settings
-        self._bus = open_bus(told.address, told.bitrate, told.timeout_s)
+        settings = self._settings
+        self._bus = open_bus(settings.address, settings.bitrate, settings.timeout_s)
         if self._commands:  # who only listens needs no address
             self._send(*self._claim.claim())
             until_s = time.monotonic() + CLAIM_WAIT_S
             while (left_s := until_s - time.monotonic()) > 0.0:
                 self._heard(left_s)
             self._address_is_ours()
-            self._send(_PRIORITY << 26 | REQUEST << 8 | told.device << 8 | told.source, CLAIMED_GROUP)
+            self._send(_PRIORITY << 26 | REQUEST << 8 | settings.device << 8 | settings.source, CLAIMED_GROUP)
         return ""
 
     def _put(self, values: Mapping[str, float]) -> Iterator[tuple[str, float]]:

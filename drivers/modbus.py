@@ -12,14 +12,14 @@ from drivers._described_modbus import model_of
 from drivers._modbus_client import LineSettings, host_and_port
 from drivers._modbus_link import ModbusLink
 from drivers._modbus_model import PER_SECOND, Model, Step, check_level, levels_of
+from drivers._register_blocks import RegisterBlock, register_blocks
 from drivers._registers import Flag, Format, Register, WordOrder, float32
-from drivers._stretches import Stretch, stretches
 from hil.daq.channel import Terminal, Wiring
 from hil.description.modbus import ModbusDescription
 from hil.description.named import Described, description_faults, description_of, ports_of
 
 __all__ = [
-    "Flag", "Format", "LineSettings", "ModbusLink", "Model", "Register", "Settings", "Step", "Stretch", "WordOrder",
+    "Flag", "Format", "LineSettings", "ModbusLink", "Model", "Register", "Settings", "Step", "RegisterBlock", "WordOrder",
     "check_level", "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
     "open_link", "stretches", "terminals",
 ]  # fmt: skip
@@ -71,9 +71,9 @@ def line_faults(settings: LineSettings, model: Model) -> Iterator[tuple[tuple[st
         yield ("longest_reply_s",), f"must not be shorter than timeout_s = {settings.timeout_s:g}"
 
 
-def _counted(count: float, told_to_the_device: bool) -> bool:
+def _counted(count: float, is_sent: bool) -> bool:
     """Whether the device can count such a time; one that is set there by other means may be any."""
-    return not told_to_the_device or (abs(count - round(count)) < 1e-6 and 1 <= round(count) <= 0xFFFF)
+    return not is_sent or (abs(count - round(count)) < 1e-6 and 1 <= round(count) <= 0xFFFF)
 
 
 def probe() -> Any:
@@ -119,12 +119,12 @@ def open_link(settings: Settings, wiring: Wiring) -> ModbusLink:
     return ModbusLink(settings, wiring, _model(settings))
 
 
-def _told(settings: Settings) -> ModbusDescription:
+def _description(settings: Settings) -> ModbusDescription:
     return description_of(settings, "modbus")
 
 
 def _described(settings: Settings) -> Model:
-    return model_of(_told(settings))
+    return model_of(_description(settings))
 
 
 def _model(settings: Settings) -> Model:

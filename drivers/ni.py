@@ -14,7 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, NonNegativeInt, PositiveFloat
 
 from drivers._ni_board import InputWiring, check_inputs, configuration, input_numbers
 from drivers._ni_counters import Counters
-from drivers._ni_errors import told
+from drivers._ni_errors import device_errors
 from drivers._ni_heartbeat import Heartbeat
 from drivers._ni_lines import Lines
 from drivers._ni_voltages import Voltages
@@ -140,7 +140,7 @@ class NiDaq:
         self._zero_s = time.monotonic()
         self._after_s = 0.0
         self.levels: Mapping[str, float] = {}
-        with self._told():
+        with self._device_errors():
             check_inputs(settings.device, settings.wiring, self._sampled)
             self.levels = {
                 **dict.fromkeys(self._counters.channels, 0.0),
@@ -186,7 +186,7 @@ class NiDaq:
         """Drive outputs of one kind safe, whatever became of the others; why they could not be, or None."""
         safe = {name: channel.safe for name, channel in group.outputs.items()}
         try:
-            with self._told():
+            with self._device_errors():
                 group.drive(safe)
         except HardwareError as error:
             return str(error)
@@ -195,16 +195,16 @@ class NiDaq:
 
     def read_back(self) -> Mapping[str, ReadBack]:
         """Voltages over the device's connections within, lines as it has them; a counter cannot be asked."""
-        told: dict[str, ReadBack] = dict.fromkeys(self._counters.channels, CANNOT_BE_ASKED)
+        found: dict[str, ReadBack] = dict.fromkeys(self._counters.channels, CANNOT_BE_ASKED)
         for group, asked in ((self._lines, self._lines.standing), (self._voltages, self._voltages.measured)):
             try:
-                with self._told():
+                with self._device_errors():
                     answers = asked()
             except Exception as error:
-                told |= dict.fromkeys(group.outputs, ReadBack(why=str(error)))
+                found |= dict.fromkeys(group.outputs, ReadBack(why=str(error)))
             else:
-                told |= {n: CANNOT_BE_ASKED if math.isnan(at) else ReadBack(at) for n, at in answers.items()}
-        return told
+                found |= {n: CANNOT_BE_ASKED if math.isnan(at) else ReadBack(at) for n, at in answers.items()}
+        return found
 
     def close(self) -> None:
         """Make safe and let go of the device."""
@@ -286,7 +286,7 @@ class NiDaq:
 
         self._end_tasks()
         try:
-            with self._told():
+            with self._device_errors():
                 reading = nidaqmx.Task()
                 self._tasks.append(reading)
                 self._add_inputs(reading)
@@ -300,7 +300,7 @@ class NiDaq:
             self._end_tasks()
             held = self.levels
             self.levels = {**held, **dict.fromkeys(self._counters.channels, 0.0)}
-        with self._told():
+        with self._device_errors():
             for task in self._counters.held(held):
                 self._tasks.append(task)
         self.levels = held
@@ -336,7 +336,7 @@ class NiDaq:
         import nidaqmx
         from nidaqmx.constants import AcquisitionType
 
-        with self._told(), nidaqmx.Task() as task:
+        with self._device_errors(), nidaqmx.Task() as task:
             self._add_inputs(task)
             task.timing.cfg_samp_clk_timing(rate_hz, sample_mode=AcquisitionType.CONTINUOUS, samps_per_chan=_LEAST)
             return float(task.timing.samp_clk_rate)
@@ -353,13 +353,13 @@ class NiDaq:
         """Fill the buffers and start; the time of the first sample on the device's clock."""
         padded = {name: np.append(v, np.full(samples - len(v), v[-1])) for name, v in outputs.items()}
         self._write(writers, padded, start=True)
-        with self._told():
+        with self._device_errors():
             reading.start()
         self._after_s = max(self._after_s, time.monotonic() - self._zero_s)
         return self._after_s
 
     def _write(self, writers: list[_Writer], outputs: Mapping[str, Array], start: bool) -> None:
-        with self._told():
+        with self._device_errors():
             for writer in writers:
                 writer.write(outputs)
                 if start:
@@ -385,7 +385,7 @@ class NiDaq:
 
         While they are played, the inputs that measure voltages within the board are not free.
         """
-        with self._told():
+        with self._device_errors():
             found = {name: at for name, at in standing().items() if not math.isnan(at)}
         for name, at in found.items():
             if not stands_as_driven(at, (self.levels[name],), _CLOSE):
@@ -396,12 +396,12 @@ class NiDaq:
 
     def _lines_over(self, count: int) -> dict[str, Array]:
         """Digital inputs over a block that was just read: as known before, and from its last sample on as they are."""
-        with self._told():
+        with self._device_errors():
             known, self._known = self._known, self._lines.read()
         return {name: np.append(np.full(count - 1, known[name]), now) for name, now in self._known.items()}
 
     def _read(self, reading: Any, count: int, rate_hz: float) -> Array:
-        with self._told():
+        with self._device_errors():
             read = reading.read(number_of_samples_per_channel=count, timeout=count / rate_hz + _WAIT_S)
         return np.asarray(read, dtype=np.float64).reshape(max(1, len(self._sampled)), count)
 
@@ -410,12 +410,12 @@ class NiDaq:
         wanted = {name: float(outputs[name][0]) for name in self._lines.outputs}
         changed = {name: value for name, value in wanted.items() if value != self.levels[name]}
         if changed:
-            with self._told():
+            with self._device_errors():
                 self._lines.drive(changed)
             self.levels = {**self.levels, **changed}
 
-    def _told(self) -> AbstractContextManager[None]:
-        return told(self._settings.device)
+    def _device_errors(self) -> AbstractContextManager[None]:
+        return device_errors(self._settings.device)
 
     def _end_tasks(self) -> None:
         tasks, self._tasks = self._tasks, []

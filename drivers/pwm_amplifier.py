@@ -85,13 +85,13 @@ def modulation(channel: OutputChannel) -> list[int]:
     pwm = channel.pwm
     if pwm is None:
         return []
-    told = [("carrier_hz", pwm.carrier_hz, "Hz", _CARRIER_HZ)]
+    checks = [("carrier_hz", pwm.carrier_hz, "Hz", _CARRIER_HZ)]
     if pwm.dither_hz is not None:
-        told += [
+        checks += [
             ("dither_hz", pwm.dither_hz, "Hz", _DITHER_HZ),
             ("dither_amplitude", pwm.dither_amplitude, "A", _DITHER_A),
         ]
-    for key, value, unit, (low, high) in told:
+    for key, value, unit, (low, high) in checks:
         if not low <= value <= high:
             raise SettingError(
                 f"'{channel.name}': pwm.{key} = {value:g} {unit}; the amplifier makes {low:g} … {high:g} {unit}"

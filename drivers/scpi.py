@@ -107,11 +107,11 @@ class ScpiLink(OnALine):
     _line: Line
 
     def __init__(self, settings: Settings, wiring: Wiring) -> None:
-        self._settings, told = settings, description_of(settings, "scpi")
-        self._talk = told.text
-        self._written = Numbers(told.text.decimal, told.text.no_measurement)
-        self._outputs = {c.terminal: told.whole[c.terminal] for c in wiring.outputs.values()}
-        self._inputs = {c.terminal: told.whole[c.terminal] for c in wiring.inputs.values()}
+        self._settings, description = settings, description_of(settings, "scpi")
+        self._talk = description.text
+        self._written = Numbers(description.text.decimal, description.text.no_measurement)
+        self._outputs = {c.terminal: description.whole[c.terminal] for c in wiring.outputs.values()}
+        self._inputs = {c.terminal: description.whole[c.terminal] for c in wiring.inputs.values()}
         self._elsewhere = f"{self._elsewhere}, or it sets in steps: then say step (now {settings.step:g})"
         super().__init__(wiring, close=dict.fromkeys(self._outputs, max(_RESOLUTION, settings.step)))
         self._open()
@@ -155,13 +155,13 @@ class ScpiLink(OnALine):
     def _measured(self) -> dict[str, float]:
         """In one message; an overload is infinite."""
         readings = self._numbers(self._inputs)
-        self.unmeasured = {name: f"the instrument answers {self._said[self._inputs[name].ask]}"
+        self.unmeasured = {name: f"the instrument answers {self._answers[self._inputs[name].ask]}"
                            for name, value in readings.items() if math.isnan(value)}  # fmt: skip
         return readings
 
     def _lines_of(self, values: Mapping[str, float]) -> list[str]:
-        told = ((self._outputs[name], value) for name, value in values.items())
-        return [filled(o.tell, self._written, value=(value - o.offset) / o.slope) for o, value in told]
+        places = ((self._outputs[name], value) for name, value in values.items())
+        return [filled(o.tell, self._written, value=(value - o.offset) / o.slope) for o, value in places]
 
     def _numbers(self, places: Mapping[str, TextTerminal]) -> dict[str, float]:
         """The values of terminals, asked in one message; those that share a question ask it once."""
@@ -169,11 +169,11 @@ class ScpiLink(OnALine):
         texts = self._asked(queries)
         if len(texts) != len(queries):
             raise self._line.failed(f"{len(texts)} answers to {len(queries)} questions: {';'.join(texts)}")
-        said = self._said = dict(zip(queries, texts, strict=True))
-        numbers = {name: self._number_in(said[place.ask], place) for name, place in places.items()}
+        answers = self._answers = dict(zip(queries, texts, strict=True))
+        numbers = {name: self._number_in(answers[place.ask], place) for name, place in places.items()}
         for name, number in numbers.items():
             if number is None:
-                text, place = said[places[name].ask], places[name]
+                text, place = answers[places[name].ask], places[name]
                 hint = remedy(text, self._written)
                 raise self._line.failed(f"{text!r} is no answer to {place.ask}; it should be '{place.answer}'{hint}")
         return {name: places[name].slope * number + places[name].offset

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from drivers._text_link import Settings, TextLink, level_of, told_of
+from drivers._text_link import Settings, TextLink, level_of, text_description
 from hil.daq.channel import Terminal, Wiring
 from hil.description.named import description_faults, ports_of
 
@@ -33,18 +33,18 @@ def needs(_settings: Settings) -> tuple[str, ...]:
 
 def has_watchdog(settings: Settings) -> bool:
     """Whether the device has one."""
-    return told_of(settings).watchdog is not None
+    return text_description(settings).watchdog is not None
 
 
 def not_read_back(settings: Settings) -> set[str]:
     """Outputs that cannot be asked where they stand."""
-    return told_of(settings).not_read_back
+    return text_description(settings).not_read_back
 
 
 def watchdog_levels(settings: Settings) -> dict[str, float]:
     """Where its watchdog puts outputs, if that is always the same."""
     level = level_of(settings)
-    outputs = [name for name, told in told_of(settings).whole.items() if told.direction == "out"]
+    outputs = [name for name, terminal in text_description(settings).whole.items() if terminal.direction == "out"]
     return {} if level is None else dict.fromkeys(outputs, level)
 
 
@@ -54,5 +54,5 @@ def open_link(settings: Settings, wiring: Wiring) -> TextLink:
 
 
 def _is_armed(settings: Settings) -> bool:
-    watchdog = told_of(settings).watchdog
+    watchdog = text_description(settings).watchdog
     return watchdog is not None and bool(watchdog.arm)

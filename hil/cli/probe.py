@@ -42,7 +42,7 @@ def command(
 
 
 def _line(found: Found) -> str:
-    return f"{found.place}: {', '.join(f'{name} {text}' for name, text in found.told.items())}".rstrip(": ")
+    return f"{found.place}: {', '.join(f'{name} {text}' for name, text in found.answers.items())}".rstrip(": ")
 
 
 def _as_json(kind: str, address: str, found: list[Found]) -> str:

@@ -19,7 +19,7 @@ class Found:
     """Somebody who answered: where (`unit 1`, `node 5`), and what was told, by name."""
 
     place: str
-    told: Mapping[str, str]
+    answers: Mapping[str, str]
 
 
 class Probe(Protocol):

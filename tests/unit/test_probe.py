@@ -60,7 +60,7 @@ def test_canopen_with_uploads_alone(tmp_path: Path) -> None:
         line = RecordedLine(int(address.rpartition(":")[2]))
         found = _who("can", f"socketcand:127.0.0.1:{line.port}", listen_s="1.0", timeout_s="1.0")
         line.close()
-        assert [one.place for one in found] == ["CANopen node 1"] and found[0].told["profile"].startswith("408 ")
+        assert [one.place for one in found] == ["CANopen node 1"] and found[0].answers["profile"].startswith("408 ")
         sent = [words.split() for words in b"".join(line.asked).decode().split("<") if "send " in words]
         assert sent
         for words in sent:
@@ -98,7 +98,7 @@ def test_scpi_with_one_question(tmp_path: Path) -> None:
         line = RecordedLine(int(address.rpartition(":")[2]))
         (found,) = _who("scpi", f"socket://127.0.0.1:{line.port}")
         line.close()
-        assert set(found.told) == {"maker", "model", "serial", "version"}
+        assert set(found.answers) == {"maker", "model", "serial", "version"}
         assert b"".join(line.asked) == b"*IDN?\n"
 
 

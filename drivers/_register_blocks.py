@@ -11,7 +11,7 @@ _MOST_BITS, _MOST_WRITTEN_BITS = 2000, 1968
 
 
 @dataclass(slots=True)
-class Stretch:
+class RegisterBlock:
     """Registers of one table, by terminal, in the order of their addresses."""
 
     first: int
@@ -80,7 +80,7 @@ class Stretch:
         return next(iter(self.terminals.values()))
 
 
-def stretches(registers: Mapping[str, Register], gap: int = 0, longest: int = 125) -> list[Stretch]:
+def register_blocks(registers: Mapping[str, Register], gap: int = 0, longest: int = 125) -> list[RegisterBlock]:
     """Registers in as few requests as possible without asking for more than `gap` between them (some devices refuse).
 
     Args:
@@ -91,27 +91,27 @@ def stretches(registers: Mapping[str, Register], gap: int = 0, longest: int = 12
     return _grouped(registers, gap, longest, _MOST_BITS)
 
 
-def written(registers: Mapping[str, Register], longest: int = 123) -> list[Stretch]:
+def written(registers: Mapping[str, Register], longest: int = 123) -> list[RegisterBlock]:
     """Outputs in as few requests as their functions allow, nothing between them."""
     together = _grouped(registers, 0, longest, _MOST_WRITTEN_BITS)
-    return [part for stretch in together for part in _alone(stretch)]
+    return [part for block in together for part in _alone(block)]
 
 
-def _alone(stretch: Stretch) -> Iterable[Stretch]:
+def _alone(block: RegisterBlock) -> Iterable[RegisterBlock]:
     """Functions 5 and 6 write one at a time; parts of one register stay together."""
-    if stretch.writing not in (5, 6):
-        return [stretch]
-    by_address: dict[int, Stretch] = {}
-    for name, register in stretch.terminals.items():
-        by_address.setdefault(register.address, Stretch(register.address)).terminals[name] = register
+    if block.writing not in (5, 6):
+        return [block]
+    by_address: dict[int, RegisterBlock] = {}
+    for name, register in block.terminals.items():
+        by_address.setdefault(register.address, RegisterBlock(register.address)).terminals[name] = register
     return by_address.values()
 
 
-def _grouped(registers: Mapping[str, Register], gap: int, longest: int, most_bits: int) -> list[Stretch]:
-    found: list[Stretch] = []
+def _grouped(registers: Mapping[str, Register], gap: int, longest: int, most_bits: int) -> list[RegisterBlock]:
+    found: list[RegisterBlock] = []
     for name, register in sorted(registers.items(), key=lambda item: (item[1].table, item[1].address)):
         most = most_bits if register.is_bit else longest
         if not found or not found[-1].takes(register, gap, most):
-            found.append(Stretch(register.address))
+            found.append(RegisterBlock(register.address))
         found[-1].terminals[name] = register
     return found
