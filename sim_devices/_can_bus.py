@@ -207,9 +207,9 @@ class CanServer:
         if quirks.late_s and self._ended.wait(quirks.late_s):
             return
         for identifier, data in answers:
-            told = self.behaviour.mangled(data, quirks)
-            if told or not data:
-                self._send(identifier, told)
+            sent = self.behaviour.mangled(data, quirks)
+            if sent or not data:
+                self._send(identifier, sent)
 
     def _tick(self) -> None:
         while not self._ended.wait(_TICK_S):

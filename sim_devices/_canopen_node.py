@@ -47,7 +47,7 @@ class CanopenNode:
         self.side, self.node, self.objects, self._mapped = side, node, objects, mapped
         self.values: dict[Place, float] = {}
         self.nmt = PRE_OPERATIONAL
-        self._said_s = self.ticked_s = side.clock.now_s
+        self._sent_s = self.ticked_s = side.clock.now_s
         self.master_s = math.inf
         self.unsent: list[Frame] = []
         self._receives = sorted(i for i, sub in objects if 0x1400 <= i < 0x1600 and sub == 1)
@@ -81,8 +81,8 @@ class CanopenNode:
         yield from self.unsent
         self.unsent = []
         every_s = self.values.get((0x1017, 0), 0) / 1000.0
-        if every_s and now_s - self._said_s >= every_s:
-            self._said_s = now_s
+        if every_s and now_s - self._sent_s >= every_s:
+            self._sent_s = now_s
             yield 0x700 + self.node, bytes([self.nmt])
 
     def restart(self) -> None:

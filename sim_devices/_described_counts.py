@@ -25,13 +25,13 @@ class Counts:
     """A terminal's numbers in its registers.
 
     Args:
-        told: the description.
+        description: the description.
         terminal: of it.
         order: of the bytes of more than one register, where the terminal says none.
     """
 
-    def __init__(self, told: ModbusDescription, terminal: ModbusTerminal, order: str) -> None:
-        self.terminal, self.form = terminal, told.form_of(terminal)
+    def __init__(self, description: ModbusDescription, terminal: ModbusTerminal, order: str) -> None:
+        self.terminal, self.form = terminal, description.form_of(terminal)
         self.words = WORDS[self.form]
         own = terminal.byte_order
         self._order = own or (_ORDERS.get(order, order) if self.words > 1 else "AB")

@@ -23,13 +23,13 @@ class DescribedText(TextDevice):
     expires, outputs go where the description, the setting at the device or an earlier line says.
     """
 
-    def __init__(self, side: Side, told: TextDescription, settings: Mapping[str, Any]) -> None:
+    def __init__(self, side: Side, description: TextDescription, settings: Mapping[str, Any]) -> None:
         super().__init__(side)
-        self._told, self._whole = told, told.whole
-        self.end = ENDS[told.text.end].encode("ascii")
-        self._answer_end = ENDS[told.text.answer_end or told.text.end].encode("ascii")
+        self._description, self._whole = description, description.whole
+        self.end = ENDS[description.text.end].encode("ascii")
+        self._answer_end = ENDS[description.text.answer_end or description.text.end].encode("ascii")
         self._errors: list[str] = []
-        watchdog = told.watchdog
+        watchdog = description.watchdog
         self._set_s = settings.get("watchdog_s") if watchdog is not None and not watchdog.arm else None
         self._level = settings.get("watchdog_level")
         self._armed_s: float | None = None
@@ -43,7 +43,7 @@ class DescribedText(TextDevice):
     def answer_to(self, request: str) -> str | None:
         """What the description says comes back."""
         self.heard_s = self.side.clock.now_s
-        line, talk = request.strip(), self._told.text
+        line, talk = request.strip(), self._description.text
         if talk.hello and line == talk.hello:
             return self._whole_line(talk.identity)
         if talk.errors and line == talk.errors:
@@ -63,7 +63,7 @@ class DescribedText(TextDevice):
         Raises:
             ValueError: a value that the output does not take.
         """
-        if line in self._told.text.setup:
+        if line in self._description.text.setup:
             return ""
         return next(
             (answer for known in (self._armed, self._set, self._asked) if (answer := known(line)) is not None), None
@@ -91,12 +91,12 @@ class DescribedText(TextDevice):
     def _safe_level(self, name: str, terminal: TextTerminal) -> float:
         if self._level is not None:
             return float(self._level)
-        expires_to = self._told.watchdog.expires_to if self._told.watchdog else None
+        expires_to = self._description.watchdog.expires_to if self._description.watchdog else None
         return self._safe.get(name, _nearest_zero(terminal) if expires_to is None else expires_to)
 
     def _armed(self, line: str) -> str | None:
         """A line of the watchdog; None when it is none of them."""
-        watchdog = self._told.watchdog
+        watchdog = self._description.watchdog
         for template in watchdog.arm if watchdog else ():
             if (found := self._found(template, line)) is None:
                 continue
@@ -124,10 +124,10 @@ class DescribedText(TextDevice):
         sharing = [(name, terminal) for name, terminal in self._whole.items() if terminal.ask and terminal.ask == line]
         if not sharing:
             return None
-        parts = {terminal.field or 0: self._said(name, terminal) for name, terminal in sharing}
-        return self._told.text.separator.join(parts.get(i, "0") for i in range(max(parts) + 1))
+        parts = {terminal.field or 0: self._answer_part(name, terminal) for name, terminal in sharing}
+        return self._description.text.separator.join(parts.get(i, "0") for i in range(max(parts) + 1))
 
-    def _said(self, name: str, terminal: TextTerminal) -> str:
+    def _answer_part(self, name: str, terminal: TextTerminal) -> str:
         readings = {} if terminal.direction == "out" else self.side.read()
         value = self.side.standing(name) if terminal.direction == "out" else readings.get(name, 0.0)
         return self._whole_line(terminal.answer, (value - terminal.offset) / terminal.slope)
@@ -137,7 +137,7 @@ class DescribedText(TextDevice):
         return HOLE.sub(lambda hole: self._number(value, hole[2]) if hole[1] == "value" else "x", template)
 
     def _number(self, value: float, form: str | None) -> str:
-        talk = self._told.text
+        talk = self._description.text
         if math.isnan(value):
             return talk.no_measurement[0] if talk.no_measurement else "9.91E37"
         return format(value, form or ".9g").replace(".", talk.decimal)
@@ -154,7 +154,7 @@ class DescribedText(TextDevice):
         if found is None:
             return None
         try:
-            return [(name, float(text.replace(self._told.text.decimal, "."))) for name, text in
+            return [(name, float(text.replace(self._description.text.decimal, "."))) for name, text in
                     zip(holes, found.groups(), strict=True)]  # fmt: skip
         except ValueError:
             return None

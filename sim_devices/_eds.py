@@ -20,12 +20,12 @@ def objects_of(path: str, node: int) -> dict[tuple[int, int], tuple[str, float, 
     found: dict[tuple[int, int], tuple[str, float, bool]] = {}
     for section in parser.sections():
         place = _SECTION.fullmatch(section)
-        told = parser[section]
-        form = _FORMS.get(f"0x{int(told.get('DataType', '0') or '0', 0):04x}")
+        entry = parser[section]
+        form = _FORMS.get(f"0x{int(entry.get('DataType', '0') or '0', 0):04x}")
         if place is None or form is None:
             continue
-        writable = told.get("AccessType", "ro").lower() in ("rw", "wo", "rww", "rwr")
-        value = _number(told.get("ParameterValue") or told.get("DefaultValue") or "0", node)
+        writable = entry.get("AccessType", "ro").lower() in ("rw", "wo", "rww", "rwr")
+        value = _number(entry.get("ParameterValue") or entry.get("DefaultValue") or "0", node)
         found[int(place[1], 16), int(place[2] or "0", 16)] = (form, value, writable)
     return found
 

@@ -18,7 +18,7 @@ from sim_devices._simulation import Simulation, model_of
 from sim_devices._world import Signals, World
 
 _BITS = 24  # the protocol rounds, not a converter
-_TICKS_AT_ONCE = 1 << 14
+_CHUNK_TICKS = 1 << 14
 _LONGEST_S = 5.0  # a plant that nobody looked at has settled after so long; more is not computed
 
 
@@ -93,7 +93,7 @@ class Field:
             self._zero_s += left_out / self._hz
             behind -= left_out
         while behind > 0:
-            some = min(behind, _TICKS_AT_ONCE)
+            some = min(behind, _CHUNK_TICKS)
             self._seen, self._samples = self._advanced(some), some
             behind -= some
 

@@ -106,10 +106,10 @@ class StreamServer:
             answer = self._device.answer(request)
         if quirks.late_s and self._ended.wait(quirks.late_s):
             return
-        told = self.behaviour.mangled(answer, quirks)
-        self._pace(len(told))
-        if told:
-            write(told)
+        sent = self.behaviour.mangled(answer, quirks)
+        self._pace(len(sent))
+        if sent:
+            write(sent)
 
     def _pace(self, count: int) -> None:
         """The time that so many bytes take on a line of limited speed."""

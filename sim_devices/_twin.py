@@ -93,13 +93,13 @@ class Twin:
 
     def open_daq(self, settings: TwinSettings, wiring: Wiring) -> Daq:
         """The device, served in this process, and its driver connected to it."""
-        told = settings.model_extra or {}
+        extra = settings.model_extra or {}
         served = self.serve(
-            {"address": self.free, **told}, world(settings.simulation, {"": wiring}).side(""), settings.quirks
+            {"address": self.free, **extra}, world(settings.simulation, {"": wiring}).side(""), settings.quirks
         )
         try:
             link = self._module.open_link(
-                self._module.Settings.model_validate({**told, "address": served.where}), wiring
+                self._module.Settings.model_validate({**extra, "address": served.where}), wiring
             )
             return PolledDaq({self.driver: _Owning(link, served)}, {self.driver: wiring})
         except BaseException:
@@ -133,14 +133,14 @@ def world(simulation: Simulation | Mapping[str, Any], wirings: Mapping[str, Wiri
     return Field(checked, wirings)
 
 
-def quirks(told: Mapping[str, Any]) -> Quirks:
+def quirks(given: Mapping[str, Any]) -> Quirks:
     """Quirks by name, as text or as values.
 
     Raises:
         SettingError: one that there is not.
     """
     try:
-        return Quirks.model_validate(dict(told))
+        return Quirks.model_validate(dict(given))
     except ValidationError as error:
         found = error.errors()[0]
         known = ", ".join(Quirks.model_fields)

@@ -29,12 +29,12 @@ class Module(TextDevice):
 
     end = b"\r"
 
-    def __init__(self, side: Side, told: ModuleDescription, at: int) -> None:
+    def __init__(self, side: Side, description: ModuleDescription, at: int) -> None:
         super().__init__(side)
-        names = list(told.numbers)
-        is_in = told.channels.direction == "in"
+        names = list(description.numbers)
+        is_in = description.channels.direction == "in"
         self._outputs, self._inputs = ([], names) if is_in else (names, [])
-        self._module, self._at, (self._low, self._high) = told, f"{at:02X}", told.channels.range
+        self._module, self._at, (self._low, self._high) = description, f"{at:02X}", description.channels.range
         self._watchdog_s = 0.0
         self._last = [side.standing(name) for name in self._outputs]
 
@@ -67,7 +67,7 @@ class Module(TextDevice):
             self._watchdog_s = 0.1 * int(found[1])
             return f"!{self._at}"
         if lead == "$" and (found := re.fullmatch(r"([68])C(\d)", body)):
-            return self._told(found[1], int(found[2]))
+            return self._answered_value(found[1], int(found[2]))
         if lead == "#" and (found := re.fullmatch(rf"C(\d)({_VALUE})", body)):
             return self._set(found[1], float(found[2]))
         if lead == "#" and not body and self._inputs:
@@ -81,7 +81,7 @@ class Module(TextDevice):
         self.side.drive({self._outputs[int(channel)]: volts})
         return f"!{self._at}"
 
-    def _told(self, what: str, channel: int) -> str:
+    def _answered_value(self, what: str, channel: int) -> str:
         """The last value of an output, or its type."""
         if channel >= len(self._outputs):
             return f"?{self._at}"
@@ -102,7 +102,7 @@ class Module(TextDevice):
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the module where the driver will look for it."""
     named = Described(model=settings.get("model", ""), description=settings.get("description"))
-    make = partial(Module, told=description_of(named, "ascii_module"), at=int(settings.get("module", 1)))
+    make = partial(Module, description=description_of(named, "ascii_module"), at=int(settings.get("module", 1)))
     return serve_text(make, settings, side, behave)
 
 

@@ -27,17 +27,17 @@ class DescribedNode:
 
     answers_by_itself = True
 
-    def __init__(self, side: Side, told: CanDescription) -> None:
-        self._side, self._told = side, told
-        self._messages = {message.name: message for message in told.database.messages}
-        self._outputs = {name: t for name, t in told.terminals.items() if t.direction == "out"}
+    def __init__(self, side: Side, description: CanDescription) -> None:
+        self._side, self._description = side, description
+        self._messages = {message.name: message for message in description.database.messages}
+        self._outputs = {name: t for name, t in description.terminals.items() if t.direction == "out"}
         self._tells = sorted(
-            {t.message for t in told.terminals.values() if t.direction == "in"}
+            {t.message for t in description.terminals.values() if t.direction == "in"}
             | {t.read_back.message for t in self._outputs.values() if t.read_back}
         )
         self._commanded = {t.message for t in self._outputs.values()}
         self._counts = dict.fromkeys(self._tells, 0)
-        self._said_s = dict.fromkeys(self._tells, side.clock.now_s)
+        self._sent_s = dict.fromkeys(self._tells, side.clock.now_s)
         self._heard_s = side.clock.now_s
 
     def on_frame(self, identifier: int, data: bytes) -> Iterator[Frame]:
@@ -50,59 +50,59 @@ class DescribedNode:
 
     def tick(self) -> Iterator[Frame]:
         """Every message in its time; outputs where they go when no command came."""
-        now_s, watchdog = self._side.clock.now_s, self._told.watchdog
+        now_s, watchdog = self._side.clock.now_s, self._description.watchdog
         if watchdog is not None and now_s - self._heard_s > watchdog.time_s:
             for name in self._outputs:
                 if self._side.standing(name) != watchdog.expires_to:
                     self._side.drive({name: watchdog.expires_to})
         for name in self._tells:
-            if now_s - self._said_s[name] >= (self._told.about(name).every_s or _EVERY_S):
-                self._said_s[name] = now_s
+            if now_s - self._sent_s[name] >= (self._description.about(name).every_s or _EVERY_S):
+                self._sent_s[name] = now_s
                 yield self._frame(name)
 
     def restart(self) -> None:
         """Outputs where they go without a command."""
-        level = self._told.watchdog.expires_to if self._told.watchdog else 0.0
+        level = self._description.watchdog.expires_to if self._description.watchdog else 0.0
         self._side.drive(dict.fromkeys(self._outputs, level))
         self._counts = dict.fromkeys(self._tells, 0)
 
     def _obey(self, name: str, data: bytes) -> None:
         self._heard_s = self._side.clock.now_s
-        for terminal, told in self._outputs.items():
-            if told.message == name and self._is_chosen(told, data):
-                self._side.drive({terminal: self._value(told, data)})
+        for terminal, described in self._outputs.items():
+            if described.message == name and self._is_chosen(described, data):
+                self._side.drive({terminal: self._value(described, data)})
 
-    def _is_chosen(self, told: CanTerminal, data: bytes) -> bool:
+    def _is_chosen(self, terminal: CanTerminal, data: bytes) -> bool:
         """Whether a multiplexed signal is in this message."""
-        message = self._messages[told.message]
-        signal = message.get_signal_by_name(told.signal)
+        message = self._messages[terminal.message]
+        signal = message.get_signal_by_name(terminal.signal)
         if not signal.multiplexer_ids:
             return True
         return taken(message.get_signal_by_name(signal.multiplexer_signal), data) in signal.multiplexer_ids
 
-    def _value(self, told: CanTerminal, data: bytes) -> float:
-        message = self._messages[told.message]
-        signal, sign = message.get_signal_by_name(told.signal), self._told.about(told.message).sign
+    def _value(self, terminal: CanTerminal, data: bytes) -> float:
+        message = self._messages[terminal.message]
+        signal, sign = message.get_signal_by_name(terminal.signal), self._description.about(terminal.message).sign
         value = taken(signal, data) * signal.scale + signal.offset
         if sign is not None:
             value *= {sign.above: 1, sign.below: -1}.get(int(taken(message.get_signal_by_name(sign.signal), data)), 0)
-        return float(value * told.slope + told.offset)
+        return float(value * terminal.slope + terminal.offset)
 
     def _read_backs(self) -> list[str]:
         return sorted({t.read_back.message for t in self._outputs.values() if t.read_back})
 
     def _frame(self, name: str) -> Frame:
         """A message with all that the description has in it; other bits as in a message of which nothing is known."""
-        message, about = self._messages[name], self._told.about(name)
-        data = bytearray(([0xFF] if self._told.j1939 else [0x00]) * message.length)
+        message, about = self._messages[name], self._description.about(name)
+        data = bytearray(([0xFF] if self._description.j1939 else [0x00]) * message.length)
         readings = self._side.read()
         for signal, count in about.values.items():
             put(message.get_signal_by_name(signal), data, count)
-        for terminal, told in self._told.terminals.items():
-            if told.direction == "in" and told.message == name:
-                self._put(data, told, told.signal, readings.get(terminal, 0.0))
-            if told.read_back is not None and told.read_back.message == name:
-                self._put(data, told, told.read_back.signal, self._side.standing(terminal), name)
+        for terminal, described in self._description.terminals.items():
+            if described.direction == "in" and described.message == name:
+                self._put(data, described, described.signal, readings.get(terminal, 0.0))
+            if described.read_back is not None and described.read_back.message == name:
+                self._put(data, described, described.read_back.signal, self._side.standing(terminal), name)
         if about.counter:
             signal = message.get_signal_by_name(about.counter)
             put(signal, data, self._counts[name] % (1 << signal.length))
@@ -112,37 +112,37 @@ class DescribedNode:
             data[at] = _sum(about.checksum.kind, bytes(data[:at] + data[at + 1 :]))
         return self._identifier(message), bytes(data)
 
-    def _put(self, data: bytearray, told: CanTerminal, name: str, value: float, in_message: str = "") -> None:
-        message = self._messages[in_message or told.message]
-        signal, sign = message.get_signal_by_name(name), self._told.about(message.name).sign
+    def _put(self, data: bytearray, terminal: CanTerminal, name: str, value: float, in_message: str = "") -> None:
+        message = self._messages[in_message or terminal.message]
+        signal, sign = message.get_signal_by_name(name), self._description.about(message.name).sign
         if math.isnan(value):
             put(signal, data, (1 << signal.length) - 1)
             return
-        number = (value - told.offset) / told.slope
+        number = (value - terminal.offset) / terminal.slope
         if sign is not None:
             put(message.get_signal_by_name(sign.signal), data,
                 sign.zero if number == 0 else sign.above if number > 0 else sign.below)  # fmt: skip
             number = abs(number)
         count = (number - signal.offset) / signal.scale
-        high = (0xFB << signal.length - 8) - 1 if self._told.j1939 and signal.length >= 8 else math.inf
+        high = (0xFB << signal.length - 8) - 1 if self._description.j1939 and signal.length >= 8 else math.inf
         put(signal, data, min(count, high))
 
     def _fits(self, name: str, data: bytes) -> bool:
-        about = self._told.about(name)
+        about = self._description.about(name)
         if about.checksum is None:
             return True
         at = self._messages[name].get_signal_by_name(about.checksum.signal).start // 8
         return bool(data[at] == _sum(about.checksum.kind, data[:at] + data[at + 1 :]))
 
     def _is_for(self, message: Any, identifier: int) -> bool:
-        if self._told.j1939 is None:
+        if self._description.j1939 is None:
             return bool(message.frame_id == identifier)
         return _group(message.frame_id) == _group(identifier) and identifier > 0x7FF
 
     def _identifier(self, message: Any) -> int:
-        if self._told.j1939 is None:
+        if self._description.j1939 is None:
             return int(message.frame_id)
-        return int(message.frame_id & ~0xFF | self._told.j1939.device)
+        return int(message.frame_id & ~0xFF | self._description.j1939.device)
 
 
 def _group(identifier: int) -> int:

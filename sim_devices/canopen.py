@@ -25,12 +25,12 @@ class DescribedNode(CanopenNode):
     When it misses the master's heartbeat its outputs go where the description says, with an emergency.
     """
 
-    def __init__(self, side: Side, told: CanopenDescription, node: int) -> None:
-        self._told = told
-        self._terminals = told.by_name
+    def __init__(self, side: Side, description: CanopenDescription, node: int) -> None:
+        self._description = description
+        self._terminals = description.by_name
         self._outputs = self._by_place("out")
         self._inputs = self._by_place("in")
-        super().__init__(side, node, objects_of(told.eds, node))
+        super().__init__(side, node, objects_of(description.eds, node))
 
     def power_on(self) -> None:
         """Outputs at the values of the file, or as near zero as they come."""
@@ -55,16 +55,18 @@ class DescribedNode(CanopenNode):
         """Outputs move; those whose bits stay stay."""
         super().store(index, sub, value)
         for name in self._outputs.get((index, sub), ()):
-            told = self._terminals[name]
-            self.side.drive({name: _taken(told, value, self.objects[index, sub][0]) * told.slope + told.offset})
+            terminal = self._terminals[name]
+            self.side.drive(
+                {name: _taken(terminal, value, self.objects[index, sub][0]) * terminal.slope + terminal.offset}
+            )
 
     def missed_heartbeat(self) -> None:
         """Outputs go where they are safe, and it says so."""
-        if self._told.watchdog is None:
+        if self._description.watchdog is None:
             return
         for place, names in self._outputs.items():
             for name in names:
-                self._goes_to(place, name, self._told.watchdog.expires_to)
+                self._goes_to(place, name, self._description.watchdog.expires_to)
         self.unsent.append((0x080 + self.node, struct.pack("<HB5x", 0x8130, 0x11)))
 
     def _goes_to(self, place: tuple[int, int], name: str, value: float) -> None:
@@ -83,44 +85,44 @@ class DescribedNode(CanopenNode):
         return found
 
 
-def _is_signed(told: CanopenTerminal, form: str) -> bool:
-    return form.islower() and told.bit is None and (told.bits is None or told.bits[0] < told.bits[1])
+def _is_signed(terminal: CanopenTerminal, form: str) -> bool:
+    return form.islower() and terminal.bit is None and (terminal.bits is None or terminal.bits[0] < terminal.bits[1])
 
 
-def _width(told: CanopenTerminal, form: str) -> int:
-    if told.bit is not None:
+def _width(terminal: CanopenTerminal, form: str) -> int:
+    if terminal.bit is not None:
         return 1
-    return 8 * struct.calcsize(form) if told.bits is None else told.bits[1] + 1 - told.bits[0]
+    return 8 * struct.calcsize(form) if terminal.bits is None else terminal.bits[1] + 1 - terminal.bits[0]
 
 
-def _lowest(told: CanopenTerminal) -> int:
-    return told.bit or (0 if told.bits is None else told.bits[0])
+def _lowest(terminal: CanopenTerminal) -> int:
+    return terminal.bit or (0 if terminal.bits is None else terminal.bits[0])
 
 
-def _laid(told: CanopenTerminal, value: float, count: int, form: str) -> int:
+def _laid(terminal: CanopenTerminal, value: float, count: int, form: str) -> int:
     """What an object says with this count in the terminal's bits."""
-    size, at, n = struct.calcsize(form), _lowest(told), _width(told, form)
+    size, at, n = struct.calcsize(form), _lowest(terminal), _width(terminal, form)
     bits = f"{int.from_bytes(struct.pack('>' + form, int(value)), 'big'):0{8 * size}b}"
     end = len(bits) - at
     bits = bits[: end - n] + f"{count % (1 << n):0{n}b}" + bits[end:]
     return int(struct.unpack(">" + form, int(bits, 2).to_bytes(size, "big"))[0])
 
 
-def _taken(told: CanopenTerminal, value: float, form: str) -> float:
+def _taken(terminal: CanopenTerminal, value: float, form: str) -> float:
     """The terminal's count in what an object says."""
     if form == "f":
         return value
-    n = _width(told, form)
-    count = (int(value) >> _lowest(told)) % (1 << n)
-    return count - (1 << n) if _is_signed(told, form) and 2 * count >= 1 << n else count
+    n = _width(terminal, form)
+    count = (int(value) >> _lowest(terminal)) % (1 << n)
+    return count - (1 << n) if _is_signed(terminal, form) and 2 * count >= 1 << n else count
 
 
-def _counted(told: CanopenTerminal, value: float, form: str) -> int:
-    number = (value - told.offset) / told.slope
-    width = _width(told, form)
-    low, high = (-(1 << width - 1), (1 << width - 1) - 1) if _is_signed(told, form) else (0, (1 << width) - 1)
+def _counted(terminal: CanopenTerminal, value: float, form: str) -> int:
+    number = (value - terminal.offset) / terminal.slope
+    width = _width(terminal, form)
+    low, high = (-(1 << width - 1), (1 << width - 1) - 1) if _is_signed(terminal, form) else (0, (1 << width) - 1)
     if math.isnan(number):
-        none = next((int(count, 0) for count in told.invalid if count.lower() != "nan"), 0)
+        none = next((int(count, 0) for count in terminal.invalid if count.lower() != "nan"), 0)
         return none if none <= high else none - (1 << width)
     return max(low, min(high, round(number)))
 

@@ -23,7 +23,7 @@ from sim_devices._world import World
 
 __all__ = ["Settings", "faults", "open_daq", "terminals"]
 
-_TICKS_AT_ONCE = 1 << 16
+_CHUNK_TICKS = 1 << 16
 
 
 def open_daq(settings: Settings, wiring: Wiring, by: Clock | None = None) -> SimulatedDaq:
@@ -166,7 +166,7 @@ class SimulatedDaq:
         behind_s = self._clock.now_s - self._zero_s - self._now_s
         ticks = math.floor(behind_s * self._settings.clock_hz + 1e-6)
         while ticks > 0:
-            some = min(ticks, _TICKS_AT_ONCE)
+            some = min(ticks, _CHUNK_TICKS)
             still = {name: np.full(some, level) for name, level in self.levels.items()}
             self._world.advance(self._driven(still, some, 1, self._world.ticks))
             ticks -= some

@@ -33,7 +33,7 @@ class Valve:
 
     def __init__(self, side: Side, number: int, address: int, patience_s: float) -> None:
         self._side, self._number, self._address, self._patience_s = side, number, address, patience_s
-        self._heard_s = self._said_s = side.clock.now_s
+        self._heard_s = self._sent_s = side.clock.now_s
         self._state = 0
         self._name = 2 << 60 | _FUNCTION << 40 | number
         self._claimed, self._silenced = False, False
@@ -60,8 +60,8 @@ class Valve:
         if now_s - self._heard_s > self._patience_s and self._state:
             self._state = 0
             self._drive(0.0)
-        if now_s - self._said_s >= _EVERY_S and not self._silenced:
-            self._said_s = now_s
+        if now_s - self._sent_s >= _EVERY_S and not self._silenced:
+            self._sent_s = now_s
             yield self._estimate()
 
     def restart(self) -> None:

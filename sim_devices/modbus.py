@@ -104,8 +104,8 @@ def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServ
 def _bank(settings: Mapping[str, Any], side: Side) -> Bank:
     if settings.get("model") == "wago-750":
         return Wago750(side)
-    told = Described(model=settings.get("model", ""), description=settings.get("description"))
-    return DescribedBank(side, description_of(told, "modbus"), settings)
+    named = Described(model=settings.get("model", ""), description=settings.get("description"))
+    return DescribedBank(side, description_of(named, "modbus"), settings)
 
 
 def _to_word(value: int) -> int:

@@ -98,10 +98,10 @@ class Instrument(TextDevice):
         return {
             "*IDN?": _bare(lambda: f"valve-hil,{self.model},0,1.0"), "*CLS": _bare(self._clear),
             "*RST": _bare(self.reset), "*TST?": _bare(lambda: "0"), "*WAI": _bare(lambda: None),
-            "*OPC?": _bare(lambda: "1"), "*OPC": _bare(lambda: self._happened(_COMPLETE)),
+            "*OPC?": _bare(lambda: "1"), "*OPC": _bare(lambda: self._event(_COMPLETE)),
             "*ESR?": _bare(self._events_read), "*STB?": _bare(self._status),
-            "*ESE": lambda told: setattr(self, "_enabled", _byte(told)), "*ESE?": _bare(lambda: str(self._enabled)),
-            "*SRE": lambda told: setattr(self, "_requested", _byte(told)), "*SRE?": _bare(lambda: str(self._requested)),
+            "*ESE": lambda text: setattr(self, "_enabled", _byte(text)), "*ESE?": _bare(lambda: str(self._enabled)),
+            "*SRE": lambda text: setattr(self, "_requested", _byte(text)), "*SRE?": _bare(lambda: str(self._requested)),
             "SYSTem:ERRor?": _bare(self._next_error), "SYSTem:ERRor:NEXT?": _bare(self._next_error),
             "SYSTem:VERSion?": _bare(lambda: "1999.0"),
         }  # fmt: skip
@@ -110,7 +110,7 @@ class Instrument(TextDevice):
         self.errors.clear()
         self._events = 0
 
-    def _happened(self, event: int) -> None:
+    def _event(self, event: int) -> None:
         self._events |= event
 
     def _events_read(self) -> str:
@@ -127,7 +127,7 @@ class Instrument(TextDevice):
         return f'{code:+d},"{_TEXTS[code]}"' if code else '+0,"No error"'
 
     def _queue(self, code: int) -> None:
-        self._happened(_EVENTS.get(-code // 100, 0))
+        self._event(_EVENTS.get(-code // 100, 0))
         if len(self.errors) < _QUEUE:
             self.errors.append(code)
         else:
@@ -191,10 +191,10 @@ class DcSource(Instrument):
 class Described(Instrument):
     """What a description says beside the common commands; headers in the form that stands there, long or short."""
 
-    def __init__(self, side: Side, told: TextDescription) -> None:
+    def __init__(self, side: Side, description: TextDescription) -> None:
         super().__init__(side)
-        self._text = DescribedText(side, told, {})
-        self._told = told
+        self._text = DescribedText(side, description, {})
+        self._description = description
 
     def answer_to(self, request: str) -> str | None:
         """Message units one by one: those of the description, else the common commands."""
@@ -207,7 +207,7 @@ class Described(Instrument):
 
     def _one(self, unit: str) -> str | None:
         if unit == "*IDN?":
-            given = self._told.text.identity
+            given = self._description.text.identity
             return "valve-hil,described,0,1.0" if given == "{any}" else given.replace("{any}", "x")
         try:
             found = self._text.known(unit)
@@ -223,8 +223,8 @@ def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServ
     if known is not None:
         return serve_text(known, settings, side, behave)
     named = description.Described(model=settings.get("model", ""), description=settings.get("description"))
-    told = description.description_of(named, "scpi")
-    return serve_text(lambda terminals: Described(terminals, told), settings, side, behave)
+    described = description.description_of(named, "scpi")
+    return serve_text(lambda terminals: Described(terminals, described), settings, side, behave)
 
 
 def _bare(done: Callable[[], str | None]) -> Callable[[str], str | None]:

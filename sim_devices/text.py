@@ -19,8 +19,8 @@ __all__ = ["Settings", "faults", "open_daq", "quirks", "serve", "terminals", "wo
 def serve(settings: Mapping[str, Any], side: Side, behave: Quirks) -> StreamServer:
     """Serve the device where the driver will look for it."""
     named = Described(model=settings.get("model", ""), description=settings.get("description"))
-    told = description_of(named, "text")
-    return serve_text(lambda terminals: DescribedText(terminals, told, settings), settings, side, behave)
+    described = description_of(named, "text")
+    return serve_text(lambda terminals: DescribedText(terminals, described, settings), settings, side, behave)
 
 
 _twin = Twin("text", serve, example="socket://127.0.0.1:4001", free="socket://127.0.0.1:0")

@@ -149,7 +149,7 @@ def test_another_master_is_noticed() -> None:
 
 
 def test_output_that_is_set_to_give_a_current_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module_twin.Module, "_told", lambda self, what, channel: "!01C030")
+    monkeypatch.setattr(module_twin.Module, "_answered_value", lambda self, what, channel: "!01C030")
     with pytest.raises(LinkError, match="ao0 is of output type 30, not 32"), module():
         pass
 
