@@ -47,7 +47,8 @@ class CanLink(DeviceLink):
         self._commanded_s: float | None = None
         super().__init__(
             wiring, description.watchdog.time_s if description.watchdog else None,
-            expires_to=description.watchdog.expires_to if description.watchdog else None, longest_reply_s=settings.longest_reply_s,
+            expires_to=description.watchdog.expires_to if description.watchdog else None,
+            longest_reply_s=settings.longest_reply_s,
             close={n: (t.close or 0.0) + 1e-9 * max(map(abs, t.range)) for n, t in self._outputs.items()},
             told_each_s=max((description.about(message).every_s or _EVERY_S for message in backs), default=0.0),
         )  # fmt: skip

@@ -193,11 +193,11 @@ def _byte_of(message: Any, signal: str) -> int:
 def sent_messages(description: CanDescription, terminals: Mapping[str, CanTerminal]) -> dict[str, Sent]:
     """The messages that carry these outputs, by name."""
     names = dict.fromkeys(terminal.message for terminal in terminals.values())
-    return {name: Sent(description.database.get_message_by_name(name), description.about(name), description.j1939 is not None)
-            for name in names}  # fmt: skip
+    found = description.database.get_message_by_name
+    return {name: Sent(found(name), description.about(name), description.j1939 is not None) for name in names}
 
 
 def received_messages(description: CanDescription, names: set[str]) -> dict[str, Received]:
     """Messages that are read, by name."""
-    return {name: Received(description.database.get_message_by_name(name), description.about(name), description.j1939 is not None)
-            for name in sorted(names)}  # fmt: skip
+    found, is_j1939 = description.database.get_message_by_name, description.j1939 is not None
+    return {name: Received(found(name), description.about(name), is_j1939) for name in sorted(names)}

@@ -147,8 +147,8 @@ class CanopenLink(NodeLink):
         counts = {place: value for pdo in self._sent for place, value in pdo.values(came[pdo.identifier]).items()}
         counts |= {place: self._objects.count(place) for place in self._by_sdo}
         whys = {name: self._objects.why_none(terminal, counts) for name, terminal in self._inputs.items()}
-        return {name: self._none(name, whys[name]) if whys[name] else self._objects.value(terminal, counts[terminal.place])
-                for name, terminal in self._inputs.items()}  # fmt: skip
+        return {name: self._none(name, whys[name]) if whys[name] else self._objects.value(one, counts[one.place])
+                for name, one in self._inputs.items()}  # fmt: skip
 
     def _on_emergency(self, _identifier: int, data: bytearray, _time_s: float) -> None:
         super()._on_emergency(_identifier, data, _time_s)

@@ -21,8 +21,9 @@ def model_of(description: words.ModbusDescription) -> Model:
         clear_safe=description.wire(safe.clear)[1] if safe else None,
         word_order=wire.byte_order,
         enabling=Enabling(
-            _steps(description, enable.write), _flag(description, enable.ready) if enable.ready else None, enable.patience_s,
-            _steps(description, enable.disable),
+            _steps(description, enable.write),
+            _flag(description, enable.ready) if enable.ready else None,
+            enable.patience_s, _steps(description, enable.disable),
         ) if enable else Enabling(),
         faults=tuple(_flag(description, flag) for flag in faults.flags) if faults else (),
         clear=_steps(description, faults.clear) if faults else (),

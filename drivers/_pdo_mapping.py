@@ -110,9 +110,9 @@ def configure(
             download(communication, 1, flags | pdo.identifier, "<I")
         there = [upload(mapping, i + 1) for i in range(upload(mapping, 0))]
         if there != entries or upload(communication, 1) & 0x800007FF != pdo.identifier:
-            entries_there = ", ".join(f"{entry:#010x}" for entry in there)
+            found = ", ".join(f"{entry:#010x}" for entry in there)
             raise LinkError(
-                f"object {mapping:04X} reads {entries_there or 'nothing'} back, not what it was told: its mapping is fixed"
+                f"object {mapping:04X} reads {found or 'nothing'} back, not what it was told: its mapping is fixed"
             )
 
 

@@ -199,9 +199,9 @@ class CanopenValveLink(NodeLink):
             wanted = of_file.default if of_file is not None else None
             if wanted and (number := self._unsigned(0x1018, sub)) != wanted:
                 raise LinkError(f"node {settings.node} is of {what} {number:#x}, its file is of {wanted:#x}")
-        return self._identity()
+        return self._identity_read()
 
-    def _identity(self) -> str:
+    def _identity_read(self) -> str:
         parts = []
         with suppress(LinkError):  # most of the object is optional
             for sub, what in enumerate(("vendor", "product", "revision", "serial"), start=1):

@@ -19,9 +19,9 @@ from hil.description.modbus import ModbusDescription
 from hil.description.named import Described, description_faults, description_of, ports_of
 
 __all__ = [
-    "Flag", "Format", "LineSettings", "ModbusLink", "Model", "Register", "Settings", "Step", "RegisterBlock", "WordOrder",
-    "check_level", "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs", "not_read_back",
-    "open_link", "stretches", "terminals",
+    "Flag", "Format", "LineSettings", "ModbusLink", "Model", "Register", "RegisterBlock", "Settings", "Step",
+    "WordOrder", "check_level", "faults", "float32", "has_watchdog", "levels_of", "line_faults", "line_needs",
+    "not_read_back", "open_link", "register_blocks", "terminals",
 ]  # fmt: skip
 PROBES = "modbus"
 _NOTHING = Model({})

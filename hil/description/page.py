@@ -19,7 +19,7 @@ def page(name: str, description: Description, level: str = "#") -> Iterator[str]
 
     Args:
         name: of the description.
-        told: what it says.
+        description: what it says.
         level: of the heading.
     """
     yield f"{level} {name}"
