@@ -127,12 +127,12 @@ def _table(path: Path) -> tuple[list[list[str]], dict[str, int]]:
 
 
 def _columns(row: Sequence[str]) -> dict[str, int]:
-    cell = [re.sub(r"[\[(].*", "", cell).strip().lower() for cell in row]
+    cells = [re.sub(r"[\[(].*", "", cell).strip().lower() for cell in row]
     found: dict[str, int] = {}
     for is_it in (str.__eq__, _begins):  # a heading of one word goes before one that only begins with it
         for key, words in _COLUMNS.items():
-            free = [i for i in range(len(cell)) if i not in found.values()]
-            at = next((i for word in words for i in free if is_it(cell[i], word)), None)
+            free = [i for i in range(len(cells)) if i not in found.values()]
+            at = next((i for word in words for i in free if is_it(cells[i], word)), None)
             if at is not None:
                 found.setdefault(key, at)
     return found

@@ -16,7 +16,7 @@ import pytest
 
 from drivers import canopen_valve, j1939_valve
 from drivers._can import open_bus
-from drivers._edge import said_by
+from drivers._edge import message_of
 from hil.daq.channel import InputChannel, OutputChannel, Wiring
 from hil.errors import DeviceLostError, HardwareError, LinkError
 from sim_devices import canopen_valve as canopen_twin
@@ -259,8 +259,8 @@ def test_traceback_that_a_library_puts_into_its_text_is_left_out() -> None:
         float("0*000")
     except ValueError:
         error = OSError(f"Could not read from the bus:\n{traceback.format_exc()}")
-    assert said_by(error) == "Could not read from the bus: ValueError: could not convert string to float: '0*000'"
-    assert said_by(OSError("two\n lines")) == "two lines"
+    assert message_of(error) == "Could not read from the bus: ValueError: could not convert string to float: '0*000'"
+    assert message_of(OSError("two\n lines")) == "two lines"
 
 
 def test_a_bus_that_says_no_end_of_things_is_told_in_one_short_line(monkeypatch: pytest.MonkeyPatch) -> None:
