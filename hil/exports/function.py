@@ -7,7 +7,7 @@ import numpy as np
 from hil.errors import InputError
 from hil.findings.results import FittedFunction
 from hil.physics.model import Model
-from hil.physics.transfer_function import TransferFunction, from_parameters
+from hil.physics.transfer_function import TransferFunction, from_parameters, straight
 from hil.record.plain import plain
 from hil.record.recording import Array
 
@@ -21,7 +21,7 @@ def function_of(model: Model, name: str) -> FittedFunction:
     Effects and the offset have no place in a transfer function and are left out.
 
     Raises:
-        InputError: a model of another plant.
+        InputError: a model of another plant, or with a bent static curve.
     """
     if model.plant != PLANT:
         raise InputError(
@@ -29,7 +29,7 @@ def function_of(model: Model, name: str) -> FittedFunction:
             "parameters"
         )
     values = model.values
-    linear = from_parameters(values)
+    linear = straight(values, name)
     free = () if model.covariance is None else model.covariance.names
     late = "dead_time" in free
     slopes = np.column_stack([_slope(values, parameter, late) for parameter in free]) if free else np.zeros((0, 0))

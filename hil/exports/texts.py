@@ -42,9 +42,9 @@ def function_text(linear: TransferFunction, name: str, form: str) -> str:
 
 
 def model_text(model: Model, name: str, form: str) -> str:
-    """A model: its transfer function where it is one, else its parameters and effects."""
+    """A model: its transfer function where it is one (a bent one is not), else its parameters and effects."""
     simulated = model.origin.get(SIMULATED)
-    if model.plant == PLANT:
+    if model.plant == PLANT and not model.values.get("bend"):
         return functions_text([function_of(model, name)], form, simulated=simulated)
     rows = list(parameter_rows(model))
     if form == "json":

@@ -11,6 +11,7 @@ from hil.record.recording import Array
 
 VERY_STRONG = 10.0  # difference of BIC from which the evidence against a model is called very strong
 _NEGLIGIBLE = 0.01
+_ROUNDED = 1.0 + 1e-9
 
 
 def bic(mean_square: float, count: float, unknowns: int) -> float:
@@ -36,22 +37,25 @@ def odds(criteria: Sequence[float]) -> Array:
     return shares
 
 
-def simplest_good(errors: Sequence[Array], complexity: Sequence[tuple[float, ...]]) -> int:
+def simplest_good(
+    errors: Sequence[Array], complexity: Sequence[tuple[float, ...]], standard_errors: float = 1.0
+) -> int:
     """Index of the least complex model whose held-out error is as good as the best one's.
 
     As good is an excess within one standard error, or below one per cent of the error. Errors are compared
-    place by place, which takes out what every model finds hard.
+    place by place, which takes out what every model finds hard. An excess at one place alone is one standard error.
 
     Args:
         errors: per model, squared errors at the same held-out places, shape (n,).
         complexity: per model, what to prefer less of, first things first.
+        standard_errors: within how many an excess is as good.
     """
     best = min(errors, key=lambda error: float(np.mean(error)))
-    good = [i for i, error in enumerate(errors) if _as_good(error, best)]
+    good = [i for i, error in enumerate(errors) if _as_good(error, best, standard_errors)]
     return min(good, key=lambda i: complexity[i])
 
 
-def _as_good(error: Array, best: Array) -> bool:
-    excess = error - best
+def _as_good(error: Array, best: Array, standard_errors: float) -> bool:
+    excess = np.where(np.abs(error - best) > _NEGLIGIBLE * best, error - best, 0.0)
     doubt = float(excess.std(ddof=1)) / math.sqrt(len(excess)) if len(excess) > 1 else math.inf
-    return float(excess.mean()) <= max(doubt, _NEGLIGIBLE * float(best.mean()))
+    return float(excess.mean()) <= max(standard_errors * doubt * _ROUNDED, _NEGLIGIBLE * float(best.mean()))

@@ -2,8 +2,8 @@
 
 Structures are fitted from the simplest on, each from the estimate of the one that it grows from. The Bayesian
 criterion counts samples as the residual's colour leaves them independent; what it does not rule out is judged
-by later parts of the recordings, foretold from those before. Where every form leaves more than noise, plain ones are
-judged so too, whatever the criterion says.
+by parts of the recordings, foretold from those before or after them. Where every form leaves more than noise, plain
+ones are judged so too, whatever the criterion says.
 """
 
 from __future__ import annotations
@@ -20,16 +20,18 @@ from hil.identification.evidence import VERY_STRONG, bic, odds, simplest_good
 from hil.identification.experiment import Experiment
 from hil.identification.first_reading import start_slope, with_free_start
 from hil.identification.linear_starts import poles_rad_s
+from hil.identification.noise import COVERED
 from hil.physics.plant import Parameter, Plant, Structure
 from hil.physics.transfer_function import from_parameters, pole_parameters
 from hil.record.recording import Array
 from hil.signals.colour import colour_factor
 
-_BLOCKS, _FIRST_FORETOLD = 5, 2
+_BLOCKS = 5
+_FORETOLD = (3, 4, 1, 0)  # blocks: the last two from those before them, the first two from those after them
 _TRIAL_TIMES = 6
 _MOST_JUDGED = 6
 _MISFIT = 1.5  # mean square of residuals, in units of the noise's, from which a form leaves more than noise
-_PLAIN = 4  # unknowns of a gain, an offset and a pair of poles
+_PLAIN = 4  # unknowns of a gain, an offset and a pair of poles, beside a bend
 _SEARCH_EVALUATIONS = 25
 _REFINED_EVALUATIONS = 60
 _POLES = {"lag_time": 1, "pair1_time": 2, "pair2_time": 2}
@@ -42,7 +44,7 @@ class Tried:
 
     Attributes:
         values: every parameter of the plant.
-        bic: smaller is better.
+        bic: smaller is better; infinite of a form that gave way to another, since nothing shows its gain at rest.
         mean_square: of the weighted residuals.
         held_out: root mean square error where it was foretold, in noise standard deviations; NaN
             where the criterion alone ruled the structure out.
@@ -135,7 +137,8 @@ def _chosen(search: _Search) -> StructureChoice:
         Tried(s, values, _bic(found, count), found.chi2 / len(found.residuals), float("nan"))
         for s, (values, found) in zip(search.plant.structures, fitted.values(), strict=True)
     ]
-    return _judged(search, sorted(tried, key=lambda t: t.bic))
+    fits = {name: found for name, (_, found) in fitted.items()}
+    return _judged(search, sorted(tried, key=lambda t: t.bic), fits)
 
 
 def independent(residuals: Array) -> float:
@@ -147,16 +150,22 @@ def _bic(found: Estimate, count: float) -> float:
     return bic(max(found.chi2 / len(found.residuals), 1e-12), count, len(found.values))
 
 
-def _judged(search: _Search, tried: list[Tried]) -> StructureChoice:
+def _judged(search: _Search, tried: list[Tried], fits: Mapping[str, Estimate]) -> StructureChoice:
     near = [t for t in tried if t.bic <= tried[0].bic + VERY_STRONG][:_MOST_JUDGED]
     if tried[0].mean_square > _MISFIT:  # no form is right, and evidence between wrong ones favours the most pliant
-        near += [t for t in tried if len(t.structure.free) <= _PLAIN and t not in near]
+        near += [t for t in tried if len({*t.structure.free} - {"bend"}) <= _PLAIN and t not in near]
     rest = [t for t in tried if t not in near]
     if len(near) == 1:
         return StructureChoice(tried[0], tuple(tried))
     errors = [search.foretold(t) for t in near]
     judged = [replace(t, held_out=float(np.sqrt(np.mean(error)))) for t, error in zip(near, errors, strict=True)]
+    shown = [search.shows_gain(fits[t.structure.name]) for t in near]
     chosen = simplest_good(errors, [(len(t.structure.free), t.bic) for t in near])
+    if not shown[chosen]:  # a pole as slow as the recording is long follows a bend or a drift, and goes on with it
+        plainest = [(not s, len(t.structure.free), t.bic) for s, t in zip(shown, near, strict=True)]
+        chosen = simplest_good(errors, plainest, COVERED)
+    if shown[chosen]:
+        judged = [t if s else replace(t, bic=math.inf) for s, t in zip(shown, judged, strict=True)]
     return StructureChoice(judged[chosen], (*judged, *rest))
 
 
@@ -192,18 +201,27 @@ class _Search:
         refined = self._refined(structure, good, residuals)
         return self._values(structure, refined.values), refined
 
-    def foretold(self, tried: Tried) -> Array:
-        """Mean squared weighted error in each later block of the recordings, fitted to those before it alone.
+    def shows_gain(self, found: Estimate) -> bool:
+        """Whether the gain at rest is known to within the whole response; of a bent curve it is that of any level."""
+        names = [u.name for u in found.unknowns]
+        if "gain" not in names or "bend" in names:
+            return True
+        std = float(found.std[names.index("gain")])
+        return COVERED * std <= self._natural(self.plant.parameter("gain"))
 
-        A form that follows a bend or a drift by slow poles does so between blocks, and not beyond them.
+    def foretold(self, tried: Tried) -> Array:
+        """Mean squared weighted error in blocks of the recordings, each fitted to those on one side of it alone.
+
+        A form that follows a bend or a drift by slow poles does so between blocks, and not beyond them. Both ways: a
+        staircase up is another test than the same staircase down.
         """
         structure = tried.structure
         residuals = self._residuals(structure)
         owner = np.concatenate([np.arange(len(e.output)) * _BLOCKS // len(e.output) for e in self.experiments])
         made = []
-        for block in range(_FIRST_FORETOLD, _BLOCKS):
+        for block in _FORETOLD:
             start = self._unknowns(structure, tried.values)
-            fitted = _masked(residuals, owner < block)
+            fitted = _masked(residuals, owner < block if block > _BLOCKS // 2 else owner > block)
             before = estimate(fitted, start, max_evaluations=_SEARCH_EVALUATIONS, tolerance=1e-4)
             made.append(float(np.mean(residuals(before.values)[owner == block] ** 2)))
         return np.array(made)
@@ -296,8 +314,8 @@ class _Search:
         given = float(np.mean([np.std(e.drive.inputs[0]) for e in self.experiments])) or 1.0
         length_s = max(e.duration_s for e in self.experiments)
         natural = {
-            "{output}": output, "{input}": given, "[{output}]/[{input}]": output / given, "s": length_s,
-            "s^2": length_s**2, "[{output}]/[{input}]/s": output / given / length_s,
+            "{output}": output, "{input}": given, "[{output}]/[{input}]": output / given, "1/[{input}]": 1.0 / given,
+            "s": length_s, "s^2": length_s**2, "[{output}]/[{input}]/s": output / given / length_s,
         }  # fmt: skip
         return natural.get(parameter.unit, 1.0)
 

@@ -17,7 +17,7 @@ from hil.identification.order_choice import fit_transfer_function
 from hil.identification.transfer_function import TransferFunctionFit, Weights, fit_percent
 from hil.physics.model import Covariance, Model, Value
 from hil.physics.plants.transfer_function import PLANT
-from hil.physics.transfer_function import from_parameters
+from hil.physics.transfer_function import straight
 from hil.record.recording import Array
 from hil.record.response_table import ResponseTable
 from hil.record.simulated import marked
@@ -205,7 +205,7 @@ def compare_table(model: Model, table: ResponseTable) -> TableComparison:
             f"{table.name}: a frequency response is compared with a model of the plant '{PLANT.name}' without effects; "
             f"this one is of {model.plant}; simulate it on sines and compare that"
         )
-    found = from_parameters(model.values).at(table.frequency_hz)
+    found = straight(model.values, "the model").at(table.frequency_hz)
     ratio = found / table.response
     error = np.abs(found - table.response) / np.abs(table.response)
     worst = table.frequency_hz[np.argsort(-error)[:_WORST]]

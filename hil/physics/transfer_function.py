@@ -157,6 +157,20 @@ def from_parameters(p: Mapping[str, float]) -> TransferFunction:
     return transfer_function(above, np.append(plain.denominator, 0.0), p["dead_time"])
 
 
+def straight(p: Mapping[str, float], name: str) -> TransferFunction:
+    """The same, of parameters with a straight static curve.
+
+    Raises:
+        InputError: the curve before the dynamics is bent.
+    """
+    if p.get("bend", 0.0):
+        raise InputError(
+            f"{name}: its static curve is bent (bend = {p['bend']:.4g}), so it has no transfer function; "
+            "`hil linearise` gives one about an operating point"
+        )
+    return from_parameters(p)
+
+
 def _roots(coefficients: Array) -> Complex:
     found = np.roots(coefficients).astype(np.complex128)
     return found[np.lexsort((found.imag, np.round(np.abs(found), 12)))]

@@ -84,7 +84,7 @@ def _value_text(found: Value) -> str:
 
 
 def _is_linear(model: Model) -> bool:
-    return model.plant == LINEAR.name and not model.effects
+    return model.plant == LINEAR.name and not model.effects and not model.values.get("bend")
 
 
 def _table(model: Model, table: ResponseTable, k: int) -> Picture:

@@ -35,7 +35,7 @@ from hil.physics.published.tugsal import (
     error_4_1,
     error_memberships,
 )
-from hil.physics.transfer_function import TransferFunction, from_parameters
+from hil.physics.transfer_function import TransferFunction, straight
 from hil.record.invalid_samples import INVALID_SAMPLES, measured_rows
 from hil.record.named import pairs
 from hil.record.plain import plain
@@ -299,11 +299,11 @@ def linear_of(model: Model, name: str) -> TransferFunction:
     """The transfer function of a model.
 
     Raises:
-        InputError: a model of another plant, or with effects.
+        InputError: a model of another plant, with effects, or with a bent static curve.
     """
     if model.plant != _LINEAR or model.effects:
         raise InputError(f"{name}: no transfer function; a model of the plant '{_LINEAR}' without effects is one")
-    return from_parameters(model.values)
+    return straight(model.values, name)
 
 
 def ratio(numerator: Sequence[float], denominator: Sequence[float]) -> TransferFunction:

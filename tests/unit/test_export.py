@@ -11,7 +11,8 @@ from hil.errors import InputError
 from hil.exports.function import function_of
 from hil.exports.texts import functions_text, model_text
 from hil.findings.results import FittedFunction
-from hil.physics.model import Covariance, typical_model
+from hil.identification.linearise import linearised
+from hil.physics.model import Covariance, Value, typical_model
 from hil.physics.transfer_function import transfer_function
 
 NUMERATOR, DENOMINATOR = (-69.8, 6114.5), (1.0, 40.02, 1253.2, 7145.8)
@@ -72,6 +73,16 @@ def test_model_of_a_transfer_function_has_its_coefficients(model):
     assert stds["b0"] == pytest.approx(30.0 * 0.01 / model.values["gain"], rel=1e-4)  # b0 is proportional to the gain
     assert stds["dead_time_s"] == pytest.approx(1e-3)
     assert stds["a0"] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_bent_model_has_no_transfer_function_and_hands_on_its_parameters(model):
+    bent = replace(model, parameters={**model.parameters, "bend": Value(-0.02, "1/[V]")})
+    with pytest.raises(InputError, match=r"valve: its static curve is bent \(bend = -0.02\).*hil linearise"):
+        function_of(bent, "valve")
+    rows = {row["name"]: row for row in csv.DictReader(model_text(bent, "valve", "csv").splitlines())}
+    assert float(rows["bend"]["value"]) == -0.02
+    slope = linearised(bent, 5.0, step=0.1, window_s=8.0).model.dc_gain
+    assert slope == pytest.approx(model.values["gain"] * (1.0 - 2.0 * 0.02 * 5.0), rel=5e-3)
 
 
 def test_model_of_another_plant_hands_on_its_parameters():

@@ -70,7 +70,7 @@ def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(
     assert 0 < gain.std < 0.01
     assert found.model.parameters["lag_time"].std is None
     assert found.model.origin["structure"] == "2 poles"
-    assert "of 26 tried" in found.notes[0]
+    assert f"of {len(PLANT.structures)} tried" in found.notes[0]
     # A model file keeps its structure: another recording refits the numbers, not the shape.
     save_model(found.model, tmp_path / "model.json")
     again = fit_plant(
@@ -79,6 +79,26 @@ def test_identification_of_a_plant_with_structures_states_units_and_uncertainty(
     assert again.model.origin["structure"] == "2 poles"
     assert not any("tried" in note for note in again.notes)
     assert again.model.parameters["gain"].value == pytest.approx(2.0, abs=0.01)
+
+
+def staircase(levels, seed):
+    """A lag behind a curve that levels off, a sine's and no parabola, under a staircase of levels."""
+    command = np.repeat(levels, 40).astype(float)
+    answer = lfilter([0.25], [1.0, -0.75], 3.4 * np.sin(command * np.pi / 16.0))
+    noise = 1e-3 * np.random.default_rng(seed).standard_normal(len(answer))
+    columns = {"valve [V]": command, "speed [rpm]": answer + noise}
+    return experiment(recording("stairs", 0.2 * np.arange(len(command)), columns), PLANT, "valve", "speed")
+
+
+def test_a_bent_static_curve_is_found_on_a_staircase_and_holds_on_the_way_down():
+    names = ("gain", "1 pole", "2 poles", "2 poles, 1 zero", "3 poles", "3 poles, 1 zero", "3 poles, 2 zeros")
+    wanted = [s for s in PLANT.structures if s.name in names or s.name.endswith("bent")]
+    up, down = staircase(np.arange(8), 1), staircase(np.arange(8)[::-1], 2)
+    chosen = choose_structure(replace(PLANT, structures=tuple(wanted)), [up], [1e3]).chosen
+    assert "bent" in chosen.structure.name and chosen.values["bend"] < 0.0
+    simulated = down.respond(PLANT, chosen.values)[0]
+    off = (simulated - down.output)[40:]  # it did not rest at the top before
+    assert 1.0 - np.linalg.norm(off) / np.linalg.norm(down.output - down.output.mean()) > 0.9
 
 
 def made_of_a_lag(lag_s, late_s=0.0, hold_s=0.2):
@@ -133,6 +153,11 @@ def test_the_simplest_that_predicts_as_well_is_taken():
     assert simplest_good([best, close, poor], [(3,), (2,), (1,)]) == 1
     assert simplest_good([best, close, poor], [(1,), (2,), (3,)]) == 0
     assert simplest_good([best, best * 1.005], [(2,), (1,)]) == 1  # under one per cent worse
+    at_one_place = best * np.array([1.004, 1.002, 1.003, 3.0])
+    assert simplest_good([best, at_one_place], [(2,), (1,)]) == 1  # and no evidence anywhere else
+    at_two = best * np.array([1.0, 1.0, 2.0, 3.0])
+    assert simplest_good([best, at_two], [(2,), (1,)]) == 0
+    assert simplest_good([best, at_two], [(2,), (1,)], 1.96) == 1
 
 
 def fitted(model, noise=0.02, bits=5):

@@ -1,6 +1,7 @@
 """Linear transfer function of up to five poles and four zeros with dead time; orders are chosen by evidence.
 
-An integrator may stand behind it: then the output goes on while the input stands.
+An integrator may stand behind it: then the output goes on while the input stands. A static curve may stand before it,
+bent by a term of second order: orifices and amplifiers have one.
 """
 
 from __future__ import annotations
@@ -25,10 +26,13 @@ _ORDER = 5
 def equations(value: Any, x: Any, c: Any, hook: Any) -> Any:
     """One sub-step of offset + (gain + integrator gain/s)·e^(−sT)·1/(1 + s·T₁)·Π (1 + s·z + s²·w)/(1 + 2ζ·s·τ + s²·τ²).
 
+    It acts on u + bend·u², the static curve of the input u.
+
     All poles step together by the exact matrix of a held input; `c.a` is that matrix, row by row. Before the
     first sample the system rests, either at its input or (`c.at_input` = 0) at the first output.
     """
     value = hook.command(value)
+    value += c.bend * value * value
     value = c.at_input * value + (1.0 - c.at_input) * x.before
     value = delayed(x.line, value, c.dead_steps)
     grown = c.grow_through * value
@@ -59,6 +63,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
     return {
         "offset": p["offset"],
         "gain": p["gain"],
+        "bend": p["bend"],
         "dead_steps": delay_steps(p["dead_time"], step_s),
         "at_input": 1.0 - p["start_at_output"] if math.isinf(step_s) else 1.0,
         "a": step.ravel(),
@@ -66,7 +71,7 @@ def coefficients(p: Mapping[str, float], step_s: float) -> dict[str, float | Arr
         "out": out,
         "through": through,
         "integrator_gain": p["integrator_gain"],
-        "neutral": p["neutral"],
+        "neutral": bent(p, p["neutral"]),
         "step": 0.0 if math.isinf(step_s) else step_s,
         "grow": grow,
         "grow_through": grow_through,
@@ -129,22 +134,28 @@ def _grown(a: Array, b: Array, out: Array, through: float, step_s: float) -> tup
     return np.ascontiguousarray(row[:_ORDER]), float(row[_ORDER])
 
 
+def bent(p: Mapping[str, float], value: float) -> float:
+    """The static curve before the dynamics."""
+    return value + p["bend"] * value * value
+
+
 def integrates(p: Mapping[str, float]) -> bool:
     """Whether the output goes on while the input stands."""
     return p["integrator_gain"] != 0.0
 
 
 def initial(p: Mapping[str, float], inputs: tuple[float, ...], output: float) -> dict[str, float]:
-    """The input at which the first output would have been at rest; where an integrator stands then."""
+    """The bent input at which the first output would have been at rest; where an integrator stands then."""
     if integrates(p):
         level = 0.0 if math.isnan(output) else (output - p["offset"]) / p["integrator_gain"]
-        return {"before": p["neutral"], "level": level}
+        return {"before": bent(p, p["neutral"]), "level": level}
     if p["start_at_output"] == 0.0 or math.isnan(output) or p["gain"] == 0.0:
-        return {"before": inputs[0]}
+        return {"before": bent(p, inputs[0])}
     return {"before": (output - p["offset"]) / p["gain"]}
 
 
 _GAIN = ("gain", "offset")
+_BEND = ("bend",)
 _PAIR1 = ("pair1_time", "pair1_damping")
 _PAIR2 = ("pair2_time", "pair2_damping")
 _ZERO1, _SQUARE1 = ("pair1_zero",), ("pair1_zero_square",)
@@ -201,6 +212,13 @@ STRUCTURES = (
         "integrator, 2 poles", _PAIR1, "integrator, 1 pole",
         {"pair1_time": 0.7, "pair1_damping": 1.1}, {"pair1_time": 0.5, "pair1_damping": 0.3},
     ),
+    *_with_dead_time("gain, bent", (*_GAIN, *_BEND), "gain"),
+    *_with_dead_time("1 pole, bent", (*_GAIN, *_BEND, "lag_time"), "gain, bent", {"lag_time": 1.0}),
+    *_with_dead_time(
+        "2 poles, bent", (*_GAIN, *_BEND, *_PAIR1), "1 pole, bent",
+        {"pair1_time": 0.5, "pair1_damping": 1.1}, {"pair1_time": 0.7, "pair1_damping": 0.3},
+        {"pair1_time": 0.15, "pair1_damping": 0.1},
+    ),
 )  # fmt: skip
 
 PLANT = Plant(
@@ -212,6 +230,16 @@ PLANT = Plant(
     parameters=(
         Parameter("gain", "[{output}]/[{input}]", 1.0, -1e6, 1e6, "output over input at rest", hook="position"),
         Parameter("offset", "{output}", 0.0, -1e6, 1e6, "output at zero input", hook="flow"),
+        Parameter(
+            "bend",
+            "1/[{input}]",
+            0.0,
+            -1e6,
+            1e6,
+            "b of u + b·u², the curve before the dynamics",
+            fixed=True,
+            hook="command",
+        ),
         Parameter("dead_time", "s", 0.0, 0.0, 10.0, "pure delay", growth="dead_time", hook="command"),
         Parameter("lag_time", "s", 0.0, 0.0, 1e4, "time constant of the real pole", hook="position"),
         Parameter("pair1_time", "s", 0.0, 0.0, 1e4, "1/ω of the first pair of poles"),
